@@ -62,7 +62,7 @@ def test_a_file_makes_the_jobs_that_it_names(tmp_path):
     assert all(task.job.time_limit == 60 and task.warm_up for task in campaign.tasks)
 
 
-def test_sets_take_what_stands_above_them(tmp_path):
+def test_sets_inherit_the_keys_above_them(tmp_path):
     text = """
     time_limit = 2
     repeats = 3
@@ -87,7 +87,7 @@ def test_sets_take_what_stands_above_them(tmp_path):
     assert tasks[3].job.backend_options["presolve"] == "off"
 
 
-def test_formulations_run_one_after_the_other_where_programs_are_taken():
+def test_formulations_run_one_after_the_other_for_program_backends():
     part = Set(
         ("minimum-snap/square",), ("banded", "clarabel"), formulations=("legendre", "hermite")
     )
@@ -97,7 +97,7 @@ def test_formulations_run_one_after_the_other_where_programs_are_taken():
     assert len({(t.row, t.column, t.turn) for t in tasks}) == len(tasks)  # no answer hides another
 
 
-def test_a_formulation_is_asked_of_programs_alone_and_runs_once():
+def test_a_formulation_applies_to_program_backends_only_and_runs_once():
     def found(*backends, **options):
         tasks = Campaign((Set(("error-correction/7",), backends, **options),)).tasks
         return [(t.job.backend.name, t.job.formulation) for t in tasks]
@@ -146,7 +146,7 @@ def test_files_below_the_campaign_are_instances_too(tmp_path):
         ('instances = ["a"]\n[backend_options.nobody]\nx = 1', "nobody"),
     ],
 )
-def test_a_bad_file_says_what_is_wrong(tmp_path, text, words):
+def test_the_error_of_a_bad_file_names_the_fault(tmp_path, text, words):
     file = written(tmp_path, text)
     with pytest.raises(InvalidData, match=words) as caught:
         Campaign.read(file)
@@ -185,7 +185,7 @@ def test_a_bad_file_says_what_is_wrong(tmp_path, text, words):
         ),
     ],
 )
-def test_what_a_campaign_cannot_run_is_said_before_it_starts(tmp_path, text, words):
+def test_an_invalid_campaign_raises_before_it_starts(tmp_path, text, words):
     record = tmp_path / "r.jsonl"
     with pytest.raises(InvalidData, match=words):
         ct.bench(written(tmp_path, text), record=record)
@@ -231,7 +231,7 @@ def test_one_worker_and_two_give_the_same_records(alone, tmp_path):
     assert read_records(tmp_path / "two.jsonl").outcome == "AGREED"
 
 
-def test_a_campaign_goes_on_where_it_was_cut_off(tmp_path):
+def test_an_interrupted_campaign_continues(tmp_path):
     file, record = written(tmp_path, SMALL), tmp_path / "r.jsonl"
     ct.bench(file, record=record, workers=2)
     whole = plain(record)
@@ -249,7 +249,7 @@ def test_a_campaign_goes_on_where_it_was_cut_off(tmp_path):
 
 
 class Dying(Fixed):
-    """Is killed by somebody else, as long as a file does not hold enough marks."""
+    """Is killed from outside while a file has fewer marks than required."""
 
     features = Fixed.features
 
@@ -301,7 +301,7 @@ def test_a_cluster_gives_the_same_records_with_a_worker_killed_and_shows_what_ru
     assert shown[0] == (2, 1) and (2, 2) in shown and max(n for _, n in shown) == 2
 
 
-def test_what_a_broken_executor_lost_is_run_by_the_next_campaign(tmp_path):
+def test_jobs_lost_by_a_broken_executor_run_in_the_next_campaign(tmp_path):
     file, record = written(tmp_path, SMALL), tmp_path / "record.jsonl"
 
     def kill(news):
@@ -368,7 +368,7 @@ def test_the_time_left_is_a_bound_until_jobs_have_ended():
     assert news.left == (None, True) and "left" not in str(news)
 
 
-def test_what_failed_is_run_again_where_it_is_asked_for(tmp_path):
+def test_failed_jobs_run_again_with_retry(tmp_path):
     campaign = Campaign((Set(("error-correction/example-1",), ("label-setting", "two-stage")),))
     record = tmp_path / "r.jsonl"
     ct.bench(campaign, record=record)
@@ -390,7 +390,7 @@ def test_what_failed_is_run_again_where_it_is_asked_for(tmp_path):
     ]
 
 
-def test_progress_is_told_by_one_thread_at_a_time(tmp_path):
+def test_progress_is_reported_by_one_thread_at_a_time(tmp_path):
     inside, heard = [], []
 
     def told(news):
@@ -425,14 +425,14 @@ def test_a_line_that_is_no_answer_is_named(tmp_path):
         read_records(file)
 
 
-# -- strangers' records, numbers and answers -------------------------------------------------------------
+# -- external records, numbers and answers ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     "content",
     ['{"precious": 1}', "words", "3\n", '{"model": "x"}\n', "[" * 100_000 + "\n", '{"key": NaN}\n', '{"key": 3}\n'],
 )  # fmt: skip
-def test_what_is_no_record_is_refused_and_left_alone(tmp_path, content):
+def test_a_file_that_is_not_a_record_is_refused_and_unchanged(tmp_path, content):
     record = tmp_path / "r.jsonl"
     record.write_text(content)
     with pytest.raises(InvalidData, match=r"r.jsonl, line 1: not a line of a campaign"):
@@ -450,14 +450,14 @@ def test_what_is_no_record_is_refused_and_left_alone(tmp_path, content):
         ("options", {"repeat": 1.5}, r"options.repeat must be a whole number"),
     ],
 )
-def test_a_number_that_is_none_is_named(alone, tmp_path, part, value, words):
+def test_an_invalid_number_is_named(alone, tmp_path, part, value, words):
     line = json.loads((alone[0].parent / "one.jsonl").read_text().splitlines()[0])
     (tmp_path / "r.jsonl").write_text(json.dumps({**line, part: {**line[part], **value}}))
     with pytest.raises(InvalidData, match=rf"r.jsonl, line 1: .*{words}"):
         read_records(tmp_path / "r.jsonl")
 
 
-def test_a_record_cut_at_any_byte_goes_on(alone, tmp_path):
+def test_a_record_truncated_at_any_byte_continues(alone, tmp_path):
     """A line that was cut off is dropped; a whole one that lacks its end is kept."""
     file, _, one, _ = alone
     whole = (
@@ -482,7 +482,7 @@ def test_a_record_cut_at_any_byte_goes_on(alone, tmp_path):
 
 
 class Rubbish(Fixed):
-    """Tells numbers that are none, and answers what JSON cannot hold."""
+    """Reports invalid numbers, and answers with content that JSON cannot represent."""
 
     def run(self, problem, request):
         for value in (math.nan, math.inf, -math.inf, 9.0):
@@ -510,7 +510,7 @@ def test_an_answer_that_json_cannot_hold_costs_its_own_row(tmp_path, counts, fai
         assert [one.objective for one in rubbish.incumbents] == [9.0]
 
 
-def test_what_sets_ask_for_twice_runs_once(tmp_path):
+def test_jobs_in_two_sets_run_once(tmp_path):
     text = SMALL.replace("[0, 7]", "[0, 7, 0]") + "[[set]]\n[[set]]\n"
     once, twice = (Campaign.read(written(tmp_path, one)) for one in (SMALL, text))
     assert [t.job.key() for t in once.tasks] == [t.job.key() for t in twice.tasks]
@@ -526,7 +526,7 @@ def test_numbers_and_names_beyond_all_bounds_are_refused(tmp_path, text):
     assert len(str(caught.value)) < 500
 
 
-def test_records_without_plans_go_on(alone, tmp_path):
+def test_records_without_plans_continue(alone, tmp_path):
     file, _, one, _ = alone
     record = tmp_path / "r.jsonl"
     rows = [

@@ -1,4 +1,4 @@
-"""What draws or counts evaluations: tests of ranks, data profiles, primal integrals; and what is no rival."""
+"""Randomised searches and evaluations: rank tests, data profiles, primal integrals, references."""
 
 import json
 import os
@@ -42,7 +42,7 @@ def judged(*solutions):
     return [judge(name, [s for s in solutions if s.instance == name]) for name in names]
 
 
-def test_evaluations_until_a_thousandth_of_the_way_is_left():
+def test_evaluations_until_a_thousandth_of_the_distance_remains():
     # From 10 to 0: solved at 0.01 or less. a after 6 evaluations in 2 variables, b after 12, c never.
     verdicts = judged(
         run("one", "a", 0.0, steps=[(0.1, 10.0, 1), (0.2, 0.01, 6), (0.3, 0.0, 9)]),
@@ -67,7 +67,7 @@ def test_evaluations_until_a_thousandth_of_the_way_is_left():
     assert profile_evaluations(judged(*runs))["a"][1].tolist() == [0]
 
 
-def test_the_leader_is_tested_where_backends_draw():
+def test_the_leader_is_tested_if_backends_are_randomised():
     # On six instances a is best, b half way and c at the end: every difference has the same sign.
     solutions = [
         run(f"i{i}", name, 10.0**i * value + shift, seed=seed, seconds=seconds)
@@ -128,7 +128,7 @@ def test_a_rejected_run_and_a_reference_are_on_no_data_profile():
     assert found["a"][0].tolist() == [0, 3] and "liar" not in found
 
 
-def test_what_ends_past_its_limit_has_not_solved_and_proofs_are_counted():
+def test_a_late_run_is_not_solved_and_proofs_are_counted():
     proof = {"termination": Termination.OPTIMAL}
     found = {
         one.label: (one.solved, one.proven, one.answers[0][1])
@@ -143,13 +143,13 @@ def test_what_ends_past_its_limit_has_not_solved_and_proofs_are_counted():
     assert found == {
         "exact": (1, 1, ""), "late": (0, 0, TOO_LATE), "wrong": (0, 0, "1e+02 % above best"),
     }  # fmt: skip
-    # Building counts as well: what a native algorithm prepares is part of its solving.
+    # Building is included, because native algorithms do their preparation while solving.
     built = run("one", "built", 1.0, seconds=6.0)
     object.__setattr__(built, "seconds", {"solve": 6.0, "build": 5.5, "verify": 9.0})
     assert rank(judged(built))[0].solved == 0
 
 
-def test_where_each_estimates_something_else_nobody_is_the_best():
+def test_backends_that_estimate_different_things_have_no_best():
     one = run("one", "exponent", 0.1, model="attractor", seconds=2.0)
     two = run("one", "dimension", 0.9, model="attractor", seconds=1.0)
     none = run("one", "nothing", None, model="attractor")
@@ -158,7 +158,7 @@ def test_where_each_estimates_something_else_nobody_is_the_best():
     assert list(found) == ["dimension", "exponent", "nothing"]
 
 
-def test_other_options_are_another_row_and_other_limits_are_told():
+def test_other_options_are_another_row_and_other_limits_are_reported():
     plain = run("one", "a", 1.0)
     tuned = run(
         "one", "a", 2.0, options={"time_limit": 10.0, "backend_options": {"presolve": "off"}}
@@ -195,7 +195,7 @@ def test_the_gap_over_time_counts_from_the_first_plan_on():
     assert [one.integral for one in rank(nothing)] == [None]
 
 
-def test_what_sees_hidden_data_is_a_reference_and_no_rival(tmp_path):
+def test_a_backend_that_sees_hidden_data_is_a_reference(tmp_path):
     more = {"model": "unknown-grid", "problem": "unknown_grid"}
     records = Records(
         (
@@ -222,7 +222,7 @@ def test_records_as_data_and_as_text():
     [problem] = data["problems"]
     assert problem["problem"] == "black-box"
     first, second = problem["backends"]
-    # Typically a takes (2 · 11)^(1/2) - 1 s, b (11 · 3)^(1/2) - 1: what is not solved counts as the limit.
+    # Typically a takes (2 · 11)^(1/2) - 1 s, b (11 · 3)^(1/2) - 1: a failure has the time limit.
     assert (first["backend"], first["solved"], first["instances"]) == ("a", 1, 1)
     assert (second["backend"], second["solved"], second["instances"]) == ("b", 1, 2)
     assert first["typical"] == pytest.approx(22**0.5 - 1)
@@ -238,7 +238,7 @@ def test_records_as_data_and_as_text():
     assert Records(()).to_dict()["problems"] == []
 
 
-def test_plans_say_after_how_many_evaluations_they_were_found(tmp_path):
+def test_plans_have_their_number_of_evaluations(tmp_path):
     model = ct.load("black-box/booth")
     found = ct.solve(model, "cma-es", seed=1, evaluations=300)
     counts = [one.evaluations for one in found.incumbents]
@@ -246,7 +246,7 @@ def test_plans_say_after_how_many_evaluations_they_were_found(tmp_path):
     assert found.statistics["variables"] == 2
     back = Solution.from_dict(found.to_dict())
     assert [one.evaluations for one in back.incumbents] == counts
-    # The value after so many evaluations is that of the run which is granted no more.
+    # The value after so many evaluations equals that of a run limited to them.
     place = found.incumbents[-1]
     short = ct.solve(model, "cma-es", seed=1, evaluations=place.evaluations)
     assert short.primal_bound == place.objective
@@ -319,7 +319,7 @@ def test_plans_that_differ_by_rounding_are_both_the_best():
     assert {one.label: one.best for one in rank([verdict])} == {"a": 1, "b": 1, "c": 0}
 
 
-def test_a_page_does_not_replace_what_it_is_made_of(tmp_path):
+def test_a_page_does_not_replace_its_record(tmp_path):
     record = tmp_path / "r.html"
     record.write_text(json.dumps(run("one", "a", 1.0).to_dict()) + "\n")
     text = record.read_text()
@@ -334,7 +334,7 @@ def test_a_page_does_not_replace_what_it_is_made_of(tmp_path):
 
 def test_a_record_that_names_a_file_opens_none(tmp_path):
     secret = tmp_path / "secret.json"
-    os.mkfifo(secret)  # whoever opens it waits for ever
+    os.mkfifo(secret)  # opening it would block forever
     record = tmp_path / "r.jsonl"
     names = [str(secret), "a" * 5000, "nul\0here", "two  spaces"]
     rows = [{**run("x", "a", 1.0, digest=n).to_dict(), "instance": n} for n in names]
@@ -346,7 +346,7 @@ def test_a_record_that_names_a_file_opens_none(tmp_path):
     assert text.count("cannot be loaded by its name") == 4 and "\0" not in text
 
 
-def test_values_farther_apart_than_numbers_reach_and_one_model_of_two_names(tmp_path):
+def test_extreme_values_and_a_model_with_two_names(tmp_path):
     from crosstrack.solvers.bench import write_page
 
     far = [

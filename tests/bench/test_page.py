@@ -1,4 +1,4 @@
-"""The report of a campaign: what it says, and how it behaves in a browser."""
+"""The report of a campaign: its content, and its behaviour in a browser."""
 
 import re
 import shlex
@@ -50,7 +50,7 @@ def exact(instance, backend, objective, seconds, **more):
 
 
 def campaign():
-    """Three problems: one where all agree, one with a contradiction, one that is open."""
+    """Three problems: one with agreement, one with a contradiction, one that is open."""
     steps = tuple(Incumbent(10.0**-i, 5.0 + i) for i in range(3, 0, -1))
     clean = Verification(objective=9.0, checks=())
     return [
@@ -127,7 +127,7 @@ def column(page, problem, head):
     )
 
 
-def test_page_asks_for_nothing_and_complains_of_nothing(opened, page_file):
+def test_page_requests_nothing_and_logs_no_error(opened, page_file):
     page = opened()
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true })")
     assert page.said == []
@@ -143,7 +143,7 @@ def test_text_from_outside_stays_text(opened):
     assert page.locator("main img").count() == 0  # none was drawn, and none got in as text
 
 
-def test_verdict_stands_on_top_in_words(opened):
+def test_the_verdict_is_the_first_sentence(opened):
     lead = opened().inner_text(".lead")
     assert lead.startswith("26 answers of 15 backends on 4 instances of 3 problems.")
     assert "On 2 the answers agree, on 1 they contradict one another, and 1 is open" in lead
@@ -237,7 +237,7 @@ def test_page_itself_never_scrolls_sideways(opened, width):
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true })")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     table = "document.querySelector('table.answers').parentElement"
-    if width == 400:  # what is wider scrolls inside its own box, which the keyboard reaches
+    if width == 400:  # wider content scrolls inside its own box, which the keyboard reaches
         assert page.evaluate(f"{table}.scrollWidth > {table}.clientWidth")
         assert page.evaluate(f"{table}.tabIndex") == 0
 
@@ -266,7 +266,7 @@ CONTRAST = """([selector, property]) => {
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_and_lines_stand_out_in_light_and_dark(opened, scheme):
+def test_text_and_lines_have_contrast_in_light_and_dark(opened, scheme):
     page = opened(scheme=scheme)
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true })")
     ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
@@ -281,7 +281,7 @@ def test_text_and_lines_stand_out_in_light_and_dark(opened, scheme):
     assert least >= 4.5
 
 
-def test_curves_tell_apart_without_colour(opened):
+def test_curves_are_distinguishable_without_colour(opened):
     page = opened()
     charts = page.evaluate(
         """[...document.querySelectorAll("svg.chart")].map((chart) => [
@@ -295,7 +295,7 @@ def test_curves_tell_apart_without_colour(opened):
     assert any({f"swarm-{i}" for i in range(9)} <= set(texts) for _, texts in charts)
 
 
-def test_printing_drops_what_paper_cannot_do(opened):
+def test_printing_omits_interactive_elements(opened):
     page = opened()
     page.emulate_media(media="print")
     assert not page.is_visible(".filters")
@@ -330,7 +330,7 @@ def test_repeats_show_quartiles(opened):
     assert row.split("\t")[:5] == ["swarm-0", "2 of 2 runs", *["1.00000"] * 3]
 
 
-def test_conditions_say_what_the_comparison_ran_on(opened):
+def test_conditions_show_the_machine_of_the_comparison(opened):
     text = opened().inner_text("#measured")
     for word in ("Time limit (s)\t10", "Requested relative gap\t1e-06", "a-star 1.2", "1 to 2"):
         assert word in text
@@ -426,7 +426,7 @@ def test_page_of_a_thousand_answers_is_small(tmp_path):
         [(1.0 + i, -float(i)) for i in range(10_000)],
     ],
 )
-def test_charts_stand_degenerate_data(points):
+def test_charts_handle_degenerate_data(points):
     drawn = draw_steps([Series("a", points)] * 43, title="t", across="x", up="y")
     assert not re.search(r"\b(nan|inf)\b", drawn)
     assert len(drawn) < 150_000

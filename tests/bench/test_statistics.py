@@ -54,7 +54,7 @@ def test_the_shifted_geometric_mean_has_the_units_of_its_values(values, factor):
 
 
 @pytest.mark.parametrize(("values", "shift"), [([], 1), ([-1], 1), ([math.inf], 1), ([1], -1)])
-def test_what_has_no_mean_is_refused(values, shift):
+def test_values_without_a_mean_are_refused(values, shift):
     with pytest.raises(InvalidData):
         shifted_geometric_mean(values, shift)
 
@@ -104,7 +104,7 @@ def test_ranks_of_two_samples_by_hand():
     found = compare_seeds([1, 2, 3, 4, 5], [6, 7, 8, 9, 10])
     assert found.p_value == pytest.approx(2 / 252) and found.effect == 1
     assert str(found).startswith("less: p = 0.0079")
-    # Ten below ten: 2 of the 184756 ways, where an approximation says 1.8e-4.
+    # Ten below ten: 2 of the 184756 orders; the approximation gives 1.8e-4.
     assert compare_seeds(range(10), range(10, 20)).p_value == pytest.approx(2 / 184756)
     few = compare_seeds([1, 2], [3, 4])
     assert few.p_value is None and "too few" in str(few)
@@ -125,7 +125,7 @@ def test_ranks_of_pairs_by_hand():
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(positive, positive), min_size=6, max_size=15))
-def test_a_test_does_not_depend_on_who_is_first(pairs):
+def test_a_test_does_not_depend_on_the_order(pairs):
     one, two = zip(*pairs, strict=True)
     for compare in (compare_seeds, compare_pairs):
         there, back = compare(one, two), compare(two, one)
@@ -173,7 +173,7 @@ def test_several_tests_are_corrected_for_their_number():
         lambda: data_profile({"a": [1.0]}, ["two"]),
     ],
 )
-def test_what_is_no_number_is_refused(call):
+def test_values_that_are_not_numbers_are_refused(call):
     with pytest.raises(InvalidData):
         call()
 
@@ -219,7 +219,7 @@ measures = st.integers(1, 8).flatmap(
 
 @settings(deadline=None)
 @given(measures, st.floats(1, 100))
-def test_profiles_beside_their_definition(rows, tau):
+def test_profiles_agree_with_their_definition(rows, tau):
     """Counted instance by instance, as the paper defines it."""
     found = performance_profile({str(k): row for k, row in enumerate(rows)})
     for k, row in enumerate(rows):
@@ -258,7 +258,7 @@ def test_profiles_are_the_same_in_other_units_and_end_at_the_share_solved(rows, 
         lambda rows: [[min(v, 1e5) if math.isfinite(v) else v for v in row] for row in rows]
     )
 )
-def test_profiles_beside_a_package_of_somebody_elses(rows):
+def test_profiles_agree_with_another_package(rows):
     """``perfprof`` on PyPI, after the function of D. J. and N. J. Higham."""
     peer = pytest.importorskip("perfprof", reason="perfprof is not installed")
     import matplotlib.pyplot as plt

@@ -1,4 +1,4 @@
-"""Calls of public constructors and functions with arguments that nobody means, drawn by a seed."""
+"""Calls of public constructors and functions with random invalid arguments, drawn by a seed."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _deep() -> Any:
     return found
 
 
-#: Make the odd values, anew for each call: what one call uses up must not help the next.
+#: Functions that make odd values, called for each use, because a call may consume its value.
 ODD: tuple[Callable[[], Any], ...] = (
     *(
         (lambda value=value: value)
@@ -115,7 +115,7 @@ ODD: tuple[Callable[[], Any], ...] = (
 
 
 def odd(draw: random.Random) -> Any:
-    """Return a value that fits nowhere, or hardly."""
+    """Return a value that is invalid almost everywhere."""
     return draw.choice(ODD)()
 
 

@@ -31,7 +31,7 @@ def run(*arguments, code=0, cwd=None):
 
 
 def joined(*paths):
-    """Return `paths`, and those in which modules are found anyway, as PYTHONPATH has them."""
+    """Return a value of PYTHONPATH with `paths` before those of the environment."""
     found = [*map(str, paths), os.environ.get("PYTHONPATH", "")]
     return os.pathsep.join(filter(None, found))
 

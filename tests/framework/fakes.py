@@ -21,7 +21,7 @@ ROUTE = (0, 1, 2, 4)
 
 
 class Fixed(Backend):
-    """Returns a route that it was given, and claims what it was told to."""
+    """Returns a given route with a given claim."""
 
     name = "fixed"
     accepts = ErrorCorrectionRouting
@@ -77,7 +77,7 @@ class Raising(Fixed):
 
 
 class Brief(Fixed):
-    """Ends soon: it notes its thread, does what it was told to and reports an incumbent."""
+    """Ends soon: it records its thread, acts as configured and reports an incumbent."""
 
     def __init__(self, act=None):
         super().__init__()

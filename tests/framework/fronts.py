@@ -66,7 +66,7 @@ def matrix(kind, seed):
         points = rng.random((n, 2)) * 100
         if kind == "places":  # several nodes at one place
             points = np.round(points / 50)
-        elif kind == "far":  # one a million times as far as the others
+        elif kind == "far":  # one point a million times as far away as the others
             points[-1] *= 1e6
         elif kind == "line":
             points[:, 1] = 0.0
@@ -76,7 +76,7 @@ def matrix(kind, seed):
 
 
 class Given(SubsetDP):
-    """Returns the plans that it was given, one a run, and proves nothing."""
+    """Returns given plans, one per run, and proves nothing."""
 
     name = "given"
 

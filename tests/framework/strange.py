@@ -1,4 +1,4 @@
-"""Files and calls that nobody makes on purpose: instances and plans damaged at random, by a seed.
+"""Invalid files and calls: instances and plans damaged at random, by a seed.
 
 Every case follows from its number alone, so that one that fails can be made again.
 """
@@ -17,7 +17,7 @@ Tree = Any
 
 
 class Raw:
-    """Text that stands in JSON as it is, for what Python's encoder would not write."""
+    """Text inserted into JSON unchanged, for content that Python's encoder does not write."""
 
     def __init__(self, text: str) -> None:
         self.text = text

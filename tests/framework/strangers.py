@@ -30,7 +30,7 @@ PATIENCE = float(os.environ.get("STRANGERS_PATIENCE", 120))
 #: Bytes that a process may ask for, so that a size of 10**12 is refused rather than granted.
 MEMORY = 6 * 2**30
 
-#: What is done with a file and a plan for it beside `check`, drawn.
+#: Random commands for a file and a plan for it, in addition to `check`.
 COMMANDS = (
     *[()] * 25,
     ("solve", "INSTANCE", "--time-limit", "1"),
@@ -48,7 +48,7 @@ def _files(numbers: range, report: Any) -> None:
 
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as log:
         os.chdir(folder)
-        # Whatever prints, Python or native, prints into the log; what ends the process does not.
+        # Output of Python and native code goes to the log, crashes and tracebacks to standard error.
         errors = os.fdopen(os.dup(2), "w")
         faulthandler.enable(errors)
         sys.excepthook = lambda kind, error, trace: traceback.print_exception(error, file=errors)
@@ -141,7 +141,7 @@ def _script() -> None:
 
 
 def run(what: str, begin: int, end: int, workers: int = 2) -> tuple[Counter[str], list[str]]:
-    """Return how the cases `begin` … `end` - 1 ended, and what to say of each that should not.
+    """Return the endings of the cases `begin` … `end` - 1, and a message for each wrong one.
 
     Parameters
     ----------

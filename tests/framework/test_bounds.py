@@ -1,4 +1,4 @@
-"""What is left of runs that break off: plan and bound; and what bounds may say of a plan."""
+"""Plans and bounds of runs that are cut short, and consistency of bounds with plans."""
 
 import json
 import os
@@ -43,7 +43,7 @@ class Proving(Fixed):
 
 
 @pytest.mark.parametrize(("how", "limit"), [("dies", None), ("hangs", "time")])
-def test_what_breaks_off_keeps_its_bound_and_its_warm_start(model, how, limit):
+def test_a_run_cut_short_keeps_its_bound_and_its_warm_start(model, how, limit):
     left = ct.solve(model, Proving(claims=how), time_limit=0.6, warm_start=ROUTE, isolate=True)
     assert (left.termination, left.limit, left.plan) == ("feasible", limit, ROUTE)
     assert (left.primal_bound, left.dual_bound) == (pytest.approx(4.5), 4.0)
@@ -67,12 +67,12 @@ def test_a_plan_that_the_floor_meets_is_optimal_whatever_the_solver_knows():
     assert (found.termination, found.limit, found.gap) == ("optimal", None, 0.0)
 
 
-def test_a_heuristic_proves_nothing_as_it_breaks_off(model):
+def test_a_heuristic_cut_short_proves_nothing(model):
     backend = Proving(claims="dies", guarantee=Guarantee.HEURISTIC)
     assert ct.solve(model, backend, isolate=True).dual_bound is None
 
 
-def test_only_what_ends_without_a_plan_falls_back_on_its_start(model):
+def test_only_a_run_without_a_plan_returns_its_start(model):
     failed = ct.solve(model, Raising(), warm_start=ROUTE)
     assert (failed.termination, failed.plan) == ("feasible", ROUTE)
     assert "the solver tripped" in failed.message
@@ -101,14 +101,14 @@ def test_a_bound_is_not_above_its_plan_by_rounding(model, share):
     assert answer.gap == 0
 
 
-def test_a_bound_that_contradicts_its_plan_is_seen(model):
+def test_a_bound_that_contradicts_its_plan_is_reported(model):
     wrong = ct.solve(model, Fixed(dual=4.5 * (1 + 1e-5)))
     assert wrong.dual_bound == 4.5 * (1 + 1e-5)
     verdict = ct.compare([model], ["label-setting", Fixed(dual=4.51)])
     assert "CONTRADICTION" in str(verdict)
 
 
-def test_what_rounding_explains_has_a_scale_and_a_ceiling():
+def test_the_rounding_allowance_has_a_scale_and_a_ceiling():
     def cut(dual, objective, tolerance=1e-6, scale=1.0):
         return without_rounding(dual, Verification(objective, (), scale=scale), tolerance)
 

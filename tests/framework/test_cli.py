@@ -1,4 +1,4 @@
-"""The command line: what goes to which stream, exit codes, files."""
+"""The command line: streams, exit codes, files."""
 
 import json
 import os
@@ -172,7 +172,9 @@ def hidden(*modules):
         ("scipy", ["solve", "satellite-slew/paper"], "pip install crosstrack"),
     ],
 )
-def test_what_is_missing_is_5_with_what_to_install(module, arguments, words, instance, tmp_path):
+def test_a_missing_package_is_5_with_the_install_command(
+    module, arguments, words, instance, tmp_path
+):
     line = [str(instance()) if word == "INSTANCE" else word for word in arguments]
     done = subprocess.run(
         [sys.executable, "-c", f"{hidden(module)}main({line!r})"],
@@ -184,7 +186,7 @@ def test_what_is_missing_is_5_with_what_to_install(module, arguments, words, ins
     assert done.stdout == ""
 
 
-def test_demo_without_matplotlib_says_that_it_draws_nothing(monkeypatch, tmp_path):
+def test_demo_without_matplotlib_reports_the_missing_picture(monkeypatch, tmp_path):
     monkeypatch.setattr("crosstrack.solvers.registry.fitting", lambda model: ("banded",))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     done = run("demo", "minimum-snap", cwd=tmp_path)
@@ -194,7 +196,7 @@ def test_demo_without_matplotlib_says_that_it_draws_nothing(monkeypatch, tmp_pat
     assert not list(tmp_path.iterdir())
 
 
-def test_check_verifies_somebody_elses_plan(instance, tmp_path):
+def test_check_verifies_a_plan_from_another_source(instance, tmp_path):
     path = instance()
     solved = run("solve", path, "--json").stdout
     plan = tmp_path / "plan.json"
@@ -252,7 +254,7 @@ def test_compare_verdicts_and_resume(instance, tmp_path):
 
 
 def test_interrupted_is_130_with_the_incumbent(tmp_path):
-    """A program that nobody solves in a minute, stopped by Ctrl-C."""
+    """A program that no solver finishes within a minute, stopped by Ctrl-C."""
     from crosstrack.files import write_text
     from crosstrack.models import MixedIntegerProgram
 
@@ -319,7 +321,7 @@ def test_demo_of_its_own_options():
 
 
 def test_help_and_version():
-    """In processes of their own: what a shell sees."""
+    """In separate processes, as a shell runs them."""
     python = [sys.executable, "-m", "crosstrack"]
 
     def shown(*arguments):

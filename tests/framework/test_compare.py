@@ -65,7 +65,7 @@ def answer(backend, primal=None, dual=None, termination="optimal", worst=0.0, sp
         ([answer("h", 10, None, "feasible")], "INCONCLUSIVE", "no exact bound"),
         ([answer("a", termination="no_solution")], "INCONCLUSIVE", "no verified plan"),
         ([answer("h", termination="infeasible")], "INCONCLUSIVE", "no verified plan"),
-        # A bound of a heuristic is no bound, and a plan on a tolerance contradicts nobody.
+        # Bounds of heuristics are not bounds, and a plan within tolerance contradicts no claim.
         ([answer("a", 10, 10), answer("h", 12, 12)], "AGREED", "bound by a"),
         ([answer("a", 10, 10), answer("b", 9.6, 9.6, worst=5e-7)], "AGREED", "plan by a"),
         ([answer("a", termination="infeasible"), answer("b", 9.6, 9.6, worst=5e-7)], "AGREED", "infeasible"),
@@ -75,7 +75,7 @@ def answer(backend, primal=None, dual=None, termination="optimal", worst=0.0, sp
         ([answer("h", 10, None, "feasible"), answer("r", None, 11, "no_solution")], "CONTRADICTION", "r claims"),
         ([answer("r", termination="infeasible")], "AGREED", "infeasible, proven by r"),
         ([answer("r", termination="unbounded")], "INCONCLUSIVE", "no verified plan"),
-        # An objective that is sampled contradicts nobody inside its spread.
+        # A sampled objective contradicts no claim within its spread.
         ([answer("h", 9.9, None, "feasible", spread=0.2), answer("a", None, 10, "no_solution")], "AGREED", "bound by a"),
         ([answer("h", 9.7, None, "feasible", spread=0.2), answer("a", None, 10, "no_solution")], "CONTRADICTION", "a claims"),
     ],
@@ -106,7 +106,7 @@ def test_the_verdict_names_a_default_that_is_clearly_worse(default, other, words
     assert words in verdict.evidence
 
 
-def test_backends_agree_and_the_table_says_so(model):
+def test_backends_agree_and_the_table_shows_it(model):
     result = ct.compare(
         [model], ["label-setting", "two-stage", "highs", "highs:paper", "labelling"], time_limit=30
     )
@@ -159,7 +159,7 @@ def test_a_refusal_is_a_row(model):
     assert "revisits" in result.solutions[1].message
 
 
-def test_common_options_reach_who_has_them(model):
+def test_common_options_reach_the_backends_that_support_them(model):
     result = ct.compare(model, ["labelling", "highs"], gap=1e-4, threads=1, seed=4, time_limit=20)
     labelling, highs = result.solutions
     assert highs.options["gap"] == 1e-4
@@ -228,7 +228,7 @@ def test_damaged_record_is_refused_and_kept(tmp_path, model):
 
 
 def test_two_campaigns_do_not_share_a_record(tmp_path, model):
-    """One in this process, one in another; a lock of a process that is gone is none."""
+    """One in this process, one in another. The lock of a dead process is not effective."""
     record = tmp_path / "record.jsonl"
     script = f"""
 import os
@@ -266,7 +266,7 @@ def test_a_record_is_a_regular_file(model):
         ct.compare(model, [Fixed()], record="/dev/null")
 
 
-def test_a_full_disk_is_said_and_costs_no_line_before(model, tmp_path):
+def test_a_full_disk_is_reported_and_keeps_earlier_lines(model, tmp_path):
     """Nothing stays of the line that did not fit."""
     record = tmp_path / "record.jsonl"
     ct.compare(model, [Fixed()], record=record)
@@ -284,7 +284,7 @@ def test_a_full_disk_is_said_and_costs_no_line_before(model, tmp_path):
     assert len(record.read_text().splitlines()) == 2
 
 
-def test_interrupted_campaign_goes_on(tmp_path):
+def test_an_interrupted_campaign_continues(tmp_path):
     """Ctrl-C in a script on standard input: finished rows are kept, the rest runs at the resume."""
     script = textwrap.dedent(
         f"""
@@ -379,7 +379,7 @@ def test_dask_launches_the_workers(model):
     assert len(result.solutions) == 2
 
 
-def test_what_cannot_reach_a_worker_is_a_row(model):
+def test_a_job_that_cannot_reach_a_worker_is_a_row(model):
     class Stuck(Fixed):
         def __reduce__(self):
             raise TypeError("this one does not travel")
@@ -394,7 +394,7 @@ def test_what_cannot_reach_a_worker_is_a_row(model):
     assert "no_such_module_anywhere" in result.solutions[2].message
 
 
-def test_guarantees_decide_whose_bounds_count(model):
+def test_guarantees_decide_which_bounds_count(model):
     loud = Fixed("loud", dual=99.0, guarantee=Guarantee.HEURISTIC, claims="feasible")
     result = ct.compare([model], ["label-setting", loud], time_limit=20)
     assert result.outcome == "AGREED"
@@ -421,7 +421,7 @@ def test_no_worker_outlives_its_parent(tmp_path):
             os.kill(pid, 0)
         except ProcessLookupError:
             break
-        # A process nobody has waited for may remain in the table without running.
+        # A zombie process may remain in the table without running.
         if Path(f"/proc/{pid}/stat").read_text().split()[2] == "Z":
             break
         time.sleep(0.1)

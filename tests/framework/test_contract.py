@@ -101,7 +101,7 @@ class Spy(Mean):
         return Answer(Termination.FEASIBLE, point=float(problem.measured.mean()), message="blind")
 
 
-def test_hidden_data_is_verified_with_and_never_handed_out():
+def test_hidden_data_is_used_in_verification_only():
     view = GUESS.blinded()
     assert view.is_blinded and not GUESS.is_blinded
     assert view.digest == GUESS.digest
@@ -114,7 +114,7 @@ def test_hidden_data_is_verified_with_and_never_handed_out():
     assert b"truth" not in cloudpickle.dumps({k: v for k, v in vars(view).items() if k != "digest"})
 
 
-def test_a_backend_cannot_reach_hidden_data():
+def test_backends_cannot_read_hidden_data():
     found = ct.solve(GUESS, Spy("spy"))
     assert found.message == "blind"
     assert found.plan == 2.0
@@ -126,7 +126,7 @@ def test_a_backend_cannot_reach_hidden_data():
 
 
 class Reference(Mean):
-    """Is given the hidden number, and says so."""
+    """Receives the hidden number and returns it."""
 
     sees_hidden = True
     guarantee = Guarantee.EXACT
@@ -135,7 +135,7 @@ class Reference(Mean):
         return Answer(Termination.FEASIBLE, point=problem.truth)
 
 
-def test_a_reference_is_given_what_others_are_not():
+def test_a_reference_receives_hidden_data():
     for isolate in (None, False, True):
         found = ct.solve(GUESS, Reference("reference"), isolate=isolate)
         assert found.plan == 2.25
@@ -173,7 +173,7 @@ class Asker(Mean):
         return Answer(Termination.FEASIBLE, point=2.5 + self.offset)
 
 
-def test_a_plan_that_the_run_did_not_do_is_rejected():
+def test_a_plan_that_the_run_did_not_execute_is_rejected():
     model = Witnessed([1.0, 2.0], 2.25)
     assert ct.solve(model, Asker("asker")).plan == 2.5
     refused = ct.solve(model, Asker("asker", -0.25))
@@ -194,7 +194,7 @@ def test_a_warm_start_of_a_model_with_hidden_data_is_verified_by_the_caller():
         ct.solve(GUESS, Warm("warm"), warm_start=99.0)
 
 
-def test_plans_agree_where_nobody_proves_a_bound():
+def test_plans_agree_if_no_backend_proves_a_bound():
     near = ct.compare([GUESS], [Mean("one"), Mean("two", 0.05)], time_limit=20)
     assert near.outcome == "AGREED"
     assert "agreement, not optimality" in near.verdicts[0].evidence

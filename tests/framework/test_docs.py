@@ -1,4 +1,4 @@
-"""What the documentation shows runs, and what it links to is there."""
+"""The code in the documentation runs, and its links lead to existing targets."""
 
 import re
 from pathlib import Path
@@ -76,7 +76,7 @@ def test_python_on_a_page_runs(page, page_code, run_python, tmp_path):
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if EXAMPLE in page.read_text("utf-8")], ids=named
 )
-def test_what_a_page_runs_when_it_is_built_runs(page, run_python, tmp_path):
+def test_code_that_runs_when_a_page_is_built_runs(page, run_python, tmp_path):
     blocks = re.findall(rf"^{EXAMPLE}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
     (tmp_path / "page.py").write_text("\n".join(blocks), "utf-8")
     printed = run_python("page.py", cwd=tmp_path)
@@ -129,7 +129,7 @@ def test_readme_lists_every_command():
     assert sorted(listed) == sorted(commands())
 
 
-def test_pages_name_what_make_knows():
+def test_pages_name_targets_that_make_has():
     makefile = (ROOT / "Makefile").read_text("utf-8")
     pages = ("README.md", "CONTRIBUTING.md", "docs/install.md")
     text = "".join((ROOT / name).read_text("utf-8") for name in pages)

@@ -10,7 +10,7 @@ PAGES = sorted((Path(__file__).resolve().parents[2] / "docs" / "problems").glob(
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_equations_name_what_writes_them(page):
+def test_equations_name_the_code_that_writes_them(page):
     targets = re.findall(r"^ *```\{crosstrack-equation\} (.*)$", page.read_text("utf-8"), re.M)
     assert targets
     for target in targets:

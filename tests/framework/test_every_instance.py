@@ -1,4 +1,4 @@
-"""What holds for every instance of the catalogue, whatever its problem: files, plans, programs, pictures."""
+"""Properties of every instance of the catalogue: files, plans, programs, pictures."""
 
 import json
 import pickle
@@ -34,9 +34,9 @@ SLOW = {
 }
 #: Tolerances by problem, where the usual one is not meant to be reached.
 TOLERANCES = {"satellite-slew": 1e-3}
-#: Evaluations by problem, where a plan is all that is wanted.
+#: Evaluations by problem, for problems that only need a plan.
 EVALUATIONS = {"black-box": 1000}
-#: Tolerance of rows, relative to their terms: a program is solved to it, then encoded anew.
+#: Tolerance of rows, relative to their terms: the plan of a program's solution is encoded again.
 ROWS = 1e-5
 
 
@@ -95,7 +95,7 @@ def test_its_plan_travels_and_fits_every_program(entry, tmp_path):
 
 
 def fits_every_program(model, plan, solution):
-    """Assert that a plan has a point in every program, and keeps its rows where they bind it."""
+    """Assert that a plan has a point in every program, and satisfies the rows that apply to it."""
     for name in model.formulations:
         try:
             written = model.formulate(name).fitted(plan)

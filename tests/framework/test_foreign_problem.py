@@ -1,4 +1,4 @@
-"""A problem of another distribution is a problem like ours; a broken one harms nobody."""
+"""A problem of another distribution works like a built-in one; a broken one affects no other."""
 
 import itertools
 import json
@@ -208,7 +208,7 @@ DEMOS = {"hollow": "hollow:DEMO"}
 """
 
 
-def test_broken_ones_harm_nobody(tmp_path):
+def test_broken_problems_affect_no_other_problem(tmp_path):
     site, work = tmp_path / "site", tmp_path / "work"
     announce(site, "absent", "import no_such_module\n")
     announce(site, "hollow", HOLLOW)

@@ -1,4 +1,4 @@
-"""Fronts of two objectives: the whole Pareto set, limits, what is proven and what is dominated."""
+"""Fronts of two objectives: the whole Pareto set, limits, proven and dominated points."""
 
 import itertools
 import math
@@ -111,7 +111,7 @@ def test_one_vehicle_has_one_point():
 # -- limits --------------------------------------------------------------------------------------
 
 
-def test_limits_that_are_given():
+def test_given_limits_are_used():
     """Unsorted and twice, as whole numbers and of NumPy: each is run once, from large to small."""
     ran = []
     found = ct.front(
@@ -148,7 +148,7 @@ def test_limits_that_are_given():
         (np.ones(10_001), "limits must hold 1"),
     ],
 )
-def test_limits_that_are_none(limits, words, tmp_path):
+def test_invalid_limits_are_rejected(limits, words, tmp_path):
     record = tmp_path / "record.jsonl"
     with pytest.raises(InvalidData) as error:
         ct.front(MODEL, "max", limits=limits, record=record)
@@ -170,11 +170,11 @@ def test_limits_that_are_none(limits, words, tmp_path):
         ({"backend": "subset-dp", "backend_options": {"x": 1}}, UnsupportedOption, "'x'"),
         ({"backend": "subset-dp", "seed": -1}, UnsupportedOption, "seed"),
         ({"time_limit": -1.0}, UnsupportedOption, "time_limit"),
-        # A longest route is more than two indices can limit, which is said before the first run.
+        # The two-index formulation cannot limit the longest route, which raises before the first run.
         ({"backend": "highs", "formulation": "two-index"}, UnsupportedFormulation, "two-index"),
     ],
 )
-def test_what_is_refused_costs_nothing(options, error, words, tmp_path):
+def test_a_rejected_call_runs_nothing(options, error, words, tmp_path):
     ran = []
     record = {} if "resume" in options else {"record": tmp_path / "record.jsonl"}
     with pytest.raises(error) as raised:
@@ -184,7 +184,7 @@ def test_what_is_refused_costs_nothing(options, error, words, tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_a_limit_that_the_backend_does_not_take_is_said_first():
+def test_an_unsupported_limit_raises_first():
     ran = []
     with pytest.raises(UnsupportedFormulation, match="detour"):
         ct.front(MODEL, "deviation", backend="subset-dp", on_point=ran.append)
@@ -235,7 +235,7 @@ def test_a_plan_without_a_bound_is_not_proven():
     assert not ct.front(MODEL, "max", backend=Given(plan), limits=[30]).points[0].proven
 
 
-def test_a_gap_that_was_asked_for_proves():
+def test_a_requested_gap_proves():
     """Within the gap, as the gap is part of what was asked."""
     found = ct.front(MODEL, "max", backend="highs", limits=[20], gap=0.5)
     (point,) = found.points
@@ -243,7 +243,7 @@ def test_a_gap_that_was_asked_for_proves():
     assert point.proven
 
 
-def test_dominated_plans_are_taken_out_and_shown():
+def test_dominated_plans_are_removed_and_shown():
     good, worse, bad = (((2, 1, 3), (4, 5)), ((1, 2, 3), (4, 5)), ((1, 3, 2), (5, 4)))
     found = ct.front(MODEL, "max", backend=Given(worse, good, bad), limits=[300, 200, 100])
     (best,) = found.points

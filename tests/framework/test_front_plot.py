@@ -60,7 +60,7 @@ def test_points_steps_and_bounds(tmp_path):
     ]  # fmt: skip
 
 
-def test_what_lies_above_the_steps_is_dominated():
+def test_points_above_the_steps_are_dominated():
     rng = np.random.default_rng(4)
     x = np.sort(rng.random(9))
     y = np.sort(rng.random(9))[::-1]
@@ -96,7 +96,7 @@ def test_several_fronts_beside_one_another():
 
 
 def test_a_sweep_names_its_values_and_has_no_bounds():
-    """What is proven for a weight is no bound on either objective."""
+    """A proof for a weighted sum is not a bound on either objective."""
     found = front(
         point(9, 5, 4, True), point(7, 6, 4), dominated=(point(8, 7, 4),), field="q", second="deviation"
     )  # fmt: skip
@@ -110,7 +110,7 @@ def test_a_sweep_names_its_values_and_has_no_bounds():
     assert draw_front(found).axes[0].get_ylabel() == "sum (m)"
 
 
-def test_a_front_that_was_found_is_drawn():
+def test_a_computed_front_is_drawn():
     places = [[0, 0], [4, 0], [5, 5], [5, -5], [-1, 1], [-2, -1]]
     found = ct.front(FleetRouting(2, points=places, objective="sum"), "max", step=1e-6)
     figure = render(ct.plot(found))

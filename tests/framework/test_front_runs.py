@@ -1,4 +1,4 @@
-"""Runs of fronts and sweeps: records, Ctrl-C, what is shown, the command line."""
+"""Runs of fronts and sweeps: records, Ctrl-C, output, the command line."""
 
 import json
 import math
@@ -36,7 +36,7 @@ class Counted(SubsetDP):
 
 
 @pytest.mark.parametrize("options", [{"step": 1e-6}, {"limits": [30, 20, 18, 1]}])
-def test_a_record_is_gone_on_with(tmp_path, options):
+def test_a_record_is_continued(tmp_path, options):
     record = tmp_path / "record.jsonl"
     whole, first, second = Counted(), Counted(dies_at=2), Counted()
     wanted = ct.front(MODEL, "max", backend=whole, isolate=False, **options)
@@ -70,7 +70,7 @@ def test_a_record_is_gone_on_with(tmp_path, options):
     assert record.read_bytes() == before
 
 
-def test_records_of_other_questions_are_not_taken(tmp_path):
+def test_records_of_other_jobs_are_not_used(tmp_path):
     record, options = tmp_path / "record.jsonl", {"limits": [20, 18], "isolate": False}
     ct.front(MODEL, "max", backend=Counted(), record=record, **options)
     other = Counted()
@@ -78,7 +78,7 @@ def test_records_of_other_questions_are_not_taken(tmp_path):
     assert len(other.runs) == 2
 
 
-def test_a_sweep_is_gone_on_with(tmp_path):
+def test_a_sweep_is_continued(tmp_path):
     model = FleetRouting(2, points=PLACES, objective="sum-deviation", name="six")
     asked = {"isolate": False, "record": tmp_path / "record.jsonl"}
     qs, first, second = [0.0, 0.2, 0.4, 1.0], Counted(dies_at=3), Counted()
@@ -125,7 +125,7 @@ def test_ctrl_c_in_a_run_keeps_its_plan(tmp_path):
     assert found.points[1].solution.limit is Limit.INTERRUPTED
     assert "interrupted: missing points were not run" in str(found)
     assert found.to_dict()["interrupted"] is True
-    # What was cut off is run again.
+    # The interrupted run is repeated.
     assert len(record.read_text().splitlines()) == 1
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -200,7 +200,7 @@ def test_a_sweep_of_whole_numbers_and_of_words():
         (("q", 0.5, "sum", "max"), InvalidData, "values must be a list"),
     ],
 )
-def test_sweeps_that_are_none(arguments, error, words, tmp_path):
+def test_invalid_sweeps_are_rejected(arguments, error, words, tmp_path):
     model = FleetRouting(2, points=PLACES, objective="sum-deviation")
     ran = []
     with pytest.raises(error) as raised:
@@ -212,7 +212,7 @@ def test_sweeps_that_are_none(arguments, error, words, tmp_path):
         sweep(ct.load("grid-path/maze"), "theta", [1.0], "sum", "max")
 
 
-def test_a_value_that_the_backend_does_not_take_is_said_first():
+def test_an_unsupported_value_raises_first():
     model, ran = FleetRouting(2, points=PLACES, objective="sum-deviation"), []
     with pytest.raises(UnsupportedFormulation, match="takes q up to"):
         sweep(model, "q", [0, 99], "sum", "max", backend="subset-dp", on_point=ran.append)

@@ -36,7 +36,7 @@ def drawn(seed, *, suspects):
 def bridges(seed=0):
     """Three spans, each crossed by two corrections on the line or by one that is a detour.
 
-    Three detours of different lengths, hence a front of four points.
+    Three detours of different lengths, so that the front has four points.
     """
     heights = np.random.default_rng(seed).permutation([0.3, 0.4, 0.5])
     points = [(0, 0, 0)]
@@ -177,7 +177,7 @@ def test_a_run_without_a_proof_ends_the_front():
     assert len(found.points) == len(found.unsolved) == 1
 
 
-def test_the_front_is_gone_on_with_and_printed(tmp_path):
+def test_the_front_is_continued_and_printed(tmp_path):
     model = bridges()
     path, record = tmp_path / "model.json", tmp_path / "runs.jsonl"
     path.write_text(model.to_json())

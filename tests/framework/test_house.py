@@ -13,7 +13,7 @@ from imports import imported, modules
 
 import crosstrack
 
-#: What the modules of a room may load when they are imported, beside the standard library.
+#: Packages that the modules of a room may import at import time, in addition to the standard library.
 #: Anything else is imported by the function that needs it.
 MAY_LOAD = {
     "cli": {"click"},
@@ -100,7 +100,7 @@ def test_no_module_bears_the_name_of_an_exported_function():
 
 
 @pytest.mark.parametrize("name", module_names())
-def test_docstrings_and_what_they_show(name):
+def test_docstrings_exist_and_their_examples_hold(name):
     """Everything public exists and has a docstring, and its examples give what they say."""
     module = importlib.import_module(name)
     assert (module.__doc__ or "").strip(), f"{name} has no docstring"
@@ -137,7 +137,7 @@ STRANGE = {
 }
 
 
-def test_files_know_no_machine_and_no_registry(own_files, checkout):
+def test_files_contain_no_machine_path_and_no_registry(own_files, checkout):
     wrong = []
     for path in own_files:
         try:

@@ -1,4 +1,4 @@
-"""What a verification reads cannot be changed by a backend: arrays for good, the rest by its digest."""
+"""Data that a verification reads cannot be changed by a backend: arrays, and the rest by its digest."""
 
 import copy
 import pickle
@@ -39,7 +39,7 @@ def far():
 
 
 def arrays(thing, path="", seen=None):
-    """Yield every array that `thing` holds, with where it stands."""
+    """Yield every array in `thing`, with its path."""
     seen = {} if seen is None else seen
     if id(thing) in seen:
         return
@@ -87,7 +87,7 @@ def test_a_frozen_array_stays_so(shape, dtype):
             one.setflags(write=True)
 
 
-def test_a_view_of_what_can_be_written_to_is_copied():
+def test_a_view_of_a_writable_array_is_copied():
     array = np.arange(6.0)
     view = array[::2]
     view.setflags(write=False)
@@ -160,7 +160,7 @@ def _derived(model):
 
 
 @pytest.mark.parametrize("bend", [_write, _stride, _limits, _gone, _missing, _derived])
-def test_a_backend_cannot_bend_the_model_that_judges_it(bend):
+def test_a_backend_cannot_change_the_model_that_judges_it(bend):
     model = far()
     found = ct.solve(model, Bending(bend), isolate=False)
     assert found.termination is Termination.FAILED and found.plan is None
@@ -171,7 +171,7 @@ def test_a_backend_cannot_bend_the_model_that_judges_it(bend):
     assert found.digest == far().digest
 
 
-def test_what_is_derived_is_derived_again_before_a_foreign_backend_is_judged():
+def test_derived_values_are_recomputed_before_an_external_backend_is_judged():
     def bend(model):
         model.__dict__["walk"] = lambda plan: far().walk(Route((0,)))
 
@@ -185,7 +185,7 @@ def _everything_holds(model):
 
 
 @pytest.mark.parametrize("starts", [1, 2])
-def test_what_a_backend_bends_in_its_worker_judges_nothing(starts):
+def test_a_change_within_a_worker_does_not_reach_the_verification(starts):
     class Drawing(Bending):
         features = frozenset({*Bending.features, Feature.SEED})
 
@@ -196,7 +196,7 @@ def test_what_a_backend_bends_in_its_worker_judges_nothing(starts):
     assert Check("", "", 1.0, "", 0.0, "").ok is False
 
 
-def test_a_process_that_ran_what_others_wrote_serves_no_other_job():
+def test_a_process_that_ran_external_code_runs_no_other_job():
     with Worker() as worker:
         found = worker.solve(Job(far(), Bending(_everything_holds)))
         assert found.termination is Termination.REJECTED

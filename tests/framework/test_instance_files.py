@@ -71,7 +71,7 @@ def same(one, other):
 
 @settings(deadline=None, max_examples=100)
 @given(model=routings())
-def test_what_is_written_is_read_back(model, tmp_path_factory):
+def test_written_files_are_read_back(model, tmp_path_factory):
     folder = tmp_path_factory.mktemp("files")
     for points in (None, "points.csv"):
         path = ec.write_json(model, folder / "instance.json", points=points)
@@ -186,7 +186,7 @@ def test_faults_in_a_csv_name_line_and_column(old, new, message, tmp_path):
         (TABLE.encode("utf-16"), "line 1: byte 0xff is no UTF-8"),
     ],
 )
-def test_files_that_are_no_table(content, message, tmp_path):
+def test_files_without_a_table_are_rejected(content, message, tmp_path):
     with pytest.raises(InvalidData, match=message):
         read(tmp_path, content)
 

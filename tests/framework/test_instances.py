@@ -69,7 +69,7 @@ def test_names_are_in_their_natural_order():
     assert rows == [*numbered, "error-correction/example-1", *suspects]
 
 
-def test_entries_are_json_and_say_where_their_data_comes_from():
+def test_entries_are_json_and_name_the_source_of_their_data():
     for entry in instances.entries():
         assert json.loads(json.dumps(entry.to_dict(), allow_nan=False)) == entry.to_dict()
         assert entry.paper
@@ -111,7 +111,7 @@ def test_figures_of_the_paper():
 
 @pytest.mark.parametrize("row", range(1, 7))
 def test_small_rows_are_no_trifles(row):
-    """More routes than the planted one, of which the best needs several corrections."""
+    """More routes than the planted one, the best one with several corrections."""
     setting = ec.SETTINGS[row]
     model, planted = ec.generate_with_route(
         setting.horizontal, setting.vertical, setting.thresholds, seed=setting.seed

@@ -50,7 +50,7 @@ def budget(monkeypatch):
 
 
 def interpreted(backend, model):
-    """Return the answer of `backend`, whatever is compiled already."""
+    """Return the answer of `backend` with interpreted kernels, even if they are compiled."""
     jit._here.deadline = math.inf
     try:
         with np.errstate(all="ignore"):
@@ -85,7 +85,7 @@ def test_a_kernel_starts_again_where_its_budget_ends(budget):
     assert len(halved.dispatcher.signatures) <= 1  # none where `total` was loaded from the disk
 
 
-def test_what_must_not_be_interpreted_is_compiled_at_once(budget):
+def test_kernels_that_must_not_be_interpreted_are_compiled_at_once(budget):
     budget(math.inf)
     assert halved(3.0) == 1.5
     assert halved._ready
@@ -130,8 +130,8 @@ print(smallest(np.ones(2, int)))
 """
 
 
-def test_who_waits_is_told_what_for_in_a_pipe_too(run_python, tmp_path):
-    """The first time only: what was compiled is loaded."""
+def test_compilation_is_announced_in_a_pipe_too(run_python, tmp_path):
+    """The first time only: compiled code is loaded."""
     script = tmp_path / "kernel.py"
     script.write_text(SLOW)
     first, second = (
@@ -167,7 +167,7 @@ def test_a_run_that_ended_while_it_compiled_gets_no_new_deadline():
 
 
 def test_compiling_is_timed_apart_and_no_part_of_the_time_limit(monkeypatch):
-    """The clock of a limit stands still, and the run goes on with what is left of it."""
+    """The clock of a limit is paused, and the run continues with the rest."""
     from crosstrack.solvers.error_correction.ceiling_kernels import climb
 
     monkeypatch.setattr(jit, "_left", 0.01)
@@ -198,7 +198,7 @@ def test_compiling_is_timed_apart_and_no_part_of_the_time_limit(monkeypatch):
     assert told == [True, False] * (len(told) // 2) and len(told) >= 4
 
 
-def test_what_a_proof_compiles_is_no_part_of_the_solving(monkeypatch):
+def test_compilation_for_a_proof_is_not_part_of_solving(monkeypatch):
     """The seconds of solving lost all compiling of a run, and ended at zero."""
 
     @kernel
@@ -231,7 +231,7 @@ def test_what_a_proof_compiles_is_no_part_of_the_solving(monkeypatch):
 
 
 class _Lazy:
-    """Compiles for half a second, whatever it is given."""
+    """Compiles for half a second, for any arguments."""
 
     def __init__(self, function):
         self.function = function
@@ -243,8 +243,8 @@ class _Lazy:
         time.sleep(0.5)
 
 
-def test_what_is_compiled_for_other_types_is_watched_too(monkeypatch):
-    """Numba compiles by itself when a kernel meets an array that may not be written."""
+def test_compilation_for_other_types_is_timed_too(monkeypatch):
+    """Numba compiles implicitly for a read-only array."""
 
     @kernel
     def total(values):
@@ -345,7 +345,7 @@ def test_no_kernel_that_may_start_again_updates_what_it_is_given():
     assert all(np.array_equal(*pair) for pair in zip(before, space, strict=True))
 
 
-def test_what_is_kept_on_disk_follows_the_kernels_that_it_calls(tmp_path, run_python):
+def test_the_disk_cache_depends_on_the_called_kernels(tmp_path, run_python):
     """Numba stamps what it keeps with the caller's file alone."""
     package = tmp_path / "kept"
     package.mkdir()

@@ -63,7 +63,7 @@ def peers(table):
     "table",
     ["error-correction", "resource-routing", "grid-path", "minimum-snap", "fleet", "attractor"],
 )
-def test_every_peer_stands_beside_ours(table):
+def test_every_peer_is_shown_with_our_value(table):
     for ours, *others in peers(table):
         assert ours["package"].startswith("crosstrack, `")
         assert "rejected" not in ours["our check"]
@@ -73,7 +73,7 @@ def test_every_peer_stands_beside_ours(table):
                 assert row["times ours"] == pytest.approx(row["seconds"] / ours["seconds"])
 
 
-def test_what_is_said_of_peers_is_measured():
+def test_statements_about_peers_are_measured():
     """The sentences of ``docs/how-well.md`` below its tables."""
     for ours, cspy in [*peers("error-correction"), *peers("resource-routing")]:
         assert cspy["our check"] == "accepted"

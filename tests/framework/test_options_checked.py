@@ -35,7 +35,7 @@ def a_plan(name):
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_every_verification_refuses_a_tolerance_that_is_none(name):
+def test_every_verification_refuses_an_invalid_tolerance(name):
     model, plan = a_plan(name)
     for value in BAD:
         for verify in (
@@ -48,7 +48,7 @@ def test_every_verification_refuses_a_tolerance_that_is_none(name):
                 verify(plan, tolerance=value)
 
 
-def test_programs_and_pictures_refuse_a_tolerance_that_is_none():
+def test_programs_and_pictures_refuse_an_invalid_tolerance():
     route = ct.load("error-correction/example-1")
     control = ct.load("optimal-control/brachistochrone")
     for program in (route.formulate().program, control.formulate().program):
@@ -80,13 +80,13 @@ def test_programs_and_pictures_refuse_a_tolerance_that_is_none():
         ({"tolerance": 1.0}, "tolerance must be a number > 0 and < 1"),
     ],
 )
-def test_compare_refuses_what_no_row_could_have(asked, message):
+def test_compare_refuses_options_invalid_for_every_row(asked, message):
     with pytest.raises(UnsupportedOption, match=message):
         ct.compare([ct.load("error-correction/example-1")], ["label-setting"], **asked)
 
 
 @pytest.mark.parametrize("value", [-1, 0, math.nan, math.inf, "x", True])
-def test_diagnose_refuses_a_time_limit_that_is_none(value):
+def test_diagnose_refuses_an_invalid_time_limit(value):
     with pytest.raises(UnsupportedOption, match="time_limit must be a number > 0, got"):
         ct.diagnose(ct.load("error-correction/example-1"), time_limit=value)
 
@@ -100,7 +100,7 @@ def test_a_rate_of_too_many_samples_is_refused(name, rate, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_time_limit_of_ages_is_one(recwarn):
+def test_a_very_long_time_limit_is_accepted(recwarn):
     found = ct.solve(ct.load("error-correction/example-1"), "label-setting", time_limit=1e300)
     assert found.termination == "optimal" and not recwarn.list
 

@@ -59,7 +59,7 @@ class TheirOwn(InvalidData):
         (ValueError("\ud800"), InvalidData, "ValueError: \ud800", "oracle"),
     ],
 )
-def test_whatever_an_oracle_raises_is_raised_where_it_is_asked(error, kind, text, field):
+def test_an_exception_of_an_oracle_is_raised_in_the_worker(error, kind, text, field):
     turns = iter([error, None])
 
     def moody(table):
@@ -79,12 +79,12 @@ def test_whatever_an_oracle_raises_is_raised_where_it_is_asked(error, kind, text
 @pytest.mark.parametrize(
     "answer", [None, 3.0, [1.0, 2.0], "a", [[1j]], np.zeros((2, 2, 2)), [[1], [2, 3]]]
 )
-def test_an_answer_that_is_no_table_is_refused(answer):
+def test_an_answer_that_is_not_a_table_is_refused(answer):
     with channel(lambda _: answer) as (ask, _), pytest.raises(InvalidData):
         ask(np.ones((1, 1)))
 
 
-def test_questions_that_are_no_tables_are_not_even_sent(monkeypatch):
+def test_questions_that_are_not_tables_are_not_sent(monkeypatch):
     asked = []
     with channel(lambda table: asked.append(1) or table) as (ask, _):
         monkeypatch.setattr(oracles, "_MOST", 10)
@@ -95,7 +95,7 @@ def test_questions_that_are_no_tables_are_not_even_sent(monkeypatch):
         assert ask(np.zeros((1, 10))).shape == (1, 10)
 
 
-def test_a_model_that_answers_nothing_says_so():
+def test_a_model_without_an_oracle_raises():
     with channel(None) as (ask, _), pytest.raises(HiddenData, match="answers no questions"):
         ask(np.ones((1, 1)))
 
@@ -124,7 +124,7 @@ def test_several_threads_may_ask_at_once():
     assert found == {k: [k + 1.0] * 50 for k in range(4)}
 
 
-def test_an_end_that_is_closed_asks_nothing_and_says_whether_it_still_waits():
+def test_a_closed_end_sends_nothing_and_reports_pending_answers():
     held, asked = threading.Event(), threading.Event()
 
     def slow(table):

@@ -52,7 +52,7 @@ def box(function=norm, budget=20, **fields):
 
 @dataclass(frozen=True, eq=False)
 class Open(Model[float]):
-    """A number that nobody hides, and nobody answers questions about."""
+    """Model with a visible number and no oracle."""
 
     value: float = declared(Real())
     kind: ClassVar[str] = "test-open"
@@ -69,7 +69,7 @@ class Open(Model[float]):
 
 @dataclass(frozen=True, eq=False)
 class Mute(Open):
-    """A number that is hidden, and that nobody answers questions about either."""
+    """Model with a hidden number and no oracle."""
 
     value: float = declared(Real(), hidden=True)
     kind: ClassVar[str] = "test-mute"
@@ -97,7 +97,7 @@ def test_a_model_without_an_oracle_answers_nothing(model, isolate):
         ct.solve(model, Asks(), isolate=isolate)
 
 
-def test_stages_ask_what_their_run_may_ask():
+def test_stages_share_the_oracle_of_their_run():
     class Whole(Asks):
         def run(self, problem, request):
             with request.control.stage(None) as part, part.stage(None) as inner:
@@ -117,7 +117,7 @@ def test_stages_ask_what_their_run_may_ask():
 # -- functions that live in this process ------------------------------------------------------------------
 
 
-def test_functions_that_nobody_can_send_to_another_process():
+def test_functions_that_cannot_be_pickled_raise():
     lock, seen = threading.Lock(), []
 
     def guarded(x):
@@ -146,7 +146,7 @@ def test_a_function_may_itself_solve():
     assert found.verification.ok and found.primal_bound > 0
 
 
-def test_every_start_has_the_budget_anew():
+def test_every_start_has_the_full_budget():
     calls = []
     model = box(lambda x: float(calls.append(1) or x @ x))
     found = ct.solve(model, "random-search", seed=5, starts=3)
@@ -191,7 +191,7 @@ def test_two_workers_ask_at_once():
         (SystemExit(3), "SystemExit: 3"),
     ],
 )
-def test_what_a_function_raises_ends_the_run_and_no_other(raised, text):
+def test_an_exception_of_a_function_ends_its_run_only(raised, text):
     calls = []
 
     def fragile(x, sound=0):
@@ -213,7 +213,7 @@ def test_what_a_function_raises_ends_the_run_and_no_other(raised, text):
 
 
 class Slow:
-    """A function that hangs at one call until it is released, and raises then if it is told to."""
+    """Function that hangs at one call until it is released, and then may raise."""
 
     def __init__(self, hangs_at, raises=False):
         self.hangs_at, self.raises = hangs_at, raises
@@ -232,7 +232,7 @@ class Slow:
 
 
 def test_a_time_limit_holds_while_a_function_hangs():
-    """What was known before comes back, within the patience; what comes later is nobody's."""
+    """The incumbent is returned within the patience; later results are discarded."""
     slow = Slow(5, raises=True)
     begin = time.monotonic()
     try:
@@ -265,7 +265,7 @@ def test_an_interrupt_while_a_function_hangs_keeps_what_is_known():
         assert not thread.is_alive()
         (found,) = answers
         assert found.limit is Limit.INTERRUPTED and found.verification.ok
-        # The same worker, in a new process, goes on before the function has returned.
+        # The same worker, in a new process, continues before the function has returned.
         after = worker.solve(Job(box(), "random-search", seed=3).resolved())
         assert after.statistics["evaluations"] == 20
         slow.released.set()
@@ -285,7 +285,7 @@ class Dies(Asks):
 
 
 class Leaves(Asks):
-    """Answers while a thread of its own goes on asking."""
+    """Returns while a thread of its own continues to ask."""
 
     name = "leaves"
 
@@ -325,7 +325,7 @@ def test_a_worker_that_is_killed_costs_its_run_alone():
 
 
 @pytest.mark.parametrize("backend", [Leaves(), Fails()])
-def test_a_thread_that_is_left_behind_gets_and_costs_nothing(backend):
+def test_an_abandoned_thread_gets_no_answers_and_costs_no_budget(backend):
     """Its question hangs while the next run asks, and is answered after it."""
     wanted = ct.solve(box(), "random-search", seed=3).plan
     slow = Slow(2)

@@ -1,4 +1,4 @@
-"""What solvers print is in the log, and never among the answers."""
+"""Output of solvers goes to the log, and never to the answers."""
 
 import json
 import logging
@@ -57,7 +57,7 @@ LOGGING = [one.name for one in backend_states() if str(Feature.LOG) in one.featu
     "name", [pytest.param(n, marks=[] if n in FAST else [pytest.mark.slow]) for n in LOGGING]
 )
 @pytest.mark.parametrize("isolate", [False, True])
-def test_who_declares_a_log_says_something_and_only_then(name, isolate, caplog, capfd):
+def test_backends_log_if_and_only_if_they_declare_it(name, isolate, caplog, capfd):
     """In a worker and here; here the clashing libraries of others would be in the way."""
     backend = find_backend(name)
     if backend.missing():
@@ -74,7 +74,7 @@ def test_who_declares_a_log_says_something_and_only_then(name, isolate, caplog, 
     assert capfd.readouterr().out == ""
 
 
-def test_the_log_goes_to_standard_error_where_nobody_reads_it(tmp_path):
+def test_the_log_goes_to_standard_error_without_a_handler(tmp_path):
     """Unless handlers are set up: then theirs alone is the output."""
     script = (
         "import sys, logging, crosstrack as ct\n"
@@ -150,7 +150,7 @@ def test_threads_are_bounded_by_the_machine(caplog):
     assert ct.solve(model, "highs", threads=1, isolate=False).message == ""
 
 
-def test_total_is_what_the_caller_waits_for(model):
+def test_total_is_the_time_of_the_call(model):
     """A worker's start counts, and what several starts took is not counted twice."""
     for backend, options in ((Fixed(), {"isolate": True}), ("label-setting", {})):
         begin = time.perf_counter()
@@ -194,7 +194,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize("case", COMMANDS, ids=lambda case: " ".join(map(str, case)))
-def test_json_is_one_document_whatever_happens(case, tmp_path, monkeypatch):
+def test_json_is_one_document_in_every_case(case, tmp_path, monkeypatch):
     code, *words = case
     if code == 5:
         monkeypatch.setattr(type(find_backend("scip")), "missing", lambda self: ("pyscipopt",))

@@ -82,14 +82,14 @@ def extras_of(project):
     }
 
 
-def test_readme_lists_every_extra_with_what_it_brings(project, checkout):
+def test_readme_lists_every_extra_with_its_packages(project, checkout):
     text = (checkout / "README.md").read_text("utf-8")
     rows = re.findall(r"^\| `([a-z]+)` \| (.*) \|$", text, re.M)
     listed = {name: set(re.findall(r"`([a-z]+)`", text)) for name, text in rows}
     assert listed == extras_of(project)
 
 
-def test_what_is_missing_is_brought_by_what_is_named(project, checkout):
+def test_a_missing_package_is_installed_by_the_named_extra(project, checkout):
     """A backend's extra brings what it requires; one without an extra requires dependencies only."""
     from crosstrack.models.problems import resolve
     from crosstrack.solvers.registry import _SOLVERS
@@ -163,7 +163,7 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
         # The weights of what learns.
         held_in = folder.glob("weights/*.npz")
         expected |= {f"{name.replace('.', '/')}/weights/{file.name}" for file in held_in}
-    # What the report of a campaign is made from.
+    # Files of the report of a campaign.
     expected |= {f"crosstrack/solvers/bench/page.{kind}" for kind in ("html", "css", "js")}
     info = {name for name in held if ".dist-info/" in name}
     assert held - info == expected
@@ -183,7 +183,7 @@ def test_the_command_line_and_workers_run_from_the_wheel(installed, run_python, 
     away = {"cwd": tmp_path, "PYTHONPATH": str(installed)}
     where = "import crosstrack.solvers.dispatch as m; print(m.__file__)"
     assert run_python("-c", where, **away).startswith(str(installed))
-    # Not compiled: the loops' plain meaning gives the same, and compiling them anew takes a minute.
+    # Interpreted, because the results are the same and compiling takes a minute.
     names = "label-setting,two-stage,highs:paper"
     arguments = ["compare", "error-correction/example-1", "--backends", names]
     plain = {**away, "NUMBA_DISABLE_JIT": "1"}

@@ -131,7 +131,7 @@ def rings(figure):
     return [one.get_data() for axes in figure.axes for one in artists(axes, "worst violation")]
 
 
-def test_the_worst_place_is_ringed_where_a_plan_is_wrong():
+def test_the_worst_violation_is_ringed():
     rise = Curve("x", 0, TIMES, TIMES)
     limit = Limit(np.array([0.0, 1.0, 1.0, 2.0]), -np.inf, np.array([0.2, 0.2, 1.9, 1.9]), (), 0.05)
     (ring,) = rings(sheet(Panel("x", "", [rise], [limit])))
@@ -149,7 +149,7 @@ def test_a_limit_of_the_next_phase_does_not_bind_the_one_before():
     assert rings(sheet(Panel("m", "t", [before, after], [limit]))) == []
 
 
-def test_limits_far_away_are_told():
+def test_distant_limits_are_labelled():
     curve = Curve("x", 0, TIMES, np.sin(TIMES))
     far = Limit(TIMES[[0, -1]], -1e6, 1e6)
     (axes,) = sheet(Panel("x", "m/s^2", [curve], [far])).axes
@@ -161,7 +161,7 @@ def test_limits_far_away_are_told():
     steps = Limit(np.array([0.0, 1.0, 1.0, 2.0]), -np.inf, np.array([50.0, 50, 70, 70]))
     (axes,) = sheet(Panel("x", "", [curve], [steps])).axes
     assert axes.get_title(loc="left") == "≤ 50 … 70"
-    # Of two curves that share a limit, of three, the names are told.
+    # If a limit applies to two of three curves, its label names them.
     three = [curve._replace(name=name, colour=k) for k, name in enumerate("abc")]
     (axes,) = sheet(Panel("x", "", three, [far._replace(colours=(0, 2), lower=-np.inf)])).axes
     assert axes.get_title(loc="left") == "a, c ≤ 1×10⁶"
@@ -180,7 +180,7 @@ def test_names_stand_once_where_all_panels_have_the_same():
     assert legend(figure) == [*(f"x{k}" for k in range(6)), "… 9 in all"]
 
 
-def test_a_mark_of_ones_own_is_drawn_and_told():
+def test_a_custom_mark_is_drawn_and_labelled():
     curve = Curve("x", 0, TIMES, TIMES)
     marks = [
         Mark("lamp", np.array([1.0]), np.array([4.0]), 2, {"marker": "^"}, note="too bright"),

@@ -18,7 +18,7 @@ import crosstrack as ct
 from crosstrack.solvers import Feature, Guarantee, Worker, isolation
 from crosstrack.solvers.job import Job
 
-#: A distribution of a stranger's, whose backends end their process or print to standard output.
+#: An external distribution, whose backends end their process or print to standard output.
 STRANGER = """
 import ctypes, os, sys, time
 from crosstrack.models import ErrorCorrectionRouting, MixedIntegerProgram, Route
@@ -72,7 +72,7 @@ NAMES = ("segfault", "breaks", "leaves", "prints", "hangs")
 
 @pytest.fixture(scope="module")
 def stranger(tmp_path_factory):
-    """A folder for the path, in which a stranger's backends are announced."""
+    """A folder for the path that declares the backends of an external distribution."""
     folder = tmp_path_factory.mktemp("stranger")
     (folder / "rough.py").write_text(STRANGER)
     info = folder / "rough-1.dist-info"
@@ -111,7 +111,7 @@ def ended(process, timeout=60):
 
 
 def running(pid):
-    """Return whether a process runs; one that nobody has waited for does not."""
+    """Return True if a process runs and is not a zombie."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
@@ -124,7 +124,7 @@ def model():
 
 
 class Strays(Fixed):
-    """Starts processes that leave its session, writes their numbers down, and does as it is told."""
+    """Starts processes that leave its session, writes their identifiers, and acts as configured."""
 
     def __init__(self, path, then):
         super().__init__("strays")
@@ -190,8 +190,8 @@ def test_a_backend_that_ends_its_process_costs_one_line(command):
 
 
 @pytest.mark.parametrize("apart", [(), ("--in-process",)])
-def test_what_a_backend_prints_is_no_answer(command, apart):
-    """It is in the log, where somebody wants to read it."""
+def test_output_of_a_backend_is_not_an_answer(command, apart):
+    """The output is in the log."""
     arguments = ("solve", "error-correction/example-1", "--backend", "prints", "--json", *apart)
     code, out, err = ended(command(*arguments))
     assert code == 0, err
@@ -250,8 +250,8 @@ def test_ctrl_c_while_a_worker_starts(model, monkeypatch):
     fresh.pop().close()
 
 
-def test_ctrl_c_reaches_what_an_executor_runs(tmp_path):
-    """The threads of a pool are told; it returns with the incumbent, and nothing waits."""
+def test_ctrl_c_reaches_the_jobs_of_an_executor(tmp_path):
+    """The threads of a pool are interrupted; the call returns the incumbent without waiting."""
     script = textwrap.dedent(
         f"""
         import os, signal, sys, threading
@@ -290,7 +290,7 @@ def test_ctrl_c_while_a_plan_is_verified_keeps_it(model, monkeypatch):
     assert ct.solve(model, Fixed()).plan.route == (0, 1, 2, 4)
 
 
-def test_what_does_not_stop_is_given_up_soon(model):
+def test_a_run_that_does_not_stop_is_abandoned_soon(model):
     """A worker gives up what has a plan and does not stop; no other job shares its process."""
     with Worker() as worker:
         begin = time.perf_counter()

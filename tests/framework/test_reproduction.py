@@ -52,7 +52,7 @@ def test_shows_both_values_of_each_cell_and_judges_the_runs():
         assert words in text
 
 
-def test_measures_only_the_rows_asked_for():
+def test_measures_only_the_requested_rows():
     numbers = []
     result = reproduction.reproduce(
         "any",
@@ -84,7 +84,7 @@ def test_an_interrupt_keeps_the_finished_rows():
         ({"best": [1]}, "a text"),
     ],
 )
-def test_rejects_values_that_are_no_cells(values, words):
+def test_rejects_values_that_are_not_cells(values, words):
     with pytest.raises(InvalidData, match=words):
         result_table().check_values(("bowl", "2"), values)
 

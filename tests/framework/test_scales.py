@@ -23,7 +23,7 @@ SIZES = (1e-9, 1.0, 1e9)
 
 
 def states(found):
-    """Return what each check says, and by which share of its scale it is off."""
+    """Return the state of each check, and its violation relative to its scale."""
     return {
         one.name: "violated" if not one.ok else "near" if one.within_tolerance else "ok"
         for one in found.checks
@@ -83,7 +83,7 @@ def row_program(size, row=1.0):
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("row", SIZES)
 @pytest.mark.parametrize(("off", "state"), [(1.0, "ok"), (1 + 5e-7, "near"), (1.01, "violated"), (10, "violated")])  # fmt: skip
-def test_rows_and_bounds_are_held_against_their_own_data(size, row, off, state):
+def test_rows_and_bounds_are_relative_to_their_own_data(size, row, off, state):
     program = row_program(size, row)
     assert states(program.verify(np.array([off * size, 0.0])))["sum"] == state
     assert states(program.verify(np.array([off * size, 0.0])))["x"] == state
@@ -140,7 +140,7 @@ def test_scaling_a_program_changes_neither_points_nor_bounds(factor):
         assert one.objective == pytest.approx(program.objective(one.plan), rel=1e-9)
 
 
-def test_bounds_that_rounding_left_scale_nothing():
+def test_bounds_due_to_rounding_do_not_scale():
     noise = np.full(9, 1e-17)
     program = QuadraticProgram(
         hessian=np.eye(1), cost=[1.0], matrix=np.ones((10, 1)), row_lower=[*noise, 1.0],
@@ -235,7 +235,7 @@ def test_control_problems_of_every_size(size):
 
 @pytest.mark.parametrize("name", ["minimum-snap/corridor-10", "minimum-snap/square"])
 def test_a_false_bound_contradicts_a_path_however_gentle(name):
-    """What objectives are held against is no more than theirs, or a verdict would accept anything."""
+    """The scale of objectives is not larger than they are, or a verdict would accept any bound."""
     model = ct.load(name)
     best = ct.solve(model)
     assert best.verification.scale <= 10 * best.primal_bound
@@ -243,7 +243,7 @@ def test_a_false_bound_contradicts_a_path_however_gentle(name):
     assert judge(name, [best, liar], model).outcome == "CONTRADICTION"
 
 
-def test_a_worse_plan_is_told_of_where_the_best_is_nothing_of_no_size():
+def test_a_worse_plan_is_noted_if_the_best_objective_is_zero():
     """A percentage of nothing does not exist; the campaign met such an instance."""
     from crosstrack.solvers import Guarantee, Solution, Termination
     from crosstrack.solvers.verdict import judge

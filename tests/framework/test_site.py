@@ -1,4 +1,4 @@
-"""What the site makes of crosstrack: formulas, the catalogue and its filter, the reference."""
+"""The site of crosstrack: formulas, the catalogue and its filter, the reference."""
 
 import doctest
 import json
@@ -60,7 +60,7 @@ def test_a_formula_that_cannot_be_read_is_a_warning(caplog):
     assert "nosuch" in caplog.text
 
 
-def test_the_catalogues_helpers_do_as_they_say():
+def test_the_helpers_of_the_catalogue_work():
     assert not doctest.testmod(crosstrack_pages).failed
 
 
@@ -101,7 +101,7 @@ def asked():
     )
 
 
-def test_every_extra_says_what_it_brings():
+def test_every_extra_lists_its_packages():
     page = SimpleNamespace(env=SimpleNamespace(app=SimpleNamespace(srcdir=DOCS)))
     rows = [line.split("|") for line in crosstrack_install.Extras.make(page).splitlines()[2:]]
     declared = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))["project"]
@@ -125,7 +125,7 @@ def test_roles_on_pages_name_classes_that_the_reference_documents():
             assert pkgutil.resolve_name(target) in known, f"{page.name}: {target}"
 
 
-def test_the_conformance_table_says_when_and_where_it_was_made():
+def test_the_conformance_table_has_its_date_and_machine():
     data = json.loads((DOCS / "campaign/conformance.json").read_text("utf-8"))
     assert re.search(r"\d{4}-\d\d-\d\d", data["words"])
     assert data["processor"] in data["words"]
@@ -163,7 +163,7 @@ def test_the_filter_hides_headings_without_rows(tmp_path):
 
 @pytest.mark.slow
 def test_the_campaigns_file_makes_its_records():
-    """What the file asks for today is what the records hold, but for backends that are not installed here."""
+    """The jobs of the file are those of the records, except for backends that are not installed here."""
     from crosstrack.solvers.bench import Campaign
     from crosstrack.solvers.registry import backend_states
 

@@ -49,7 +49,7 @@ def test_auto_is_exact_and_verified(model):
     assert set(best.seconds) >= {"build", "compile", "solve", "decode", "verify", "total"}
 
 
-def test_what_fails_verification_is_rejected(model):
+def test_a_plan_that_fails_verification_is_rejected(model):
     answer = ct.solve(model, Fixed(route=(0, 2, 4)))
     assert answer.termination == "rejected"
     assert answer.plan is None
@@ -61,8 +61,8 @@ def test_what_fails_verification_is_rejected(model):
 
 
 @pytest.mark.parametrize("isolate", [False, True])
-def test_what_is_no_plan_at_all_is_rejected(model, isolate):
-    """A point that does not exist: the model refuses to verify it, and nobody gets it."""
+def test_a_point_without_a_plan_is_rejected(model, isolate):
+    """A point that does not exist: the model rejects it, and no plan is returned."""
     answer = ct.solve(model, Fixed(route=(0, 99)), isolate=isolate)
     assert answer.termination == "rejected"
     assert answer.plan is None
@@ -94,7 +94,7 @@ def test_a_bug_of_a_backend_is_a_failed_answer(model):
 
 
 @pytest.mark.parametrize("back", [None, "optimal", (1, 2)])
-def test_what_is_no_answer_is_named(model, monkeypatch, back):
+def test_a_result_that_is_not_an_answer_is_named(model, monkeypatch, back):
     monkeypatch.setattr(Fixed, "run", lambda self, problem, request: back)
     answer = ct.solve(model, Fixed())
     assert answer.termination == "failed"
@@ -128,7 +128,7 @@ def test_a_killed_worker_leaves_its_incumbent(model):
 
 
 @pytest.mark.parametrize("isolate", [False, True])
-def test_incumbents_are_heard_in_the_callers_thread(model, isolate):
+def test_incumbents_are_reported_in_the_callers_thread(model, isolate):
     heard = []
     ct.solve(
         model, Patient(), time_limit=0.3, isolate=isolate,
@@ -137,7 +137,7 @@ def test_incumbents_are_heard_in_the_callers_thread(model, isolate):
     assert [route for route, _ in heard] == [(0, 1, 2, 4)]
 
 
-def test_what_is_brief_runs_in_the_callers_thread(model):
+def test_a_brief_run_uses_the_callers_thread(model):
     backend, heard = Brief(), []
     answer = ct.solve(model, backend, time_limit=10, on_incumbent=heard.append)
     assert backend.thread is threading.current_thread()
@@ -145,7 +145,7 @@ def test_what_is_brief_runs_in_the_callers_thread(model):
     assert [one.objective for one in heard] == [1.0] == [one.objective for one in answer.incumbents]
 
 
-def test_what_is_brief_may_fail_or_be_interrupted(model):
+def test_a_brief_run_may_fail_or_be_interrupted(model):
     def press():
         os.kill(os.getpid(), signal.SIGINT)
 
@@ -188,7 +188,7 @@ def test_ctrl_c_keeps_the_incumbent(model, isolate):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_time_limit_holds_for_what_never_listens(model):
+def test_a_time_limit_holds_for_a_backend_that_ignores_stops(model):
     from crosstrack.solvers import Worker
     from crosstrack.solvers.job import Job
 
@@ -225,7 +225,7 @@ def test_a_time_limit_holds_for_what_never_listens(model):
         ({"backend": 7}, InvalidData, "a name or a Backend"),
     ],
 )  # fmt: skip
-def test_nothing_is_dropped_in_silence(model, options, error, words):
+def test_unsupported_options_raise(model, options, error, words):
     with pytest.raises(error, match=words):
         ct.solve(model, **options)
 
@@ -241,12 +241,12 @@ def test_a_plan_may_come_as_a_solution_or_as_data(model):
         ct.verify(model, nothing)
 
 
-def test_a_name_is_no_model():
+def test_a_name_is_not_a_model():
     with pytest.raises(InvalidData, match="load it first"):
         ct.solve("error-correction/1")
 
 
-def test_missing_says_what_to_install(model):
+def test_a_missing_package_raises_with_the_install_command(model):
     class Absent(Fixed):
         requires = ("no_such_solver",)
         extra = "absent"

@@ -8,7 +8,7 @@ import textwrap
 from commands import joined
 
 
-def test_strangers_entry_points_are_found_and_broken_ones_listed(tmp_path):
+def test_external_entry_points_are_found_and_broken_ones_listed(tmp_path):
     """Two distributions announce backends; one of them cannot be imported."""
     (tmp_path / "stranger.py").write_text(
         textwrap.dedent(
@@ -65,7 +65,7 @@ def test_strangers_entry_points_are_found_and_broken_ones_listed(tmp_path):
 
 
 def test_a_clash_of_libraries_moves_the_run_to_a_worker():
-    """Where a rival of a backend's library is loaded, the run leaves the process by itself."""
+    """If a rival of a backend's library is loaded, the run moves to a worker automatically."""
     script = textwrap.dedent(
         """
         import sys

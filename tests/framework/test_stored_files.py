@@ -73,7 +73,7 @@ def test_files_for_other_software():
     assert flown(times)[..., :dimension] == pytest.approx(plan(times), abs=1e-5)
 
 
-def test_a_campaign_goes_on_with_nothing_run_anew(tmp_path):
+def test_a_campaign_continues_without_repeating_runs(tmp_path):
     record = tmp_path / "campaign.jsonl"
     shutil.copy(STORED / "campaign.jsonl", record)
     models = [ct.load("error-correction/example-1"), ct.load("error-correction/3")]

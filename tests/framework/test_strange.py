@@ -24,7 +24,7 @@ def judge(what, begin, end):
     return counts
 
 
-def test_strange_files_end_in_an_error_that_is_named():
+def test_strange_files_raise_a_named_error():
     counts = judge("files", 0, 150)
     assert set(counts) <= CODES
     assert counts["exit 2"] > 50
@@ -52,7 +52,7 @@ def test_ten_thousand_strange_calls():
     assert sum(counts.values()) == 10_000
 
 
-def test_a_traceback_a_crash_and_a_hang_would_be_seen(tmp_path, monkeypatch):
+def test_a_traceback_a_crash_and_a_hang_are_detected(tmp_path, monkeypatch):
     """The judge itself: a case of each kind is counted as what it is."""
     monkeypatch.setenv("STRANGERS_PATIENCE", "1")
     counts, faults = strangers.run("faults", 0, 5, workers=1)
@@ -61,7 +61,7 @@ def test_a_traceback_a_crash_and_a_hang_would_be_seen(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("number", [0, 2, 7, 9])
-def test_a_process_of_its_own_ends_alike(number, tmp_path):
+def test_a_separate_process_ends_alike(number, tmp_path):
     instance, plan = strange.strange_file(number)
     (tmp_path / "instance.json").write_bytes(instance)
     (tmp_path / "plan.json").write_bytes(plan)
@@ -85,7 +85,7 @@ def test_every_kind_of_model_is_damaged():
 
 
 def routing(number):
-    """Return a routing instance with `number` as it stands for a coordinate."""
+    """Return a routing instance with `number` as the text of a coordinate."""
     data = {
         **dict.fromkeys(("alpha1", "alpha2", "beta1", "beta2", "theta", "delta"), 1),
         "kinds": ["A", "B"],
@@ -107,7 +107,7 @@ def routing(number):
         ("1" * 5000, None, "the data is beyond the range of numbers"),
     ],
 )  # fmt: skip
-def test_numbers_and_characters_that_nothing_holds_are_named(text, field, words):
+def test_unrepresentable_numbers_and_characters_are_named(text, field, words):
     with pytest.raises(InvalidData) as caught:
         Model.from_json(text)
     assert words in str(caught.value)
@@ -168,7 +168,7 @@ def test_malformed_programs_are_named(changes, field, words):
     assert caught.value.field == field
 
 
-def test_what_overflows_verifies_nothing():
+def test_an_overflow_verifies_no_plan():
     wide = {"column_upper": [None, None, None], "matrix": {**MATRIX, "data": [1e308, 1, 1]}}
     model = Model.from_dict(program(**wide, cost=[1e308, 1e308, 0]))
     found = model.verify(model.plan_from_data([1e5, 2e4, 0]))
@@ -213,7 +213,7 @@ def test_stored_records_are_checked():
             ct.Solution.from_dict({**stored, key: value})
         assert words in str(caught.value)
         rest = {name: part for name, part in stored.items() if name != key}
-        if key in ("incumbents", "starts"):  # absent, there are none
+        if key in ("incumbents", "starts"):  # absent means empty
             assert ct.Solution.from_dict(rest, model).to_dict() == {**stored, key: []}
             continue
         with pytest.raises(InvalidData, match=f"key '{key}' is missing"):
@@ -223,7 +223,7 @@ def test_stored_records_are_checked():
 
 
 @pytest.mark.parametrize("value", [7, {"model": "x"}, None, ["a"], 1.5])
-def test_verbs_name_what_is_no_model(value):
+def test_verbs_name_an_argument_that_is_not_a_model(value):
     import crosstrack as ct
 
     for call in (

@@ -1,4 +1,4 @@
-"""Instance files from strangers: which other files they may have read, and what is told of those."""
+"""Instance files from untrusted sources: files they may refer to, and the content shown of those."""
 
 import json
 import os
@@ -72,7 +72,7 @@ def test_a_file_below_the_folder_or_below_the_one_named_is_read(instance, tmp_pa
         ("large.csv", "is too large: 1000000 bytes may be read in all"),
     ],
 )
-def test_other_files_are_refused_at_once_and_untold(
+def test_other_files_are_refused_without_naming_their_content(
     instance, reference, message, tmp_path, monkeypatch
 ):
     home = tmp_path / "home"
@@ -92,7 +92,7 @@ def test_other_files_are_refused_at_once_and_untold(
         assert str(caught.value).startswith(str(path))
 
 
-def test_the_content_of_a_file_that_is_no_table_is_told_to_who_trusts_alone(instance, tmp_path):
+def test_the_content_of_other_files_is_shown_with_consent_only(instance, tmp_path):
     for name, content in {
         "first.csv": f"{SECRET},y\n1,2\n",
         "later.csv": MODELS["minimum-snap"][1] + f"{SECRET},7\n",

@@ -22,7 +22,7 @@ needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /d
 
 
 def shell(line, cwd, **environment):
-    """Run a line of a shell in which $X is the command line; the loops are not compiled."""
+    """Run a shell command with $X as the command line; the loops are not compiled."""
     given = {"X": f"{sys.executable} -m crosstrack", "NUMBA_DISABLE_JIT": "1", **environment}
     return subprocess.run(
         ["bash", "-c", line], cwd=cwd, env={**os.environ, **given},
@@ -45,7 +45,7 @@ def test_a_full_disk_is_one_line_and_loses_no_answer(tmp_path):
     ]
     assert answered(tmp_path / "a.json")
     assert "</svg>" in (tmp_path / "a.svg").read_text("utf-8")
-    # What click prints, and what fails to be said, end no worse.
+    # Output of click, and an error message that cannot be written, have the same exit codes.
     done = shell("$X --help > /dev/full; echo $?; $X solve nothing 2> /dev/full; echo $?", tmp_path)
     assert done.stdout.split() == ["2", "2"]
     assert len(done.stderr.splitlines()) == 1
@@ -79,7 +79,7 @@ def test_an_encoding_of_few_letters_is_no_error(tmp_path):
     assert any("²" in entry["title"] for entry in json.loads(raw)), "JSON escapes and loses nothing"
 
 
-def test_json_writes_what_its_stream_can(monkeypatch):
+def test_json_escapes_characters_that_its_stream_lacks(monkeypatch):
     stream = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
     monkeypatch.setattr(sys, "stdout", stream)
     emit({"name": "\udcff"})
@@ -126,7 +126,7 @@ def test_an_existing_file_keeps_its_mode_and_a_new_one_follows_the_umask(tmp_pat
     assert stat.S_IMODE(old.stat().st_mode) == 0o600
 
 
-def test_a_folder_that_takes_no_file_is_found_before_the_work(tmp_path, monkeypatch):
+def test_a_read_only_folder_is_detected_before_the_work(tmp_path, monkeypatch):
     file = tmp_path / "a.json"
     file.touch()
     monkeypatch.setattr(os, "access", lambda path, how: path != tmp_path)

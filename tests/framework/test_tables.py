@@ -78,7 +78,7 @@ def comparison():
     return ct.compare(ct.load("error-correction/example-1"), ["label-setting", "pulse"])
 
 
-def test_answers_show_themselves_as_text(comparison):
+def test_answers_render_as_text(comparison):
     solution = comparison.solutions[0]
     for text in (solution.summary(), comparison.verdicts[0].summary(), comparison.summary()):
         assert "label-setting" in text
@@ -87,7 +87,7 @@ def test_answers_show_themselves_as_text(comparison):
     assert str(comparison.outcome) in comparison.summary()
 
 
-def test_answers_show_themselves_as_html(comparison):
+def test_answers_render_as_html(comparison):
     from xml.etree import ElementTree
 
     solution = comparison.solutions[0]
@@ -109,7 +109,7 @@ def test_answers_as_a_frame(comparison):
     assert comparison.solutions[0].to_frame().shape[0] == 1
 
 
-def test_without_pandas_it_says_what_to_install(comparison, monkeypatch):
+def test_without_pandas_the_error_names_the_extra(comparison, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(BackendMissing, match=r"crosstrack\[pandas\]"):
         comparison.to_frame()
@@ -126,7 +126,7 @@ def test_the_packages_are_listed():
     assert {"models", "solvers", "instances", "errors", "solve"} <= set(dir(ct))
 
 
-def test_a_solution_is_kept_in_a_file(comparison, tmp_path):
+def test_a_solution_is_saved_to_a_file(comparison, tmp_path):
     solution = ct.solve(ct.load("error-correction/example-1"), "label-setting")
     model = ct.load("error-correction/example-1")
     file = solution.save(tmp_path / "kept.json")
@@ -139,7 +139,7 @@ def test_a_solution_is_kept_in_a_file(comparison, tmp_path):
         ct.Solution.load(file, ct.load("error-correction/7"))
 
 
-def test_a_kept_solution_must_hold(tmp_path):
+def test_a_saved_solution_must_verify(tmp_path):
     model = ct.load("error-correction/example-1")
     data = ct.solve(model).to_dict()
     for change, words in (

@@ -43,7 +43,7 @@ class Terminal(io.StringIO):
 
 
 def shown(parts, width, monkeypatch):
-    """What a terminal of so many columns shows of `parts`, without colours."""
+    """Return the text of `parts` on a terminal with `width` columns, without colours."""
     monkeypatch.setenv("COLUMNS", str(width))
     monkeypatch.setenv("TERM", "xterm")
     with contextlib.redirect_stdout(Terminal()) as screen:
@@ -105,7 +105,7 @@ def test_long_lines_end_between_words_and_numbers():
     assert Path(path).name == path
 
 
-def test_what_a_stranger_wrote_steers_no_terminal(tmp_path, capsys):
+def test_external_text_cannot_control_a_terminal(tmp_path, capsys):
     """Names and messages of a record and of a model reach the screen without their escapes."""
     evil = "x\x1b]0;owned\x07\x1b[2J\x9b31m\r"
     model = ct.load(SMALL)

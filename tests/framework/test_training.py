@@ -61,7 +61,7 @@ def total(path):
     return read_weights(path, "adder").arrays["total"]
 
 
-def test_the_best_epoch_is_written_and_says_how_it_was_made(tmp_path):
+def test_the_best_epoch_is_written_with_its_origin(tmp_path):
     told = []
     file = tmp_path / "adder.npz"
     done = train(training(), file, seed=4, on_progress=told.append, options={"speed": 2.0})
@@ -82,7 +82,7 @@ def test_the_best_epoch_is_written_and_says_how_it_was_made(tmp_path):
 
 
 @pytest.mark.parametrize("epoch", [1, 2, 4])
-def test_what_is_interrupted_and_resumed_ends_as_if_it_were_not(epoch, tmp_path):
+def test_a_resumed_training_equals_an_uninterrupted_one(epoch, tmp_path):
     def stop(number):
         if number == epoch:
             raise KeyboardInterrupt
@@ -151,7 +151,7 @@ def test_a_checkpoint_of_other_examples_is_refused(tmp_path):
 @pytest.mark.parametrize(
     "about", [{}, {"checkpoint": {}}, {"checkpoint": {}, "done": 1, "best_epoch": 2, "score": 0.5}]
 )
-def test_what_is_no_checkpoint_is_refused(about, tmp_path):
+def test_a_file_that_is_not_a_checkpoint_is_refused(about, tmp_path):
     write_arrays(checkpoint_path(tmp_path / "adder.npz"), {"a": np.zeros(2)}, about)
     with pytest.raises(InvalidData, match="is no checkpoint"):
         train(training(), tmp_path / "adder.npz", resume=True)
@@ -170,7 +170,7 @@ def test_what_is_no_checkpoint_is_refused(about, tmp_path):
         ({"options": {"speed": -1.0}}, "must lie in"),
     ],
 )
-def test_what_cannot_be_asked_raises(asked, words, tmp_path):
+def test_invalid_settings_raise(asked, words, tmp_path):
     with pytest.raises((InvalidData, UnsupportedOption), match=words):
         train(training(), tmp_path / "adder.npz", **asked)
     assert list(tmp_path.iterdir()) == []
@@ -218,7 +218,7 @@ def test_the_command_lists_and_refuses(tmp_path):
     run("train", "small-vin", "--output", tmp_path / "a.npz", "--option", "sped=1", code=2)
 
 
-def test_the_command_without_the_package_says_what_to_install(tmp_path, monkeypatch):
+def test_the_command_without_the_package_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "torch", None)
     done = run("train", "small-vin", "--output", tmp_path / "a.npz", code=5)
     assert "crosstrack[learn]" in done.stderr
@@ -274,7 +274,7 @@ def test_weights_that_cannot_be_used_are_refused(changes, words, tmp_path):
 
 
 class Bomb:
-    """Fails the test where it is unpickled."""
+    """Fails the test when it is unpickled."""
 
     def __reduce__(self):
         return (pytest.fail, ("code of a stranger was run",))
@@ -314,14 +314,14 @@ STRANGE = {
 
 
 @pytest.mark.parametrize("name", STRANGE)
-def test_a_stranger_s_file_is_refused_and_runs_nothing(name, tmp_path):
+def test_an_external_file_is_refused_and_runs_nothing(name, tmp_path):
     file = tmp_path / "weights.npz"
     file.write_bytes(STRANGE[name])
     with pytest.raises(InvalidData, match=r"weights\.npz"):
         read_weights(file, "adder")
 
 
-def test_files_that_are_not_there_are_refused(tmp_path):
+def test_missing_files_are_refused(tmp_path):
     with pytest.raises(InvalidData, match="no such file"):
         read_weights(tmp_path / "weights.npz", "adder")
     with pytest.raises(InvalidData, match="cannot be read"):

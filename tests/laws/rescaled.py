@@ -8,7 +8,7 @@ from typing import Any
 
 __all__ = ["RESCALED", "TIGHTER", "in_other_units", "tightened"]
 
-#: By kind: fields with their powers of length and time; the powers of the objective stand under "".
+#: By kind: fields with their powers of length and time; the key "" holds those of the objective.
 #: A list gives powers entry by entry; "map.cell" is an entry of an object.
 RESCALED: dict[str, dict[str, Any]] = {
     "error-correction": {
@@ -94,7 +94,7 @@ def _times(value: Any, by: float) -> Any:
 
 
 def tightened(kind: str, whole: dict[str, Any], draw: random.Random) -> dict[str, Any] | None:
-    """Return an instance that allows less than the one given, None where nothing can be taken away."""
+    """Return a tighter instance, None if it cannot be tightened."""
     data = deepcopy(whole["data"])
     if kind == "grid-path":
         rows = data["map"]["blocked"]

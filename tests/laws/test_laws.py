@@ -59,7 +59,7 @@ def reworked(tree, draw):
 
 
 def drawn(number):
-    """Return a drawn instance, None where it is none and says so."""
+    """Return a drawn instance; None if the data are invalid and raise an error that names the fault."""
     draw = random.Random(number)
     whole = draw.choice(EXAMPLES)
     data = whole["data"]
@@ -104,14 +104,14 @@ def check_the_end(number):
 
 @few
 @given(numbers)
-def test_whatever_is_declared_ends_in_a_plan_a_proof_or_a_limit(number):
+def test_every_drawn_instance_ends_in_a_plan_a_proof_or_a_limit(number):
     check_the_end(number)
 
 
 @pytest.mark.parametrize(
     "number",
     [
-        # Stored functions that are no columns, or empty where a number belongs, raised CasADi's own errors.
+        # Stored functions without columns, or with empty numbers, raised CasADi's errors.
         *(3865768805273116289, 9109827563315132698, 3550833817486121647, 3246571410964499594),
         # A count of a search that found nothing was no number, and so no JSON.
         2486587774967099918,
@@ -119,7 +119,7 @@ def test_whatever_is_declared_ends_in_a_plan_a_proof_or_a_limit(number):
         683,
     ],
 )
-def test_what_the_laws_have_found_stays_mended(number):
+def test_earlier_counterexamples_to_the_laws_stay_fixed(number):
     check_the_end(number)
 
 
@@ -147,7 +147,7 @@ def example(kind):
     return Model.from_dict(next(one for one in EXAMPLES if one["model"] == kind))
 
 
-def test_every_backend_takes_a_seed_or_draws_nothing():
+def test_every_backend_has_a_seed_or_is_deterministic():
     for state in ct.backends():
         backend = find_backend(state.name, problem=state.problem)
         assert backend.deterministic or Feature.SEED in backend.features, backend.name
@@ -247,7 +247,7 @@ def check_less_is_no_better(number):
 
 @few
 @given(numbers)
-def test_what_allows_less_is_no_better(number):
+def test_a_tighter_instance_is_no_better(number):
     check_less_is_no_better(number)
 
 
@@ -255,7 +255,7 @@ def test_what_allows_less_is_no_better(number):
 @pytest.mark.timeout(3600)
 @settings(many, max_examples=2000)
 @given(numbers)
-def test_two_thousand_that_allow_less_are_no_better(number):
+def test_two_thousand_tighter_instances_are_no_better(number):
     check_less_is_no_better(number)
 
 

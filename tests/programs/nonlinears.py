@@ -1,4 +1,4 @@
-"""What the tests of nonlinear backends share: the cases, and backends asked directly."""
+"""Tools shared by the tests of nonlinear backends: the cases, and direct calls of backends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of quadratic backends share: programs, drawn ones, and backends asked directly."""
+"""Tools shared by the tests of quadratic backends: programs, and direct calls of backends."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def programs(draw: Any) -> QuadraticProgram:
 
 
 class Told(QuadraticBackend):
-    """A solver that says what it was told to say."""
+    """Solver that returns a given ending."""
 
     name = "told"
     requires = ()

@@ -27,7 +27,7 @@ BACKENDS = ("clarabel", "scs", "ecos")
 #: Fewer iterations than by default: the cases without an answer would take all of them, seven times.
 OPTIONS: dict[str, dict[str, Any]] = {"scs": {"max_iters": 5_000}}
 UNSUPPORTED = {"ecos": ("no quadratic objectives", "no semidefinite cones")}
-#: Where a first-order method does not reach the precision that it is asked for.
+#: Cases in which a first-order method does not reach the requested precision.
 KNOWN = {
     "scs": ("conic: small disc", "conic: badly scaled columns"),
 }
@@ -70,7 +70,7 @@ def test_all_agree_on_random_programs(curved: bool) -> None:
         program, _ = random_program(np.random.default_rng(seed), curved)
         names = ["clarabel", "scs"]
         if not curved:
-            # ECOS solves them without the semidefinite cones, and so does Clarabel.
+            # ECOS and Clarabel solve them without the semidefinite cones.
             plain = replace(
                 program,
                 cone_matrix=program.cone_matrix[:7],
@@ -112,7 +112,7 @@ def test_without_cones_it_is_the_quadratic_program(name: str) -> None:
 def test_rays_that_nearly_prove_something_prove_nothing() -> None:
     program = conic([0, 0], [HYPERBOLA], matrix=[[1, 0]], row_lower=0, row_upper=0)
     for error in (1e-4, 1e-6, 1e-9, 1e-12, 1e-15, 0.0):
-        # (1, 1 - e, - sqrt(2 e)) lies in the cone, and cancels but for e.
+        # (1, 1 - e, - sqrt(2 e)) is in the cone, and cancels up to e.
         z = np.array([1.0, 1.0 - error, -np.sqrt(max(2 * error - error**2, 0.0))])
         ray = np.array([-(z[0] + z[1]), *z])
         assert not excludes(program, ray), error
@@ -170,7 +170,7 @@ def test_a_comparison_takes_them_all() -> None:
     assert [solution.backend for solution in found.solutions] == backends
 
 
-def test_ecos_says_what_it_does_not_take() -> None:
+def test_ecos_names_what_it_does_not_support() -> None:
     with pytest.raises(UnsupportedFormulation, match="quadratic objective"):
         asked("ecos", CASES["conic: quadratic objective over a disc"].program)
     with pytest.raises(UnsupportedFormulation, match="semidefinite"):

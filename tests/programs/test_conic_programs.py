@@ -79,7 +79,7 @@ def test_the_digest_knows_the_cones_and_not_their_names() -> None:
         ({"matrix": [[1, 1]]}, "row_lower"),
     ],
 )
-def test_what_contradicts_itself_is_refused(changed: dict[str, Any], words: str) -> None:
+def test_inconsistent_fields_are_refused(changed: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidData, match=words):
         disc(**changed)
 
@@ -171,7 +171,7 @@ def distance(kind: ConeKind, point: np.ndarray) -> float:
         ("exponential", [1, 1, np.e - 1e-3], 1e-3 / np.e),  # x is nearer than z
         ("exponential", [-1, 0, 0], 0),
         ("exponential", [1e-3, 0, 1], 1e-3),
-        ("exponential", [5, 1e-9, 1], 5),  # exp(5e9) is no number
+        ("exponential", [5, 1e-9, 1], 5),  # exp(5e9) overflows
         ("semidefinite", [1, 2**0.5, 1], 0),
         ("semidefinite", [1, 2 * 2**0.5, 1], 1),
     ],
@@ -199,7 +199,7 @@ def test_points_of_a_cone_and_its_dual_have_no_negative_product(kind: ConeKind) 
     products = kept @ weights.T
     lengths = np.linalg.norm(kept, axis=1)[:, None] * np.linalg.norm(weights, axis=1)
     assert (products >= -1e-13 * lengths).all()
-    # What is inside stays, and what is not moves to the border.
+    # Points inside stay, and others move to the boundary.
     assert np.allclose(inside(kind, kept), kept, rtol=1e-12, atol=1e-12)
     assert np.allclose(inside_dual(kind, weights), weights, rtol=1e-9, atol=1e-9)
     assert (np.abs(inside(kind, primal) - primal).max(axis=1) > 0).any()
@@ -290,7 +290,7 @@ def main() -> list[list[float]]:
         program, _ = random_program(np.random.default_rng(seed))
         problem, x = program.to_cvxpy()
         problem.solve(solver="CLARABEL")
-        # The only row has two bounds, of which each is a constraint.
+        # The only row has two bounds, each of them a constraint.
         below, above = (problem.constraints[k].dual_value for k in (0, 1))
         duals = np.concatenate([below - above, cvxpy_cone_duals(problem, program.cones)])
         answer = backend.run(program, Request(options=options))

@@ -37,7 +37,7 @@ def drawn(draw):
     return program, hessian, rows
 
 
-def test_what_is_found_falls_and_what_falls_clearly_is_found():
+def test_directions_found_decrease_and_clear_ones_are_found():
     draw = np.random.default_rng(1)
     missed = 0
     for _ in range(300):
@@ -100,7 +100,7 @@ def test_a_guess_that_leads_nowhere_is_followed_by_others(name):
     assert alone.termination == "locally_infeasible" and "starts tried" not in alone.statistics
 
 
-def test_the_first_mesh_is_looked_at_twice():
+def test_the_first_mesh_is_solved_from_two_starts():
     found = ct.solve(ct.load("optimal-control/maximal-range"))
     assert found.primal_bound == pytest.approx(-1.712316, rel=1e-5)
     assert found.statistics["second look"] == "better"

@@ -1,4 +1,4 @@
-"""Functions as graphs of named operations: what is written is read back, and nothing else is read."""
+"""Functions as graphs of named operations: written graphs are read back, other data is rejected."""
 
 import copy
 import json
@@ -120,7 +120,7 @@ def test_tables_are_read_alike_before_and_after_they_are_differentiated(make):
     assert function([0.3, -0.7]).nonzeros() == read(fresh)([0.3, -0.7]).nonzeros()
 
 
-def test_maps_shared_functions_and_what_outputs_are_put_together_from():
+def test_maps_shared_functions_and_composed_outputs():
     x = casadi.SX.sym("x", 2)
     one = casadi.Function("one", [x], [casadi.sumsqr(x), x * x[0]], ["x"], ["f", "g"])
     z = casadi.MX.sym("z", 2, 5)
@@ -170,7 +170,7 @@ def test_programs_are_written_smaller_than_by_casadi(name, formulation):
         assert len(text) < 0.8 * len(function.serialize())
 
 
-def test_symbols_that_functions_share_are_told_apart():
+def test_symbols_shared_by_functions_are_distinguished():
     x, z = casadi.SX.sym("x"), casadi.MX.sym("z")
     one, two = (casadi.Function(name, [x], [casadi.sin(x)]) for name in ("one", "two"))
     function = casadi.Function("f", [z], [one(z) * two(z)])
@@ -180,7 +180,7 @@ def test_symbols_that_functions_share_are_told_apart():
     assert readable(found)[1].serialize() == found.serialize()
 
 
-def test_what_the_format_does_not_know_is_not_written():
+def test_unsupported_operations_are_not_written():
     x = casadi.MX.sym("x")
     root = casadi.rootfinder("root", "newton", {"x": x, "g": x**3 - 2})
     function = casadi.Function("f", [x], [root(x0=x)["x"]])
@@ -189,7 +189,7 @@ def test_what_the_format_does_not_know_is_not_written():
     assert readable(function) == (function.serialize(), function)
 
 
-def test_the_page_lists_the_operations_that_there_are():
+def test_the_page_lists_all_operations():
     page = (Path(__file__).parents[2] / "docs" / "explanation" / "files.md").read_text("utf-8")
     table = page.partition("| operations | operands |")[2].partition("\n\n")[0]
     firsts = [line.split("|")[1] for line in table.splitlines()[2:]]
@@ -197,7 +197,7 @@ def test_the_page_lists_the_operations_that_there_are():
     assert sorted(listed) == sorted(UNARY | BINARY | set(STRUCTURAL))
 
 
-# -- strangers' data -----------------------------------------------------------------------------
+# -- external data -------------------------------------------------------------------------------
 
 
 def one(nodes, kind="matrix", *, shape=(1, 1), values=None, out=None, **changes):

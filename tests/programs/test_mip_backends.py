@@ -77,7 +77,7 @@ def test_conformance(name: str) -> None:
 def test_cvxpy_reaches_scip() -> None:
     installed("cvxpy")
     matrix = Matrix.of(results("cvxpy", "scip"))
-    # CVXPY itself doubts the duals it reads from SCIP, so none are passed on; it calls nobody back.
+    # CVXPY's duals from SCIP are unreliable, so none are returned; it also has no callbacks.
     known = ("declares duals, returned none", "reported no incumbents")
     failures = [r for r in matrix.failures if r.reason not in known]
     assert not failures, f"\n{matrix}"
@@ -98,7 +98,7 @@ def test_agrees_with_highs_on_random_programs(name: str) -> None:
             assert dual == pytest.approx(primal, rel=1e-5, abs=1e-5), f"program {seed}"
 
 
-def test_a_liar_is_caught() -> None:
+def test_a_false_claim_is_detected() -> None:
     caught = elsewhere(__file__, "liars")
     assert caught == dict.fromkeys(LIES, "fail")
 
@@ -133,7 +133,7 @@ def test_gurobi_names_the_size_limit() -> None:
     assert "'highs'" in message
 
 
-def test_cp_sat_names_what_it_cannot_take() -> None:
+def test_cp_sat_names_what_it_does_not_support() -> None:
     installed("cp-sat")
     backend = find_backend("cp-sat")
 
@@ -150,9 +150,9 @@ def test_cp_sat_names_what_it_cannot_take() -> None:
     assert "those of row do not" in refusal(ragged)
 
 
-# What follows runs in the other processes.
+# The following cases run in the other processes.
 
-#: What a dishonest or careless backend may do to an honest answer, and the case that shows it.
+#: Changes of a dishonest or careless backend to a correct answer, and the case that detects each.
 LIES: dict[str, tuple[str, Callable[[MixedIntegerProgram, Request, Answer], Answer]]] = {
     "a bound above the optimum": (
         "integer: knapsack",

@@ -44,7 +44,7 @@ def test_a_floor_is_below_every_route_and_above_the_straight_line():
     assert tight > 20
 
 
-def test_a_model_without_a_way_has_no_floor():
+def test_a_model_without_a_path_has_no_floor():
     model = replace(random_small(5, 1), theta=0.0)
     assert not len(possible_arcs(model))
     assert [model.formulate(name).floor for name in FORMULATIONS] == [-np.inf, -np.inf]
@@ -54,7 +54,7 @@ def test_a_model_without_a_way_has_no_floor():
 def test_without_time_the_warm_start_and_the_floor_are_left(name):
     model = ct.load("error-correction/8")
     start = Route((0, 89, 264, 159, 232, 101, 174, 227, 213, 222, 242, 80, 308, 326))
-    # What is no time for the largest of the programs, and is over before any solver has begun.
+    # Too short for the largest program, so that it ends before any solver has started.
     ended = ct.solve(model, name, formulation="paper", time_limit=1e-3, warm_start=start)
     assert (ended.termination, ended.limit) == ("feasible", "time")
     assert ended.plan == start
@@ -114,7 +114,7 @@ def test_a_solver_stops_at_its_limit(name, formulation):
         assert ended.dual_bound >= 102932.9
 
 
-def test_scip_tells_no_bound_while_it_frees_its_tree():
+def test_scip_reports_no_bound_while_it_frees_its_tree():
     """That bound is the incumbent's, and would pass for a proof; the optimum is 882."""
     found = ct.solve(ct.load("guided-path/k20-l5"), "scip", time_limit=4)
     assert found.dual_bound <= 882 + 1e-6

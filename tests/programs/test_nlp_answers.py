@@ -1,4 +1,4 @@
-"""What nonlinear backends share: derivatives, scaling, and the judgement of where a solver ended."""
+"""Common parts of nonlinear backends: derivatives, scaling, and the judgement of endings."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def test_derivatives_given_are_used_and_agree() -> None:
 
 
 class Told(NonlinearBackend):
-    """A solver that says what it was told to say."""
+    """Solver that returns a given ending."""
 
     name = "told"
     requires = ()
@@ -222,7 +222,7 @@ def test_multipliers_that_cancel_explain_nothing() -> None:
     assert np.abs(answer.duals).max() < 10
 
 
-def test_how_other_ends_are_told() -> None:
+def test_other_endings_are_reported() -> None:
     good, bad = np.array([0.1, 0.1]), np.array([2.0, 2.0])
     stopped = Ending(Ended.STOPPED, good, limit=Limit.TIME)
     answer = told(stopped)

@@ -45,7 +45,7 @@ CHOICES: dict[str, tuple[dict[str, Any], ...]] = {
     "trust-constr": ({"max_iter": 90},),
     "slsqp": ({"max_iter": 100},),
 }
-#: Where a solver gives up.
+#: Cases in which a solver gives up.
 KNOWN = {
     "ipopt hessian=limited-memory": TWICE,
     "uno preset=ipopt": TWICE,
@@ -55,8 +55,8 @@ KNOWN = {
     "slsqp max_iter=100": TWICE,
     "fatrop": TWICE,
 }
-#: SLEQP's build in CasADi's wheel was seen to spend seconds, at random, on formatting statistics that
-#: nobody prints: its padding is a width that was never set (``sleqp_timer_display``). SciPy's
+#: SLEQP's build in CasADi's wheel spent seconds, at random, on formatting statistics that are not
+#: printed: its padding is a width that was never set (``sleqp_timer_display``). SciPy's
 #: trust-constr and CasADi's sqpmethod take eight seconds and more.
 SLOW = {"sleqp", "sqpmethod", "trust-constr"}
 
@@ -220,7 +220,7 @@ def test_options_are_checked(name: str) -> None:
     assert backend.checked_options({})
 
 
-def test_slsqp_refuses_what_does_not_fit() -> None:
+def test_slsqp_refuses_programs_that_are_too_large() -> None:
     size = 12_000
     x = casadi.MX.sym("x", size)
     large = NonlinearProgram(
@@ -270,7 +270,7 @@ def test_nothing_is_written(capfd: pytest.CaptureFixture[str]) -> None:
     assert found.out == found.err == ""
 
 
-# What follows runs in the other processes.
+# The following cases run in the other processes.
 
 
 def main(task: str, name: str = "") -> Any:

@@ -120,7 +120,7 @@ def test_json_is_exact(data):
     point=st.tuples(st.integers(0, 1), st.floats(0, 20), st.integers(-20, 2)),
 )
 def test_no_multipliers_prove_more_than_a_point_has(duals, point):
-    """Weak duality: whatever the multipliers, the bound is below every feasible point."""
+    """Weak duality: for all multipliers, the bound is below every feasible point."""
     program = knapsack()
     x = np.array(point, float)
     if program.verify(x, tolerance=1e-12).ok:
@@ -170,7 +170,7 @@ def test_a_linear_program_is_certified_by_its_multipliers():
 
 
 class Flawed(Backend):
-    """Right on most programs, wrong where there is an offset, and dead on one column."""
+    """Correct on most programs, wrong with an offset, and crashes on one column."""
 
     name = "flawed"
     accepts = MixedIntegerProgram
@@ -188,7 +188,7 @@ class Flawed(Backend):
         return answer
 
 
-def test_the_suite_tries_a_strangers_backend():
+def test_the_suite_tests_an_external_backend():
     import sys
 
     import cloudpickle

@@ -25,7 +25,7 @@ from crosstrack.solvers.qp.quality import measured
 
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(programs(), st.integers(0, 10**6))
-def test_polish_restores_what_noise_took(program: QuadraticProgram, seed: int) -> None:
+def test_polish_removes_noise(program: QuadraticProgram, seed: int) -> None:
     answer = asked("clarabel", program)
     if answer.termination is not Termination.OPTIMAL:
         return
@@ -62,7 +62,7 @@ def test_polish_never_makes_worse() -> None:
     assert not polished(program, start).proves(1e-6, 1e-6)
 
 
-def test_polish_stops_when_asked() -> None:
+def test_polish_stops_on_request() -> None:
     program = CASES["quadratic: rows from below"].program
     start = measured(program, np.array([1.01, 0.99]), None)
     assert start is not None
@@ -108,7 +108,7 @@ def test_a_recession_direction_is_recomputed() -> None:
     assert not recedes(rows, np.array([1.0, 0.0]))
 
 
-def test_what_phase_one_settles() -> None:
+def test_phase_one_decides_feasibility() -> None:
     for name, case in CASES.items():
         if case.arguments or case.stop_after is not None:
             continue
@@ -136,7 +136,7 @@ def test_a_point_for_an_infeasible_program_is_caught() -> None:
 
 
 def test_qpsolvers_returns_points_for_infeasible_programs_that_we_refuse() -> None:
-    """Why nothing is believed: solvers behind qpsolvers were seen to find what does not exist."""
+    """Reason for recomputing all claims: solvers behind qpsolvers returned points that do not exist."""
     program = CASES["quadratic: infeasible equalities"].program
     for name in HERE:
         assert asked(name, program).termination is Termination.INFEASIBLE, name
@@ -168,7 +168,7 @@ def test_a_proximal_attempt_comes_after_a_failure() -> None:
     assert answer.primal_bound == pytest.approx(-2, abs=1e-12)
 
 
-def test_an_unclear_end_is_settled() -> None:
+def test_an_unclear_ending_is_resolved() -> None:
     unclear = Ending(Ended.UNCLEAR)
     for name, kind in (
         ("quadratic: infeasible, its objective unbounded", Termination.INFEASIBLE),
@@ -177,7 +177,7 @@ def test_an_unclear_end_is_settled() -> None:
         assert told(CASES[name].program, lambda p: unclear).termination is kind
 
 
-def test_wrong_multipliers_are_mended_or_no_proof() -> None:
+def test_wrong_multipliers_are_corrected_or_prove_nothing() -> None:
     case = CASES["quadratic: rows from below"]
     best = np.array(case.expectation.point)
     mended = told(case.program, lambda p: Ending(Ended.PROVEN, best, duals=np.array([-9.0, 9.0])))
@@ -253,7 +253,7 @@ def test_a_certified_program_is_certified() -> None:
     assert program.dual_bound(duals, point) == pytest.approx(program.objective(point), abs=1e-9)
 
 
-def test_statistics_say_what_was_polished() -> None:
+def test_statistics_show_polishing() -> None:
     program = CASES["quadratic: badly scaled"].program
     raw = asked("osqp", program, options={"eps": 1e-3, "polish": False}, gap=1, tolerance=1e-2)
     assert raw.statistics["polished"] == "no"

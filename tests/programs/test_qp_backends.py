@@ -48,14 +48,14 @@ BACKENDS = (*HERE, "highs", *CHOICES)
 RUNS = [(name, choice) for name in BACKENDS for choice in CHOICES.get(name, ("",))]
 
 DEFINITE = "not positive definite"
-#: What a backend, with the option named, does not take; and why, in its own words.
+#: Cases that a backend with the named option does not support, with part of its message.
 UNSUPPORTED = {
     "quadprog": "needs a positive definite Hessian",
     "cvxpy SCS": "needs a row or a bound",
     "qpsolvers quadprog": DEFINITE,
     "qpsolvers ecos": DEFINITE,
 }
-#: The case in which a choice fails, in words.
+#: Case in which an option fails, with part of the message.
 KNOWN = {
     "casadi proxqp": ("quadratic: linear program", "which nothing proves"),
     # They know no time limit: through the dispatcher they are stopped with their process.
@@ -107,7 +107,7 @@ def test_the_cases_are_right(name: str) -> None:
 
 
 def brute_force(program: QuadraticProgram) -> float | None:
-    """Return the optimum of a small strictly convex program, None where it is infeasible."""
+    """Return the optimum of a small strictly convex program, None if it is infeasible."""
     hessian, size = program.hessian.toarray(), program.size
     rows = np.vstack([program.matrix.toarray(), np.eye(size)])
     low = np.concatenate([program.row_lower, program.column_lower])
@@ -146,7 +146,7 @@ def test_all_agree_with_brute_force(program: QuadraticProgram) -> None:
         assert program.verify(answer.point).ok, name
 
 
-def test_highs_masters_what_it_was_seen_to_fail_on() -> None:
+def test_highs_solves_programs_on_which_it_failed() -> None:
     """Without rows it forgot the Hessian; on flat objectives it cycled, or called them unbounded."""
     found = elsewhere(__file__, "flat")
     assert len(found) == FLAT
@@ -189,7 +189,7 @@ def test_options_reach_the_solver() -> None:
     )
 
 
-def test_quadprog_says_in_numbers_what_it_cannot_take() -> None:
+def test_quadprog_names_the_eigenvalues_it_does_not_support() -> None:
     backend = mine("quadprog")
     flat = CASES["quadratic: no rows, one column linear"].program
     assert "1 of 2 columns have none, column 1 first" in backend.refuses(flat)
@@ -200,7 +200,7 @@ def test_quadprog_says_in_numbers_what_it_cannot_take() -> None:
 
 
 @pytest.mark.parametrize("name", ["daqp", "quadprog"])
-def test_dense_backends_refuse_what_does_not_fit(name: str) -> None:
+def test_dense_backends_refuse_programs_that_are_too_large(name: str) -> None:
     size = 20_000
     large = QuadraticProgram(
         hessian=sp.eye_array(size, format="csr"),
@@ -219,7 +219,7 @@ def test_dense_backends_refuse_what_does_not_fit(name: str) -> None:
     assert asked("osqp", large).termination is Termination.OPTIMAL
 
 
-def test_what_each_program_type_may_ask() -> None:
+def test_options_depend_on_the_program_type() -> None:
     program = CASES["quadratic: rows from below"].program
     linear = next(c.program for n, c in all_cases().items() if n == "linear: lower rows bind")
     highs, cvxpy = find_backend("highs"), find_backend("cvxpy")
@@ -245,7 +245,9 @@ def test_casadi_names_a_plugin_that_does_not_load() -> None:
 
 
 @pytest.mark.parametrize(("name", "quadratic"), [("qpsolvers", "osqp"), ("cvxpy", "OSQP")])
-def test_a_solver_that_is_not_to_be_had_is_refused_with_what_is(name: str, quadratic: str) -> None:
+def test_an_unavailable_solver_is_refused_with_the_available_ones(
+    name: str, quadratic: str
+) -> None:
     found = elsewhere(__file__, "found", name)
     assert quadratic in found["quadratic"]
     for solver, words in found["refused"].items():
@@ -270,7 +272,7 @@ def test_casadi_and_highspy_still_clash() -> None:
     assert "undefined symbol" in done.stderr
 
 
-# What follows runs in the other processes.
+# The following cases run in the other processes.
 
 #: How many programs without rows, and with few, have a singular Hessian.
 FLAT = 60

@@ -21,7 +21,7 @@ from crosstrack.solvers.qp.forms import ConicForm, Core, SplitForm, independent_
 # Forms.
 
 
-def test_core_takes_out_what_is_fixed_or_says_nothing() -> None:
+def test_the_core_omits_fixed_columns_and_empty_rows() -> None:
     program = quadratic(
         [[2, 1, 0], [1, 2, 1], [0, 1, 2]],
         [1, -1, 3],

@@ -63,7 +63,7 @@ def test_own_text_is_read_with_consent_alone(tmp_path):
         Model.from_json(old(square()))
 
 
-def test_what_has_no_graph_is_stored_as_text():
+def test_functions_without_a_graph_are_stored_as_text():
     model = program(solver())
     assert isinstance(model.to_dict()["data"]["function"], str)
     with pytest.raises(InvalidData, match="trusted=True"):
