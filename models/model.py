@@ -56,9 +56,6 @@ class Model(Declared, ABC, Generic[PlanT]):
     agreement : float, optional
         Largest :meth:`distance` at which two plans agree, for models that no backend proves
         anything of, such as estimation; None where plans are judged by bounds alone.
-    certifier : str
-        Name of the exact backend whose plan other backends' optimal plans are compared with, for models
-        whose objective hides the shape of the plan; empty without one.
     certified_distance : float
         Largest :meth:`distance` to the certified plan at which a plan is accepted as optimal.
     rivals : bool
@@ -82,7 +79,6 @@ class Model(Declared, ABC, Generic[PlanT]):
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
     agreement: ClassVar[float | None] = None
-    certifier: ClassVar[str] = ""
     certified_distance: ClassVar[float] = math.inf
     rivals: ClassVar[bool] = True
     plan_type: ClassVar[type] = object
@@ -98,6 +94,14 @@ class Model(Declared, ABC, Generic[PlanT]):
         state = {name: self.__dict__[name] for name in held if name in self.__dict__}
         # A model without its hidden fields cannot compute its digest again.
         return {**state, "digest": self.digest} if self.is_blinded else state
+
+    @property
+    def certifier(self) -> str:
+        """Name of the exact backend whose plan other backends' optimal plans are compared with.
+
+        For models whose objective hides the shape of the plan; empty without one.
+        """
+        return ""
 
     # -- what backends must not see --------------------------------------------------------------
 
