@@ -56,9 +56,6 @@ class Model(Declared, ABC, Generic[PlanT]):
     agreement : float, optional
         Largest :meth:`distance` at which two plans agree, for models without provable bounds, such
         as estimation; None if plans are compared by bounds alone.
-    certifier : str
-        Name of the exact backend whose plan is compared with the optimal plans of other backends, for
-        models whose objective does not determine the shape of the plan; empty for no comparison.
     certified_distance : float
         Largest :meth:`distance` to the certified plan at which a plan is accepted as optimal.
     rivals : bool
@@ -81,7 +78,6 @@ class Model(Declared, ABC, Generic[PlanT]):
     default_formulation: ClassVar[str] = ""
     objective_unit: ClassVar[str] = ""
     agreement: ClassVar[float | None] = None
-    certifier: ClassVar[str] = ""
     certified_distance: ClassVar[float] = math.inf
     rivals: ClassVar[bool] = True
     plan_type: ClassVar[type] = object
@@ -97,6 +93,15 @@ class Model(Declared, ABC, Generic[PlanT]):
         state = {name: self.__dict__[name] for name in names if name in self.__dict__}
         # The digest covers the hidden fields, so a blinded model cannot compute it.
         return {**state, "digest": self.digest} if self.is_blinded else state
+
+    @property
+    def certifier(self) -> str:
+        """Name of the exact backend whose plan is compared with the optimal plans of other backends.
+
+        It is for models whose objective does not determine the shape of the plan; empty for no
+        comparison.
+        """
+        return ""
 
     # -- what backends must not see --------------------------------------------------------------
 

@@ -16,10 +16,12 @@ from .enums import Limit, Termination
 from .registry import find_backend
 from .running import Run
 
-__all__ = ["DISTANCE", "certified"]
+__all__ = ["DISTANCE", "SHAPE", "certified"]
 
 #: Key of the statistics: distance between the plan and the certified optimum.
 DISTANCE = "distance to the certified plan"
+#: Key of the statistics: why the shape of the plan is not certified.
+SHAPE = "shape"
 #: Part of the remaining time that the certifier may take.
 SHARE = 0.5
 
@@ -57,7 +59,11 @@ def certified(run: Run, request: Request, answer: Answer) -> Answer:
         reference = Answer(Termination.NO_SOLUTION, Limit.TIME, message="no time is left")
     if reference.statistics.get("unique") == "no":
         return answer
-    if reference.termination is not Termination.OPTIMAL or reference.point is None:
+    optimal = reference.termination is Termination.OPTIMAL
+    if optimal and SHAPE in reference.statistics:  # it proves the objective only
+        shape = {SHAPE: reference.statistics[SHAPE]}
+        return replace(answer, statistics={**answer.statistics, **shape})
+    if not optimal or reference.point is None:
         reason = reference.message or f"it ended with {reference.termination}"
         doubt = f"{certifier.name} cannot certify the plan: {reason}"
         return replace(answer, termination=Termination.FEASIBLE, message=_joined(answer, doubt))

@@ -92,7 +92,6 @@ class MinimumDerivative(PathData):
         "legendre": ".models.minimum_snap.formulations.bases:LegendreFormulation",
     }
     default_formulation: ClassVar[str] = "legendre"
-    certifier: ClassVar[str] = "banded"
     certified_distance: ClassVar[float] = 1e-6
 
     # -- checks ----------------------------------------------------------------------------------
@@ -139,6 +138,11 @@ class MinimumDerivative(PathData):
             self.highest_fixed >= self.order and np.isfinite(self.conditions[:, self.order :]).any()
         )
         return "hermite" if free else self.default_formulation
+
+    @property
+    def certifier(self) -> str:
+        """``banded`` without corridor and limits, else ``interior-point``."""
+        return "interior-point" if self.bounded else "banded"
 
     # -- plans -----------------------------------------------------------------------------------
 

@@ -21,7 +21,7 @@ from .hermite import (
 from .moment_kernels import differentiate
 from .refined_kernels import FUSED
 
-__all__ = ["certify", "solve_hermite"]
+__all__ = ["added", "certify", "knot_forces", "solve_hermite"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -231,11 +231,7 @@ class _System:
                 self.durations, table.rows, table.factors, table.orders, jets, lows, forces,
                 rests, moments, objective,
             )  # fmt: skip
-            knots = np.empty((axes, count + 1, s))
-            knots[:, 0], knots[:, -1] = -forces[:, 0, 0, :s], -forces[:, -1, 1, :s]
-            left, right = forces[:, :-1, 1, :s], forces[:, 1:, 0, :s]
-            rest = rests[:, :-1, 1, :s] + rests[:, 1:, 0, :s]
-            knots[:, 1:-1] = -_added(left, rest, right)[0]
+            knots = -knot_forces(forces, rests, s)
             knots[:, self.held] = 0.0
             inner = -forces[..., s:].reshape(axes, count, 2 * (r - s)) * self.own
             pull = [knots.copy(), inner.copy()]
@@ -266,7 +262,7 @@ class _System:
                 )  # fmt: skip
             before = now
             steps += 1
-            jets, lows = _added(jets, lows, step)
+            jets, lows = added(jets, lows, step)
 
 
 def _sizes(durations: Floats, jets: Floats) -> Floats:
@@ -285,7 +281,26 @@ def _begin(values: Floats, pattern: Bools) -> Floats:
     return np.stack([state[:, :-1], state[:, 1:]], axis=2)
 
 
-def _added(high: Floats, low: Floats, step: Floats) -> tuple[Floats, Floats]:
+def knot_forces(forces: Floats, rests: Floats, shared: int) -> Floats:
+    """Return the sums of what both segments exert on the shared entries of their knot.
+
+    Parameters
+    ----------
+    forces, rests : ndarray, shape (axes, segments, 2, r)
+        Half the derivative of J by the jets, and what rounding left of it.
+    shared : int
+        Number of derivatives that neighbours share.
+    """
+    axes, count = forces.shape[:2]
+    knots = np.empty((axes, count + 1, shared))
+    knots[:, 0], knots[:, -1] = forces[:, 0, 0, :shared], forces[:, -1, 1, :shared]
+    left, right = forces[:, :-1, 1, :shared], forces[:, 1:, 0, :shared]
+    rest = rests[:, :-1, 1, :shared] + rests[:, 1:, 0, :shared]
+    knots[:, 1:-1] = added(left, rest, right)[0]
+    return knots
+
+
+def added(high: Floats, low: Floats, step: Floats) -> tuple[Floats, Floats]:
     """Return ``high + low + step`` as a float and what rounding left of it (Dekker 1971)."""
     total = high + step
     back = total - high

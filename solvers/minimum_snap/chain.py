@@ -135,10 +135,11 @@ class Chain:
                 parts += [self._spread(rows, axis) for axis in range(len(self.axes))]
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
 
-    def rows(self, held: Instants) -> tuple[Floats, Floats, Floats, Floats]:
+    def rows(self, held: Instants, *, slope: bool = False) -> tuple[Floats, Floats, Floats, Floats]:
         """Return the rows of the bounds at `held`, with bounds and scale: all normalised.
 
-        The largest entry of a row is 1; what it was multiplied by comes last.
+        The largest entry of a row is 1; what it was multiplied by comes last. With `slope` the rows
+        are the slopes in s of what is bounded.
         """
         model = self.model
         scales = self._column_scales()
@@ -150,7 +151,7 @@ class Chain:
             for axis in self.axes:
                 take = np.flatnonzero((held.bound == number) & (held.axis == axis))
                 segment = held.segment[take]
-                unit = power_rows(held.s[take], bound.derivative, model.degree) @ basis
+                unit = power_rows(held.s[take], bound.derivative + slope, model.degree) @ basis
                 unit *= (
                     scales[segment]
                     * (model.durations[segment] ** -float(bound.derivative))[:, None]
@@ -162,7 +163,7 @@ class Chain:
         spaces = model.halfspaces
         if spaces is not None:
             take = np.flatnonzero(held.bound == len(model.bounds))
-            unit = power_rows(held.s[take], 0, model.degree) @ basis
+            unit = power_rows(held.s[take], int(slope), model.degree) @ basis
             unit *= scales[held.segment[take]]
             for at, axis in enumerate(self.axes):
                 normal = spaces.normals[held.axis[take], axis]

@@ -15,6 +15,7 @@ from ...jit import clock
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..certification import SHAPE
 from ..scaling import common
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ class InteriorPoint(Backend):
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
         """Solve every chain, and say what their residuals prove."""
         from .chain import chains
+        from .contacts import uncertifiable
         from .interior_solver import Settings, solve_chain
 
         refusal = self.refuses(problem)
@@ -75,6 +77,7 @@ class InteriorPoint(Backend):
         if unit != 1.0:
             answer = self.run(problem.in_unit(unit), request)
             return _in_metres(answer, problem, unit)
+        reason = uncertifiable(problem)
         settings = Settings(
             gap=float(np.clip(0.01 * request.gap, 1e-11, 1e-8)),
             tolerance=float(np.clip(1e-4 * request.tolerance, 1e-12, 1e-8)),
@@ -83,6 +86,7 @@ class InteriorPoint(Backend):
             samples=request.options.get("samples", 8),
             iterations=request.options.get("iterations", 100),
             rounds=request.options.get("rounds", 40),
+            certify=not reason,
         )
         work = partial(solve_chain, settings=settings, flag=request.control.flag)
         groups = chains(problem)
@@ -96,7 +100,7 @@ class InteriorPoint(Backend):
                 results.append(work(group))
                 if results[-1].status in ("infeasible", "stopped"):
                     break
-        answer = _conclude(problem, request, results, len(groups))
+        answer = _conclude(problem, request, results, len(groups), reason)
         return replace(answer, seconds={"solve": clock() - begin})
 
 
@@ -116,7 +120,9 @@ def _conclude(
     request: Request,
     results: list[ChainResult],
     groups: int,
+    reason: str,
 ) -> Answer:
+    """Return the answer; `reason` says why no path of `problem` can be certified."""
     statistics: dict[str, float | int | str] = {
         "iterations": sum(r.iterations for r in results),
         "refinements": max(r.rounds for r in results),
@@ -154,6 +160,17 @@ def _conclude(
             return Answer(
                 Termination.NO_SOLUTION, Limit.ITERATIONS, statistics=statistics, message=message
             )
+    correction = max(r.correction for r in results)
+    if settled and reason:
+        statistics[SHAPE] = f"not certified: {reason}"
+    elif settled and np.isfinite(correction):
+        statistics["correction"] = correction
+    elif settled:
+        statistics[SHAPE] = "not certified"
+        return Answer(
+            Termination.FEASIBLE, request.control.reason, plan, objective, bound,
+            statistics=statistics, message="the objective is proven, but not the shape of the path",
+        )  # fmt: skip
     return Answer(
         Termination.OPTIMAL if settled else Termination.FEASIBLE,
         None if settled else Limit.ITERATIONS,

@@ -51,6 +51,8 @@ class Settings:
         Most Newton steps for one set of instants.
     rounds : int
         Most additions of instants.
+    certify : bool
+        Whether the path itself is refined and certified, see :mod:`~.contacts`.
     """
 
     gap: float = 1e-10
@@ -59,6 +61,7 @@ class Settings:
     samples: int = 8
     iterations: int = 100
     rounds: int = 40
+    certify: bool = False
 
 
 class Iterate(NamedTuple):

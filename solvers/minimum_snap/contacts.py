@@ -1,0 +1,392 @@
+"""Certified paths within bounds: Newton's method on the path and the instants of contact together.
+
+The interior point tells which bounds press, not where exactly, and the objective hides the shape of
+long segments beside short ones. At the optimum a path touches a bound at tops of its own, each with a
+force λ > 0. With ``n_s`` the row of an instant s, ``C'C y + Σ λ n_s = 0`` and ``n_s y = b``. A top moves
+with the path, ``ds = n'_s dy / |n''_s y|``, so the Newton system of y has one more term for each contact,
+``λ / |n''_s y| n'_s' n'_s`` (the reduced Hessian of semi-infinite programs: Hettich and Kortanek, SIAM
+Review 35, 1993). The last step proves the path, as it does without bounds: see :mod:`~.banded`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.minimum_snap.formulations.instants import Instants
+from ...models.minimum_snap.model import MinimumDerivative
+from ...models.minimum_snap.polynomials import derived, horner
+from .banded import added, knot_forces
+from .chain import Chain
+from .chain_kernels import bound_gradient, factorise, row_values, solve_factors
+from .hermite import has_one_optimum, jets_to_coefficients
+from .interior_kernels import STOPPED
+from .interior_state import State
+from .moment_kernels import differentiate
+from .separation import outside
+from .tables import table_of
+
+__all__ = ["CERTIFIED", "Certified", "certify_chain", "uncertifiable"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Last Newton step, as a share of the extent, up to which a path is certified.
+CERTIFIED = 1e-7
+#: Steps below this share are not repeated.
+DONE = 1e-11
+#: Newton steps for one set of contacts, sets of contacts for one iterate of the interior point.
+STEPS, ROUNDS = 15, 6
+#: Relative complementarities to which the interior point goes on if the contacts do not follow from
+#: its last iterate: forces on long segments are 1e-18 of those on segments 400 times shorter.
+DEPTHS = (1e-14, 1e-18, 1e-22)
+#: Violation from which on the deeper iterates get rows: Newton's method finds what is smaller.
+ROUGH = 1e-6
+#: Weight of a contact's row beside the curvature along it; what it leaves vanishes in the next step.
+WEIGHT = 1e6
+#: Instants closer than this, in a segment's time, belong to one contact: at first, and of tops.
+NEAR, SAME = 3e-2, 1e-2
+#: How far a top may move in one step, and what is rounding of an instant.
+FAR, SNAP = 0.1, 1e-9
+_ULP = float(np.finfo(float).eps)
+
+
+class Certified(NamedTuple):
+    """The path that Newton's method ends at.
+
+    Parameters
+    ----------
+    powers : ndarray, shape (segments, 2r, axes)
+        Coefficients in ascending powers of s.
+    objective, gap : float
+        J, and by how much it may be above its optimum.
+    correction : float
+        Largest change of a scaled derivative in the last step, as a share of the extent.
+    contacts : int
+        Number of contacts.
+    """
+
+    powers: Floats
+    objective: float
+    gap: float
+    correction: float
+    contacts: int
+
+
+class _Contacts(NamedTuple):
+    """Instants of contact: side 1 at upper and -1 at lower bounds, and the force λ on the path.
+
+    Where ``flat``, the path lies on the bound throughout the segment, and the instants stay.
+    """
+
+    at: Instants
+    side: Floats
+    force: Floats
+    flat: Bools
+
+    def taken(self, index: Ints) -> _Contacts:
+        return _Contacts(
+            self.at.taken(index), self.side[index], self.force[index], self.flat[index]
+        )
+
+    def joined(self, other: _Contacts) -> _Contacts:
+        parts = (np.concatenate([a, b]) for a, b in zip(self[1:], other[1:], strict=True))
+        return _Contacts(self.at.joined(other.at), *parts)
+
+    def owners(self) -> Ints:
+        """Return a number for each contact: the same for one bound, segment, axis and side."""
+        at = self.at
+        keys = np.column_stack([at.segment, at.bound, at.axis, self.side])
+        number: Ints = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+        return number
+
+    def merged(self, reach: float) -> _Contacts:
+        """Return contacts of one owner closer than `reach` as one, by segment; flat ones stay."""
+        if not self.side.size:
+            return self
+        owners = self.owners()
+        order = np.lexsort((self.at.s, owners))
+        ours, owners = self.taken(order), owners[order]
+        apart = (np.diff(owners) != 0) | (np.diff(ours.at.s) >= reach) | ours.flat[1:]
+        group = np.concatenate([[0], np.cumsum(apart)])
+        weight = np.abs(ours.force) + 1e-300
+        s = np.bincount(group, weight * ours.at.s) / np.bincount(group, weight)
+        first = np.flatnonzero(np.concatenate([[True], apart]))
+        one = ours.taken(first)
+        return one._replace(
+            at=one.at._replace(s=s), force=np.bincount(group, ours.force).astype(float)
+        )
+
+
+def uncertifiable(model: MinimumDerivative) -> str:
+    """Return the reason why no path of `model` can be certified, empty if it can."""
+    r, least = model.order, 2 * model.order - 1
+    if model.degree > least:
+        return f"the degree {model.degree} is above 2 order - 1 = {least}"
+    fixed = np.zeros((model.times.size, r, model.dimensions), bool)
+    rows = min(r, model.conditions.shape[1])
+    fixed[:, :rows] = np.isfinite(model.conditions[:, :rows])
+    for axis in range(model.dimensions):
+        if not has_one_optimum(model.durations, fixed[:, :, axis], model.order_weights, r - 1):
+            return (
+                f"what is fixed on axis {axis} leaves motions that cost nothing, so the optimum may "
+                "not be unique"
+            )
+    return ""
+
+
+def certify_chain(state: State, threshold: float) -> Certified | None:
+    """Return the certified path of a chain that the interior point has solved, None without proof.
+
+    Parameters
+    ----------
+    state : State
+        The last iterate, from which the interior point goes on if that is needed.
+    threshold : float
+        Largest violation between the instants, as the verification measures it.
+    """
+    for depth in (None, *DEPTHS):
+        if depth is not None and not _deeper(state, depth):
+            return None
+        found = _refined(state, threshold)
+        if found is not None:
+            return found
+    return None
+
+
+def _deeper(state: State, depth: float) -> bool:
+    """Let the barrier fall to `depth`, with rows where the iterate sticks out; False if stopped."""
+    if state.descend(depth)[0] == STOPPED:
+        return False
+    fresh, _ = state.find_violations(ROUGH)
+    if fresh is None:
+        return True
+    state.restore(state.add(fresh, [state.copy()])[0])
+    return state.descend(depth)[0] != STOPPED
+
+
+@np.errstate(all="ignore")  # what overflows is no number, and so proves nothing
+def _refined(state: State, threshold: float) -> Certified | None:
+    """Solve for the contacts that the iterate shows; drop those that pull, add where it sticks out."""
+    path = _Path(state.chain, state.knots)
+    contacts = _flattened(_pressing(state, path.stiffness).merged(NEAR), state.chain)
+    for _ in range(ROUNDS):
+        contacts = path.settle(contacts, state.flag)
+        if state.flag[0] != 0 or not path.correction <= 1.0 / _ULP:
+            return None
+        pulls = contacts.force < 0.0
+        if pulls.any():
+            contacts = contacts.taken(np.flatnonzero(~pulls))
+            continue
+        fresh = path.violations(threshold)
+        if fresh.side.size:
+            contacts = contacts.joined(fresh)
+            continue
+        if not path.correction <= CERTIFIED:
+            return None
+        objective = float(path.objective.sum())
+        gap = path.gap + 32.0 * _ULP * objective
+        return Certified(path.powers(), objective, gap, path.correction, contacts.side.size)
+    return None
+
+
+def _pressing(state: State, stiffness: Floats) -> _Contacts:
+    """Return the rows whose multiplier would press them further than their slack."""
+    give = _compliance(state.rows, state.held.segment, state.fixed, stiffness * state.scale**2)
+    parts = []
+    for side, z, slack, bound in (
+        (-1.0, state.z_below, state.below, state.lower),
+        (1.0, state.z_above, state.above, state.upper),
+    ):
+        at = np.flatnonzero(np.isfinite(bound) & (z * give > slack))
+        force = z[at] / state.scale**2
+        flat = np.zeros(at.size, bool)
+        parts.append(_Contacts(state.held.taken(at), np.full(at.size, side), force, flat))
+    return parts[0].joined(parts[1])
+
+
+def _compliance(rows: Floats, segment: Ints, fixed: Bools, stiffness: Floats) -> Floats:
+    """Return how far each row gives way to a unit force, by the curvatures at its knots alone."""
+    free = np.where(np.concatenate([fixed[segment], fixed[segment + 1]], axis=1), 0.0, rows)
+    squares = free[:, : 2 * fixed.shape[1]] ** 2
+    local = np.concatenate([stiffness[segment], stiffness[segment + 1]], axis=1)
+    against = (squares * local).sum(axis=1)
+    give: Floats = squares.sum(axis=1) ** 2 / np.where(against > 0.0, against, np.inf)
+    return give
+
+
+def _flattened(contacts: _Contacts, chain: Chain) -> _Contacts:
+    """Mark the contacts of polynomials that touch a bound more often than their degree allows."""
+    if not contacts.side.size:
+        return contacts
+    orders = np.array([bound.derivative for bound in chain.model.bounds] + [0])
+    roots = np.where((contacts.at.s > NEAR) & (contacts.at.s < 1.0 - NEAR), 2.0, 1.0)
+    owners = contacts.owners()
+    flat = np.bincount(owners, roots)[owners] > chain.model.degree - orders[contacts.at.bound]
+    return contacts._replace(flat=flat)
+
+
+@dataclass(frozen=True)
+class _Posed:
+    """Rows of contacts, by segment: values first held by weights, and slopes that let tops move."""
+
+    contacts: _Contacts
+    value: Ints
+    rows: Floats
+    target: Floats
+    weight: Floats
+    start: Ints
+    factors: Floats
+    last: Floats
+
+
+class _Path:
+    """The jets of a chain in twice the digits, and Newton's steps on them."""
+
+    def __init__(self, chain: Chain, knots: Floats) -> None:
+        self.chain, self.axes = chain, len(chain.axes)
+        model = chain.model
+        self.order, self.count = model.order, model.segments
+        self.durations = np.array(model.durations)
+        self.table = table_of(model.order_weights)
+        self.fixed, given = chain.start()
+        self.cost = chain.cost()
+        self.unit = np.tile(chain.knot_times[:, None] ** np.arange(self.order), self.axes)
+        self.jets = self._jets(np.where(self.fixed, given, knots))
+        self.lows = np.zeros_like(self.jets)
+        squares, n = np.einsum("kcp,kcp->kp", self.cost, self.cost), chain.jets
+        self.stiffness = np.zeros((self.count + 1, n))
+        self.stiffness[:-1] += squares[:, :n]
+        self.stiffness[1:] += squares[:, n : 2 * n]
+        self.correction, self.gap = np.inf, np.inf
+        self.pull = self._pull()
+
+    def _jets(self, knots: Floats) -> Floats:
+        """Return jets, shape (axes, segments, 2, r), of the chain's coordinates of knots."""
+        own = (knots / self.unit).reshape(self.count + 1, self.axes, self.order).swapaxes(0, 1)
+        return np.ascontiguousarray(np.stack([own[:, :-1], own[:, 1:]], axis=2))
+
+    def _knots(self) -> Floats:
+        jets = self.jets + self.lows
+        own = np.concatenate([jets[:, :, 0], jets[:, -1:, 1]], axis=1)
+        knots: Floats = own.swapaxes(0, 1).reshape(self.count + 1, -1) * self.unit
+        return knots
+
+    def _pull(self) -> Floats:
+        """Return half the gradient of J by the knots, its sign changed."""
+        forces, rests = np.empty_like(self.jets), np.empty_like(self.jets)
+        self.moments = np.empty((self.axes, self.count, len(self.table.rows)))
+        self.objective = np.empty(self.axes)
+        differentiate(
+            self.durations, self.table.rows, self.table.factors, self.table.orders, self.jets,
+            self.lows, forces, rests, self.moments, self.objective,
+        )  # fmt: skip
+        knots = knot_forces(forces, rests, self.order).swapaxes(0, 1).reshape(self.count + 1, -1)
+        pull: Floats = np.where(self.fixed, 0.0, -knots / self.unit)
+        return pull
+
+    def powers(self) -> Floats:
+        """Return the coefficients in ascending powers of s, shape (segments, 2r, axes)."""
+        powers = jets_to_coefficients(self.durations, self.jets, self.moments[..., -self.order :])
+        powers[:, 0] += self.chain.origin
+        return powers
+
+    def settle(self, contacts: _Contacts, flag: NDArray[np.int8]) -> _Contacts:
+        """Take Newton steps until they are rounding; return the contacts at their tops."""
+        before = np.inf
+        for step in range(STEPS):
+            posed = self._posed(*self._located(contacts))
+            contacts = self._stepped(posed)
+            stuck = step > 5 and not self.correction < 0.5 * before
+            if not self.correction > DONE or stuck or flag[0] != 0:
+                break
+            before = min(before, self.correction)
+        return contacts
+
+    def _located(self, contacts: _Contacts) -> tuple[_Contacts, Floats]:
+        """Return the contacts at the tops next to them, and how sharp these are (0: they stay)."""
+        contacts = contacts.merged(SAME)
+        polynomials, _, owners = self.chain.polynomials(self.powers())
+        wide = int(owners.axis.max(initial=0)) + 1
+        number = [
+            (at.bound * self.count + at.segment) * wide + at.axis for at in (owners, contacts.at)
+        ]
+        place = np.argsort(number[0], kind="stable")
+        own = place[np.searchsorted(number[0][place], number[1])]
+        height = polynomials[own][:, :, None] * contacts.side[:, None, None]
+        slope, bend = derived(height, 1), derived(height, 2)
+        first = s = contacts.at.s
+        low, high = np.maximum(first - FAR, 0.0), np.minimum(first + FAR, 1.0)
+        for _ in range(6):
+            curve = horner(bend, s[:, None])[:, 0]
+            move = -horner(slope, s[:, None])[:, 0] / np.where(curve < 0.0, curve, -np.inf)
+            s = np.clip(s + np.clip(move, -0.5 * FAR, 0.5 * FAR), low, high)
+        s = np.where(
+            contacts.flat, first, np.where(s < SNAP, 0.0, np.where(s > 1.0 - SNAP, 1.0, s))
+        )
+        sharp = -horner(bend, s[:, None])[:, 0]
+        moves = ~contacts.flat & (s > 0.0) & (s < 1.0) & (sharp > 0.0) & (contacts.force > 0.0)
+        return contacts._replace(at=contacts.at._replace(s=s)), np.where(moves, sharp, 0.0)
+
+    def _posed(self, contacts: _Contacts, sharp: Floats) -> _Posed:
+        rows, lower, upper, share = self.chain.rows(contacts.at)
+        moves = np.flatnonzero(sharp)
+        slopes, _, _, size = self.chain.rows(contacts.at.taken(moves), slope=True)
+        target = np.where(contacts.side > 0.0, upper, -lower)
+        # Forces belong to normalised rows.
+        spring = contacts.force[moves] * share[moves] / (sharp[moves] * size**2)
+        segment = np.concatenate([contacts.at.segment, contacts.at.segment[moves]])
+        order = np.argsort(segment, kind="stable")
+        segment, n = segment[order], self.chain.jets
+        rows = np.concatenate([rows, slopes])
+        rows *= np.concatenate([contacts.side, contacts.side[moves]])[:, None]
+        rows = np.ascontiguousarray(rows[order])
+        held = np.concatenate([np.zeros(contacts.side.size), spring])[order]
+        stiffness = self.stiffness.copy()
+        np.add.at(stiffness, segment, held[:, None] * rows[:, :n] ** 2)
+        np.add.at(stiffness, segment + 1, held[:, None] * rows[:, n : 2 * n] ** 2)
+        give = _compliance(rows, segment, self.fixed, stiffness)
+        place = np.argsort(order)
+        value = place[: contacts.side.size]
+        weight = np.sqrt(held)
+        weight[value] = np.sqrt(WEIGHT / np.where(give > 0.0, give, np.inf))[value]
+        start = np.searchsorted(segment, np.arange(self.count + 1)).astype(np.int64)
+        factors, last = np.zeros((self.count, n, 2 * n)), np.zeros((n, n))
+        factorise(self.cost, rows, start, weight, self.fixed, factors, last)
+        targets = np.concatenate([target, np.zeros(moves.size)])[order]
+        return _Posed(contacts, value, rows, targets, weight, start, factors, last)
+
+    def _stepped(self, posed: _Posed) -> _Contacts:
+        """Take one step; return the contacts with the forces after it."""
+        inner = np.zeros((self.count, 0))
+        square = posed.weight**2
+        off = row_values(posed.rows, posed.start, self._knots(), inner) - posed.target
+        force = np.zeros(square.size)
+        force[posed.value] = posed.contacts.force
+        right = self.pull.copy()
+        bound_gradient(posed.rows, posed.start, -(force + square * off), right, inner)
+        right[self.fixed] = 0.0
+        knots = right.copy()
+        solve_factors(posed.factors, posed.last, self.fixed, knots, inner)
+        after = force + square * (off + row_values(posed.rows, posed.start, knots, inner))
+        self.gap = abs(float((right * knots).sum()))
+        self.gap += 2.0 * float(np.abs(after * off)[posed.value].sum())
+        step = self._jets(knots)
+        self.jets, self.lows = added(self.jets, self.lows, step)
+        moved = np.abs(step * self.durations[:, None, None] ** np.arange(self.order))
+        self.correction = float(moved.max() / self.chain.model.position_scale.max())
+        self.pull = self._pull()
+        return posed.contacts._replace(force=after[posed.value])
+
+    def violations(self, threshold: float) -> _Contacts:
+        """Return the tops beyond their bounds by more than `threshold`, without force yet."""
+        polynomials, limits, owners = self.chain.polynomials(self.powers())
+        row, s, _ = outside(polynomials, *limits, threshold)
+        value = horner(polynomials[row][:, :, None], s[:, None])[:, 0]
+        side = np.where(value > limits[1][row], 1.0, -1.0)
+        fresh = owners.taken(row)._replace(s=s)
+        return _Contacts(fresh, side, np.zeros(s.size), np.zeros(s.size, bool))
