@@ -2,7 +2,7 @@
 
 import pytest
 
-#: Units of length in which the data of a problem are repeated.
+#: Units of length of the data.
 SCALES = (1e-3, 1.0, 1e3)
 
 

@@ -40,6 +40,8 @@ MODULES: dict[str, tuple[str, ...]] = {
 }
 #: Mutations that change no verdict, as ``file:old source -> new source``: the reason for each.
 EQUIVALENT: dict[str, str] = {
+    "models/satellite_slew/flight.py:np.abs((states[:, :4] ** 2).sum(axis=1) - 1.0) -> "
+    "((states[:, :4] ** 2).sum(axis=1) - 1.0)": "the magnitude is taken again",
     "models/messenger/checks.py:np.asarray(angle, float) + np.pi -> (np.asarray(angle, float) - np.pi)": (
         "both differ by a full turn, which the remainder takes off"
     ),

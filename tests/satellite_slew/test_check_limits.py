@@ -194,7 +194,9 @@ def limits(unit):
     yield changed([0.0, -1.0, 0.0], "body rates integrated anew", TOLERANCE * rates, slice(4, 7))
     # These gimbal angles hold little momentum.
     yield changed([-1.0, 0.9, -0.9, 0.9], "gimbal angles integrated anew", TOLERANCE, slice(7, 11))
-    yield changed(0.5 * one.states[:, :4], "norm of the quaternion", TOLERANCE, slice(0, 4))
+    for sign in (0.5, -0.5):
+        longer = sign * one.states[:, :4]
+        yield changed(longer, "norm of the quaternion", TOLERANCE, slice(0, 4))
     steps = direction(exact[:, 7:] + 1e-6 * bump) - direction(exact[:, 7:])
     drift = Rotation.from_quat(exact[:, [1, 2, 3, 0]]).apply(one.momentum * steps) / 1e-6
     yield changed(
@@ -261,6 +263,20 @@ def test_every_check_has_its_limit(unit):
     assert found[0].objective == pytest.approx(np.trapezoid(price, GRID * one.end), rel=1e-6)
     free = one.model(final_gimbals=None).verify(one.plan())
     assert names_of(found[0]) - names_of(free) == {"final gimbal angles"}
+
+
+def test_gyros_that_hold_momentum_at_rest_conserve_it():
+    one = slew(UNITS[1])
+    gimbals = [0.3, -0.1, 0.2, 0.1]
+    rest = np.concatenate([BEGIN, np.zeros(3), gimbals])
+    ends = {"initial_gimbals": gimbals, "final_gimbals": gimbals, "final_attitude": BEGIN}
+    still = one.plan(rest - one.states)
+    phase = still.phases[0]
+    controls = Piecewise(phase.states.knots, (NODES,), (np.zeros((NODES.size, 4)),))
+    plan = ControlPlan((PhasePlan("slew", phase.states, controls, STATES, CONTROLS),))
+    assert np.abs(one.model(**ends).total_momentum).min() > 1e-3 * one.momentum
+    found = one.model(**ends).verify(plan)
+    assert found.ok, found
 
 
 def flight(one):
