@@ -52,11 +52,11 @@ EQUIVALENT: dict[str, str] = {
         "a trajectory refuses durations that are not > 0, so that the violation is always 0"
     ),
     "models/grid_path/checks.py:len(path) - 1 -> (len(path) + 1)":
-        "a further group of segments is empty",
+        "the additional groups hold no segment",
     "models/grid_path/checks.py:cells + extent - a -> (cells + extent + a)":
-        "a longer part of the segment, and what is outside of the box has a negative depth",
+        "a longer part of the segment is measured, and its depth is negative outside of the box",
     "models/grid_path/checks.py:np.maximum(first, last).min(axis=1) -> np.maximum(first, last).max(axis=1)":
-        "as before",
+        "a longer part of the segment is measured, and its depth is negative outside of the box",
 }  # fmt: skip
 #: Mutations for each problem unless the command line names another number.
 SHARE = 9

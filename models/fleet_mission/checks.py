@@ -141,7 +141,7 @@ def _places(
 ) -> Iterator[Check]:
     """Yield the checks of nodes passed in their order, and of both ends."""
     noise = _digits(model)
-    # The time for a cell at the speed that other checks are held against.
+    # The time for a cell at the lower limit of velocity.
     pause = _scale(model, 0) / _scale(model, 1)
     passed = Worst("nodes passed at their times", "m", tolerance, "24")
     late = Worst("visits in order", "s", tolerance)
@@ -298,7 +298,7 @@ def _separation(model: MissionData, flown: list[tuple[int, Trajectory]], toleran
     required_ = model.separation > 0
     name = "distance between robots" if required_ else "separation not required"
     found = Worst(name, "m", tolerance)
-    # What the search leaves open is excused beside the tolerance, so it must be far less.
+    # The search may overestimate the distance by its slack, which adds to the tolerance.
     slack = SEARCHED * (tolerance * model.cell + _digits(model))
     near = nearest([one for _, one in flown], slack)
     where = "never two under way at one time"
