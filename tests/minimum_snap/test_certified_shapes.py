@@ -177,6 +177,9 @@ def test_what_cannot_be_certified_keeps_its_answer_and_has_a_note():
             found = ct.solve(model, backend)
             assert found.termination == "optimal", (reason, found)
             assert reason in found.statistics[SHAPE]
+    found = ct.solve(replace(even, continuity=2), "piqp")
+    assert found.termination == "optimal"
+    assert "interior-point does not cover continuity 2" in found.statistics[SHAPE]
 
 
 def test_a_path_within_bounds_without_certificate_is_only_feasible(monkeypatch):
