@@ -16,12 +16,14 @@ from .enums import Limit, Termination
 from .registry import find_backend
 from .running import Run
 
-__all__ = ["DISTANCE", "SHAPE", "certified"]
+__all__ = ["DISTANCE", "SHAPE", "UNCERTIFIED", "certified"]
 
 #: Key of the statistics: distance between the plan and the certified optimum.
 DISTANCE = "distance to the certified plan"
 #: Key of the statistics: why the shape of the plan is not certified.
 SHAPE = "shape"
+#: Its value if the certificate failed; a reason follows if the certifier does not cover the model.
+UNCERTIFIED = "not certified"
 #: Part of the remaining time that the certifier may take.
 SHARE = 0.5
 
@@ -43,7 +45,10 @@ def certified(run: Run, request: Request, answer: Answer) -> Answer:
     if not optimal or not model.certifier or backend.name == model.certifier:
         return answer
     certifier = find_backend(model.certifier, model)
-    if certifier.refuses(model) or request.control.stopped:
+    refusal = certifier.refuses(model)
+    if refusal:
+        return _noted(answer, f"{UNCERTIFIED}: {certifier.name} does not cover {refusal}")
+    if request.control.stopped:
         return answer
     try:
         plan = run.decode(answer.point)
@@ -61,8 +66,7 @@ def certified(run: Run, request: Request, answer: Answer) -> Answer:
         return answer
     optimal = reference.termination is Termination.OPTIMAL
     if optimal and SHAPE in reference.statistics:  # it proves the objective only
-        shape = {SHAPE: reference.statistics[SHAPE]}
-        return replace(answer, statistics={**answer.statistics, **shape})
+        return _noted(answer, str(reference.statistics[SHAPE]))
     if not optimal or reference.point is None:
         reason = reference.message or f"it ended with {reference.termination}"
         doubt = f"{certifier.name} cannot certify the plan: {reason}"
@@ -77,6 +81,10 @@ def certified(run: Run, request: Request, answer: Answer) -> Answer:
         f"(accepted: {model.certified_distance:g}); take {certifier.name}"
     )
     return replace(answer, termination=Termination.FEASIBLE, message=_joined(answer, doubt))
+
+
+def _noted(answer: Answer, shape: str) -> Answer:
+    return replace(answer, statistics={**answer.statistics, SHAPE: shape})
 
 
 def _joined(answer: Answer, doubt: str) -> str:

@@ -267,7 +267,7 @@ def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Cl
         "solve": laps.pop("solve", spent.get("run", 0.0)),
         "decode": spent.get("decode", 0.0),
         "verify": 0.0,
-        **({"refine": spent["refine"]} if "refine" in spent else {}),
+        **{part: spent[part] for part in ("refine", "certify") if part in spent},
         **laps,
     }
     return Claim(

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import BackendMissing, UnsupportedFormulation, UnsupportedOption
 from .backend import Backend, Guarantee
-from .certification import SHAPE
+from .certification import SHAPE, UNCERTIFIED
 from .enums import Limit, Termination
 from .job import Job
 from .registry import exact
@@ -51,7 +51,7 @@ def go_on(job: Job, first: Solution[Any], run: Callable[[Job], Solution[Any]]) -
     late = first.limit is Limit.TIME and first.plan is None and _leaves_time(job, spent)
     failed = first.limit in (None, Limit.ITERATIONS) and not job.backend.conclusive
     # Another backend's plan would be compared with the one that is not certified.
-    failed = failed and SHAPE not in first.statistics
+    failed = failed and first.statistics.get(SHAPE) != UNCERTIFIED
     if (
         first.termination in _PROVEN
         or not (late or failed)

@@ -138,7 +138,7 @@ class Chain:
     def rows(self, held: Instants, *, slope: bool = False) -> tuple[Floats, Floats, Floats, Floats]:
         """Return the rows of the bounds at `held`, with bounds and scale: all normalised.
 
-        The largest entry of a row is 1; what it was multiplied by comes last. With `slope` the rows
+        The largest entry of a row is 1; the factor comes last. With `slope` the rows
         are the slopes in s of what is bounded.
         """
         model = self.model

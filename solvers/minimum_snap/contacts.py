@@ -1,7 +1,7 @@
 """Certified paths within bounds: Newton's method on the path and the instants of contact together.
 
-The interior point tells which bounds press, not where exactly, and the objective hides the shape of
-long segments beside short ones. At the optimum a path touches a bound at tops of its own, each with a
+The interior point finds the bounds that press, but not their exact instants, and the objective hides
+the shape of long segments beside short ones. At the optimum a path touches a bound at tops of its own, each with a
 force λ > 0. With ``n_s`` the row of an instant s, ``C'C y + Σ λ n_s = 0`` and ``n_s y = b``. A top moves
 with the path, ``ds = n'_s dy / |n''_s y|``, so the Newton system of y has one more term for each contact,
 ``λ / |n''_s y| n'_s' n'_s`` (the reduced Hessian of semi-infinite programs: Hettich and Kortanek, SIAM
@@ -41,12 +41,11 @@ CERTIFIED = 1e-7
 DONE = 1e-11
 #: Newton steps for one set of contacts, sets of contacts for one iterate of the interior point.
 STEPS, ROUNDS = 15, 6
-#: Relative complementarities to which the interior point goes on if the contacts do not follow from
-#: its last iterate: forces on long segments are 1e-18 of those on segments 400 times shorter.
+#: Relative complementarities at which the interior point continues if its last iterate is too coarse: forces on long segments are 1e-18 of those on segments 400 times shorter.
 DEPTHS = (1e-14, 1e-18, 1e-22)
-#: Violation from which on the deeper iterates get rows: Newton's method finds what is smaller.
+#: Smallest violation that adds rows to these iterates; Newton's method removes smaller ones.
 ROUGH = 1e-6
-#: Weight of a contact's row beside the curvature along it; what it leaves vanishes in the next step.
+#: Weight of a contact's row beside the curvature along it; the next step removes the residual.
 WEIGHT = 1e6
 #: Instants closer than this, in a segment's time, belong to one contact: at first, and of tops.
 NEAR, SAME = 3e-2, 1e-2
@@ -80,7 +79,7 @@ class Certified(NamedTuple):
 class _Contacts(NamedTuple):
     """Instants of contact: side 1 at upper and -1 at lower bounds, and the force λ on the path.
 
-    Where ``flat``, the path lies on the bound throughout the segment, and the instants stay.
+    If ``flat``, the path follows the bound throughout the segment, and the instants stay.
     """
 
     at: Instants
@@ -145,7 +144,7 @@ def certify_chain(state: State, threshold: float) -> Certified | None:
     Parameters
     ----------
     state : State
-        The last iterate, from which the interior point goes on if that is needed.
+        The last iterate. The interior point continues there if it is too coarse.
     threshold : float
         Largest violation between the instants, as the verification measures it.
     """
@@ -169,9 +168,9 @@ def _deeper(state: State, depth: float) -> bool:
     return state.descend(depth)[0] != STOPPED
 
 
-@np.errstate(all="ignore")  # what overflows is no number, and so proves nothing
+@np.errstate(all="ignore")  # overflow gives NaN, which is never certified
 def _refined(state: State, threshold: float) -> Certified | None:
-    """Solve for the contacts that the iterate shows; drop those that pull, add where it sticks out."""
+    """Solve for the contacts of the iterate; drop those that pull, add the tops beyond a bound."""
     path = _Path(state.chain, state.knots)
     contacts = _flattened(_pressing(state, path.stiffness).merged(NEAR), state.chain)
     for _ in range(ROUNDS):

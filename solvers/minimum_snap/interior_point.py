@@ -15,7 +15,7 @@ from ...jit import clock
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
-from ..certification import SHAPE
+from ..certification import SHAPE, UNCERTIFIED
 from ..scaling import common
 
 if TYPE_CHECKING:
@@ -30,7 +30,8 @@ class InteriorPoint(Backend):
     Every axis is a problem of its own unless half-spaces tie them. Corridor and limits hold at
     instants that are added where the trajectory leaves them in between, so that the bound is one
     for the model itself. Its proof are its own residuals: see
-    :class:`~crosstrack.solvers.minimum_snap.interior_solver.ChainResult`.
+    :class:`~crosstrack.solvers.minimum_snap.interior_solver.ChainResult`. The path is certified apart:
+    see :mod:`~crosstrack.solvers.minimum_snap.contacts`.
     """
 
     name = "interior-point"
@@ -122,7 +123,7 @@ def _conclude(
     groups: int,
     reason: str,
 ) -> Answer:
-    """Return the answer; `reason` says why no path of `problem` can be certified."""
+    """Return the answer; `reason` is that of :func:`~.contacts.uncertifiable`."""
     statistics: dict[str, float | int | str] = {
         "iterations": sum(r.iterations for r in results),
         "refinements": max(r.rounds for r in results),
@@ -162,11 +163,11 @@ def _conclude(
             )
     correction = max(r.correction for r in results)
     if settled and reason:
-        statistics[SHAPE] = f"not certified: {reason}"
+        statistics[SHAPE] = f"{UNCERTIFIED}: {reason}"
     elif settled and np.isfinite(correction):
         statistics["correction"] = correction
     elif settled:
-        statistics[SHAPE] = "not certified"
+        statistics[SHAPE] = UNCERTIFIED
         return Answer(
             Termination.FEASIBLE, request.control.reason, plan, objective, bound,
             statistics=statistics, message="the objective is proven, but not the shape of the path",
