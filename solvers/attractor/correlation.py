@@ -331,10 +331,14 @@ class CorrelationDimension(AttractorBackend):
     options: ClassVar[Mapping[str, Option]] = {
         **EMBEDDING,
         "low": Option(
-            None, "radius at which the region begins, in the unit of the series", lower=1e-300
+            None,
+            "radius at which the region begins, in the unit of the series; by default from the curve",
+            lower=1e-300,
         ),
         "high": Option(
-            None, "radius at which the region ends, in the unit of the series", lower=1e-300
+            None,
+            "radius at which the region ends, in the unit of the series; by default from the curve",
+            lower=1e-300,
         ),
         "references": Option(
             MOST, "largest number of reference states; up to 1500 states all are", int, lower=FEW

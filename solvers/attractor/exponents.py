@@ -353,8 +353,12 @@ class Rosenstein(AttractorBackend):
     method = Method.ROSENSTEIN
     options: ClassVar[Mapping[str, Option]] = {
         **EMBEDDING,
-        "low": Option(None, "steps ahead at which the region begins", int, lower=0),
-        "high": Option(None, "steps ahead at which the region ends", int, lower=1),
+        "low": Option(
+            None, "steps ahead at which the region begins; by default from the curve", int, lower=0
+        ),
+        "high": Option(
+            None, "steps ahead at which the region ends; by default from the curve", int, lower=1
+        ),
         "references": Option(
             MOST, "largest number of reference states; up to 1500 states all are", int, lower=FEW
         ),
@@ -411,7 +415,7 @@ class Kantz(Rosenstein):
         **Rosenstein.options,
         "radius": Option(
             None,
-            "radius within which states are neighbours, in the unit of the series",
+            "radius within which states are neighbours, in the unit of the series; by default from the states",
             lower=1e-300,
         ),
     }
