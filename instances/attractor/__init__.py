@@ -1,4 +1,4 @@
-"""Instances of attractors: known systems, noise, multirobot hunts, and series that are read from files."""
+"""Instances of attractors: known systems, noise, multirobot hunts, and series from files."""
 
 from __future__ import annotations
 

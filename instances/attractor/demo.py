@@ -1,4 +1,4 @@
-"""The demonstration of attractors: a robot's way in a hunt, as the paper records it."""
+"""The demonstration of attractors: the path of a robot in a hunt, as in the paper."""
 
 from __future__ import annotations
 

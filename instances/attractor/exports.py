@@ -19,24 +19,24 @@ __all__ = ["CSV", "write_states_csv"]
 def write_states_csv(
     plan: AttractorEstimate, path: str | os.PathLike[str], *, model: AttractorAnalysis
 ) -> Path:
-    """Write one row a state of the plan's embedding as CSV, in one step; return the path.
+    """Write the states of the plan's embedding as CSV, one row per state, and return the path.
 
-    The columns are ``time [s]``, counted from the first sample, and ``x0``, ``x1`` and so on with the unit of the
-    series and all digits: what was measured then, one delay later and so on.
+    The columns are ``time [s]``, counted from the first sample, and ``x0``, ``x1`` and so on with the unit
+    of the series: the sample at that time, one delay later and so on. Numbers have all digits.
 
     Parameters
     ----------
     plan : AttractorEstimate
         The embedding.
     path : path-like
-        The file.
+        Name of the file, which is replaced atomically.
     model : AttractorAnalysis
-        What it is for.
+        The model of the plan.
 
     Raises
     ------
     InvalidData
-        A series too short for the embedding, or a file that cannot be written.
+        The series is too short for the embedding, or the file cannot be written.
     """
     required("plan", plan, AttractorEstimate)
     states = required("model", model, AttractorAnalysis).states(plan.delay, plan.dimension)
@@ -48,4 +48,4 @@ def write_states_csv(
     return write_text(path, "\n".join([",".join(head), *lines]) + "\n")
 
 
-CSV = ExportFormat("one row a state of the embedding (CSV)", ".csv", write_states_csv)
+CSV = ExportFormat("one row per state of the embedding (CSV)", ".csv", write_states_csv)

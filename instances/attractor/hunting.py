@@ -1,8 +1,8 @@
-"""A multirobot hunt by a seed: predators that close in on an evader among round obstacles, as equations.
+"""Equations of a multirobot hunt: predators pursue an evader among round obstacles, from a random start.
 
-The paper records the orbit of a robot in such a hunt. It prints neither the record nor equations of motion, so these
-equations are ours. They are smooth and do not depend on time, so the motion has a largest exponent that
-:func:`~crosstrack.instances.attractor.motions.largest_exponent` computes as a reference for estimates.
+The paper records the orbit of a robot in such a hunt. It prints neither the record nor equations of motion,
+so these equations are ours. They are smooth and do not depend on time, so the motion has a largest exponent.
+:func:`~crosstrack.instances.attractor.motions.largest_exponent` computes it as a reference for estimates.
 """
 
 from __future__ import annotations
@@ -24,53 +24,53 @@ __all__ = ["Hunt", "hunt_exponent", "hunt_states", "simulate_hunt"]
 
 Floats = NDArray[np.float64]
 
-#: Predators and obstacles at the most, and shortest step of the integration, s.
+#: Largest numbers of predators and obstacles, and shortest step of the integration, s.
 _PREDATORS, _OBSTACLES, _SHORTEST = 20, 50, 1e-4
-#: Share of the time in which the fastest bodies turn before each other that a step takes.
+#: Step as a share of the time that the fastest bodies need to turn before each other.
 _SHARE = 0.25
-#: Draws of a place before there is no room.
+#: Number of random places that are tried for a body.
 _TRIES = 1000
-#: Seconds of thrust until the motion is where it stays.
+#: Initial time that is discarded until the motion is on its attractor, times thrust.
 _TRANSIENT = 450.0
 
 
 @dataclass(frozen=True, eq=False)
 class Hunt(Declared):
-    """Predators, an evader and obstacles on a rectangle, and what moves them.
+    """Predators, an evader and obstacles on a rectangle, and the forces between them.
 
-    Each body is a disc of mass 1. Thrust speeds it up while it is slower than its usual speed and is drag beyond,
-    ``thrust (1 - v²/speed²) v``. Walls, obstacles and other bodies at a gap g push it off by ``barrier / g²``,
-    which nothing overcomes. The evader at a distance r draws a predator by ``gain r / √(r² + reach²)``, and
-    each predator drives the evader off by ``flight r / (r² + reach²)``.
+    Each body is a disc of mass 1. Thrust accelerates a body below its usual speed and slows it above,
+    ``thrust (1 - v²/speed²) v``. Walls, obstacles and other bodies at a gap g repel it by ``barrier / g²``,
+    so that bodies never touch. The evader at a distance r attracts a predator by
+    ``gain r / √(r² + reach²)``, and each predator repels the evader by ``flight r / (r² + reach²)``.
 
     Parameters
     ----------
     arena : ndarray, shape (2,)
         Width and height, m; the lower left corner is at (0, 0).
     obstacles : ndarray, shape (k, 3)
-        Middles and radii, m.
+        Centres and radii, m.
     gains : ndarray, shape (p,)
-        How strongly each predator is drawn, m/s²; as many as there are predators.
+        Attraction of each predator, m/s²; the length is the number of predators.
     flight : float
-        How strongly the evader is driven off, m²/s².
+        Repulsion of the evader, m²/s².
     reach : float
-        Distance below which both weaken, m.
+        Distance below which both forces become weaker, m.
     thrust : float
-        Rate at which bodies come to their speed, 1/s.
+        Rate at which bodies approach their usual speed, 1/s.
     speeds : ndarray, shape (2,)
         Usual speed of predators and of the evader, m/s.
     radius : float
-        Of every body, m.
+        Radius of every body, m.
     barrier : float
-        Strength of what keeps bodies apart, m³/s².
+        Strength of the repulsion between bodies, m³/s².
     seed : int
-        Draws where the bodies start, and how fast.
+        Random seed of the initial places and speeds.
 
     Raises
     ------
     InvalidData
-        Naming field and value: what is no such number, obstacles beyond the arena, speeds too fast for
-        the barrier, or an arena with no room to start.
+        A value is outside its range, an obstacle is outside the arena, the speeds are too high for the
+        barrier, or the arena has no room to start. The message gives field and value.
     """
 
     arena: Floats = declared(Array((2,), lower=0, upper=1e4), default=(10.0, 10.0))
@@ -88,7 +88,7 @@ class Hunt(Declared):
     seed: int = declared(Whole(0), default=0)
 
     def check(self) -> None:
-        """Refuse hunts without predators or room, and such as no step is short enough for."""
+        """Reject hunts without predators or room, and hunts that need too short a step."""
         if not 1 <= len(self.gains) <= _PREDATORS:
             raise InvalidData(
                 f"gains must be those of 1 … {_PREDATORS} predators, got {len(self.gains)}",
@@ -112,11 +112,11 @@ class Hunt(Declared):
                 f"turn before each other within {self.step / _SHARE:.3g} s",
                 field="barrier",
             )
-        self.motion  # noqa: B018 - raises where there is no room
+        self.motion  # noqa: B018 - raises an error if the arena is full
 
     @property
     def fastest(self) -> float:
-        """Speed that thrust and forces lead to, m/s; barriers may add a little."""
+        """Speed that results from thrust and forces, m/s, without the barriers."""
         pulls = float(self.gains.max()), len(self.gains) * self.flight / (2.0 * self.reach)
         return max(
             float(speed) + pull / (2.0 * self.thrust)
@@ -125,13 +125,13 @@ class Hunt(Declared):
 
     @property
     def step(self) -> float:
-        """Step of the integration, s: a share of the time in which two bodies turn before each other."""
+        """Step of the integration, s: a share of the time that two bodies need to turn before each other."""
         speed = self.fastest
         return _SHARE * min(self.barrier / speed**3, 1.0 / self.thrust)
 
     @cached_property
     def motion(self) -> Motion:
-        """The equations, from places and speeds that the seed draws."""
+        """Equations of motion with random initial places and speeds."""
         shared = [
             *(len(self.gains), len(self.obstacles), *self.arena, self.radius, self.barrier),
             *(self.flight, self.reach, self.thrust, *self.speeds),
@@ -140,17 +140,17 @@ class Hunt(Declared):
         return Motion(HUNT, constants, self._start(), self.step, _TRANSIENT / self.thrust)
 
     def gaps(self, places: Floats) -> Floats:
-        """Return how far every body is from what it is nearest to, m.
+        """Return the smallest gap around any body at each time, m.
 
         Parameters
         ----------
         places : ndarray, shape (n, bodies, 2)
-            Where the bodies are, m.
+            Places of the bodies, m.
 
         Returns
         -------
         ndarray, shape (n,)
-            The least gap between bodies, and between bodies and walls or obstacles; below 0 where they overlap.
+            Smallest gap between bodies, and between bodies and walls or obstacles; negative if they overlap.
         """
         found: Floats = np.minimum(places, self.arena - places).min(axis=(1, 2)) - self.radius
         for x, y, radius in self.obstacles.tolist():
@@ -163,7 +163,7 @@ class Hunt(Declared):
 
     def _start(self) -> Floats:
         rng = np.random.default_rng(self.seed)
-        # So far apart, the barrier's energy is a quarter of that of a moving body.
+        # At this distance, the energy of the barrier is a quarter of that of a moving body.
         margin = 4.0 * self.barrier / self.fastest**2
         places: list[Floats] = []
         for _ in range(len(self.gains) + 1):
@@ -184,12 +184,21 @@ class Hunt(Declared):
 
 
 def hunt_states(hunt: Hunt, count: int, period: float = 1.0) -> Floats:
-    """Return the bodies' places (m) and speeds (m/s) over time, shape (count, bodies, 4), the evader last.
+    """Return the places (m) and speeds (m/s) of the bodies, shape (count, bodies, 4), the evader last.
+
+    Parameters
+    ----------
+    hunt : Hunt
+        The hunt.
+    count : int
+        Number of samples.
+    period : float
+        Seconds between samples.
 
     Raises
     ------
     InvalidData
-        A body is where it cannot get to: the integration has lost it.
+        A body is at an unreachable place, because the integration is not accurate enough.
     """
     required("hunt", hunt, Hunt)
     count = Whole(1, MOST).coerce("count", count, {})
@@ -213,29 +222,29 @@ def simulate_hunt(
     exponent: float | None = None,
     name: str = "",
 ) -> AttractorAnalysis:
-    """Return where one robot of a hunt was over time, as the paper records it.
+    """Return a coordinate of one robot of a hunt over time, as the paper records it.
 
     Parameters
     ----------
     hunt : Hunt
         The hunt.
     count : int
-        Samples.
+        Number of samples.
     period : float
         Seconds between samples.
     robot : int
-        Whose: predators come in order, then the evader.
+        Number of the robot: predators in order, then the evader.
     axis : int
         0 for x, 1 for y.
     exponent : float, optional
-        The largest exponent, as :func:`hunt_exponent` computed it, nats a second; hidden.
+        Largest exponent in nats per second, from :func:`hunt_exponent`. Hidden from backends.
     name : str
-        Of the model.
+        Name of the model.
 
     Raises
     ------
     InvalidData
-        A robot that there is not, or a number that is not allowed, named.
+        The hunt has no such robot, or a number is not allowed; the message gives its name.
     """
     required("hunt", hunt, Hunt)
     count = Whole(LEAST, MOST).coerce("count", count, {})
@@ -255,6 +264,12 @@ def simulate_hunt(
 def hunt_exponent(hunt: Hunt, duration: float = 20_000.0, interval: float = 5.0) -> Growth:
     """Return the largest Lyapunov exponent of a hunt, from its equations.
 
-    Parameters and what raises are those of :func:`~crosstrack.instances.attractor.motions.largest_exponent`.
+    Parameters
+    ----------
+    hunt : Hunt
+        The hunt.
+    duration, interval : float
+        Seconds of the motion, and between normalisations; see
+        :func:`~crosstrack.instances.attractor.motions.largest_exponent`, which also lists the errors.
     """
     return largest_exponent(required("hunt", hunt, Hunt).motion, duration, interval)

@@ -1,4 +1,4 @@
-"""What the catalogue holds of attractors: hunts, known systems, noise, and series that are spoilt."""
+"""Instances of the catalogue for attractors: hunts, known systems, noise, and corrupted series."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ HUNTS: Mapping[str, Mapping[str, Any]] = {
         "obstacles": (), "gains": (0.06, 0.08, 0.1), "flight": 0.12, "speeds": (0.22, 0.32),
     },
 }  # fmt: skip
-#: Largest exponents of hunts, nats a second, as ``hunt_exponent`` computes them within 100,000 s; standard
-#: errors are 0.0009 and 0.0008. The last is of a motion that repeats itself, whose exponent is 0: computed, 5e-6 ± 6e-6.
+#: Largest exponents of hunts in nats per second, from ``hunt_exponent`` over 100,000 s, with standard errors
+#: 0.0009 and 0.0008. The last motion is periodic, so its exponent is 0 (computed: 5e-6 ± 6e-6).
 HUNT_EXPONENTS = {
     "hunt": 0.08155,
     "hunt-long": 0.08155,
@@ -37,7 +37,7 @@ HUNT_EXPONENTS = {
     "hunt-calm": 0.0,
 }
 
-#: What the paper found in its hunt; ``exponent_bits`` is in bits a second, ``horizon`` in seconds.
+#: Figures of the hunt in the paper; ``exponent_bits`` in bits per second, ``horizon`` in seconds.
 _FOUND = {
     "delay": 8, "dimension": 10, "exponent_bits": 0.12, "correlation": 5.5, "horizon": 8.3,
 }  # fmt: skip

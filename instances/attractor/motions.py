@@ -1,7 +1,7 @@
-"""Motions by their equations: orbits, and the largest Lyapunov exponent by the growth of a tangent vector.
+"""Orbits of equations of motion, and the largest Lyapunov exponent from the growth of a tangent vector.
 
-Only sums, products, quotients and square roots are taken, which every machine rounds alike: a chaotic orbit
-would show the last digit of anything else after a while.
+Only sums, products, quotients and square roots are used, because every machine rounds them in the same way.
+A chaotic orbit amplifies a difference in the last digit of any other function.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: Which equations; a map takes one step a unit of time.
+#: Kinds of equations; a map takes one step per unit of time.
 HENON, LORENZ, ROSSLER, HUNT = 0, 1, 2, 3
-#: Steps of an integration at the most.
+#: Largest number of steps of an integration.
 STEPS = 100_000_000
 #: Parts of a growth whose means give its deviation.
 _PARTS = 20
 
 
 class Motion(NamedTuple):
-    """Equations of motion with their constants, and a state to start from.
+    """Equations of motion with their constants and initial state.
 
     Parameters
     ----------
     kind : int
         :data:`HENON`, :data:`LORENZ`, :data:`ROSSLER` or :data:`HUNT`.
     constants : ndarray
-        As the equations of `kind` want them.
+        Constants in the order of the equations of `kind`.
     start : ndarray, shape (n,)
-        The state at time 0.
+        State at time 0.
     step : float
         Longest step of the integration, s.
     transient : float
-        Seconds until the motion is where it stays.
+        Seconds that are discarded until the motion is on its attractor.
     """
 
     kind: int
@@ -69,9 +69,9 @@ class Growth(NamedTuple):
     Parameters
     ----------
     exponent : float
-        Nats a second.
+        Nats per second.
     deviation : float
-        Standard error of it, by the means of successive parts of the orbit.
+        Standard error, from the means of successive parts of the orbit.
     """
 
     exponent: float
@@ -79,14 +79,23 @@ class Growth(NamedTuple):
 
 
 def orbit(motion: Motion, count: int, period: float) -> Floats:
-    """Return the states at `count` times `period` seconds apart, once the transient is over, shape (count, n).
+    """Return `count` states `period` seconds apart after the transient, shape (count, n).
 
-    Integrated by the classical Runge-Kutta method of order 4 with steps of a fixed length.
+    The method is that of Runge and Kutta of order 4 with steps of a fixed length.
+
+    Parameters
+    ----------
+    motion : Motion
+        The equations.
+    count : int
+        Number of states.
+    period : float
+        Seconds between states; an integer for a map.
 
     Raises
     ------
     InvalidData
-        More steps than :data:`STEPS` would be needed, or a map is asked for a part of a step.
+        More steps than :data:`STEPS` are necessary, or the period of a map is not an integer.
     """
     inner, step = _steps(motion, period)
     skipped = math.ceil(motion.transient / (inner * step))
@@ -97,7 +106,18 @@ def orbit(motion: Motion, count: int, period: float) -> Floats:
 
 
 def bounded_steps(count: int, inner: int) -> None:
-    """Raise where `count` periods of `inner` steps are more steps than are taken."""
+    """Reject `count` periods of `inner` steps if the number of steps is too large.
+
+    Parameters
+    ----------
+    count, inner : int
+        Number of periods, and steps per period.
+
+    Raises
+    ------
+    InvalidData
+        The number of steps is above :data:`STEPS`.
+    """
     if count * inner > STEPS:
         raise InvalidData(
             f"period must be shorter, or samples fewer: {count * inner:.3g} steps of the integration would be "
@@ -109,23 +129,23 @@ def bounded_steps(count: int, inner: int) -> None:
 def largest_exponent(motion: Motion, duration: float, interval: float = 1.0) -> Growth:
     """Return the largest Lyapunov exponent of a motion, from its equations.
 
-    A tangent vector is carried along by the derivatives of the equations and made as long as 1 again after
-    each `interval`; the exponent is the mean logarithm of its growth (Benettin, Galgani, Giorgilli and
-    Strelcyn, Meccanica 15, 1980).
+    A tangent vector follows the derivatives of the equations and is normalised after each `interval`. The
+    exponent is the mean logarithm of its growth (Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15,
+    1980).
 
     Parameters
     ----------
     motion : Motion
         The equations.
     duration : float
-        Seconds to follow the motion for, after its transient; at least 20 intervals.
+        Seconds of the motion after its transient; at least 20 intervals.
     interval : float
-        Seconds between renormalisations.
+        Seconds between normalisations.
 
     Raises
     ------
     InvalidData
-        A duration or an interval that is no positive number, or a motion that leaves all bounds.
+        The duration or the interval is not allowed, or the motion is unbounded.
     """
     interval = Real(0, strict=True, unit="s").coerce("interval", interval, {})
     duration = Real(_PARTS * interval, unit="s").coerce("duration", duration, {})
@@ -145,7 +165,7 @@ def largest_exponent(motion: Motion, duration: float, interval: float = 1.0) -> 
 
 
 def _steps(motion: Motion, period: float) -> tuple[int, float]:
-    """Return how many steps a period has, and how long one is; those of a map have no length to choose."""
+    """Return the number of steps per period and their length; a map has steps of length 1."""
     if motion.kind == HENON:
         return Whole(1).coerce("period", period, {}), 1.0
     inner = max(math.ceil(period / motion.step - 1e-9), 1)

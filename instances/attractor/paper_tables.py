@@ -1,4 +1,4 @@
-"""Our values beside the figures of the paper."""
+"""Our values compared with the figures of the paper."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PAPERS: Mapping[str, Any] = {"delay": DELAY, "dimension": DIMENSION}
 
 
 class _Figure(NamedTuple):
-    """The backend of a figure as printed, how its value is read, the recommended backend, and the truth."""
+    """Backends of a printed figure, its value in an estimate, and the true value."""
 
     backend: str
     options: Mapping[str, Any]

@@ -23,9 +23,9 @@ def _keep_off(
     gap: float, x: float, y: float, u: float, v: float, barrier: float,
     rates: Floats, growth: Floats, at: int,
 ) -> None:  # fmt: skip
-    """Add what keeps a body off another: ``barrier / gap²`` along (x, y), which leads from the other to it.
+    """Add the repulsion of a body, ``barrier / gap²`` along (x, y) from the other to it.
 
-    And its derivative in the direction (u, v).
+    Its derivative in the direction (u, v) is added to `growth`.
     """
     distance = math.sqrt(x * x + y * y)
     nx, ny = x / distance, y / distance
@@ -42,9 +42,9 @@ def _keep_off(
 def hunt_rates(
     constants: Floats, state: Floats, tangent: Floats, rates: Floats, growth: Floats
 ) -> None:
-    """Fill in the derivatives of the bodies' places and speeds, and of a tangent vector, with respect to time.
+    """Fill in the time derivatives of the places and speeds of the bodies, and of a tangent vector.
 
-    A state holds x, y and the speeds along them of each predator, and of the evader last.
+    A state has x, y and the speeds along them for each predator, and for the evader last.
     """
     predators, obstacles = int(constants[0]), int(constants[1])
     width, height, radius, barrier = constants[2], constants[3], constants[4], constants[5]

@@ -1,8 +1,8 @@
 """Measured series in CSV and Excel files.
 
-A file has a header with a column ``time``, whose unit stands in brackets, such as ``time [ms]``, and one or
-more columns of values, such as ``x [m]``. Times must be evenly spaced, as the delays of an embedding count
-samples. Other columns are ignored.
+A file has a header with a column ``time`` with its unit in brackets, such as ``time [ms]``, and one or more
+columns of values, such as ``x [m]``. Times must be evenly spaced, because the delays of an embedding are
+numbers of samples. Other columns are ignored.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from ..storage import number
 
 __all__ = ["EVEN", "read_series", "table_file"]
 
-#: How far a time may be off an even spacing, in samples: more than rounding of times does, less than a gap.
+#: Largest deviation of a time from even spacing, in samples: more than the rounding of times, less than a gap.
 EVEN = 0.05
-#: Seconds of what times may be measured in, in the letters of lower case, of which the micro sign is the Greek one.
+#: Units of time in seconds. Lower case turns the micro sign into the Greek letter.
 _UNITS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0,
 }  # fmt: skip
@@ -44,24 +44,25 @@ def read_series(
     Parameters
     ----------
     path : path-like
-        The file.
+        Name of the file.
     column : str, optional
-        Name of the values' column, with or without its unit; needed where there are several.
+        Name of the column of values, with or without its unit. Required if there are several.
     period : float, optional
-        Seconds between samples, where the file has no times.
+        Seconds between samples, if the file has no times.
     name : str, optional
-        The model's name; by default the file's.
+        Name of the model. Default: name of the file.
 
     Raises
     ------
     BackendMissing
-        It is an Excel file, and openpyxl is not installed.
+        The file is an Excel file, and openpyxl is not installed.
     InvalidData
-        Naming file, line, column and value: a header that is none, a time without unit or in one that is
-        not known, what is no finite number, a row too short or too long, times that are doubled, step back, leave
-        a gap or are unevenly spaced, neither times nor a period or both, a series that is too short or constant.
+        The header is missing, a time has no or an unknown unit, a value is not a finite number, a row is too
+        short or too long, times repeat, decrease, leave a gap or are unevenly spaced, neither times nor a
+        period are given or both, or the series is too short or constant. The message gives file, line,
+        column and value.
     UnknownName
-        There is no such column.
+        The column does not exist.
     """
     lag = Optional(Real(0, strict=True, unit="s")).coerce("period", period, {})
     found = _read(path, None if column is None else required("column", column, str))
@@ -84,7 +85,7 @@ def read_series(
 
 
 def table_file(file: Path) -> dict[str, Any]:
-    """Return the data of an instance that a file of times and one column of values holds."""
+    """Return the data of an instance from a file of times and one column of values."""
     found = _read(file, None)
     if "period" not in found:
         raise InvalidData(
@@ -96,7 +97,7 @@ def table_file(file: Path) -> dict[str, Any]:
 
 
 def _read(path: str | os.PathLike[str], wanted: str | None) -> dict[str, Any]:
-    """Return the series, its unit, and the period where there are times."""
+    """Return the series, its unit, and the period if the file has times."""
     times: list[str] = []
     values: list[str] = []
     places: list[str] = []
@@ -124,13 +125,13 @@ def _read(path: str | os.PathLike[str], wanted: str | None) -> dict[str, Any]:
 
 
 def _parts(label: str) -> tuple[str, str]:
-    """Return the name and the unit of a column, each empty where there is none."""
+    """Return the name and the unit of a column; both may be empty."""
     parts = _HEADER.fullmatch(label)
     return (parts[1], (parts[2] or parts[3] or "").strip()) if parts else (label, "")
 
 
 def _times(names: list[str], where: str) -> list[str]:
-    """Return the column of times, in a list that is empty where there is none."""
+    """Return the column of times in a list, empty without one."""
     found = [name for name in names if _parts(name)[0] in ("time", "t")]
     if len(found) > 1:
         raise InvalidData(f"{where}: column 'time' stands twice", field="time")
@@ -146,7 +147,7 @@ def _times(names: list[str], where: str) -> list[str]:
 
 
 def _values(names: list[str], times: list[str], wanted: str | None, where: str) -> str:
-    """Return the column of values that is `wanted`, or the only one."""
+    """Return the wanted column of values, or the only one."""
     others = [name for name in names if name not in times]
     if any(not re.search("[^\\W\\d_]", name) for name in names):
         raise InvalidData(
@@ -173,7 +174,7 @@ def _values(names: list[str], times: list[str], wanted: str | None, where: str) 
 
 
 def _spacing(times: NDArray[np.float64], places: list[str], name: str) -> float:
-    """Return how far times are apart, in their unit; raise where they are not evenly so."""
+    """Return the distance of times in their unit; raise an error if they are unevenly spaced."""
     if len(times) < 2:
         raise InvalidData(f"{places[0]}: one sample is no series", field="series")
     steps = np.diff(times)

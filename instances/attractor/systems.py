@@ -1,4 +1,4 @@
-"""Series of known systems, of noise and of plain signals, and what may spoil them.
+"""Series of known systems, of noise and of simple signals, and their distortions.
 
 Known figures are those of J. C. Sprott, Chaos and Time-Series Analysis, Oxford 2003, appendix A, and of
 P. Grassberger and I. Procaccia, Physical Review Letters 50, 1983, page 346.
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 
 class System(StrEnum):
-    """What a series is made by."""
+    """System that generates a series."""
 
     #: x ← 4 x (1 − x).
     LOGISTIC = "logistic"
@@ -50,29 +50,29 @@ class System(StrEnum):
     WHITE_NOISE = "white-noise"
     #: x ← 0.9 x + noise.
     AR1 = "ar1"
-    #: A resonance near the unit circle: poles of 0.98 at ±0.25 rad a sample, driven by noise.
+    #: A resonance near the unit circle: poles of 0.98 at ±0.25 rad per sample, driven by noise.
     AR2 = "ar2"
     #: Sums of independent normal values.
     RANDOM_WALK = "random-walk"
 
 
 class Known(NamedTuple):
-    """What is known of a system.
+    """Known figures of a system.
 
     Parameters
     ----------
     title : str
-        What it is, in a few words.
+        Short description.
     period : float
-        Seconds between samples where none is asked for; a map or a noise has one value each.
+        Default seconds between samples; a map or a noise has one value per second.
     exponent : float, optional
-        Largest Lyapunov exponent, nats a second.
+        Largest Lyapunov exponent in nats per second.
     dimension : float, optional
         Correlation dimension.
     chaotic : bool
         Whether it is chaotic.
     source : str
-        Where the figures are from.
+        Source of the figures.
     """
 
     title: str
@@ -86,7 +86,7 @@ class Known(NamedTuple):
 _SPROTT = "Sprott 2003"
 _PROCACCIA = "Grassberger and Procaccia 1983"
 
-#: The systems and what is known of them.
+#: The systems with their known figures.
 SYSTEMS: Mapping[System, Known] = MappingProxyType(
     {
         System.LOGISTIC: Known(
@@ -112,13 +112,13 @@ SYSTEMS: Mapping[System, Known] = MappingProxyType(
     }
 )  # fmt: skip
 
-#: Digits of what is computed by functions that machines round differently.
+#: Number of digits that are kept, because machines round elementary functions differently.
 _DIGITS = 12
-#: Poles of the noise of order 2: radius, and angle in rad a sample.
+#: Poles of the noise of order 2: radius, and angle in rad per sample.
 _RADIUS, _ANGLE = 0.98, 0.25
-#: Values of a noise that are discarded, and of a map.
+#: Number of initial values of a noise or a map that are discarded.
 _DISCARDED = 1000
-#: Delay of Mackey and Glass' equation, s, its step, s, and seconds until it is where it stays.
+#: Delay of Mackey and Glass' equation, its step, and the discarded initial time, s.
 _DELAY, _STEP, _TRANSIENT = 17.0, 0.1, 2000.0
 
 
@@ -135,42 +135,42 @@ def generate(
     scale: float = 1.0,
     name: str = "",
 ) -> AttractorAnalysis:
-    """Return the series of a known system, with its known figures hidden, or one that is spoilt.
+    """Return the series of a known system with its known figures, or a distorted series.
 
     Parameters
     ----------
     system : str
-        A :class:`System`, such as ``"lorenz"``, whose first coordinate is taken once its transient is over.
+        A :class:`System`, such as ``"lorenz"``. The series is its first coordinate after the transient.
     count : int
-        Samples.
+        Number of samples.
     seed : int
-        Same seed, same series: where the motion starts, and what is drawn.
+        Random seed of the initial state, the noise and the distortions.
     period : float, optional
-        Seconds between samples, 1e-4 … 1e6; by default that of :data:`SYSTEMS`. Maps and noises take whole
-        seconds: their values between samples are left out.
+        Seconds between samples, 1e-4 … 1e6. Default: that of :data:`SYSTEMS`. For maps and noises it is an
+        integer, and the values between samples are omitted.
     noise : float
-        Deviation of white noise that is added, in deviations of the series: √10 is a ratio of −10 dB.
+        Deviation of added white noise, in deviations of the series: √10 is a ratio of −10 dB.
     trend : float
-        How far a straight line leads from the first sample to the last, in deviations of the series.
+        Difference of an added straight line between the first and the last sample, in deviations of the series.
     spikes : float
-        Share of the samples that are off by ten deviations up or down.
+        Share of the samples that are moved by ten deviations up or down.
     levels : int, optional
-        Number of values that the series is rounded to, evenly spaced from its least to its greatest.
+        Number of evenly spaced values, from smallest to largest, to which the series is rounded.
     scale : float
-        Factor of the series.
+        Factor by which the series is multiplied.
     name : str
-        Of the model.
+        Name of the model.
 
     Returns
     -------
     AttractorAnalysis
-        With the exponent and the dimension of the system, unless something was added or rounded;
-        `chaotic` says of what it is in any case whether the motion itself is.
+        With the exponent and the dimension of the system, unless the series was distorted. The field
+        `chaotic` refers to the motion itself in every case.
 
     Raises
     ------
     InvalidData
-        Naming the parameter and what is allowed.
+        A parameter is not allowed; the message gives its name and range.
     """
     kind = System(Member(System).coerce("system", system, {}))
     known = SYSTEMS[kind]
@@ -184,7 +184,7 @@ def generate(
     scale = Real(0, strict=True).coerce("scale", scale, {})
     rng = np.random.default_rng(seed)
     series = _MAKERS[kind](rng, count, lag) if kind in _MAKERS else _first(kind, rng, count, lag)
-    # Fewer digits, as sums of many values may differ in the last ones.
+    # Fewer digits, because sums of many values may differ in the last ones.
     deviation = float(f"{series.std():.6g}")
     if noise:
         series = series + noise * deviation * _normal(rng, count)
@@ -211,12 +211,19 @@ def generate(
 
 
 def motion_of(system: str, seed: int = 0) -> Motion:
-    """Return the equations of the Hénon map, of Lorenz or of Rössler, from a state that a seed draws.
+    """Return the equations of the Hénon map, of Lorenz or of Rössler, with a random initial state.
+
+    Parameters
+    ----------
+    system : str
+        Name of the system.
+    seed : int
+        Random seed of the initial state.
 
     Raises
     ------
     InvalidData
-        Another system, or a seed that is none.
+        Another system, or a seed that is not a non-negative integer.
     """
     kind = Member(System).coerce("system", system, {})
     rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
@@ -228,7 +235,7 @@ def _motion(system: System, rng: np.random.Generator) -> Motion:
     if system is System.HENON:
         return Motion(HENON, np.array([1.4, 0.3]), 0.2 * draw[:2], 1.0, float(_DISCARDED))
     if system is System.LORENZ:
-        # From near one of the two foci, off which every orbit winds.
+        # Near one of the two foci, from which every orbit spirals out.
         at = np.array([8.0, 8.0, 27.0]) + 4.0 * draw
         return Motion(LORENZ, np.array([10.0, 28.0, 8.0 / 3.0]), at, 0.005, 50.0)
     if system is System.ROSSLER:
@@ -247,7 +254,7 @@ def _first(system: System, rng: np.random.Generator, count: int, period: float) 
 
 
 def _normal(rng: np.random.Generator, count: int) -> Floats:
-    """Return normal values by the method of Box and Muller, from uniform ones."""
+    """Return normal values from uniform ones, by the method of Box and Muller."""
     first, second = rng.random((2, count))
     values = np.sqrt(-2.0 * np.log(1.0 - first)) * np.cos(2.0 * np.pi * second)
     found: Floats = np.round(values, _DIGITS)
@@ -255,7 +262,7 @@ def _normal(rng: np.random.Generator, count: int) -> Floats:
 
 
 def _whole(period: float, count: int) -> int:
-    """Return a period of a map or a noise, of which no more values are made than a series may hold."""
+    """Return the period of a map or a noise, limited so that the number of generated values is allowed."""
     return Whole(1, max(MOST // count, 1)).coerce("period", period, {})
 
 
@@ -303,7 +310,7 @@ def _sawtooth(rng: np.random.Generator, count: int, period: float) -> Floats:
 def _filtered(
     rng: np.random.Generator, count: int, period: float, feedback: tuple[float, ...]
 ) -> Floats:
-    """Return a noise that past values feed back into: ``x[t] = Σ feedback[k] x[t - 1 - k] + noise``."""
+    """Return a noise with feedback from past values: ``x[t] = Σ feedback[k] x[t - 1 - k] + noise``."""
     from scipy.signal import lfilter
 
     every = _whole(period, count)
@@ -329,7 +336,7 @@ def _random_walk(rng: np.random.Generator, count: int, period: float) -> Floats:
     return np.cumsum(_normal(rng, count * _whole(period, count)))[:: int(period)].copy()
 
 
-#: Functions ``(rng, count, period) -> series`` of the systems that are no :class:`Motion`.
+#: Functions ``(rng, count, period) -> series`` of the systems without a :class:`Motion`.
 _MAKERS: Mapping[System, Callable[[np.random.Generator, int, float], Floats]] = {
     System.LOGISTIC: _logistic,
     System.MACKEY_GLASS: _mackey_glass,
@@ -345,7 +352,7 @@ _MAKERS: Mapping[System, Callable[[np.random.Generator, int, float], Floats]] = 
 
 @kernel(interpretable=True)
 def _iterate_logistic(draws: Floats, found: Floats) -> None:
-    """Fill in an orbit of the logistic map; the draws move it in the last digits, lest rounding ends it at 0."""
+    """Fill in an orbit of the logistic map; the draws change its last digits, because rounding may end it at 0."""
     x = draws[0]
     for k in range(len(found)):
         x = 4.0 * x * (1.0 - x)
@@ -357,7 +364,7 @@ def _iterate_logistic(draws: Floats, found: Floats) -> None:
 def _iterate_delayed(start: Floats, step: float, skipped: int, inner: int, found: Floats) -> None:
     """Fill in an orbit of Mackey and Glass' equation by the trapezoidal rule, one value each `inner` steps.
 
-    The formula is that of Grassberger and Procaccia, Physica D 9, 1983; `start` holds the values of a delay.
+    The formula is that of Grassberger and Procaccia, Physica D 9, 1983; `start` has the values of one delay.
     """
     past = start.copy()
     last = len(past) - 1

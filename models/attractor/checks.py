@@ -1,4 +1,4 @@
-"""Curves of an embedding computed pair by pair, which is slow and plain: no search of neighbours is shared."""
+"""Curves of an embedding computed pair by pair: slow, plain, and independent of the solvers' neighbour search."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ __all__ = ["RADII", "Sample", "prediction_error"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: States of which all are taken, and of more: how many at the most and at the least.
+#: Number of states up to which all are used, and largest and smallest size of a sample of more states.
 ALL, SOME, FEW = 1500, 500, 50
-#: Differences of coordinates that a curve may take, which decides between the two; and those of one block.
+#: Number of coordinate differences that a curve may compute, which limits the sample; and that of one block.
 WORK, BLOCK = 100_000_000, 200_000
-#: Radii, evenly spaced by their logarithms, at which a correlation sum is read for its slope.
+#: Number of logarithmically spaced radii of a correlation sum for its slope.
 RADII = 16
-#: Neighbours within a radius that are followed at the most, evenly chosen, where not all states are taken.
+#: Largest number of neighbours within a radius that are followed, evenly chosen, for a sample of states.
 NEAR = 2000
-#: Relative difference of squared distances that counts as none.
+#: Relative difference below which squared distances are equal.
 TIE = 1e-9
 
 
 class Sample:
-    """States of an embedding, all or some, with their distances from all others.
+    """States of an embedding, all or a random sample, with their distances from all others.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
         All states.
     theiler : int
-        States that are at most as many samples apart are no neighbours.
+        States at most this number of samples apart are not neighbours.
     seed : int
-        Draws which are taken.
+        Random seed of the sample.
     most : int
-        Number of states up to which all are taken.
+        Number of states up to which all are used.
     """
 
     def __init__(self, states: Floats, theiler: int, seed: int, most: int = ALL) -> None:
@@ -46,25 +46,25 @@ class Sample:
 
     @property
     def whole(self) -> bool:
-        """Whether all states are taken."""
+        """Whether all states are used."""
         return len(self.states) <= self.most
 
     def taken(self, last: int) -> Ints:
-        """Return which of the first `last` states are taken."""
+        """Return the indices of the sample among the first `last` states."""
         if self.whole:
             return np.arange(last)
         count = min(max(WORK // self.states.size, FEW), SOME, last)
         return np.sort(np.random.default_rng(self.seed).choice(last, count, replace=False))
 
     def blocks(self, last: int, *, largest: bool) -> Iterator[tuple[Ints, Floats]]:
-        """Yield states that are taken, and their distances from the first `last`, infinite where near in time.
+        """Yield states of the sample and their distances from the first `last`, infinite if near in time.
 
         Parameters
         ----------
         last : int
-            States from there on are left out.
+            Number of states that are used.
         largest : bool
-            Whether the largest difference of a coordinate is the distance, else the sum of squares.
+            Whether the distance is the largest difference of a coordinate; otherwise the sum of squares.
         """
         taken, columns = self.taken(last), np.ascontiguousarray(self.states[:last].T)
         count = max(BLOCK // last, 1)
@@ -83,10 +83,10 @@ class Sample:
             yield some, found
 
     def slope(self, slope: Slope, period: float) -> tuple[float, float, float]:
-        """Return the slope of a curve within a region, what it may be off by, and the width of the region.
+        """Return the slope of a curve within a region, its uncertainty, and the width of the region.
 
-        What it may be off by is the standard error where not all states are taken, or where neighbours are
-        equally near, of which any may be taken; else 0. The slope is not a number where the region holds nothing.
+        The uncertainty is the standard error if a sample is used, or if neighbours are equally near, and 0
+        otherwise. The slope is NaN if the region is empty.
         """
         if not slope.method.is_exponent:
             count = 2 if slope.method is Method.TWO_POINTS else RADII
@@ -94,7 +94,7 @@ class Sample:
             x, tied = np.log(radii), False
             if slope.method is Method.CORRELATION:
                 rows = self._counts(radii)
-            else:  # equations 15 and 16: each state has itself within any radius, and theta(0) = 0
+            else:  # equations 15 and 16: each state is within any radius of itself, and theta(0) = 0
                 rows = self._counts(np.nextafter(radii, 0.0)) + 1.0
         else:
             low, high = int(slope.low), int(slope.high)
@@ -111,7 +111,7 @@ class Sample:
             found = float(read(np.nanmean(rows, axis=0)) @ weights)
             if self.whole and not tied:
                 return found, 0.0, width
-            # The jackknife: every state left out once.
+            # The jackknife, which leaves out each state once.
             count = np.isfinite(rows).sum(axis=0)
             others = (np.nansum(rows, axis=0) - np.nan_to_num(rows)) / (count - np.isfinite(rows))
             slopes = read(others) @ weights
@@ -119,7 +119,7 @@ class Sample:
         return found, error, width
 
     def _counts(self, radii: Floats) -> Floats:
-        """Return how many states lie within each radius of every state taken."""
+        """Return the number of states within each radius of every state of the sample."""
         found = [
             np.stack([(apart <= r).sum(axis=1) for r in radii], axis=1)
             for _, apart in self.blocks(len(self.states), largest=True)
@@ -132,14 +132,14 @@ class Sample:
         Parameters
         ----------
         slope : Slope
-            Which neighbours.
+            Slope whose method selects the neighbours.
         ahead : ndarray of int, shape (k,)
-            Steps, ascending.
+            Steps ahead, ascending.
 
         Returns
         -------
         ndarray, shape (k,)
-            In the logarithm of the series' unit; not a number where there are no neighbours.
+            Logarithms in the unit of the series; NaN without neighbours.
         """
         rows, _ = self._partings(slope, ahead)
         rows = rows[np.isfinite(rows).any(axis=1)]
@@ -148,7 +148,7 @@ class Sample:
             return np.asarray(np.nansum(rows, axis=0) / count)
 
     def sums(self, radii: Floats) -> Floats:
-        """Return the correlation sums: the share of pairs of states within each radius, shape (k,)."""
+        """Return the correlation sums, the share of pairs of states within each radius, shape (k,)."""
         last, taken = len(self.states), self.taken(len(self.states))
         near = np.minimum(taken + self.theiler, last - 1) - np.maximum(taken - self.theiler, 0) + 1
         pairs = float((last - near).sum())
@@ -156,15 +156,16 @@ class Sample:
         return found / pairs if pairs else np.full(len(radii), np.nan)
 
     def reach(self) -> tuple[float, float]:
-        """Return about the least distance above 0 between states, and what no distance exceeds."""
+        """Return an estimate of the smallest positive distance between states, and an upper bound of all."""
         _, apart = next(self.blocks(len(self.states), largest=True))
         most = float(np.ptp(self.states, axis=0).max())
         return float(apart[apart > 0].min(initial=most)), most
 
     def _partings(self, slope: Slope, ahead: Ints) -> tuple[Floats, bool]:
-        """Return the logarithm of the distance from neighbours some steps `ahead`, a row a state taken.
+        """Return the log distances from neighbours some steps `ahead`, and whether any were tied.
 
-        And whether a nearest neighbour was as near as another.
+        The distances have one row per state of the sample. Two nearest neighbours at the same distance are
+        tied.
         """
         last = len(self.states) - int(ahead[-1])
         if last < 2:
@@ -172,7 +173,7 @@ class Sample:
         most = max(BLOCK // (len(ahead) * self.states.shape[1]), 1)
         found, tied = [], False
         for some, squares in self.blocks(last, largest=False):
-            squares[squares == 0] = np.inf  # the same state twice never parts
+            squares[squares == 0] = np.inf  # equal states never diverge
             for i, row in zip(some.tolist(), squares, strict=True):
                 if slope.radius is None:
                     nearest = int(row.argmin())
@@ -199,7 +200,7 @@ class Sample:
 def prediction_error(sample: Sample, ahead: int) -> float:
     """Return the error of predicting the last coordinate by the nearest state, relative to its deviation.
 
-    1 is what a state drawn at random would do. States at most the Theiler window apart are no neighbours.
+    Prediction by a random state has the error 1. States at most the Theiler window apart are not neighbours.
     """
     last = len(sample.states) - ahead
     if last < 2:
@@ -211,6 +212,6 @@ def prediction_error(sample: Sample, ahead: int) -> float:
         moved = sample.states[some + ahead, -1] - sample.states[near + ahead, -1]
         errors.append(moved[good])
     values = np.concatenate(errors)
-    # Two draws differ by the square root of two of their deviation.
+    # Two random values differ by √2 times their deviation.
     spread = float(sample.states.std()) * np.sqrt(2.0)
     return float(np.sqrt((values**2).mean()) / spread) if values.size else 1.0

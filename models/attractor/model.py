@@ -1,4 +1,4 @@
-"""A measured series, and how far it is the motion on an attractor.
+"""Analysis of a measured series as the motion on an attractor.
 
 Source: "Method of Quantitative Analysis for Multirobot Cooperative Hunting Behaviors", Mathematical
 Problems in Engineering 2016, article 4370635, doi 10.1155/2016/4370635.
@@ -23,9 +23,9 @@ __all__ = ["AttractorAnalysis"]
 
 Floats = NDArray[np.float64]
 
-#: Samples at the least and at the most.
+#: Smallest and largest number of samples.
 LEAST, MOST = 50, 10_000_000
-#: Nats a sample that an exponent near 0 is held against.
+#: Smallest scale for relative differences of exponents, in nats per sample.
 SLOW = 0.01
 
 
@@ -36,29 +36,29 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     Parameters
     ----------
     series : ndarray, shape (n,)
-        The measured values, evenly spaced in time, 50 at the least.
+        Measured values, evenly spaced in time, at least 50.
     period : float
         Seconds between samples, > 0.
     unit : str
         Unit of the values, for pictures.
     true_exponent : float, optional
-        The largest Lyapunov exponent, nats a second, where it is known from the equations. Hidden from backends.
+        Largest Lyapunov exponent in nats per second, if it is known. Hidden from backends.
     true_dimension : float, optional
-        The correlation dimension, where it is known. Hidden.
+        Correlation dimension, if it is known. Hidden from backends.
     chaotic : bool, optional
-        Whether the series is known to come from a chaotic motion. Hidden.
+        Whether the series is known to come from a chaotic motion. Hidden from backends.
 
     Notes
     -----
-    The objective is the mean relative error of the figures that are known, at most 1 each: an estimate that
-    does not claim one has missed it. Where nothing is known it is the error of predicting one delay ahead by
-    the nearest state of the embedding, relative to the deviation of the series; it says how good the embedding is,
-    and nothing of what else is claimed.
+    The objective is the mean relative error of the known figures, each at most 1. A known figure that the
+    estimate does not claim has the error 1. Without known figures, the objective is the error of predicting
+    one delay ahead by the nearest state, relative to the deviation of the series. It measures the embedding
+    only.
 
     Raises
     ------
     InvalidData
-        Naming field, place and value.
+        The message gives field, place and value.
 
     Examples
     --------
@@ -78,11 +78,11 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     kind: ClassVar[str] = "attractor"
     plan_type: ClassVar[type] = AttractorEstimate
     agreement: ClassVar[float | None] = 0.2
-    #: One backend estimates an exponent, another a dimension or an embedding.
+    #: Backends answer different questions: an exponent, a dimension or an embedding.
     rivals: ClassVar[bool] = False
 
     def check(self) -> None:
-        """Refuse series that are too short, constant, or beyond what can be squared."""
+        """Reject series that are too short, constant, or whose squares overflow."""
         count = len(self.series)
         if not LEAST <= count <= MOST:
             raise InvalidData(
@@ -114,10 +114,15 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     def states(self, delay: int, dimension: int) -> Floats:
         """Return the states of an embedding, shape (n - (dimension - 1) delay, dimension).
 
+        Parameters
+        ----------
+        delay, dimension : int
+            Samples between coordinates, and number of coordinates.
+
         Raises
         ------
         InvalidData
-            The series is too short for it.
+            The series is too short for the embedding.
         """
         count = len(self.series) - (dimension - 1) * delay
         if not count > 1:
@@ -130,10 +135,10 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         return np.ascontiguousarray(np.stack(columns, axis=1))
 
     def verify(self, plan: AttractorEstimate, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective, and whether every slope is that of its curve, computed again.
+        """Return the objective, and check that every slope is that of its recomputed curve.
 
-        The curves are computed pair by pair: of up to 1500 states for all, of more for 500 of them, where a slope may then
-        differ by five standard errors of the sample.
+        The curves are computed pair by pair, for all states up to 1500, otherwise for a sample of 500 of them.
+        The slope of a sample may differ by five standard errors.
         """
         check_tolerance(tolerance)
         required("plan", plan, AttractorEstimate)
@@ -160,9 +165,9 @@ class AttractorAnalysis(Model[AttractorEstimate]):
 
     def _slope_check(self, name: str, sample: Sample, slope: Slope, tolerance: float) -> Check:
         found, error, width = sample.slope(slope, self.period)
-        # A slope is as small as the region is wide, whatever its value.
+        # The smallest relevant slope is a change of 1 over the region.
         scale = max(abs(slope.value), 1.0 / width)
-        # However few states a sample has: what it forgives is less than the slope or a nat over the region.
+        # For small samples, the allowance is limited to the slope or to one nat over the region.
         worst = max(abs(slope.value - found) - min(5.0 * error, scale), 0.0)
         unit = "nats/s" if name == "exponent" else ""
         return Check.scaled(
@@ -171,7 +176,7 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         )  # fmt: skip
 
     def _errors(self, plan: AttractorEstimate) -> list[float]:
-        """Return the relative errors of the figures that are known."""
+        """Return the relative errors of the known figures."""
         found = []
         for known, slope, least in (
             (self.true_exponent, plan.exponent, SLOW / self.period),
@@ -189,8 +194,8 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     def distance(self, plan: AttractorEstimate, other: AttractorEstimate) -> float:
         """Return the largest relative difference of the figures that both plans claim.
 
-        Exponents near 0 are held against 0.01 nats a sample, different judgements are 1 apart. Where both claim nothing
-        but an embedding, delays are compared.
+        Exponents near 0 are relative to 0.01 nats per sample, and different judgements have the distance 1.
+        If both plans claim nothing but an embedding, the delays are compared.
         """
         apart = [
             abs(one.value - two.value) / max(abs(one.value), abs(two.value), least)
@@ -217,12 +222,12 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         return AttractorEstimate.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return the number of samples and the period as text."""
         return f"{len(self.series)} samples, one each {self.period:.6g} s"
 
 
 def _judgement_check(plan: AttractorEstimate, tolerance: float) -> Check:
-    """Return whether the ranks bear the judgement: 5 % to reject, and a positive exponent for chaos."""
+    """Check that the ranks support the judgement: 5 % to reject, and a positive exponent for chaos."""
     found = plan.surrogates
     assert found is not None
     over = 0.0

@@ -1,4 +1,4 @@
-"""What was found of an attractor: the embedding, slopes with the region they were fitted in, a judgement."""
+"""Estimate of an attractor: the embedding, slopes with their regions, and a judgement."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["AttractorEstimate", "Judgement", "Method", "Slope", "SurrogateTest"]
 
 
 class Method(StrEnum):
-    """Which curve a slope was fitted to."""
+    """Curve of a slope."""
 
     #: Mean logarithm of the distance from the nearest neighbour, over time (Rosenstein and others 1993).
     ROSENSTEIN = "rosenstein"
@@ -32,12 +32,12 @@ class Method(StrEnum):
 
     @property
     def is_exponent(self) -> bool:
-        """Whether the slope is an exponent, else it is a correlation dimension."""
+        """Whether the slope is an exponent; otherwise it is a correlation dimension."""
         return self in (Method.ROSENSTEIN, Method.KANTZ)
 
 
 class Judgement(StrEnum):
-    """What a test against surrogates amounts to; a positive exponent alone never makes chaos."""
+    """Result of a test against surrogates. A positive exponent alone never implies chaos."""
 
     #: Surrogates are rejected, and nearby states part exponentially.
     CHAOTIC = "chaotic"
@@ -49,21 +49,21 @@ class Judgement(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Slope(Declared):
-    """The slope of a curve within its scaling region.
+    """Slope of a curve within its scaling region.
 
     Parameters
     ----------
     method : Method
-        Which curve.
+        Curve of the slope.
     value : float
-        The slope: nats a second of an exponent, a dimension of a correlation sum.
+        The slope: nats per second for an exponent, a dimension for a correlation sum.
     deviation : float
-        Its standard deviation as claimed, >= 0.
+        Claimed standard deviation, >= 0.
     low, high : float
-        The scaling region: steps ahead (whole numbers, samples) of an exponent, radii in the series' unit of
+        Scaling region: steps ahead (integers, samples) for an exponent, radii in the unit of the series for
         a correlation sum.
     radius : float, optional
-        Of Kantz' method: within which states are neighbours, in the series' unit.
+        Radius of Kantz' method within which states are neighbours, in the unit of the series.
     """
 
     method: Method = declared(Member(Method))
@@ -74,7 +74,7 @@ class Slope(Declared):
     radius: float | None = declared(Optional(Real(lower=0, strict=True)), default=None)
 
     def check(self) -> None:
-        """Refuse regions without a width, and steps that are none."""
+        """Reject regions without a width, and steps that are not integers."""
         if not self.high > self.low:
             raise InvalidData(
                 f"high must be > low = {self.low:g}, got {self.high:g}: a slope needs a region",
@@ -101,16 +101,16 @@ class Slope(Declared):
 
 @dataclass(frozen=True, eq=False)
 class SurrogateTest(Declared):
-    """A series against surrogates of it that are linear noise.
+    """Test of a series against surrogates that are linear noise.
 
     Parameters
     ----------
     judgement : Judgement
-        What it amounts to.
+        Result of the test.
     count : int
-        How many surrogates there were.
+        Number of surrogates.
     exceeded : int
-        How many of them are at least as predictable as the series.
+        Number of surrogates that are at least as predictable as the series.
     """
 
     judgement: Judgement = declared(Member(Judgement))
@@ -118,7 +118,7 @@ class SurrogateTest(Declared):
     exceeded: int = declared(Whole(0))
 
     def check(self) -> None:
-        """Refuse more surrogates than there were."""
+        """Reject `exceeded` above `count`."""
         if self.exceeded > self.count:
             raise InvalidData(
                 f"exceeded must be <= count = {self.count}, got {self.exceeded}", field="exceeded"
@@ -126,7 +126,7 @@ class SurrogateTest(Declared):
 
     @property
     def p_value(self) -> float:
-        """The share of orders in which the series would rank as far in front by chance."""
+        """Probability of a rank at least as extreme by chance."""
         return (1 + self.exceeded) / (1 + self.count)
 
     def __str__(self) -> str:
@@ -135,7 +135,7 @@ class SurrogateTest(Declared):
 
 @dataclass(frozen=True, eq=False)
 class AttractorEstimate(Declared):
-    """An embedding, and what was found in it.
+    """Embedding of a series, and the figures found in it.
 
     Parameters
     ----------
@@ -144,13 +144,13 @@ class AttractorEstimate(Declared):
     dimension : int
         Number of coordinates, >= 1.
     theiler : int
-        States that are at most as many samples apart are no neighbours, >= 0.
+        States at most this number of samples apart are not neighbours, >= 0.
     exponent : Slope, optional
-        The largest Lyapunov exponent, nats a second.
+        Largest Lyapunov exponent in nats per second.
     correlation : Slope, optional
-        The correlation dimension.
+        Correlation dimension.
     surrogates : SurrogateTest, optional
-        Whether linear noise explains the series.
+        Test whether linear noise explains the series.
     """
 
     delay: int = declared(Whole(1, 10**9))
@@ -161,7 +161,7 @@ class AttractorEstimate(Declared):
     surrogates: SurrogateTest | None = declared(Optional(Nested(SurrogateTest)), default=None)
 
     def check(self) -> None:
-        """Refuse slopes of the wrong curve."""
+        """Reject slopes of the wrong curve."""
         if self.exponent is not None and not self.exponent.method.is_exponent:
             raise InvalidData("exponent must not be a slope of a correlation sum", field="exponent")
         if self.correlation is not None and self.correlation.method.is_exponent:
@@ -171,7 +171,7 @@ class AttractorEstimate(Declared):
 
     @classmethod
     def from_data(cls, data: Any) -> AttractorEstimate:
-        """Return the plan that ``data()`` wrote; bad data raises ``InvalidData``."""
+        """Return the plan written by ``data()``; invalid data raises ``InvalidData``."""
         if not isinstance(data, Mapping):
             raise InvalidData(f"a plan must be an object, got {show(data)}", field="plan")
         return cls._from_data(data)
@@ -183,16 +183,16 @@ class AttractorEstimate(Declared):
 
     @property
     def exponent_bits(self) -> float | None:
-        """The exponent in bits a second, ``λ / ln 2``; None without one."""
+        """Exponent in bits per second, ``λ / ln 2``; None without an exponent."""
         return None if self.exponent is None else self.exponent.value / math.log(2.0)
 
     @property
     def horizon(self) -> float | None:
         """Seconds in which a small error grows e-fold, ``1 / λ``; None without a positive exponent.
 
-        The paper's maximum forecast period is the inverse of the exponent too. If its exponent of 0.12 is in bits
-        a second, as its unit states, 8.3 s is the doubling time of an error (:attr:`doubling_time`). If it is in
-        nats a second, as the natural logarithm of its equation 14 states, 8.3 s is this time.
+        The paper's maximum forecast period is also the inverse of the exponent. If its exponent of 0.12 is in
+        bits per second, as its unit states, 8.3 s is the doubling time of an error (:attr:`doubling_time`). If
+        it is in nats per second, as the natural logarithm of its equation 14 states, 8.3 s is this time.
         """
         if self.exponent is None or not self.exponent.value > 0:
             return None

@@ -1,7 +1,7 @@
-"""Pictures of attractors: the series, its states, and the curves that slopes were fitted to.
+"""Pictures of attractors: the series, its states, and the curves of the slopes.
 
-Source of the choice of panels: the figures that Rosenstein and others (1993) and Grassberger and Procaccia (1983)
-judge a scaling region by.
+The panels are those by which Rosenstein et al. (1993) and Grassberger and Procaccia (1983) judge a scaling
+region.
 """
 
 from __future__ import annotations
@@ -46,26 +46,26 @@ __all__ = ["draw"]
 
 Floats = NDArray[np.float64]
 
-#: Crossings of the mean that the stretch of a series shows, and samples of it at the least and at the most.
+#: Mean crossings shown of a series, and smallest and largest number of its samples.
 _CROSSINGS, _LEAST, _MOST = 60, 300, 8000
-#: States that are drawn, joined or as dots.
+#: Largest number of states drawn as a line or as dots.
 _JOINED, _DOTS = 12_000, 6000
-#: States up to which dots are larger.
+#: Number of states up to which dots are larger.
 _FEW = 300
-#: Mean step between samples, in deviations, below which states are joined by a line.
+#: Mean step between samples, in deviations, below which states are drawn as a line.
 _SMOOTH = 0.5
 _WORDS = {
     Judgement.CHAOTIC: "linear noise is rejected, and nearby states part exponentially: chaotic",
     Judgement.NONLINEAR: "linear noise is rejected, but no exponential parting was found: nonlinear or periodic",
     Judgement.NOISE: "linear noise is not rejected: it may explain the series as well",
 }
-#: What stands above and below all panels, left of them and between them (inch).
+#: Margins above, below and left of all panels, and gaps between them (inch).
 _HEAD, _FOOT, _LEFT, _GAP, _ROW_GAP, _RIGHT = 0.55, 0.55, 0.75, 0.8, 0.72, 0.15
-#: Width below which the series stands beside the attractor, and not above all (inch); and that of a letter.
+#: Width below which the series is drawn beside the attractor instead of above all; width of a letter (inch).
 _NARROW, _LETTER = 7.0, 0.062
 
 
-@np.errstate(all="ignore")  # what overflows is no number, and a gap
+@np.errstate(all="ignore")  # overflows become NaN, which is drawn as a gap
 def draw(
     model: AttractorAnalysis,
     plan: AttractorEstimate | None = None,
@@ -75,39 +75,39 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw the series of `model`, and what `plan` says of it.
+    """Draw the series of `model`, and the claims of `plan`.
 
-    The series is drawn from its beginning, over as much time as can be told apart. The attractor has the first two or
-    three coordinates of the embedding as its axes; without a plan their delay is one sample. Curves are computed
-    anew on up to 500 states.
+    The series is drawn from its beginning, over the duration that is legible. The attractor has the first
+    two or three coordinates of the embedding as its axes; without a plan the delay is one sample. Curves
+    are recomputed on up to 500 states.
 
     Parameters
     ----------
     model : AttractorAnalysis
         The model.
     plan : AttractorEstimate, optional
-        An estimate for it, valid or not.
+        An estimate, valid or not.
     view : {"curves", "slopes", "attractor"}
-        The curves with the lines that were fitted to them, or the slopes of these curves from place to place, which are
-        level where there is a scaling region; or nothing but the attractor.
+        The curves with their fitted lines; the local slopes of these curves, which are level in a scaling
+        region; or the attractor only.
     tolerance : float
-        Largest violation accepted, relative, for what the title says.
+        Largest accepted violation, relative, for the verdict in the title.
     title : str, optional
-        Instead of the name and the figures.
+        Title instead of the name and the figures.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        Up to four panels; below them what the test against surrogates says.
+        Up to four panels, with the surrogate test below.
 
     Raises
     ------
     InvalidData
-        The plan is none of this model, or the series is too short for its embedding.
+        The plan does not belong to this model, or the series is too short for its embedding.
     UnsupportedOption
-        An option has a value that is not allowed.
+        The value of an option is not allowed.
     """
     check_tolerance(tolerance)
     allowed = "be 'curves', 'slopes' or 'attractor'"
@@ -156,7 +156,8 @@ def _title(
         parts.append(f"D = {told(plan.correlation)}")
     if found.objective is not None:
         known = any(
-            one is not None for one in (model.true_exponent, model.true_dimension, model.chaotic)
+            figure is not None
+            for figure in (model.true_exponent, model.true_dimension, model.chaotic)
         )
         parts.append(
             f"{'relative error' if known else 'error of prediction'} {number(found.objective, 3)}"
@@ -178,7 +179,7 @@ def _verdict(plan: AttractorEstimate | None) -> str:
 def _places(
     figure: Any, view: str, curves: int, dimension: int, *, head: int, below: float
 ) -> list[Axes]:
-    """Return the axes: of the attractor, the series and the curves."""
+    """Return the axes of the attractor, the series and the curves."""
     broad, tall = inches(figure)
     left, right = min(_LEFT / broad, 0.2), max(1 - _RIGHT / broad, 0.85)
     bottom, top = min((_FOOT + below) / tall, 0.4), max(1 - (_HEAD + 0.17 * head) / tall, 0.6)
@@ -191,7 +192,7 @@ def _places(
         return [figure.add_subplot(figure.add_gridspec(1, 1, **edges)[0], **space)]
     columns = 2 if narrow or not curves else curves + 1
     rows = 2 if curves else 1
-    # Gaps are told as shares of the mean width and height of the cells.
+    # Gaps are given as shares of the mean width and height of the cells.
     gaps = [_GAP * (columns - 1), _ROW_GAP * (rows - 1)]
     wide, high = (right - left) * broad - gaps[0], (top - bottom) * tall - gaps[1]
     edges["wspace"] = _GAP * columns / max(wide, 0.5)
@@ -210,7 +211,7 @@ def _places(
     found = [figure.add_subplot(first, **space)]
     found += [figure.add_subplot(place) for place in (series, *others)]
     if space:
-        # Its labels stand inside of its place, so it may take the room for those of the others.
+        # The labels of 3D axes are inside of their area, so it can extend into the margins of others.
         box = found[0].get_position()
         more = (0.5 if first.colspan.start else 0.65) / broad, 0.3 / tall
         found[0].set_position(
@@ -228,7 +229,7 @@ def _places(
 
 
 def _draw_series(model: AttractorAnalysis, axes: Axes) -> None:
-    """Draw the beginning of the series, or all where it is short."""
+    """Draw the beginning of the series, or all of a short one."""
     count = len(model.series)
     above = model.series > np.median(model.series)
     crossings = max(int(np.count_nonzero(above[1:] != above[:-1])), 1)
@@ -251,7 +252,7 @@ def _draw_series(model: AttractorAnalysis, axes: Axes) -> None:
 
 
 def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
-    """Draw the first two or three coordinates, as many as `axes` have, joined where the series is smooth."""
+    """Draw the first two or three coordinates, depending on `axes`, as a line if the series is smooth."""
     shown = 3 if axes.name == "3d" else 2
     series = model.series
     if len(series) <= (shown - 1) * delay + 1:

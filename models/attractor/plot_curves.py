@@ -1,4 +1,4 @@
-"""The curves that slopes are fitted to: computed again, and drawn beside what is claimed of them."""
+"""Curves of the slopes of a plan: recomputed, and drawn with the claimed slopes."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: Steps ahead, and radii, that curves are computed for.
+#: Number of steps ahead, and of radii, of the curves.
 _STEPS, _RADII = 60, 48
-#: How far beyond its region a divergence curve goes, in widths of it.
+#: Length of a divergence curve beyond its region, in widths of the region.
 _BEYOND = 1.5
 _SHADE, _LINE = "#E69F00", "#C8102E"
 
 
 class Curve(NamedTuple):
-    """A curve, and the slope that is claimed of it.
+    """Curve with its claimed slope.
 
     Parameters
     ----------
     name, symbol, unit : str
-        What the curve is called, what its slope is called, and the slope's unit.
+        Name of the curve, symbol of its slope, and unit of the slope.
     slope : Slope
-        As claimed.
+        Claimed slope.
     x, y : ndarray, shape (k,)
-        Seconds ahead or radii, and a mean logarithm.
+        Seconds ahead or radii, and mean logarithms.
     region : (float, float)
-        The scaling region, in the unit of `x`.
+        Scaling region in the unit of `x`.
     labels : (str, str)
-        Of the axes.
+        Labels of the axes.
     log : bool
-        Whether the slope is by the logarithm of `x`.
+        Whether the slope is relative to the logarithm of `x`.
     """
 
     name: str
@@ -65,22 +65,22 @@ class Curve(NamedTuple):
     log: bool
 
     def read(self, x: Floats) -> Floats:
-        """Return `x` as the slope is a derivative by it."""
+        """Return the variable of the slope's derivative: `x` or its logarithm."""
         return np.log(x) if self.log else x
 
 
 def told(slope: Slope) -> str:
-    """Return a slope with its deviation, in words."""
+    """Return a slope with its deviation as text."""
     return f"{number(slope.value, 4)} ± {number(slope.deviation, 2)}"
 
 
 def with_unit(name: str, unit: str) -> str:
-    """Return a label with its unit, where there is one."""
+    """Return a label with its unit, if there is one."""
     return f"{name} ({pretty_unit(unit)})" if unit else name
 
 
 def label_axes(axes: Axes, x: str, y: str) -> None:
-    """Write the labels of a panel, and remove what tells nothing."""
+    """Write the labels of a panel, and remove superfluous frames."""
     from matplotlib.ticker import MaxNLocator
 
     axes.set_xlabel(x, fontsize=8.5)
@@ -103,7 +103,7 @@ def curve_keys(view: str) -> list[Any]:
 
 
 def curves_of(model: AttractorAnalysis, plan: AttractorEstimate) -> list[Curve]:
-    """Return the curves of the slopes that `plan` claims, computed again on up to 500 states."""
+    """Return the curves of the claimed slopes, recomputed on up to 500 states."""
     states = model.states(plan.delay, plan.dimension)
     sample = Sample(states, plan.theiler, model.scene_seeds(1)[0], SOME)
     unit = pretty_unit(model.unit)
@@ -146,7 +146,7 @@ def _region(curve: Curve, axes: Axes, words: str) -> None:
 
 
 def _decades(axes: Axes, radii: Floats) -> None:
-    """Make the radii logarithmic, with as many ticks as can be read."""
+    """Make the radii logarithmic, with a legible number of ticks."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_xscale("log")
@@ -158,7 +158,7 @@ def _decades(axes: Axes, radii: Floats) -> None:
 
 
 def draw_curve(curve: Curve, axes: Axes) -> None:
-    """Draw the curve, and the line that has the slope and goes through its mean in the region."""
+    """Draw the curve, and the line with the claimed slope through its mean in the region."""
     axes.plot(curve.x, curve.y, lw=1.4, zorder=3, gid=f"curve {curve.name}", **axis_style(0))
     low, high = curve.region
     x = curve.read(curve.x)
@@ -174,14 +174,14 @@ def draw_curve(curve: Curve, axes: Axes) -> None:
 
 
 def draw_slopes(curve: Curve, axes: Axes) -> None:
-    """Draw the slope of the curve from place to place, and the one that is claimed."""
+    """Draw the local slopes of the curve, and the claimed slope."""
     local = np.gradient(curve.y, curve.read(curve.x))
     axes.plot(curve.x, local, lw=1.4, zorder=3, gid=f"slopes {curve.name}", **axis_style(0))
     value, spread = curve.slope.value, curve.slope.deviation
     axes.plot(curve.region, [value] * 2, color=_LINE, lw=1.4, ls="--", gid=f"line {curve.name}")
     known = local[np.isfinite(local)]
     if known.size:
-        # The first steps and the smallest radii have slopes that would flatten all others.
+        # The slopes of the first steps and the smallest radii would flatten all others.
         ends = [*np.quantile(known, [0.1, 0.9]).tolist(), 0.0, value - spread, value + spread]
         margin = 0.15 * (max(ends) - min(ends)) or 1.0
         axes.set_ylim(min(ends) - margin, max(ends) + margin)

@@ -1,4 +1,4 @@
-"""Estimators of delay, dimension, exponent and correlation dimension, and a test against surrogates."""
+"""Estimators of delay, dimension, exponent and correlation dimension, and a surrogate test."""
 
 BACKENDS = {
     "full-analysis": ".full_analysis:FullAnalysis",

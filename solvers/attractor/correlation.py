@@ -1,4 +1,4 @@
-"""``correlation-dimension``: how the number of pairs of states within a radius grows with it.
+"""``correlation-dimension``: growth of the number of pairs of states within a radius.
 
 Sources: P. Grassberger and I. Procaccia, "Measuring the strangeness of strange attractors", Physica D 9 (1983)
 189-208; J. Theiler, "Spurious dimension from correlation algorithms applied to limited time-series data", Physical
@@ -34,64 +34,65 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Stopped = Callable[[], bool]
 
-#: States that are asked at the least, where not all are.
+#: Smallest number of reference states, if not all states are references.
 SOME = 300
-#: Pairs that a count may look at, which decides between the two, and states that are asked how many it takes.
+#: Pairs that a count may visit, which limits the references, and number of states used to estimate
+#: the pairs per state.
 WORK, PILOT = 15_000_000, 50
-#: Radii at which the curve is drawn in which the region is chosen.
+#: Number of radii of the curve that determines the region.
 FINE = 64
-#: Pairs of states drawn for the range of the radii, and the share of pairs within the largest one.
+#: Random pairs of states for the range of the radii, and the share of pairs within the largest radius.
 PAIRS, WHOLE = 20_000, 0.1
-#: The least radius of the curve, relative to the largest.
+#: Smallest radius of the curve, relative to the largest.
 LEAST_RADIUS = 1e-5
-#: States asked for the curve in which the region is chosen, where not all are.
+#: Largest number of reference states for the curve that determines the region.
 FIRST = 1500
-#: Neighbours that a state must have on average within the least radius of a region.
+#: Mean number of neighbours of a state within the smallest radius of a region.
 NEIGHBOURS = 2.0
-#: Points of a region, factor by which its radii must span at the least, and by how much the slopes of its halves
-#: may differ.
+#: Smallest number of points of a region, smallest ratio of its radii, and largest relative difference of the
+#: slopes of its halves.
 LEAST, SPAN, CHANGE = 6, 3.0, 0.15
-#: Nats that the counts rise by within it at the least: those of repeated values do not rise for a while.
+#: Smallest increase of the counts within a region in nats; repeated values have plateaus without increase.
 RISE = 0.5
-#: Growth of the dimension with one more coordinate that is none.
+#: Largest growth of the dimension with one more coordinate.
 GROWTH = 0.3
 
 
 def pair_counts(states: Floats, radii: Floats, theiler: int) -> Ints:
-    """Return how many pairs of states lie within each radius by the ∞-norm, exactly.
+    """Return the exact number of pairs of states within each radius in the ∞-norm.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
-        In the order of time.
+        States in the order of time.
     radii : ndarray, shape (k,)
-        Rising.
+        Ascending radii.
     theiler : int
-        Pairs at most as many samples apart are left out.
+        Pairs at most this number of samples apart are excluded.
 
     Returns
     -------
     ndarray, shape (k,)
-        Every pair counts once.
+        Numbers of unordered pairs.
     """
-    found = correlation_counts(states, radii, theiler, references=len(states))
-    assert found is not None
-    total: Ints = found.counts.sum(axis=0)
+    result = correlation_counts(states, radii, theiler, references=len(states))
+    assert result is not None
+    total: Ints = result.counts.sum(axis=0)
     return total // 2
 
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """How many states lie within radii of reference states, by blocks of time.
+    """Numbers of states within radii of reference states, by blocks of time.
 
     Parameters
     ----------
     radii : ndarray, shape (k,)
-        Rising.
+        Ascending radii.
     counts : ndarray, shape (blocks, k)
-        Ordered pairs.
+        Numbers of ordered pairs.
     references : int
-        How many states were asked.
+        Number of reference states.
     """
 
     radii: Floats
@@ -100,10 +101,10 @@ class Counts:
 
     @property
     def values(self) -> Floats:
-        """Logarithm of the counts, minus infinity where there is none."""
+        """Logarithm of the total counts, minus infinity for a count of 0; shape (k,)."""
         with np.errstate(divide="ignore"):
-            found: Floats = np.log(self.counts.sum(axis=0))
-        return found
+            logs: Floats = np.log(self.counts.sum(axis=0))
+        return logs
 
     def slope(self) -> tuple[float, float]:
         """Return the slope over all radii, and its standard deviation, see :func:`whole_slope`."""
@@ -120,25 +121,25 @@ def correlation_counts(
     references: int = MOST,
     stopped: Stopped = bool,
 ) -> Counts | None:
-    """Return how many states lie within radii of all states, or of some of them where that takes long.
+    """Return the numbers of states within radii of all states, or of a random sample to save time.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
-        In the order of time.
+        States in the order of time.
     radii : ndarray, shape (k,)
-        Rising.
+        Ascending radii.
     theiler : int
-        Pairs at most as many samples apart are left out.
+        Pairs at most this number of samples apart are excluded.
     references : int
-        States asked at the most; up to 1500, and with as many as there are, all are.
+        Largest number of reference states. Up to 1500 states, all are references.
     stopped : callable
-        Asked between blocks of time.
+        Function that returns True to stop, called between blocks of time.
 
     Returns
     -------
     Counts, optional
-        None where it was stopped.
+        None if the run was stopped.
     """
     count = len(states)
     times = np.argsort(states[:, 0], kind="stable")
@@ -150,36 +151,38 @@ def correlation_counts(
         shells, visits = count_pairs(ordered, times, places[some], theiler, radii)
         return np.cumsum(shells), visits
 
-    asked = np.arange(count)
+    reference_states = np.arange(count)
     if count > ALL and references < count:
         visits = part(np.linspace(0, count - 1, PILOT).astype(np.int64))[1]
-        few = min(max(WORK * PILOT // max(visits, 1), SOME), references, count)
-        asked = np.sort(np.random.default_rng(0).choice(count, few, replace=False))
-    done = []
-    for some in np.array_split(asked, min(BLOCKS, len(asked))):
+        sample_size = min(max(WORK * PILOT // max(visits, 1), SOME), references, count)
+        reference_states = np.sort(
+            np.random.default_rng(0).choice(count, sample_size, replace=False)
+        )
+    blocks = []
+    for some in np.array_split(reference_states, min(BLOCKS, len(reference_states))):
         if stopped():
             return None
-        done.append(part(some)[0])
-    return Counts(radii, np.array(done), len(asked))
+        blocks.append(part(some)[0])
+    return Counts(radii, np.array(blocks), len(reference_states))
 
 
 def drawn_radii(
     states: Floats, theiler: int, low: float | None, high: float | None
 ) -> Floats | None:
-    """Return the radii of a curve that shows where the region is; None where no two states differ.
+    """Return the radii of a curve to choose a region; None if all states are equal.
 
-    Unless they are given, the largest has a tenth of all pairs within it, and the least is a hundred thousandth of it.
+    By default the largest radius contains a tenth of all pairs, and the smallest is 1e-5 of it.
     """
-    one, two = np.random.default_rng(0).integers(0, len(states), (2, PAIRS))
-    far = np.abs(one - two) > theiler
-    apart = np.abs(states[one[far]] - states[two[far]]).max(axis=1)
-    apart = np.sort(apart[apart > 0])
-    if not apart.size:
+    first, second = np.random.default_rng(0).integers(0, len(states), (2, PAIRS))
+    is_distant = np.abs(first - second) > theiler
+    distances = np.abs(states[first[is_distant]] - states[second[is_distant]]).max(axis=1)
+    distances = np.sort(distances[distances > 0])
+    if not distances.size:
         return None
-    most = high or max(float(apart[int(WHOLE * (apart.size - 1))]), (low or 0.0) * SPAN)
-    least = low or most * LEAST_RADIUS
-    radii: Floats = np.geomspace(least, most, FINE)
-    radii[0], radii[-1] = least, most
+    largest = high or max(float(distances[int(WHOLE * (distances.size - 1))]), (low or 0.0) * SPAN)
+    smallest = low or largest * LEAST_RADIUS
+    radii: Floats = np.geomspace(smallest, largest, FINE)
+    radii[0], radii[-1] = smallest, largest
     return radii
 
 
@@ -194,31 +197,31 @@ def fit_dimension(
 ) -> Fit | None:
     """Return the correlation dimension of `states`.
 
-    The region is the widest plateau of the local slopes, of those in which the states have two neighbours on average
-    at the least radius, and about a tenth of all pairs lies at the most within the largest one.
+    The region is the widest plateau of the local slopes. At its smallest radius the states have two
+    neighbours on average, and its largest radius contains about a tenth of all pairs.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
-        In the order of time.
+        States in the order of time.
     theiler : int
-        Pairs at most as many samples apart are left out.
+        Pairs at most this number of samples apart are excluded.
     low, high : float, optional
-        The region, radii; what is left open is chosen.
+        Radii of the region. None leaves the choice to this function.
     references : int
-        States asked at the most; up to 1500 all are.
+        Largest number of reference states. Up to 1500 states, all are references.
     stopped : callable
-        Asked now and then.
+        Function that returns True to stop, polled.
 
     Returns
     -------
     Fit, optional
-        None where it was stopped.
+        None if the run was stopped.
 
     Raises
     ------
     InvalidData
-        `low` and `high` are no region.
+        `low` is not less than `high`.
     """
     if low is not None and high is not None and not low < high:
         raise InvalidData(f"low must be < high = {high:g}, got {low:g}", field="low")
@@ -259,7 +262,7 @@ def fit_dimension(
 
 
 def plateau(counts: Counts, from_first: bool, to_last: bool) -> tuple[int, Stretches | None]:
-    """Return the first radius with enough pairs, and the plateaus of the local slopes from there on.
+    """Return the index of the first radius with enough pairs, and the plateaus of the local slopes from there.
 
     The plateaus are None if the curve is too short.
     """
@@ -277,7 +280,7 @@ def plateau(counts: Counts, from_first: bool, to_last: bool) -> tuple[int, Stret
 def other_dimensions(
     problem: AttractorAnalysis, embedding: Embedding, stopped: Stopped
 ) -> list[float] | None:
-    """Return the correlation dimensions in other embeddings that have a plateau; None if the run was stopped."""
+    """Return the dimensions in other embeddings that have a plateau; None if the run was stopped."""
     values = []
     for other in variants(embedding, len(problem.series)):
         states = problem.states(other.delay, other.dimension)
@@ -298,9 +301,10 @@ def other_dimensions(
 def slope_of_shares(
     states: Floats, theiler: int, low: float, high: float, stopped: Stopped = bool
 ) -> float | None:
-    """Return the slope between the radii within which there are so large shares of all pairs.
+    """Return the slope between the radii that contain given shares of all pairs.
 
-    It compares embeddings without the choice of a region in each; None where it was stopped or has no value.
+    It compares embeddings without choosing a region in each. None if the run was stopped or no slope
+    exists.
     """
     radii = drawn_radii(states, theiler, None, None)
     if radii is None:
@@ -320,48 +324,54 @@ NONE = "no correlation dimension: {}"
 
 
 class CorrelationDimension(AttractorBackend):
-    """Slope of the logarithm of the correlation sum over that of the radius, by the ∞-norm."""
+    """Backend for the slope of the log of the correlation sum over the log of the radius (∞-norm)."""
 
     name = "correlation-dimension"
     summary = "correlation dimension from the number of pairs within radii (Grassberger and Procaccia 1983)"
     options: ClassVar[Mapping[str, Option]] = {
         **EMBEDDING,
         "low": Option(
-            None, "radius at which the region begins, in the series' unit; chosen", lower=1e-300
+            None,
+            "radius at which the region begins, in the unit of the series; by default from the curve",
+            lower=1e-300,
         ),
         "high": Option(
-            None, "radius at which the region ends, in the series' unit; chosen", lower=1e-300
+            None,
+            "radius at which the region ends, in the unit of the series; by default from the curve",
+            lower=1e-300,
         ),
         "references": Option(
-            MOST, "states asked for neighbours at the most; up to 1500 all are", int, lower=FEW
+            MOST, "largest number of reference states; up to 1500 states all are", int, lower=FEW
         ),
     }
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Choose a region, read the slope, and see whether it grows with the dimension of the embedding."""
+        """Choose a region, compute the slope, and test whether it grows with the embedding dimension."""
         options = request.options
         embedding = embed(problem, options)
-        how: dict[str, Any] = {
+        fit_options: dict[str, Any] = {
             "low": options.get("low"),
             "high": options.get("high"),
             "references": options.get("references", MOST),
             "stopped": lambda: request.control.stopped,
         }
         states = problem.states(embedding.delay, embedding.dimension)
-        found = fit_dimension(states, embedding.theiler, **how)
-        if found is None:
+        fit = fit_dimension(states, embedding.theiler, **fit_options)
+        if fit is None:
             return None
-        slope, message = found.slope, found.message
-        statistics = dict(found.statistics)
-        chosen = how["low"] is None and how["high"] is None
-        room = len(problem.series) - embedding.dimension * embedding.delay > 2 * embedding.theiler
-        if slope is not None and chosen and room:
+        slope, message = fit.slope, fit.message
+        statistics = dict(fit.statistics)
+        is_automatic = fit_options["low"] is None and fit_options["high"] is None
+        has_room = (
+            len(problem.series) - embedding.dimension * embedding.delay > 2 * embedding.theiler
+        )
+        if slope is not None and is_automatic and has_room:
             higher = slope_of_shares(
                 problem.states(embedding.delay, embedding.dimension + 1),
                 embedding.theiler,
                 statistics["share of pairs at low"],
                 statistics["share of pairs at high"],
-                how["stopped"],
+                fit_options["stopped"],
             )
             if request.control.stopped:
                 return None
@@ -370,8 +380,8 @@ class CorrelationDimension(AttractorBackend):
                 if higher > slope.value + GROWTH:
                     grows = f"it grows with the embedding, from {slope.value:.3g} to {higher:.3g}"
                     slope, message = None, NONE.format(grows)
-        if slope is not None and chosen:
-            others = other_dimensions(problem, embedding, how["stopped"])
+        if slope is not None and is_automatic:
+            others = other_dimensions(problem, embedding, fit_options["stopped"])
             if others is None:
                 return None
             slope = widened_dimension(slope, statistics["spread over regions"], others)

@@ -1,6 +1,6 @@
-"""``c-c``, ``improved-c-c``, ``mutual-information`` and ``autocorrelation``: delays, and what embedding follows.
+"""``c-c``, ``improved-c-c``, ``mutual-information`` and ``autocorrelation``: delays and embeddings.
 
-Each says how far its delay can be trusted by the delays of both halves of the series.
+Each reports the delays of both halves of the series as a measure of reliability.
 """
 
 from __future__ import annotations
@@ -33,52 +33,54 @@ Floats = NDArray[np.float64]
 
 #: Minimum prominence of a peak, as a share of the curve's range.
 _PEAK = 0.3
-_DIMENSION: Mapping[str, Option] = {name: one for name, one in EMBEDDING.items() if name != "delay"}
+_DIMENSION: Mapping[str, Option] = {
+    name: option for name, option in EMBEDDING.items() if name != "delay"
+}
 
 
 def halves(series: Floats) -> Mapping[str, Floats]:
-    """Return the halves of a series that are long enough and not constant, by what they are called."""
+    """Return the halves of a series that are long enough and not constant, by name."""
     middle = len(series) // 2
-    found = {"first half": series[:middle], "second half": series[middle:]}
-    return {k: x for k, x in found.items() if len(x) >= LEAST and np.ptp(x) > 1e-9 * x.std() > 0}
+    parts = {"first half": series[:middle], "second half": series[middle:]}
+    return {k: x for k, x in parts.items() if len(x) >= LEAST and np.ptp(x) > 1e-9 * x.std() > 0}
 
 
 class DelayBackend(AttractorBackend):
-    """Base of those that only choose a delay; the dimension is Cao's."""
+    """Base of the backends that choose a delay only; the dimension is chosen by Cao's method."""
 
     options: ClassVar[Mapping[str, Option]] = _DIMENSION
 
     @abstractmethod
     def delay(self, series: Floats, options: Mapping[str, Any]) -> tuple[int, str]:
-        """Return the delay, and what a person should know of it."""
+        """Return the delay in samples, and a remark for the user."""
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Return the embedding with this delay."""
+        """Return the embedding with the delay of this method."""
         delay, message = self.delay(problem.series, request.options)
-        found = embed(problem, {**request.options, "delay": delay})
-        own = {
+        embedding = embed(problem, {**request.options, "delay": delay})
+        half_delays = {
             f"delay of the {half}": self.delay(x, request.options)[0]
             for half, x in halves(problem.series).items()
         }
-        plan = AttractorEstimate(found.delay, found.dimension, found.theiler)
-        return Finding(plan, {"delay": delay, **own}, message)
+        plan = AttractorEstimate(embedding.delay, embedding.dimension, embedding.theiler)
+        return Finding(plan, {"delay": delay, **half_delays}, message)
 
 
 class MutualInformation(DelayBackend):
-    """The first minimum of the mutual information (Fraser and Swinney 1986)."""
+    """Backend for the first minimum of the mutual information (Fraser and Swinney 1986)."""
 
     name = "mutual-information"
     summary = "delay at the first minimum of the mutual information"
 
     def delay(self, series: Floats, options: Mapping[str, Any]) -> tuple[int, str]:
-        """Return the first minimum, or the first zero of the autocorrelation where there is none before."""
+        """Return the first minimum, or the first zero of the autocorrelation if it is reached before."""
         delay, minimum = minimum_of_information(series)
         none = "the mutual information has no minimum before the first zero of the autocorrelation"
         return delay, "" if minimum else none
 
 
 class Autocorrelation(DelayBackend):
-    """Where the autocorrelation has fallen to a level."""
+    """Backend for the lag at which the autocorrelation has fallen to a level."""
 
     name = "autocorrelation"
     summary = "delay at which the autocorrelation has fallen to a level"
@@ -88,16 +90,16 @@ class Autocorrelation(DelayBackend):
     }
 
     def delay(self, series: Floats, options: Mapping[str, Any]) -> tuple[int, str]:
-        """Return the first lag at which it is no larger."""
+        """Return the first lag with an autocorrelation of at most the level."""
         level = options["level"]
         delay = decorrelation(series, level)
         if delay < longest(len(series)):
             return delay, ""
-        return delay, f"the autocorrelation keeps above {level:g} for a tenth of the series"
+        return delay, f"the autocorrelation stays above {level:g} for a tenth of the series"
 
 
 class CorrelationIntegral(AttractorBackend):
-    """The C-C method: delay and window from the dependence of coordinates, equations 2-7 and 11.
+    """Backend for the C-C method: delay and window from the dependence of coordinates, equations 2-7 and 11.
 
     The delay is the first local minimum of ΔS, or the first zero of S. The window is the global minimum of S_cor, and
     the dimension follows from it by equation 11.

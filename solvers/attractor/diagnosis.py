@@ -1,4 +1,4 @@
-"""What a series is like before anything is estimated: its length, its grid, its trend, its rhythm."""
+"""Statistics of a series before any estimate: length, resolution, trend and rhythm."""
 
 from __future__ import annotations
 
@@ -16,41 +16,41 @@ __all__ = ["diagnose_attractor"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of the variance that a line may explain, what means of halves may differ by (deviations), and the ratio of
-#: their variances, before a series counts as drifting.
+#: Share of the variance that a line may explain, difference between the means of halves (deviations), and
+#: ratio of their variances, above which a series drifts.
 _TREND, _SHIFT, _RATIO = 0.1, 0.5, 2.0
-#: Share of different values below which a series counts as tied; values nearer than this part of the range are
-#: the same.
+#: Share of distinct values below which a series has ties. Values within the second share of the range are
+#: equal.
 _DISTINCT, _SAME = 0.9, 1e-12
-#: Robust deviations from the median beyond which a value is an outlier.
+#: Robust deviations from the median above which a value is an outlier.
 _FAR = 8.0
-#: Correlation at which a series repeats itself; samples in which it falls to 1/e where it is sampled densely.
+#: Correlation above which a series repeats itself, and correlation time in samples of dense sampling.
 _REPEATS, _DENSE = 0.98, 30
-#: Correlation times that a series should hold.
+#: Recommended number of correlation times in a series.
 _ENOUGH = 100
-#: Share of the power below which no rhythm stands out.
+#: Share of the power below which no rhythm is prominent.
 _FAINT = 0.05
-#: Flatness of the spectrum, 1 for white noise, above which it counts as flat; pieces that it is a mean of.
+#: Flatness above which a spectrum is flat (1 for white noise), and number of averaged segments.
 _FLAT, _PIECES = 0.8, 16
-#: Equal values in a row that are worth a word where values are not tied anyway.
+#: Number of equal successive values that is reported even without other ties.
 _RUN = 5
 
 
 def diagnose_attractor(model: AttractorAnalysis, time_limit: float | None = None) -> Diagnosis:
-    """Return what the series itself says of how much an estimate can mean.
+    """Return statistics of a series that limit the meaning of its estimates.
 
-    Any embedding that fits is a plan, so there always is one.
+    Every embedding that fits is a plan, so a plan always exists.
 
     Parameters
     ----------
     model : AttractorAnalysis
-        What is asked.
+        The model.
     time_limit : float, optional
         Not used.
     """
     values = standardised(model.series)
     count, lags = len(values), np.arange(len(values) // 2)
-    # Each sum over the number of its pairs, so that a period has a correlation of 1.
+    # Each sum is divided by the number of its pairs, so that a periodic series has a correlation of 1.
     correlation = autocorrelation(values, len(lags) - 1) * count / (count - lags)
     findings = (
         *_length(count),
@@ -65,7 +65,7 @@ def diagnose_attractor(model: AttractorAnalysis, time_limit: float | None = None
 
 
 def _length(count: int) -> Iterator[Finding]:
-    """Yield which dimensions so many samples can show."""
+    """Yield the largest dimensions that this number of samples can show."""
     dimension = 2 * np.log10(count)
     yield Finding(
         f"{count} samples: no correlation dimension above 2 log10 N = {dimension:.3g} can be seen, and no exponent "
@@ -80,10 +80,10 @@ def _first(hits: NDArray[np.bool_]) -> int | None:
 
 
 def _sampling(correlation: Floats, period: float) -> Iterator[Finding]:
-    """Yield how many samples the series stays correlated for."""
+    """Yield the number of samples for which the series stays correlated."""
     count = 2 * len(correlation)
     zero = _first(correlation <= 0)
-    # Of a mean of 0 it always falls, but for rounding.
+    # With a mean of 0 the autocorrelation always falls, up to rounding.
     fallen = _first(correlation < np.exp(-1.0)) or len(correlation)
     data = {"correlation_time": fallen, "first_zero": zero}
     crosses = "and not to 0 within half of the series" if zero is None else f"and to 0 after {zero}"
@@ -105,14 +105,14 @@ def _sampling(correlation: Floats, period: float) -> Iterator[Finding]:
 
 
 def _spectrum(values: Floats, correlation: Floats, period: float) -> Iterator[Finding]:
-    """Yield the strongest rhythm, and whether the series is periodic or has no rhythm at all."""
+    """Yield the strongest rhythm, and whether the series is periodic or has no rhythm."""
     from scipy.signal import periodogram, welch
 
     frequencies, power = periodogram(values, window="hann", detrend="linear")
     total = float(power.sum())
     if total > 0:
         peak = int(power[1:].argmax()) + 1
-        # The window spreads a line over two bins on either side.
+        # The window spreads a line over two bins on both sides.
         share = float(power[max(peak - 2, 1) : peak + 3].sum()) / total
         strongest = 1.0 / float(frequencies[peak])
         told = (
@@ -139,7 +139,7 @@ def _spectrum(values: Floats, correlation: Floats, period: float) -> Iterator[Fi
         most = float(correlation[again])
         if most > _REPEATS:
             first = dip + int((correlation[dip:] > _REPEATS).argmax())
-            # The top of the first hill that is high enough.
+            # The maximum of the first hill that is high enough.
             while first + 1 < len(correlation) and correlation[first + 1] > correlation[first]:
                 first += 1
             yield Finding(
@@ -150,7 +150,7 @@ def _spectrum(values: Floats, correlation: Floats, period: float) -> Iterator[Fi
 
 
 def _drift(values: Floats) -> Iterator[Finding]:
-    """Yield how far the series is from the same all along; `values` have mean 0 and deviation 1."""
+    """Yield signs of drift; `values` have mean 0 and deviation 1."""
     time = np.linspace(-1.0, 1.0, len(values))
     share = float(np.corrcoef(time, values)[0, 1] ** 2)
     if share > _TREND:
@@ -178,7 +178,7 @@ def _drift(values: Floats) -> Iterator[Finding]:
 
 
 def _grid(series: Floats, deviation: float) -> Iterator[Finding]:
-    """Yield how many values are the same, and how many states."""
+    """Yield the shares of equal values and of equal states."""
     count = len(series)
     ordered = np.sort(series)
     steps = np.diff(ordered / deviation)
@@ -196,7 +196,7 @@ def _grid(series: Floats, deviation: float) -> Iterator[Finding]:
             "distances below that are ties, and no scaling region reaches there",
             where="series", data={"distinct": distinct, "step": step, "grid": grid},
         )  # fmt: skip
-    # Places where a value begins to be another one.
+    # Places at which the value changes.
     begins = np.flatnonzero(np.concatenate([[True], np.diff(series) != 0, [True]]))
     runs = np.diff(begins)
     longest = int(runs.max())
@@ -216,7 +216,7 @@ def _grid(series: Floats, deviation: float) -> Iterator[Finding]:
 
 
 def _repeated(series: Floats) -> float:
-    """Return which share of three successive values occurs more than once."""
+    """Return the share of triples of successive values that occur more than once."""
     key = np.unique(series, return_inverse=True)[1].astype(np.int64)
     whole = key
     for back in (1, 2):
@@ -226,7 +226,7 @@ def _repeated(series: Floats) -> float:
 
 
 def _outliers(series: Floats) -> Iterator[Finding]:
-    """Yield values that lie far from all others."""
+    """Yield values far from all others."""
     away = np.abs(series - np.median(series))
     spread = 1.4826 * float(np.median(away))
     if spread == 0:

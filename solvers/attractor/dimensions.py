@@ -1,4 +1,4 @@
-"""``false-neighbours`` and ``cao``: the least dimension that unfolds an attractor."""
+"""``false-neighbours`` and ``cao``: the smallest dimension that unfolds an attractor."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ __all__ = ["Cao", "FalseNeighbours"]
 
 Floats = NDArray[np.float64]
 
-#: E₂ that is nowhere further from 1 is that of noise (Cao 1997).
+#: Largest deviation of E₂ from 1 for noise (Cao 1997).
 _RANDOM = 0.1
 
 
 class DimensionBackend(AttractorBackend):
-    """Base of those that choose a dimension; the delay is the first minimum of the mutual information."""
+    """Base of the backends that choose a dimension; the delay is the first minimum of the mutual information."""
 
     options: ClassVar[Mapping[str, Option]] = {
         "delay": EMBEDDING["delay"],
@@ -38,53 +38,53 @@ class DimensionBackend(AttractorBackend):
     def dimension(
         self, series: Floats, delay: int, most: int, options: Mapping[str, Any]
     ) -> tuple[int, dict[str, Any], str]:
-        """Return the dimension, key figures, and what a person should know of it."""
+        """Return the dimension, its statistics, and a remark for the user."""
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Return the embedding with this dimension."""
+        """Return the embedding with the dimension of this method."""
         options = request.options
         # The delay is chosen here, the dimension below.
         delay = embed(problem, {**options, "dimension": 1}).delay
         most = largest_dimension(len(problem.series), delay, options["largest"])
-        dimension, own, message = self.dimension(problem.series, delay, most, options)
+        dimension, figures, message = self.dimension(problem.series, delay, most, options)
         for half, x in halves(problem.series).items():
             if request.control.stopped:
                 return None
             most = largest_dimension(len(x), delay, options["largest"])
-            own[f"dimension of the {half}"] = self.dimension(x, delay, most, options)[0]
-        found = embed(problem, {**options, "delay": delay, "dimension": dimension})
-        plan = AttractorEstimate(found.delay, found.dimension, found.theiler)
-        return Finding(plan, {"dimension": dimension, **own}, message)
+            figures[f"dimension of the {half}"] = self.dimension(x, delay, most, options)[0]
+        embedding = embed(problem, {**options, "delay": delay, "dimension": dimension})
+        plan = AttractorEstimate(embedding.delay, embedding.dimension, embedding.theiler)
+        return Finding(plan, {"dimension": dimension, **figures}, message)
 
 
 class Cao(DimensionBackend):
-    """The dimension from which on nearest neighbours keep their distance on average (Cao 1997)."""
+    """Backend for the dimension from which nearest neighbours keep their distance on average (Cao 1997)."""
 
     name = "cao"
-    summary = "least dimension by Cao's averaged false neighbours"
+    summary = "smallest dimension by Cao's averaged false neighbours"
 
     def dimension(
         self, series: Floats, delay: int, most: int, options: Mapping[str, Any]
     ) -> tuple[int, dict[str, Any], str]:
-        """Return where E₁ saturates."""
+        """Return the dimension at which E₁ saturates."""
         grows, moves = cao_curves(series, delay, most, options["theiler"])
         dimension = saturated(grows)
         finite = np.abs(moves[np.isfinite(moves)] - 1)
         apart = float(finite.max()) if finite.size else 0.0
-        own = {"E1": float(np.nan_to_num(grows[dimension - 1])), "most of |E2 - 1|": apart}
-        said = []
+        figures = {"E1": float(np.nan_to_num(grows[dimension - 1])), "most of |E2 - 1|": apart}
+        remarks = []
         if not grows[dimension - 1] >= 0.9:
-            said.append(f"E₁ does not saturate up to {most} dimensions, the largest is taken")
+            remarks.append(f"E₁ does not saturate up to {most} dimensions, the largest is taken")
         if apart < _RANDOM:
-            said.append("E₂ is that of noise")
-        return dimension, own, "; ".join(said)
+            remarks.append("E₂ is that of noise")
+        return dimension, figures, "; ".join(remarks)
 
 
 class FalseNeighbours(DimensionBackend):
-    """The least dimension with hardly a false nearest neighbour (Kennel, Brown and Abarbanel 1992)."""
+    """Backend for the smallest dimension with few false neighbours (Kennel, Brown and Abarbanel 1992)."""
 
     name = "false-neighbours"
-    summary = "least dimension with hardly a false nearest neighbour"
+    summary = "smallest dimension with few false nearest neighbours"
     options: ClassVar[Mapping[str, Option]] = {
         **DimensionBackend.options,
         "share": Option(0.01, "share of false neighbours allowed", lower=0, upper=1),
@@ -93,11 +93,17 @@ class FalseNeighbours(DimensionBackend):
     def dimension(
         self, series: Floats, delay: int, most: int, options: Mapping[str, Any]
     ) -> tuple[int, dict[str, Any], str]:
-        """Return the first with few enough."""
+        """Return the first dimension with few enough false neighbours."""
         theiler = options["theiler"]
         shares = false_shares(series, delay, most, delay if theiler is None else theiler)
-        good = np.flatnonzero(shares <= options["share"])
-        dimension = int(good[0] if good.size else np.nan_to_num(shares, nan=1.0).argmin()) + 1
-        own = {"false neighbours": float(np.nan_to_num(shares[dimension - 1], nan=1.0))}
-        few = "" if good.size else "no dimension has so few false neighbours, the least is taken"
-        return dimension, own, few
+        acceptable = np.flatnonzero(shares <= options["share"])
+        dimension = (
+            int(acceptable[0] if acceptable.size else np.nan_to_num(shares, nan=1.0).argmin()) + 1
+        )
+        figures = {"false neighbours": float(np.nan_to_num(shares[dimension - 1], nan=1.0))}
+        remark = (
+            ""
+            if acceptable.size
+            else "no dimension has so few false neighbours, the least is taken"
+        )
+        return dimension, figures, remark

@@ -1,4 +1,4 @@
-"""``rosenstein`` and ``kantz``: the largest Lyapunov exponent from how neighbouring states part.
+"""``rosenstein`` and ``kantz``: the largest Lyapunov exponent from the divergence of neighbouring states.
 
 Sources: M. T. Rosenstein, J. J. Collins and C. J. De Luca, "A practical method for calculating largest
 Lyapunov exponents from small data sets", Physica D 65 (1993) 117-134; H. Kantz, "A robust method to estimate
@@ -38,30 +38,30 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: States asked for the curve in which the region is chosen, where not all are.
+#: Largest number of reference states for the curve that determines the region.
 FIRST = 1000
-#: Steps ahead at the most, and how many times as many states there must be.
+#: Largest number of steps ahead, and smallest ratio of states to steps.
 STEPS, SHARE = 4096, 3
-#: Nats that a region ends below where the curve levels off, and that neighbours part by within it at the least.
+#: Distance in nats between the end of a region and the level of the curve, and smallest divergence within it.
 MARGIN, RISE = 1.25, 1.0
-#: Points of a region at the least, and by how much the slopes of its halves may differ.
+#: Smallest number of points of a region, and largest relative difference of the slopes of its halves.
 LEAST, CHANGE = 5, 0.25
-#: Pairs of states drawn for the mean logarithm of all distances.
+#: Random pairs of states for the mean logarithm of all distances.
 PAIRS = 4000
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A slope, or why there is none.
+    """Fitted slope, or the reason why it is missing.
 
     Parameters
     ----------
     slope : Slope, optional
-        The exponent, nats a second.
+        The exponent in nats per second.
     statistics : mapping
-        How it was found.
+        Statistics of the fit.
     message : str
-        Why there is none.
+        Reason for a missing slope.
     """
 
     slope: Slope | None
@@ -77,24 +77,24 @@ def scaling_region(
     low: int | None = None,
     high: int | None = None,
 ) -> tuple[int, Stretches] | None:
-    """Return the first step of the search, and the stretches of exponential parting from there on.
+    """Return the first step of the search, and the stretches of exponential divergence from there on.
 
-    The best is the longest stretch whose slope stays the same, of those that end :data:`MARGIN` nats below the level
-    that the curve reaches and rise by :data:`RISE` nats. The slopes of its halves may differ by a quarter, and each
-    stretch counts the less, the more they do.
+    The best is the longest stretch with a steady slope that ends :data:`MARGIN` nats below the level
+    of the curve and rises by at least :data:`RISE` nats. The slopes of its halves may differ by a
+    quarter; a larger difference lowers the score of a stretch.
 
     Parameters
     ----------
     curve : Curve
-        How neighbours part.
+        Divergence of neighbours over time.
     level : float
-        Mean logarithm of the distance of states drawn at random.
+        Mean logarithm of the distance between random states.
     shortest : int
-        Steps of a region at the least.
+        Smallest number of steps of a region.
     earliest : int
-        Step at which a region begins at the earliest.
+        First step at which a region may begin.
     low, high : int, optional
-        Where the region begins or ends, if that is given.
+        First and last step of the region, if given.
 
     Returns
     -------
@@ -102,13 +102,13 @@ def scaling_region(
         Stretches of the curve from that step on, in steps. None if the curve is too short.
     """
     values = curve.values
-    good = np.isfinite(values)
-    if not good.any():
+    is_finite = np.isfinite(values)
+    if not is_finite.any():
         return None
-    values = values[: len(values) if good.all() else int(good.argmin())]
+    values = values[: len(values) if is_finite.all() else int(is_finite.argmin())]
     level = min(level, float(values[len(values) // 2 :].mean())) if len(values) else level
-    over = values > level - MARGIN
-    end = int(over.argmax()) if over.any() else len(values)
+    above = values > level - MARGIN
+    end = int(above.argmax()) if above.any() else len(values)
     begin = earliest if low is None else low
     if high is not None:
         end = high + 1
@@ -116,23 +116,23 @@ def scaling_region(
     if len(y) < LEAST:
         return None
     x = np.arange(len(y), dtype=float)
-    found = steady_stretches(
+    stretches = steady_stretches(
         x, y, least=max(LEAST, shortest + 1), rise=RISE, change=CHANGE,
         from_first=low is not None, to_last=high is not None,
     )  # fmt: skip
-    return begin, found
+    return begin, stretches
 
 
 def mean_level(states: Floats) -> float:
-    """Return the mean logarithm of the distance of states drawn at random."""
-    one, two = np.random.default_rng(0).integers(0, len(states), (2, PAIRS))
-    squares = ((states[one] - states[two]) ** 2).sum(axis=1)
+    """Return the mean logarithm of the distance between random states."""
+    first, second = np.random.default_rng(0).integers(0, len(states), (2, PAIRS))
+    squares = ((states[first] - states[second]) ** 2).sum(axis=1)
     squares = squares[squares > 0]
     return float(np.log(squares).mean()) / 2 if squares.size else -math.inf
 
 
 def mean_turn(series: Floats) -> int:
-    """Return the mean number of samples from one maximum to the next."""
+    """Return the mean number of samples between maxima."""
     steps = np.diff(series)
     rises = steps[steps != 0] > 0
     maxima = int((rises[:-1] & ~rises[1:]).sum())
@@ -141,24 +141,24 @@ def mean_turn(series: Floats) -> int:
 
 @dataclass(frozen=True)
 class Search:
-    """How an exponent is searched for in an embedding.
+    """Search for an exponent in an embedding.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
         All states of the embedding, in the order of time.
     embedding : Embedding
-        Of the states.
+        Embedding of the states.
     method : Method
-        Rosenstein's or Kantz'.
+        Method of Rosenstein or of Kantz.
     low, high : int, optional
-        The region, steps ahead; what is left open is chosen.
+        First and last step of the region. None leaves the choice to :func:`scaling_region`.
     radius : float, optional
-        Of Kantz' method; chosen by :func:`~.partings.kantz_radius`.
+        Radius of Kantz' method. Default: :func:`~.partings.kantz_radius`.
     references : int
-        States asked for neighbours at the most; up to 1500 all are.
+        Largest number of reference states. Up to 1500 states, all are references.
     stopped : callable
-        Asked now and then.
+        Function that returns True to stop, polled.
     """
 
     states: Floats
@@ -200,7 +200,7 @@ class Search:
         first = self.curve(self.steps, min(references, self.references))
         if first is None:
             return None
-        # States that are nearest by selection part faster at first, for as long as a state spans, and distances swing
+        # Nearest states diverge faster at first, for as long as a state spans, and distances oscillate
         # with each turn. A map has no such span.
         span = (self.embedding.dimension - 1) * self.embedding.delay
         shortest = max(span, mean_turn(self.states[:, 0]))
@@ -214,8 +214,9 @@ class Search:
 def fit_exponent(search: Search, period: float) -> Fit | None:
     """Return the largest Lyapunov exponent of the motion among states.
 
-    The region is chosen in a first curve, and the slope read from a second one: only states with a future of `high`
-    steps take part in that. If the region is chosen, the deviation includes the spread over acceptable regions.
+    The region is chosen from a first curve. The slope is computed from a second curve, which needs states
+    with a future of `high` steps. If the region is chosen, the deviation includes the spread over
+    acceptable regions.
 
     Parameters
     ----------
@@ -227,12 +228,12 @@ def fit_exponent(search: Search, period: float) -> Fit | None:
     Returns
     -------
     Fit, optional
-        None where it was stopped.
+        None if the run was stopped.
 
     Raises
     ------
     InvalidData
-        `low` and `high` are no region, or reach beyond the states.
+        `low` is not less than `high`, or the region exceeds the states.
     """
     count, low, high = len(search.states), search.low, search.high
     if low is not None and high is not None and not low < high:
@@ -275,14 +276,14 @@ def fit_exponent(search: Search, period: float) -> Fit | None:
 
 @dataclass(frozen=True)
 class Others:
-    """Exponents by other choices than the stated one, in nats a second.
+    """Exponents for other choices of embedding and method, in nats per second.
 
     Parameters
     ----------
     values : list of float
-        In other embeddings, and for Kantz' method of the nearest neighbours.
+        Exponents in other embeddings, and for Kantz' method that of nearest neighbours.
     finer : float, optional
-        Within half the radius of Kantz' method.
+        Exponent with half the radius of Kantz' method.
     """
 
     values: list[float]
@@ -292,7 +293,7 @@ class Others:
 def other_exponents(
     problem: AttractorAnalysis, embedding: Embedding, search: Search
 ) -> Others | None:
-    """Return the exponents by other choices that have a scaling region; None if the run was stopped."""
+    """Return the exponents for other choices that have a scaling region; None if the run was stopped."""
     searches = [
         replace(
             search,
@@ -307,16 +308,16 @@ def other_exponents(
         if search.radius is not None:
             searches.append(replace(search, radius=search.radius / 2))
     values, finer = [], None
-    for one in searches:
-        ready = one.with_radius()
-        found = "no radius" if ready is None else ready.region(REFERENCES)
-        if found is None:
+    for candidate in searches:
+        ready = candidate.with_radius()
+        result = "no radius" if ready is None else ready.region(REFERENCES)
+        if result is None:
             return None
-        if isinstance(found, str):
+        if isinstance(result, str):
             continue
-        stretches = found[1]
+        stretches = result[1]
         value = float(stretches.slopes[stretches.scores.argmax()]) / problem.period
-        if one.radius is None:
+        if candidate.radius is None:
             values.append(value)
         else:
             finer = value
@@ -324,12 +325,12 @@ def other_exponents(
 
 
 def widen_exponent(found: Fit, others: Others, problem: AttractorAnalysis) -> Fit:
-    """Return the fit with the deviation that includes regions, embeddings and the calibrated error."""
+    """Return the fit with a deviation that includes regions, embeddings and the calibrated error."""
     assert found.slope is not None
     region = float(found.statistics["spread over regions"])
     value, values = found.slope.value, others.values
     turn, duration = mean_turn(problem.series), len(problem.series) * problem.period
-    # The exponent is the limit of small distances: without chaos the slope falls with the radius.
+    # The exponent is the limit of small distances. Without chaos the slope falls with the radius.
     change = 0.0 if others.finer is None else others.finer - value
     slope = widened_exponent(found.slope, region, values, turn, duration, change)
     statistics = {
@@ -345,17 +346,21 @@ _NONE = "no exponent: {}"
 
 
 class Rosenstein(AttractorBackend):
-    """Mean logarithm of the distance from the nearest neighbour, as time goes on."""
+    """Backend for the mean log distance from the nearest neighbour over time."""
 
     name = "rosenstein"
     summary = "largest Lyapunov exponent from nearest neighbours (Rosenstein 1993)"
     method = Method.ROSENSTEIN
     options: ClassVar[Mapping[str, Option]] = {
         **EMBEDDING,
-        "low": Option(None, "steps ahead at which the region begins; chosen", int, lower=0),
-        "high": Option(None, "steps ahead at which the region ends; chosen", int, lower=1),
+        "low": Option(
+            None, "steps ahead at which the region begins; by default from the curve", int, lower=0
+        ),
+        "high": Option(
+            None, "steps ahead at which the region ends; by default from the curve", int, lower=1
+        ),
         "references": Option(
-            MOST, "states asked for neighbours at the most; up to 1500 all are", int, lower=FEW
+            MOST, "largest number of reference states; up to 1500 states all are", int, lower=FEW
         ),
     }
 
@@ -370,7 +375,7 @@ class Rosenstein(AttractorBackend):
         return request.options["low"], request.options["high"]
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Choose a region and read the slope."""
+        """Choose a region and compute the slope."""
         options = request.options
         embedding = self.embedding(problem, request)
         states = problem.states(embedding.delay, embedding.dimension)
@@ -385,23 +390,23 @@ class Rosenstein(AttractorBackend):
             references=options.get("references", MOST),
             stopped=lambda: request.control.stopped,
         )
-        found = fit_exponent(search, problem.period)
-        if found is None:
+        fit = fit_exponent(search, problem.period)
+        if fit is None:
             return None
-        if found.slope is not None and (low is None or high is None):
-            free = replace(search, low=None, high=None, radius=found.slope.radius)
-            others = other_exponents(problem, embedding, free)
+        if fit.slope is not None and (low is None or high is None):
+            open_search = replace(search, low=None, high=None, radius=fit.slope.radius)
+            others = other_exponents(problem, embedding, open_search)
             if others is None:
                 return None
-            found = widen_exponent(found, others, problem)
+            fit = widen_exponent(fit, others, problem)
         plan = AttractorEstimate(
-            embedding.delay, embedding.dimension, embedding.theiler, exponent=found.slope
+            embedding.delay, embedding.dimension, embedding.theiler, exponent=fit.slope
         )
-        return Finding(plan, found.statistics, found.message)
+        return Finding(plan, fit.statistics, fit.message)
 
 
 class Kantz(Rosenstein):
-    """Mean logarithm of the mean distance from all neighbours within a radius, as time goes on."""
+    """Backend for the log of the mean distance from all neighbours within a radius over time."""
 
     name = "kantz"
     summary = "largest Lyapunov exponent from all neighbours within a radius (Kantz 1994)"
@@ -409,6 +414,8 @@ class Kantz(Rosenstein):
     options: ClassVar[Mapping[str, Option]] = {
         **Rosenstein.options,
         "radius": Option(
-            None, "within which states are neighbours, in the series' unit; chosen", lower=1e-300
+            None,
+            "radius within which states are neighbours, in the unit of the series; by default from the states",
+            lower=1e-300,
         ),
     }

@@ -25,7 +25,7 @@ __all__ = ["FullAnalysis"]
 
 
 def _by_name(*backends: type[Backend]) -> dict[str, type[Backend]]:
-    return {one.name: one for one in backends}
+    return {backend.name: backend for backend in backends}
 
 
 _DELAYS = _by_name(
@@ -36,9 +36,9 @@ _EXPONENTS = _by_name(Rosenstein, Kantz)
 
 
 class FullAnalysis(AttractorBackend):
-    """All that can be had of a series, part by part; what cannot is None, and the message says why.
+    """Backend that computes all parts of an estimate. A missing part is None with a reason in the message.
 
-    At a time limit the later parts are left out.
+    At a time limit the later parts are omitted.
     """
 
     name = "full-analysis"
@@ -47,36 +47,34 @@ class FullAnalysis(AttractorBackend):
     deterministic = False
     options: ClassVar[dict[str, Option]] = {
         **EMBEDDING,
-        "delay_method": Option(
-            MutualInformation.name, "what chooses the delay", str, tuple(_DELAYS)
-        ),
-        "dimension_method": Option(Cao.name, "what chooses the dimension", str, tuple(_DIMENSIONS)),
+        "delay_method": Option(MutualInformation.name, "method for the delay", str, tuple(_DELAYS)),
+        "dimension_method": Option(Cao.name, "method for the dimension", str, tuple(_DIMENSIONS)),
         "exponent_method": Option(
-            Rosenstein.name, "what estimates the exponent", str, tuple(_EXPONENTS)
+            Rosenstein.name, "method for the exponent", str, tuple(_EXPONENTS)
         ),
         **RANKING,
     }
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Run part after part."""
-        options, own, said = request.options, dict[str, Any](), list[str]()
+        """Compute the parts in order."""
+        options, figures, remarks = request.options, dict[str, Any](), list[str]()
 
         def part(backend: Backend, what: str, given: dict[str, Any]) -> Any:
-            """Return the plan of a stage, or None and note why."""
+            """Return the plan of a stage; None with a remark if it is missing."""
             try:
                 answer: Answer = request.within(backend, problem, options=given)
             except InvalidData as error:
-                said.append(f"no {what}: {error}")
+                remarks.append(f"no {what}: {error}")
                 return None
-            own.update({f"{what}, {name}": value for name, value in answer.statistics.items()})
+            figures.update({f"{what}, {name}": value for name, value in answer.statistics.items()})
             if answer.point is None:
-                said.append(f"no {what}: the run was stopped before")
+                remarks.append(f"no {what}: the run was stopped before")
             elif answer.message:
-                said.append(answer.message)
+                remarks.append(answer.message)
             return answer.point
 
         chosen = {name: options[name] for name in EMBEDDING}
-        # Mutual information and Cao's method are what `embed` chooses by itself.
+        # `embed` uses mutual information and Cao's method by default.
         if chosen["delay"] is None and options["delay_method"] != MutualInformation.name:
             plan = part(_DELAYS[options["delay_method"]](), "delay", {})
             chosen["delay"] = None if plan is None else plan.delay
@@ -101,13 +99,13 @@ class FullAnalysis(AttractorBackend):
             )
         test = None
         if ranking is None:
-            said.append("no judgement: the run was stopped before")
+            remarks.append("no judgement: the run was stopped before")
         else:
             test, why = judge(ranking, exponent, len(problem.series) * problem.period)
-            own.update(statistics(ranking))
-            said.append(why)
+            figures.update(statistics(ranking))
+            remarks.append(why)
         plan = AttractorEstimate(
             embedding.delay, embedding.dimension, embedding.theiler,
             exponent=exponent, correlation=correlation, surrogates=test,
         )  # fmt: skip
-        return Finding(plan, own, "; ".join(filter(None, said)))
+        return Finding(plan, figures, "; ".join(filter(None, remarks)))

@@ -1,4 +1,4 @@
-"""Surrogates of a series that are linear noise, and how predictable a series is.
+"""Surrogates of a series that are linear noise, and the predictability of a series.
 
 Sources: T. Schreiber and A. Schmitz, "Improved surrogate data for nonlinearity tests", Physical Review Letters
 77, 1996; the same, "Surrogate time series", Physica D 142, 2000, for the choice of ends.
@@ -19,59 +19,60 @@ __all__ = ["match_ends", "normal_scores", "prediction_error", "sampled_error", "
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Consecutive samples that are to be alike at both ends, and shares of the series that may go at each.
+#: Number of consecutive samples that must match at both ends, and largest shares cut at each end.
 _ALIKE, _CUTS = 3, (0.1, 0.25)
-#: Largest number of samples that may go at each end; the comparison needs its square of memory.
+#: Largest number of samples cut at each end; the comparison needs its square of memory.
 _ENDS = 2000
-#: Largest number of iterations, of series of up to so many samples and of longer ones. The longer ones begin with the
-#: spectrum of the series and need fewer.
+#: Largest number of iterations for series up to a length, that length, and the limit for longer series,
+#: which start with the spectrum of the series and need fewer.
 _ITERATIONS, _SHORT, _FEWER = 500, 2500, 12
 
 
 def match_ends(series: Floats) -> tuple[int, int, float]:
-    """Return the stretch whose continuation is most like its beginning.
+    """Return the stretch of a series whose continuation is most similar to its beginning.
 
-    Surrogates have the spectrum of a periodic repetition, where a jump at the seam would be a frequency of
-    its own. A tenth is cut at each end at most, or a quarter where that does not do.
+    Surrogates have the spectrum of a periodic repetition, in which a jump at the seam adds
+    frequencies. At most a tenth is cut at each end, or a quarter if that is not sufficient.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
 
     Returns
     -------
     first, end : int
-        Its first sample, and the one after its last.
+        Index of the first sample, and of the one after the last.
     jump : float
-        How much the samples after it differ from its first ones, in root mean squares of the difference of consecutive
-        samples: beyond 1 the seam is seen.
+        Difference between the samples after the stretch and its first samples, relative to the root mean
+        square difference of consecutive samples. Above 1 the seam is visible.
     """
     step = float(np.sqrt((np.diff(series) ** 2).mean()))
     for cut in _CUTS:
-        most = min(max(int(cut * len(series)), 1), _ENDS)
-        begins, ends = np.arange(most), len(series) - _ALIKE - np.arange(most)
-        apart = np.zeros((most, most))
+        largest_cut = min(max(int(cut * len(series)), 1), _ENDS)
+        begins, ends = np.arange(largest_cut), len(series) - _ALIKE - np.arange(largest_cut)
+        distances = np.zeros((largest_cut, largest_cut))
         for k in range(_ALIKE):
-            apart += (series[begins + k][:, None] - series[ends + k]) ** 2
-        best = int(apart.argmin())
-        jump = float(np.sqrt(apart.flat[best] / _ALIKE)) / step
+            distances += (series[begins + k][:, None] - series[ends + k]) ** 2
+        best = int(distances.argmin())
+        jump = float(np.sqrt(distances.flat[best] / _ALIKE)) / step
         if jump <= 1.0:
             break
-    return int(begins[best // most]), int(ends[best % most]), jump
+    return int(begins[best // largest_cut]), int(ends[best % largest_cut]), jump
 
 
 def normal_scores(series: Floats) -> Floats:
-    """Return the values a normal distribution has at the ranks of a series, with mean 0; ties share one.
+    """Return the quantiles of a normal distribution at the ranks of a series, with mean 0; ties share one.
 
-    A series bent by any rising function has the same, and what spectrum and values ask of its surrogates
-    goes together: of skewed values they would come out less predictable than the noise they are drawn from.
+    They do not change if the series is transformed by a rising function. Surrogates of skewed values would
+    be less predictable than the noise they come from.
     """
     from scipy.special import ndtri
 
-    _, place, count = np.unique(series, return_inverse=True, return_counts=True)
-    found: Floats = ndtri((np.cumsum(count) - count / 2) / len(series))[place]
-    found -= found.mean()
-    return found
+    _, index, count = np.unique(series, return_inverse=True, return_counts=True)
+    scores: Floats = ndtri((np.cumsum(count) - count / 2) / len(series))[index]
+    scores -= scores.mean()
+    return scores
 
 
 def surrogates_of(
@@ -80,18 +81,21 @@ def surrogates_of(
     generator: np.random.Generator,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Floats:
-    """Return surrogates with the values of a series and, all but exactly, its spectrum.
+    """Return surrogates with the values of a series and nearly its spectrum.
 
-    Phases are drawn; then spectrum and values are restored by turns until the order of the values stays
-    (iterated amplitude-adjusted Fourier transform). Long series take at most 12 turns.
+    Phases are random. Then spectrum and values are restored alternately until the order of the values
+    does not change (iterated amplitude-adjusted Fourier transform). Long series take at most 12 rounds.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
     count : int
+        Number of surrogates.
     generator : numpy.random.Generator
+        Source of the random phases.
     stopped : callable
-        Asked after each iteration, whether to leave it there.
+        Function that returns True to stop, called after each iteration.
 
     Returns
     -------
@@ -130,24 +134,25 @@ def surrogates_of(
 def prediction_error(
     series: Floats, delay: int, dimension: int, ahead: int, theiler: int, count: int
 ) -> Any:
-    """Return the mean square error of predicting by the mean of the nearest states' futures.
+    """Return the mean square error of predictions by the mean future of the nearest states.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
     delay, dimension : int
-        Of the embedding.
+        The embedding.
     ahead : int
-        Samples from the last coordinate to what is predicted.
+        Samples between the last coordinate and the predicted sample.
     theiler : int
-        States at most as many samples apart are no neighbours.
+        States at most this number of samples apart are not neighbours.
     count : int
-        Neighbours, by the largest difference of a coordinate.
+        Number of neighbours, by the largest difference of a coordinate.
 
     Returns
     -------
     float
-        In squares of the series' unit; not a number where no state has so many neighbours.
+        Squared error in the unit of the series; NaN if no state has enough neighbours.
     """
     span = (dimension - 1) * delay
     last = len(series) - span - ahead
@@ -162,7 +167,7 @@ def prediction_error(
                 continue
             far = 0.0
             limit = best[count - 1]
-            # The last coordinates part first.
+            # The last coordinates diverge first.
             for c in range(span, -1, -delay):
                 apart = abs(series[i + c] - series[j + c])
                 if apart > far:
@@ -190,7 +195,7 @@ def prediction_error(
 def sampled_error(
     states: Floats, times: Ints, futures: Floats, places: Ints, theiler: int, count: int
 ) -> float:
-    """Return the mean square error of :func:`prediction_error` for some states among all.
+    """Return the error of :func:`prediction_error` for a sample of the states.
 
     Parameters
     ----------
@@ -199,18 +204,18 @@ def sampled_error(
     times : ndarray, shape (m,)
         Sample at which each state begins.
     futures : ndarray, shape (m,)
-        What each state is followed by.
+        Future sample of each state.
     places : ndarray, shape (r,)
-        Rows of the states that are predicted.
+        Rows of the predicted states.
     theiler : int
-        States at most as many samples apart are no neighbours.
+        States at most this number of samples apart are not neighbours.
     count : int
-        Neighbours, by the largest difference of a coordinate.
+        Number of neighbours, by the largest difference of a coordinate.
 
     Returns
     -------
     float
-        Not a number if no state has so many neighbours.
+        NaN if no state has enough neighbours.
     """
     m, d = states.shape
     best, future = np.empty(count), np.empty(count)

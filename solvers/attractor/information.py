@@ -1,4 +1,4 @@
-"""How long a series remembers: autocorrelation, mutual information, and the delays that follow.
+"""Memory of a series: autocorrelation, mutual information, and the delays derived from them.
 
 Sources: A. M. Fraser and H. L. Swinney, "Independent coordinates for strange attractors from mutual
 information", Physical Review A 33, 1986; H. Kantz and T. Schreiber, "Nonlinear Time Series Analysis", 2004,
@@ -29,36 +29,37 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Pairs of values at the most of which a mutual information is counted, and a histogram's bins at the most.
+#: Largest number of pairs for a mutual information, and of bins of a histogram.
 _PAIRS, _BINS = 50_000, 32
-#: Lags that are all tried; beyond, each is 1 % longer than the one before.
+#: Number of lags that are all tried. Beyond it, each lag is 1 % longer than the one before.
 _EACH = 200
-#: Standard deviations, and share of the fall so far, by which a curve must rise after its minimum.
+#: Standard deviations, and share of the decrease so far, by which a curve must rise after its minimum.
 _SURE, _RISE = 3.0, 0.02
 
 
 def longest(count: int) -> int:
-    """Return the longest delay of `count` samples: a tenth of them."""
+    """Return the longest delay for `count` samples, a tenth of them."""
     return max(count // 10, 1)
 
 
 def standardised(series: Floats) -> Floats:
-    """Return the series with mean 0 and deviation 1, whatever the size of its values."""
+    """Return the series with mean 0 and deviation 1, for values of any size."""
     low = series.min()
-    found: Floats = (series - low) / (series.max() - low)
-    found -= found.mean()
-    found /= found.std()
-    return found
+    values: Floats = (series - low) / (series.max() - low)
+    values -= values.mean()
+    values /= values.std()
+    return values
 
 
 def autocorrelation(series: Floats, lags: int) -> Floats:
-    """Return the autocorrelation at the lags 0 … `lags`, each sum divided by the one of lag 0.
+    """Return the autocorrelation at the lags 0 … `lags`, each sum divided by that of lag 0.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
     lags : int
-        Fewer than n.
+        Largest lag, less than n.
 
     Returns
     -------
@@ -74,63 +75,65 @@ def autocorrelation(series: Floats, lags: int) -> Floats:
 
 
 def decorrelation(series: Floats, level: float) -> int:
-    """Return the first lag at which the autocorrelation is at most `level`, a tenth of the samples at most."""
-    most = longest(len(series))
-    below = autocorrelation(series, most)[1:] <= level
-    return int(below.argmax()) + 1 if below.any() else most
+    """Return the first lag with an autocorrelation of at most `level`, limited to a tenth of the samples."""
+    largest = longest(len(series))
+    below = autocorrelation(series, largest)[1:] <= level
+    return int(below.argmax()) + 1 if below.any() else largest
 
 
 def first_zero(series: Floats) -> int:
-    """Return the first lag at which the autocorrelation is no larger than noise makes it.
+    """Return the first lag at which the autocorrelation is not significantly positive.
 
-    That is 1.96 / √n, as the sign of what noise makes is chance: without it, every other map would get a delay
-    of more than 1.
+    The limit is 1.96 / √n, because the sign of noise is random. Otherwise every other map would get a
+    delay above 1.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
-        Not constant.
+        The series, not constant.
 
     Returns
     -------
     int
-        From 1 to a tenth of the samples.
+        Lag from 1 to a tenth of the samples.
     """
     return decorrelation(series, 1.96 / math.sqrt(len(series)))
 
 
 def mean_period(series: Floats) -> float:
-    """Return the reciprocal of the mean frequency of the power spectrum, in samples (Rosenstein and others 1993)."""
+    """Return the reciprocal of the mean frequency of the power spectrum, in samples (Rosenstein et al. 1993)."""
     power = np.abs(np.fft.rfft(standardised(series))) ** 2
     return float(power.sum() / (power @ np.fft.rfftfreq(len(series))))
 
 
 def _ranked(series: Floats, bins: int) -> Ints:
-    """Return the bin of each value, of bins that hold about equally many; equal values share one."""
-    series = np.round(standardised(series), 9)  # what is equal but for rounding is equal
+    """Return the bin of each value, for bins with equal numbers of values; equal values share a bin."""
+    series = np.round(standardised(series), 9)  # values that differ by rounding are equal
     edges = np.unique(np.quantile(series, np.arange(1, bins) / bins))
     return np.searchsorted(edges, series, side="right")
 
 
 def mutual_information(series: Floats, lags: Ints) -> tuple[Floats, float, float]:
-    """Return the mutual information of values a lag apart, nats, for each lag.
+    """Return the mutual information of a value and the value one lag later, in nats, for each lag.
 
-    Of a histogram whose bins hold equally many values each, so that no transform of the values changes it; of
-    50 000 pairs at the most, less what independent values would give on average.
+    It is computed from a histogram whose bins hold equal numbers of values, so that no monotone
+    transform changes it. At most 50 000 pairs are used, and the mean of independent values is subtracted.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
     lags : ndarray, shape (k,)
-        Each at least 1 and less than n.
+        Lags, each at least 1 and less than n.
 
     Returns
     -------
     information : ndarray, shape (k,)
     deviation : float
-        That of independent values: twice the pairs times the information is χ² of (bins - 1)² degrees.
+        Standard deviation for independent values: twice the pairs times the information is χ²-distributed
+        with (bins - 1)² degrees of freedom.
     entropy : float
-        What a value says of itself, nats.
+        Entropy of a value in nats.
     """
     count = len(series) - int(lags.max())
     at = thin_out(count, _PAIRS)
@@ -151,7 +154,7 @@ def mutual_information(series: Floats, lags: Ints) -> tuple[Floats, float, float
 
 
 def lags_up_to(most: int) -> Ints:
-    """Return the lags to try, ascending, the last of them `most`."""
+    """Return the lags to try, ascending, ending with `most`."""
     if most <= _EACH:
         return np.arange(1, most + 1)
     steps = math.ceil(math.log(most / _EACH) / math.log(1.01))
@@ -160,29 +163,29 @@ def lags_up_to(most: int) -> Ints:
 
 
 def first_minimum(series: Floats) -> int:
-    """Return the first minimum of the mutual information, or the first zero of the autocorrelation where that is shorter.
+    """Return the first minimum of the mutual information, at most the first zero of the autocorrelation.
 
-    A minimum counts only where the curve rises afterwards by more than chance would make it, and where it is less
-    than half of what a value says of itself: the curve of a periodic series is never, and follows the bins. The
-    information of maps and of noise falls without a minimum: there, too, the first zero is taken.
+    A minimum must be followed by a significant rise, and be less than half of the entropy of a value,
+    because the curve of a periodic series follows its bins. The information of maps and of noise
+    decreases without a minimum; then the first zero is returned.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
-        Not constant.
+        The series, not constant.
 
     Returns
     -------
     int
-        From 1 to a tenth of the samples.
+        Lag from 1 to a tenth of the samples.
     """
     return minimum_of_information(series)[0]
 
 
 def minimum_of_information(series: Floats) -> tuple[int, bool]:
-    """Return :func:`first_minimum`, and whether it is a minimum of the information."""
+    """Return :func:`first_minimum`, and whether it is a minimum of the mutual information."""
     most = first_zero(series)
-    # A little beyond, to see that it rises again.
+    # A little further, to detect the rise.
     lags = lags_up_to(min(most + max(most // 4, 2), longest(len(series))))
     found, deviation, entropy = mutual_information(series, lags)
     low = 0

@@ -1,4 +1,4 @@
-"""What all backends of an attractor share: the embedding they work in, and how an answer is made."""
+"""Base of the backends for attractors: choice of the embedding, and construction of the answer."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ __all__ = ["EMBEDDING", "AttractorBackend", "Embedding", "Finding", "embed"]
 
 Floats = NDArray[np.float64]
 
-#: Options of the backends that work in an embedding.
+#: Options for the embedding.
 EMBEDDING: Mapping[str, Option] = {
-    "delay": Option(None, "samples between coordinates; chosen from the series", int, lower=1),
+    "delay": Option(None, "samples between coordinates; by default from the series", int, lower=1),
     "dimension": Option(
-        None, "coordinates of a state; chosen from the series", int, lower=1, upper=1000
+        None, "coordinates of a state; by default from the series", int, lower=1, upper=1000
     ),
     "theiler": Option(
         None,
-        "samples that neighbours must be more than apart; chosen from the series",
+        "smallest distance in time of neighbours, exclusive, samples; by default from the series",
         int,
         lower=0,
     ),
@@ -38,7 +38,7 @@ EMBEDDING: Mapping[str, Option] = {
 
 @dataclass(frozen=True)
 class Embedding:
-    """How states are made of a series.
+    """Embedding of a series.
 
     Parameters
     ----------
@@ -53,16 +53,16 @@ class Embedding:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a backend found.
+    """Result of a backend.
 
     Parameters
     ----------
     plan : AttractorEstimate
         The estimate.
     statistics : mapping
-        Counts and figures of its own.
+        Statistics of the backend.
     message : str
-        What a person should know, such as that there is no scaling region.
+        Remark for the user, such as the lack of a scaling region.
     """
 
     plan: AttractorEstimate
@@ -71,15 +71,22 @@ class Finding:
 
 
 def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
-    """Return the embedding that `options` ask for; what they leave open is chosen from the series.
+    """Return the embedding of `options`; missing parts are chosen from the series.
 
-    The delay is the first minimum of the mutual information, the dimension Cao's, and the Theiler window the longest
-    of the span of a state and the first zero of the autocorrelation.
+    The delay is the first minimum of the mutual information, the dimension is Cao's. The Theiler window is
+    the larger of the span of a state and the first zero of the autocorrelation.
+
+    Parameters
+    ----------
+    problem : AttractorAnalysis
+        The model.
+    options : mapping
+        Values of :data:`EMBEDDING`; None or missing for a choice.
 
     Raises
     ------
     InvalidData
-        The series is too short for it.
+        The series is too short for the embedding.
     """
     from .information import first_minimum, first_zero
     from .unfolding import cao_dimension
@@ -90,12 +97,12 @@ def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
     theiler = options.get("theiler")
     if theiler is None:
         theiler = min(max((dimension - 1) * delay, first_zero(series)), len(series) // 10)
-    problem.states(delay, dimension)  # raises where there are too few samples
+    problem.states(delay, dimension)  # raises if there are too few samples
     return Embedding(delay, dimension, theiler)
 
 
 class AttractorBackend(Backend):
-    """Base of the backends; a subclass only says what it finds."""
+    """Base of the backends for attractors; a subclass implements `find`."""
 
     accepts = AttractorAnalysis
     guarantee = Guarantee.HEURISTIC
@@ -106,27 +113,27 @@ class AttractorBackend(Backend):
 
     @abstractmethod
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Return what is found, or None where the run was stopped before."""
+        """Return the result; None if the run was stopped before."""
 
     def run(self, problem: AttractorAnalysis, request: Request) -> Answer:
-        """Analyse the series, and answer with the estimate."""
+        """Analyse the series and return the estimate, see :meth:`Backend.run`."""
         begin = clock()
         with np.errstate(all="ignore"):
-            found = self.find(problem, request)
+            finding = self.find(problem, request)
         seconds = {"solve": clock() - begin}
-        if found is None:
+        if finding is None:
             reason = request.control.reason or Limit.TIME
             return Answer(Termination.NO_SOLUTION, reason, seconds=seconds)
-        plan = found.plan
-        most = len(problem.series) - plan.window - 2
-        if plan.theiler > most:
+        plan = finding.plan
+        largest = len(problem.series) - plan.window - 2
+        if plan.theiler > largest:
             raise InvalidData(
-                f"theiler must be <= {most} for delay {plan.delay} and dimension {plan.dimension}, else no "
+                f"theiler must be <= {largest} for delay {plan.delay} and dimension {plan.dimension}, else no "
                 f"state has a neighbour; got {plan.theiler}",
                 field="theiler",
             )
         limit = request.control.reason if request.control.stopped else None
         return Answer(
             Termination.FEASIBLE, limit, plan, None,
-            seconds=seconds, statistics=found.statistics, message=found.message,
+            seconds=seconds, statistics=finding.statistics, message=finding.message,
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Nearest states of an embedding, and fewer states that stand for all."""
+"""Nearest states of an embedding, and representative samples of states."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ __all__ = ["nearest", "states_of", "thin_out"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Neighbours asked for at first, and at the most: beyond that a state counts as one without neighbour.
+#: Number of neighbours in the first query, and largest number, above which a state has no neighbour.
 _FIRST, _MOST = 4, 1024
-#: Fractional part of the golden ratio, whose multiples never fall in step with a period.
+#: Fractional part of the golden ratio, whose multiples do not synchronise with any period.
 _GOLDEN = 0.6180339887498949
-#: Share of the states' extent that is as good as no distance: rounding.
+#: Distance relative to the extent of the states that is due to rounding.
 _SAME = 1e-10
 
 
 def thin_out(count: int, most: int) -> Ints:
-    """Return at most `most` of the numbers 0 … count - 1, ascending: one from each of equally long stretches.
+    """Return at most `most` of the numbers 0 … count - 1, ascending, one from each of equal stretches.
 
-    Where in its stretch it lies follows the multiples of the golden ratio, for an even step would see a
-    periodic series at a few phases only.
+    The position within a stretch follows the multiples of the golden ratio, because an even step would see
+    a periodic series at few phases only.
     """
     if count <= most:
         return np.arange(count)
@@ -39,32 +39,33 @@ def states_of(series: Floats, at: Ints, delay: int, dimension: int) -> Floats:
 def nearest(
     states: Floats, times: Ints, asked: Ints, theiler: int, norm: float = np.inf
 ) -> tuple[Ints, Floats]:
-    """Return the nearest other state of each state that is asked for, which is neither near in time nor the same.
+    """Return the nearest distinct state of each given state that is not near in time.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
+        All states.
     times : ndarray, shape (m,)
-        The sample at which each begins, ascending.
+        First sample of each state, ascending.
     asked : ndarray, shape (k,)
-        Which states.
+        Indices of the states whose neighbours are searched.
     theiler : int
-        States at most as many samples apart are no neighbours.
+        States at most this number of samples apart are not neighbours.
     norm : float
-        Of the distance: infinity or 2.
+        Norm of the distance: infinity or 2.
 
     Returns
     -------
     found : ndarray, shape (k,)
-        Which state it is, -1 where there is none.
+        Index of the neighbour; -1 without a neighbour.
     apart : ndarray, shape (k,)
-        How far, > 1e-10 of the states' extent; infinite where there is none.
+        Distance, above 1e-10 of the extent of the states; infinite without a neighbour.
     """
     from scipy.spatial import KDTree
 
     same = _SAME * float(np.ptp(states))
-    # A tree of states that are all alike cannot be split: of those that are the same it holds one. The first and the
-    # last of them tell whether any is far enough in time.
+    # A tree of equal states cannot be split, so it contains one of each group of equal states. The first
+    # and the last state of a group show whether any is distant in time.
     first, last = _repeats(states)
     tree = KDTree(states[first])
     found = np.full(len(asked), -1)
@@ -87,7 +88,7 @@ def nearest(
 
 
 def _repeats(states: Floats) -> tuple[Ints, Ints]:
-    """Return the first and the last of the states that are the same, for each state that there is."""
+    """Return the first and the last index of each group of equal states."""
     every = np.arange(len(states))
     if len(np.unique(states[:, 0])) == len(states):
         return every, every

@@ -1,8 +1,8 @@
 """Loops over neighbouring states, in the order of their first coordinate.
 
-Two states are at least as far apart as their first coordinates are, in floating-point numbers too, so a
-search walks from a state to both sides until these are too far apart. It needs no tree, passes what is near in
-time as it goes, and finds to the bit what a search of all pairs finds.
+The distance of two states is at least the difference of their first coordinates, in floating point, too.
+A search therefore walks from a state in both directions until this difference is too large. It needs no
+tree, skips states that are near in time, and gives exactly the result of a search over all pairs.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ Ints = NDArray[np.int64]
 def nearest_states(
     states: Floats, times: Ints, places: Ints, theiler: int, rank: int
 ) -> tuple[Ints, Floats, int]:
-    """Return which state is nearest to some, but for those before it, and its squared distance.
+    """Return the neighbour of given rank of some states, and its squared distance.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
-        Ordered by the first coordinate.
+        States ordered by the first coordinate.
     times : ndarray, shape (m,)
-        When each was, in samples.
+        Time of each state, in samples.
     places : ndarray, shape (r,)
-        Rows of those whose neighbour is wanted.
+        Rows of the states whose neighbours are searched.
     theiler : int
-        States at most as many samples apart are no neighbours, and neither are equal ones.
+        States at most this number of samples apart are not neighbours, and neither are equal states.
     rank : int
-        1 for the nearest, 2 for the one after it and so on; of equally near ones the earlier comes first.
+        1 for the nearest state, 2 for the next one, and so on. Of equal distances the earlier state is first.
 
     Returns
     -------
     which : ndarray, shape (r,)
-        Its time; -1 where there are too few.
+        Time of the neighbour; -1 if there are too few.
     squares : ndarray, shape (r,)
-        Infinite there.
+        Squared distance; infinite if there are too few.
     visits : int
-        How many pairs were looked at.
+        Number of visited pairs.
     """
     m, d = states.shape
     count = len(places)
@@ -102,23 +102,23 @@ def nearest_states(
 def nearest_partings(
     states: Floats, firsts: Ints, seconds: Ints, ahead: int
 ) -> tuple[Floats, Ints]:
-    """Return the sum of the logarithms of the distances of pairs of states as time goes on.
+    """Return the sums of the log distances of pairs of states over time.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
-        In the order of time.
+        States in the order of time.
     firsts, seconds : ndarray, shape (r,)
-        The pairs; those with a negative one are left out.
+        Indices of the pairs; pairs with a negative index are skipped.
     ahead : int
-        Steps.
+        Number of steps.
 
     Returns
     -------
     sums : ndarray, shape (ahead + 1,)
-        Distances of 0 are left out.
+        Sums of the positive distances' logarithms.
     counts : ndarray, shape (ahead + 1,)
-        How many were summed.
+        Numbers of summed distances.
     """
     sums, counts = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64)
     for row in range(len(firsts)):
@@ -146,27 +146,27 @@ def mean_partings(
     square_radius: float,
     ahead: int,
 ) -> tuple[Floats, Ints, int]:
-    """Return the sum of the logarithms of the mean distances from all neighbours as time goes on.
+    """Return the sums of the logarithms of the mean distances from all neighbours over time.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
-        In the order of time.
+        States in the order of time.
     ordered, times, places, theiler
         As for :func:`nearest_states`.
     square_radius : float
-        Squared distance up to which states are neighbours.
+        Largest squared distance of neighbours.
     ahead : int
-        Steps.
+        Number of steps.
 
     Returns
     -------
     sums : ndarray, shape (ahead + 1,)
-        Mean distances of 0 are left out.
+        Sums of the positive mean distances' logarithms.
     counts : ndarray, shape (ahead + 1,)
-        How many were summed.
+        Numbers of summed states.
     neighbours : int
-        How many there were.
+        Total number of neighbours.
     """
     m, d = ordered.shape
     sums, counts, neighbours = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64), 0
@@ -214,21 +214,21 @@ def mean_partings(
 def count_pairs(
     states: Floats, times: Ints, places: Ints, theiler: int, radii: Floats
 ) -> tuple[Ints, int]:
-    """Return how many states lie in the shells between radii around some states, by the ∞-norm.
+    """Return the numbers of states in the shells between radii around some states, by the ∞-norm.
 
     Parameters
     ----------
     states, times, places, theiler
-        As for :func:`nearest_states`, but that equal states are counted.
+        As for :func:`nearest_states`, but equal states are counted.
     radii : ndarray, shape (k,)
-        Rising.
+        Ascending radii.
 
     Returns
     -------
     found : ndarray, shape (k,)
-        Pairs at most as far apart as a radius, but farther than the one before it.
+        Numbers of pairs within a radius but beyond the previous one.
     visits : int
-        How many pairs were looked at.
+        Number of visited pairs.
     """
     m, d = states.shape
     last = len(radii) - 1

@@ -1,4 +1,4 @@
-"""How neighbouring states part as time goes on: the curves that exponents are read from."""
+"""Divergence of neighbouring states over time: the curves of exponents."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Stopped = Callable[[], bool]
 
-#: States that are asked for their neighbours at the least and at the most, where not all are.
+#: Smallest and largest number of reference states, if not all states are references.
 SOME, MOST = 500, 10_000
-#: Pairs that a search may look at, which decides between the two, and states that are asked how many it takes.
+#: Pairs that a search may visit, which limits the references, and number of states used to estimate
+#: the pairs per state.
 WORK, PILOT = 50_000_000, 50
-#: Coordinates that the means of Kantz may take, and how many states are asked whatever it takes.
+#: Coordinates that the means of Kantz may visit, and smallest number of reference states for them.
 MEANS, FEW = 100_000_000, 100
-#: Blocks of time for the deviation; the clock is looked at between them.
+#: Blocks of time for the deviation; the clock is checked between them.
 BLOCKS = 20
-#: Neighbours within the radius of Kantz that :data:`CROWDED` of the states have.
+#: Number of neighbours within the radius of Kantz that the share :data:`CROWDED` of the states has.
 CROWD, CROWDED = 5, 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Sums of the logarithms of distances, by blocks of time.
+    """Sums of the log distances of neighbours, by blocks of time.
 
     Parameters
     ----------
     sums : ndarray, shape (blocks, high + 1)
-        Over the reference states of a block.
+        Sums over the reference states of a block.
     counts : ndarray, shape (blocks, high + 1)
-        How many were summed.
+        Numbers of summed states.
     references : int
-        How many states were asked for neighbours.
+        Number of reference states.
     """
 
     sums: Floats
@@ -51,37 +52,37 @@ class Curve:
 
     @property
     def values(self) -> Floats:
-        """Mean logarithm of the distance at steps 0 … high, not a number where there is none."""
+        """Mean logarithm of the distance at steps 0 … high, NaN without neighbours."""
         return _mean(self.sums.sum(axis=0), self.counts.sum(axis=0))
 
     def slope(self, low: int, high: int, period: float) -> tuple[float, float]:
-        """Return the slope from `low` to `high` steps, and its standard deviation, see :func:`whole_slope`."""
+        """Return the slope from step `low` to `high`, and its standard deviation, see :func:`whole_slope`."""
         x = np.arange(low, high + 1, dtype=np.float64) * period
         part = slice(low, high + 1)
         sums, counts = self.sums[:, part], self.counts[:, part]
-        held = counts.any(axis=1)
-        sums, counts = sums[held], counts[held]
+        occupied = counts.any(axis=1)
+        sums, counts = sums[occupied], counts[occupied]
         left_out = _mean(sums.sum(axis=0) - sums, counts.sum(axis=0) - counts)
         return whole_slope(x, self.values[part], left_out)
 
 
 def _mean(sums: Floats, counts: Ints) -> Floats:
     with np.errstate(all="ignore"):
-        found: Floats = np.where(counts > 0, sums / counts, np.nan)
-    return found
+        mean: Floats = np.where(counts > 0, sums / counts, np.nan)
+    return mean
 
 
 class Neighbours:
-    """States ordered for the search of neighbours, and those that are asked for theirs.
+    """States ordered for neighbour search, and choice of reference states.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
         All states, in the order of time.
     theiler : int
-        States at most as many samples apart are no neighbours.
+        States at most this number of samples apart are not neighbours.
     last : int
-        Only states before it take part.
+        Only states before this one are used.
     """
 
     def __init__(self, states: Floats, theiler: int, last: int) -> None:
@@ -92,24 +93,24 @@ class Neighbours:
         self.places[self.times] = np.arange(last)
 
     def asked(self, count: int) -> Ints:
-        """Return so many states, drawn alike from all times, in their order; all where there are few."""
+        """Return `count` random states in the order of time; all if there are few."""
         if len(self.states) <= ALL or count >= self.last:
             return np.arange(self.last)
         return np.sort(np.random.default_rng(0).choice(self.last, count, replace=False))
 
     def nearest(self, some: Ints, rank: int = 1) -> tuple[Ints, Floats, int]:
-        """Return the neighbours of some states, their squared distances, and the pairs looked at."""
-        found: tuple[Ints, Floats, int] = nearest_states(
+        """Return the neighbours of some states, their squared distances, and the number of visited pairs."""
+        result: tuple[Ints, Floats, int] = nearest_states(
             self.ordered, self.times, self.places[some], self.theiler, rank
         )
-        return found
+        return result
 
     def within(self, some: Ints, radius: float, ahead: int) -> tuple[Floats, Ints, int]:
-        """Return the sums and counts of the mean partings of some states, and how many neighbours they have."""
-        found: tuple[Floats, Ints, int] = mean_partings(
+        """Return sums and counts of the mean divergence of some states, and their number of neighbours."""
+        result: tuple[Floats, Ints, int] = mean_partings(
             self.states, self.ordered, self.times, self.places[some], self.theiler, radius**2, ahead
         )
-        return found
+        return result
 
     @property
     def pilot(self) -> Ints:
@@ -126,33 +127,33 @@ def rosenstein_curve(
     references: int = MOST,
     stopped: Stopped = bool,
 ) -> Curve | None:
-    """Return how the states before `last` part from their nearest neighbours, 0 … `high` steps ahead.
+    """Return the divergence of the states before `last` from their nearest neighbours, 0 … `high` steps ahead.
 
     Parameters
     ----------
     states : ndarray, shape (m, d)
-        In the order of time.
+        States in the order of time.
     theiler : int
-        States at most as many samples apart are no neighbours.
+        States at most this number of samples apart are not neighbours.
     last, high : int
-        With ``last + high <= m``.
+        Numbers with ``last + high <= m``.
     references : int
-        States asked at the most; up to 1500 all are.
+        Largest number of reference states. Up to 1500 states, all are references.
     stopped : callable
-        Asked between blocks of time.
+        Function that returns True to stop, called between blocks of time.
 
     Returns
     -------
     Curve, optional
-        None where it was stopped.
+        None if the run was stopped.
     """
     pool = Neighbours(states, theiler, last)
     visits = pool.nearest(pool.pilot)[2]
     asked = pool.asked(min(max(WORK * PILOT // max(visits, 1), SOME), references))
 
     def part(some: Ints) -> tuple[Floats, Ints]:
-        found: tuple[Floats, Ints] = nearest_partings(states, some, pool.nearest(some)[0], high)
-        return found
+        result: tuple[Floats, Ints] = nearest_partings(states, some, pool.nearest(some)[0], high)
+        return result
 
     return _curve(part, asked, stopped)
 
@@ -167,9 +168,9 @@ def kantz_curve(
     references: int = MOST,
     stopped: Stopped = bool,
 ) -> Curve | None:
-    """Return how the states before `last` part from all that lie within `radius`, 0 … `high` steps ahead.
+    """Return the divergence of the states before `last` from all states within `radius`.
 
-    The parameters are those of :func:`rosenstein_curve`.
+    The other parameters are those of :func:`rosenstein_curve`.
     """
     pool = Neighbours(states, theiler, last)
     neighbours = pool.within(pool.pilot, radius, 0)[2]
@@ -179,16 +180,16 @@ def kantz_curve(
 
 
 def kantz_radius(states: Floats, theiler: int, last: int) -> float | None:
-    """Return the radius within which half of the states have five neighbours; None where they have none.
+    """Return the radius within which half of the states have five neighbours; None without neighbours.
 
-    More neighbours make the radius larger, and the exponents of flows too great: with ten of three quarters of the
-    states, that of 20,000 samples of the Lorenz equations is a fifth above the known one, with five of half of them
-    a tenth.
+    More neighbours increase the radius and the exponents of flows: with ten neighbours of three quarters of
+    the states, the exponent of 20,000 samples of the Lorenz equations is a fifth above the known one, with
+    five of half of them a tenth.
     """
     pool = Neighbours(states, theiler, last)
     squares = pool.nearest(pool.asked(SOME), CROWD)[1]
     square = float(np.sort(squares)[int(CROWDED * (len(squares) - 1))])
-    # Beyond a tie, which rounding would split.
+    # Slightly larger, because rounding would split ties.
     return math.sqrt(square) * (1 + 1e-9) if 0.0 < square < math.inf else None
 
 

@@ -1,4 +1,4 @@
-"""The choice of a scaling region: the longest stretch of a curve whose slope stays the same."""
+"""Choice of a scaling region: the longest stretch of a curve with a steady slope."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ __all__ = ["Stretches", "line_slopes", "steady_stretches", "whole_slope"]
 
 Floats = NDArray[np.float64]
 
-#: Places along a curve at which a region may begin or end, at the most.
+#: Largest number of points of a curve at which a region may begin or end.
 PLACES = 160
 
 
 def line_slopes(x: Floats, y: Floats, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Floats:
-    """Return the least-squares slopes of stretches of a curve, their last points included.
+    """Return the least-squares slopes of stretches of a curve, including their last points.
 
     Parameters
     ----------
@@ -26,20 +26,20 @@ def line_slopes(x: Floats, y: Floats, begin: NDArray[np.int64], end: NDArray[np.
     begin, end : ndarray
         Indices of the first and the last point, broadcast.
     """
-    with np.errstate(all="ignore"):  # a curve that holds an infinite value has no slope
+    with np.errstate(all="ignore"):  # a curve with an infinite value has no slope
         x, y = x - x.mean(), y - y.mean()
         sums = [np.concatenate(([0.0], np.cumsum(part))) for part in (x, y, x * x, x * y)]
         sx, sy, sxx, sxy = (part[end + 1] - part[begin] for part in sums)
         count = end + 1 - begin
-        found: Floats = (sxy - sx * sy / count) / (sxx - sx * sx / count)
-    return found
+        slopes: Floats = (sxy - sx * sy / count) / (sxx - sx * sx / count)
+    return slopes
 
 
 def whole_slope(x: Floats, y: Floats, left_out: Floats) -> tuple[float, float]:
     """Return the least-squares slope of a whole curve, and its standard deviation.
 
-    States that are near in time are alike, so the deviation is that of the jackknife over blocks of time, to which half
-    the difference of the slopes within the halves of the curve is added in squares.
+    States near in time are similar, so the deviation is that of the jackknife over blocks of time. Half the
+    difference of the slopes of the two halves is added in squares.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def whole_slope(x: Floats, y: Floats, left_out: Floats) -> tuple[float, float]:
         The same curve without the states of each block.
     """
     first, last = np.array([0]), np.array([len(x) - 1])
-    slopes = np.array([line_slopes(x, one, first, last)[0] for one in left_out])
+    slopes = np.array([line_slopes(x, curve, first, last)[0] for curve in left_out])
     slopes = slopes[np.isfinite(slopes)]
     between = (len(slopes) - 1) * float(slopes.var()) if len(slopes) > 1 else 0.0
     middle, bend = (len(x) - 1) // 2, 0.0
@@ -61,14 +61,14 @@ def whole_slope(x: Floats, y: Floats, left_out: Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Stretches of a curve whose slope stays the same.
+    """Stretches of a curve with a steady slope.
 
     Parameters
     ----------
     begin, end : ndarray of int
         First and last point of each stretch.
     slopes, scores : ndarray
-        Slope of each stretch, and its length less what its bend takes.
+        Slope of each stretch, and its score: its length reduced by its bend.
     """
 
     begin: NDArray[np.int64]
@@ -104,22 +104,22 @@ def steady_stretches(
     from_first: bool = False,
     to_last: bool = False,
 ) -> Stretches:
-    """Return the stretches of a curve whose slope stays the same.
+    """Return the stretches of a curve with a steady slope.
 
     Each stretch is cut into halves, each fitted by a line.
 
     Parameters
     ----------
     x, y : ndarray, shape (k,)
-        The curve; all finite.
+        The curve, finite.
     least : int
-        Points of a stretch.
+        Smallest number of points of a stretch.
     rise : float
-        Least rise of `y` by the line over the stretch.
+        Smallest increase of `y` along the fitted line.
     change : float
         Largest difference of the slopes of the halves, relative to that of the whole.
     from_first, to_last : bool
-        Whether only stretches from the first point on, or up to the last one, count.
+        Whether a stretch must begin at the first point, or end at the last one.
 
     Returns
     -------
@@ -141,6 +141,6 @@ def steady_stretches(
         differs = np.abs(second - first) / np.abs(whole)
     length = x[end] - x[begin]
     fits = (differs <= change) & (whole * length >= rise)
-    # A shorter stretch that is steadier may be the better: its length counts less, the more it bends.
+    # A shorter and steadier stretch may be better, so a bend reduces the score.
     scores = length[fits] * (1.0 - differs[fits] / change)
     return Stretches(begin[fits], end[fits], whole[fits], scores)

@@ -6,7 +6,7 @@ embedding, so the deviation adds in squares
 - the jackknife and half the difference of the slopes within the halves of the region (:func:`~.regions.whole_slope`),
 - the spread of the slopes of all regions that were acceptable (:func:`~.regions.region_spread`),
 - the root mean square difference of the slopes in other embeddings (:func:`variants`),
-- a relative and an absolute error that none of these shows: neighbours of finite distance in a finite series.
+- a relative and an absolute error that none of these shows: finite distances of neighbours in a finite series.
 
 The constants of the last part are calibrated by ``tests/benchmarks/attractor/coverage.py`` on one set of systems. The
 table of the documentation reports the coverage on another set.
@@ -26,17 +26,17 @@ __all__ = ["REFERENCES", "variants", "widened", "widened_dimension", "widened_ex
 #: Reference states of the curves in other embeddings.
 REFERENCES = 500
 #: Relative error of the exponent of a map and of a flow, and of a correlation dimension. Neighbours on a flow are also
-#: apart along it. This distance does not grow, so that exponents of flows are too small. For Kantz' method the change
-#: with the radius shows this error, and that of a map is taken.
+#: separated along it. This distance does not grow, so that exponents of flows are too small. For Kantz' method the
+#: change with the radius shows this error, so the value for maps is used.
 MAP_ERROR, FLOW_ERROR, DIMENSION_ERROR = 0.03, 0.08, 0.04
-#: Least number of samples per turn of a series that is treated as a flow.
+#: Smallest number of samples per turn of a flow.
 TURN = 6
 #: Relative error that is added if no other embedding has a slope: of an exponent, of a dimension.
 UNCONFIRMED_EXPONENT, UNCONFIRMED_DIMENSION = 0.10, 0.05
-#: Nats over the whole series that an exponent is uncertain by: neighbours that drift apart slowly, as on the strange
+#: Uncertainty of an exponent in nats over the whole series: neighbours that separate slowly, as on the strange
 #: attractor without chaos of Grebogi, Ott, Pelikan and Yorke, show a slope of 10 to 40 nats per series.
 PARTINGS = 12.0
-#: Factor of the change of an exponent within half the radius.
+#: Factor of the change of an exponent with half the radius.
 RADIUS = 2.0
 
 
@@ -81,7 +81,7 @@ def widened(
     Parameters
     ----------
     slope : Slope
-        With the deviation of the fit.
+        Slope with the deviation of the fit.
     region : float
         Spread of the slopes of the acceptable regions.
     others : sequence of float
@@ -118,9 +118,9 @@ def widened_exponent(
     turn : float
         Samples per turn.
     duration : float
-        Of the series, in seconds.
+        Duration of the series in seconds.
     change : float
-        By how much the slope differs within half the radius; it counts :data:`RADIUS` times.
+        Difference of the slope with half the radius, which is multiplied by :data:`RADIUS`.
     """
     return widened(
         slope, region, others,

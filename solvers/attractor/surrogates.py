@@ -1,4 +1,4 @@
-"""``surrogates``: whether linear noise explains a series as well, and whether it may be called chaotic.
+"""``surrogates``: a test against linear noise, and the decision whether a series is chaotic.
 
 A positive exponent alone proves nothing, for noise has one too wherever a region is fitted to it. So the series
 is first set against surrogates: linear noise with its values and its spectrum. Source: J. Theiler, S. Eubank,
@@ -29,31 +29,31 @@ __all__ = ["RANKING", "Ranks", "Surrogates", "judge", "ranks"]
 
 Floats = NDArray[np.float64]
 
-#: Options of the test itself.
+#: Options of the test.
 RANKING: Mapping[str, Option] = {
-    "count": Option(39, "surrogates", int, lower=19, upper=9999),
+    "count": Option(39, "number of surrogates", int, lower=19, upper=9999),
     "samples": Option(20_000, "samples of the series compared", int, lower=50, upper=100_000),
-    "neighbours": Option(5, "nearest states that predict", int, lower=1, upper=100),
+    "neighbours": Option(5, "nearest states for a prediction", int, lower=1, upper=100),
 }
-#: States that are predicted, and in more than so many dimensions, where the search takes longer. All states of the
-#: compared samples are their neighbours.
+#: Number of predicted states, dimension above which fewer are predicted to save time, and their number. All states
+#: of the compared samples are possible neighbours.
 ASKED, HIGH, ASKED_HIGH = 2000, 5, 500
 #: Largest number of values of all surrogates together, beyond which fewer samples are compared.
 VALUES = 4_000_000
-#: Samples of a delay beyond which every other one, or fewer, are left out.
+#: Samples per delay above which samples are skipped.
 _FINE = 8
-#: Share of orders that reject, and deviations by which an exponent must exceed 0.
+#: Significance level, and number of deviations by which an exponent must exceed 0.
 _LEVEL, _SURE = 0.05, 2.0
-#: Least parting of neighbours over the series that is called chaotic, in nats. A strange attractor without chaos shows
+#: Smallest separation of neighbours over the series for chaos, in nats. A strange attractor without chaos shows
 #: up to 40.
 _NATS = 50.0
-#: Deviations of the surrogates' errors by which the series must be below them, and an error that is none.
+#: Deviations of the surrogates' errors by which the series must be more predictable, and an error treated as 0.
 _SIGMAS, _NOTHING = 3.5, 1e-9
 
 
 @dataclass(frozen=True)
 class Ranks:
-    """How a series ranks among its surrogates.
+    """Rank of a series among its surrogates.
 
     Parameters
     ----------
@@ -62,13 +62,13 @@ class Ranks:
     error, median : float
         Root mean square error of predicting the normal scores of the series, and the median of the surrogates'.
     sigmas : float
-        By how many deviations of the surrogates' errors the series' is less than their mean, in logarithms.
+        Difference between the mean of the surrogates' errors and that of the series, in deviations, of logarithms.
     jump : float
         See :func:`~.iaaft.match_ends`.
     read, among : int
-        Samples compared, and samples of the series.
+        Number of compared samples, and of samples of the series.
     step : int
-        One sample in so many was compared.
+        Distance of the compared samples.
     """
 
     count: int
@@ -83,7 +83,7 @@ class Ranks:
 
     @property
     def extent(self) -> str:
-        """The part of the series was compared; empty if it was all of it."""
+        """Text about the compared part of the series; empty if it was compared completely."""
         if self.read * self.step >= self.among:
             return ""
         every = f", one in {self.step}" if self.step > 1 else ""
@@ -94,10 +94,10 @@ class Ranks:
 
     @property
     def rejected(self) -> bool:
-        """Whether linear noise is rejected at 5 %, and clearly, which a series that drifts cannot show.
+        """Whether linear noise is rejected at 5 % and clearly; never for a series that drifts.
 
-        The rank alone rejects some 8 % of linear noise, for surrogates have the spectrum that a short stretch
-        happens to have: hence the deviations, the measure of Theiler and others.
+        The rank alone rejects 8 % of linear noise, because surrogates have the spectrum of a short stretch.
+        The deviations, the measure of Theiler et al., are therefore required, too.
         """
         ranked = (1 + self.exceeded) / (1 + self.count) <= _LEVEL
         return ranked and self.sigmas >= _SIGMAS and self.jump <= 1.0
@@ -110,18 +110,22 @@ def ranks(
     seed: int,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Ranks | None:
-    """Return how a series ranks among its surrogates by its prediction one delay ahead, None where `stopped`.
+    """Return the rank of a series among its surrogates by its prediction one delay ahead; None if stopped.
 
-    Where a delay has more than 16 samples, only some of them are kept: they show the same motion for longer.
+    If a delay has more than 16 samples, samples are skipped so that the same number covers a longer time.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
     embedding : Embedding
+        The embedding.
     options : mapping
         Values of :data:`RANKING`.
     seed : int
+        Random seed of the surrogates.
     stopped : callable
+        Function that returns True to stop, polled.
     """
     step = max(embedding.delay // _FINE, 1)
     delay = max(round(embedding.delay / step), 1)
@@ -142,22 +146,22 @@ def ranks(
 
     def error(values: Floats) -> float:
         if len(values) <= ASKED:
-            found = prediction_error(
+            square = prediction_error(
                 values, delay, dimension, delay, theiler, options["neighbours"]
             )
         else:
-            found = long_error(values, delay, dimension, theiler, options["neighbours"])
-        return math.sqrt(found)
+            square = long_error(values, delay, dimension, theiler, options["neighbours"])
+        return math.sqrt(square)
 
-    own, others = error(part), []
+    own_error, others = error(part), []
     drawn = surrogates_of(part, options["count"], np.random.default_rng(seed), stopped)
-    for one in drawn:
+    for surrogate in drawn:
         if stopped():
             return None
-        others.append(error(one))
-    # What cannot be predicted at all, for want of neighbours, rejects nothing.
-    exceeded = sum(not one > own for one in others)
-    logs = np.log(np.maximum(np.nan_to_num([own, *others], nan=1.0), _NOTHING))
+        others.append(error(surrogate))
+    # A series that cannot be predicted, for lack of neighbours, rejects nothing.
+    exceeded = sum(not other > own_error for other in others)
+    logs = np.log(np.maximum(np.nan_to_num([own_error, *others], nan=1.0), _NOTHING))
     sigmas = float(logs[1:].mean() - logs[0]) / max(float(logs[1:].std(ddof=1)), _NOTHING)
     figures = math.exp(logs[0]), math.exp(float(np.median(logs[1:])))
     return Ranks(options["count"], exceeded, *figures, sigmas, jump, *extent)
@@ -169,15 +173,16 @@ def long_error(values: Floats, delay: int, dimension: int, theiler: int, count: 
     Parameters
     ----------
     values : ndarray, shape (n,)
+        The series.
     delay, dimension : int
-        Of the embedding; the prediction is one delay ahead.
+        The embedding. The prediction is one delay ahead.
     theiler : int
-        States at most as many samples apart are no neighbours.
+        States at most this number of samples apart are not neighbours.
     count : int
-        Neighbours.
+        Number of neighbours.
     """
     last = len(values) - dimension * delay
-    # The last coordinates part first, so the search is along the last one.
+    # The last coordinates diverge first, so the search is along the last one.
     columns = [values[k * delay : k * delay + last] for k in range(dimension - 1, -1, -1)]
     times = np.argsort(columns[0], kind="stable")
     states = np.ascontiguousarray(np.stack(columns, axis=1)[times])
@@ -192,40 +197,41 @@ def long_error(values: Floats, delay: int, dimension: int, theiler: int, count: 
 def judge(
     found: Ranks, exponent: Slope | None, duration: float = math.inf
 ) -> tuple[SurrogateTest, str]:
-    """Return what the ranks and the exponent amount to, and why.
+    """Return the judgement from the rank and the exponent, and its reason.
 
     Parameters
     ----------
     found : Ranks
+        Rank of the series.
     exponent : Slope, optional
-        In nats a second.
+        The exponent in nats per second.
     duration : float
-        Of the series, in seconds.
+        Duration of the series in seconds.
     """
     if not found.rejected:
         judgement = Judgement.NOISE
         drifts = "the series drifts: its surrogates have a jump that it has not, and prove nothing"
-        said = drifts if found.jump > 1.0 else "linear noise explains the series as well"
+        reason = drifts if found.jump > 1.0 else "linear noise explains the series as well"
     elif exponent is None:
         judgement = Judgement.NONLINEAR
-        said = "linear noise does not explain the series, but no positive exponent was found"
+        reason = "linear noise does not explain the series, but no positive exponent was found"
     elif exponent.value - _SURE * exponent.deviation <= 0:
         judgement = Judgement.NONLINEAR
-        said = f"linear noise does not explain the series, but the exponent {exponent} may be 0"
+        reason = f"linear noise does not explain the series, but the exponent {exponent} may be 0"
     elif exponent.value * duration < _NATS:
         judgement = Judgement.NONLINEAR
-        said = (
+        reason = (
             "linear noise does not explain the series, but neighbours part by "
             f"{exponent.value * duration:.3g} nats over its length: {_NATS:g} are needed to call it chaotic"
         )
     else:
-        judgement, said = Judgement.CHAOTIC, ""
-    said = "; ".join(filter(None, (said, found.extent)))
-    return SurrogateTest(judgement, found.count, found.exceeded), said
+        judgement, reason = Judgement.CHAOTIC, ""
+    reason = "; ".join(filter(None, (reason, found.extent)))
+    return SurrogateTest(judgement, found.count, found.exceeded), reason
 
 
 class Surrogates(AttractorBackend):
-    """A rank test against iterated amplitude-adjusted surrogates, and an exponent where they are rejected."""
+    """Backend for a rank test against surrogates (IAAFT), and an exponent if they are rejected."""
 
     name = "surrogates"
     summary = "noise, nonlinear or chaotic: a rank test against linear noise (IAAFT)"
@@ -234,7 +240,7 @@ class Surrogates(AttractorBackend):
     options: ClassVar[Mapping[str, Option]] = {**EMBEDDING, **RANKING}
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Rank the series, and judge."""
+        """Compute the rank of the series and the judgement."""
         options = request.options
         embedding = embed(problem, options)
         seed = 0 if request.seed is None else request.seed
@@ -263,7 +269,7 @@ class Surrogates(AttractorBackend):
 
 
 def statistics(found: Ranks) -> dict[str, Any]:
-    """Return the key figures of a test."""
+    """Return the statistics of a test."""
     return {
         "surrogates": found.count,
         "samples compared": found.read,

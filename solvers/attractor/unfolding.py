@@ -1,4 +1,4 @@
-"""How many coordinates unfold an attractor: what becomes of nearest neighbours with one coordinate more.
+"""Number of coordinates that unfold an attractor, from nearest neighbours with one coordinate more.
 
 Sources: L. Cao, "Practical method for determining the minimum embedding dimension of a scalar time series",
 Physica D 110, 1997; M. B. Kennel, R. Brown and H. D. I. Abarbanel, "Determining embedding dimension for
@@ -25,13 +25,13 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: Dimensions that are tried at the most.
+#: Default of the largest dimension.
 LARGEST = 10
-#: States at the most among which neighbours are sought, and whose neighbours.
+#: Largest number of states among which neighbours are searched, and of states whose neighbours are searched.
 _AMONG, _ASKED = 20_000, 2_000
-#: Share of its limit 1 at which Cao's E₁ counts as saturated.
+#: Value of Cao's E₁ at which it is saturated; the limit is 1.
 _SATURATED = 0.9
-#: Kennel's tolerances: of the growth of a distance, and of the distance in deviations of the series.
+#: Kennel's tolerances: relative growth of a distance, and distance in deviations of the series.
 _RATIO, _ATTRACTOR = 15.0, 2.0
 
 
@@ -57,7 +57,7 @@ class Neighbours:
 
 
 def neighbours(series: Floats, delay: int, dimension: int, theiler: int, norm: float) -> Neighbours:
-    """Return nearest neighbours, of 2000 states at most among 20 000 at most; states without one are left out."""
+    """Return nearest neighbours of at most 2000 states among at most 20 000; states without one are omitted."""
     at = thin_out(len(series) - dimension * delay, _AMONG)
     states = states_of(series, at, delay, dimension + 1)
     asked = thin_out(len(at), _ASKED)
@@ -71,25 +71,27 @@ def cao_curves(
 ) -> tuple[Floats, Floats]:
     """Return Cao's E₁ and E₂ of the dimensions 1 … `most`.
 
-    E(d) is how much further nearest neighbours in d coordinates are in d + 1, on average, and E₁(d) =
-    E(d + 1) / E(d). E₂ is the same of the distance of the new coordinates alone: 1 in every dimension for noise.
-    Neighbours are more than a delay apart in time, for those on the same piece of a trajectory say
-    nothing of its folds.
+    E(d) is the mean growth of the distance of nearest neighbours from d to d + 1 coordinates, and E₁(d) =
+    E(d + 1) / E(d). E₂ is the same for the distance of the new coordinates alone: 1 in every dimension for
+    noise. Neighbours are more than a delay apart in time, because neighbours on the same piece of a
+    trajectory do not show its folds.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
     delay : int
+        Samples between coordinates.
     most : int
-        ``(most + 1) * delay < n``.
+        Largest dimension, with ``(most + 1) * delay < n``.
     theiler : int, optional
-        Samples that neighbours must be more than apart; the delay.
+        States at most this number of samples apart are not neighbours. Default: the delay.
 
     Returns
     -------
     ndarray, shape (most,)
     ndarray, shape (most,)
-        Not a number where neighbours are nowhere apart.
+        NaN if all neighbours have distance 0.
     """
     grows, moves = np.full(most + 1, np.nan), np.full(most + 1, np.nan)
     for k in range(most + 1):
@@ -102,53 +104,55 @@ def cao_curves(
 
 
 def cao_dimension(series: Floats, delay: int) -> int:
-    """Return the least dimension at which Cao's E₁ is within a tenth of 1, and stays there at the next.
+    """Return the smallest dimension at which Cao's E₁ is at least 0.9, and at the next dimension, too.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
-        Not constant.
+        The series, not constant.
     delay : int
         Samples between coordinates, at most a tenth of the series.
 
     Returns
     -------
     int
-        The largest that was tried, 10 or what the series has samples for, where the curve does not saturate.
+        The largest dimension tried, 10 or fewer for a short series, if the curve does not saturate.
     """
     most = largest_dimension(len(series), delay)
     return saturated(cao_curves(series, delay, most)[0])
 
 
 def saturated(curve: Floats) -> int:
-    """Return the first dimension at which `curve` is within a tenth of 1, and at the next one too; else the last.
+    """Return the first dimension at which `curve` is at least 0.9, and at the next one, too; else the last.
 
-    Later dips are left aside: in many dimensions short series have no near neighbours.
+    Later dips are ignored, because short series have no near neighbours in many dimensions.
     """
-    good = np.append(curve >= _SATURATED, True)
-    found = good[:-1] & good[1:]
-    return int(found.argmax()) + 1 if found.any() else len(curve)
+    is_saturated = np.append(curve >= _SATURATED, True)
+    stays_saturated = is_saturated[:-1] & is_saturated[1:]
+    return int(stays_saturated.argmax()) + 1 if stays_saturated.any() else len(curve)
 
 
 def false_shares(series: Floats, delay: int, most: int, theiler: int) -> Floats:
     """Return the share of false nearest neighbours of the dimensions 1 … `most`.
 
-    A neighbour is false where the next coordinate is more than 15 times as far apart as the states are, or where
-    the states with it are more than two deviations of the series apart.
+    A neighbour is false if the next coordinates differ by more than 15 times the distance, or if the distance
+    with them exceeds two deviations of the series.
 
     Parameters
     ----------
     series : ndarray, shape (n,)
+        The series.
     delay : int
+        Samples between coordinates.
     most : int
-        ``most * delay < n``.
+        Largest dimension, with ``most * delay < n``.
     theiler : int
-        Samples that neighbours must be more than apart.
+        States at most this number of samples apart are not neighbours.
 
     Returns
     -------
     ndarray, shape (most,)
-        Not a number where no state has a neighbour.
+        NaN if no state has a neighbour.
     """
     shares = np.full(most, np.nan)
     size = float(series.std())

@@ -290,7 +290,7 @@ def test_a_run_that_is_stopped_has_no_answer(name):
 
 def test_a_delay_that_is_never_reached_is_told():
     _, answer = analysed("autocorrelation", np.arange(100.0))
-    assert answer.point.delay == 10 and "keeps above" in answer.message
+    assert answer.point.delay == 10 and "stays above" in answer.message
     _, answer = analysed("mutual-information", henon(500))
     assert "no minimum" in answer.message
 
