@@ -228,7 +228,7 @@ def test_configurations_broadcast():
         ((0, 0, 0), (1, 1), 1.0, "end must be finite x, y, heading"),
         ((0, 0, 0), (1, 1, 1), -1.0, "r must be finite and 0 or above; got -1.0"),
         ((0, 0, 0), (1, 1, 1), math.inf, "r must be finite"),
-        ((0, 0, 0), [(1, 1, 1)], 1.0, "must be of one path"),
+        ((0, 0, 0), [(1, 1, 1)], 1.0, "must describe one path"),
     ],
 )
 def test_bad_configurations_are_named(start, end, radius, message):
