@@ -14,7 +14,7 @@ from .elongation import left_straight_whole
 
 __all__ = ["AHEAD", "EDGES", "LINE", "MAJOR", "Chase", "crossings", "excess", "rising", "stepping"]
 
-#: Kinds besides the words 0 to 5: LS, LS to a point ahead, the longer RL, an edge of the gap.
+#: Additional kinds to the words 0 to 5: LS, LS to a point ahead, the longer RL, an edge of the gap.
 LINE, AHEAD, MAJOR, EDGES = -1, -2, -3, -4
 #: Smallest steps, in turning radii of change, for edges and for words. Their growth factor ensures
 #: that the steps terminate.

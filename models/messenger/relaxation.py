@@ -102,7 +102,7 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
     model : MessengerTour
         The model.
     order : sequence of int
-        Order of the vehicles, each at most once. The path need not meet the other vehicles.
+        Order of the vehicles, each at most once. The path may miss the other vehicles.
 
     Returns
     -------

@@ -95,7 +95,7 @@ class OrderSearch:
     model : MessengerTour
         The model.
     cutoff : float
-        Length (m) from which on orders are discarded.
+        Orders whose bound reaches this length (m) are discarded.
     curved : bool
         Whether bounds use the limit on curvature. If True, complete orders yield no tours.
 
@@ -394,7 +394,7 @@ def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
     if field.free:
         near[0] = path.points[0] - field.centres[met[0]]
     away = -field.radii[met][:, None] * pull[rows] / np.maximum(size, 1e-300)
-    # A stop without dual force lies on the path.
+    # A stop without dual force is met on the path.
     offsets = np.where(size > 1e-7, away, near) * field.unit
     bound = path.bound * field.unit
     return Guide(bound, offsets, np.arctan2(turn[rows, 1], turn[rows, 0]))

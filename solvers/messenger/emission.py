@@ -118,7 +118,7 @@ def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float
     Returns
     -------
     float or None
-        Length flown (m) at the crossing nearest to `inside`; None if the path never leaves the disc.
+        Length flown (m) at a crossing close to `inside`; None if all ends of pieces are in the disc.
     """
     from scipy.optimize import brentq
 

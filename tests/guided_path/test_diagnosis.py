@@ -20,7 +20,7 @@ def test_the_papers_example():
     assert str(found) == (
         "example: a plan exists, as whoever must precede can always be served first; no tour is "
         "shorter than 8 m, 1 times the way to both ends and back\n"
-        "  - 2 customers at the most are in no order among themselves; the longest chain has 2: c -> a\n"
+        "  - at most 2 customers are in no order among themselves; the longest chain has 2: c -> a\n"
         "  - no gap need be crossed more than once there and once back"
     )
     assert Diagnosis.from_dict(found.to_dict()) == found

@@ -154,7 +154,7 @@ def test_a_plan_that_turns_more_often():
     assert fitted.count > written.count == written.enough
     assert fitted.relaxes
     assert fitted.program.verify(fitted.encode(plan)).ok
-    with pytest.raises(InvalidData, match=f"order must make {written.count} sweeps at the most"):
+    with pytest.raises(InvalidData, match=f"order must make at most {written.count} sweeps"):
         written.encode(plan)
     assert ct.verify(model, plan, formulation="sweeps").ok
     answer = ct.solve(model, "highs", warm_start=plan)
@@ -252,7 +252,7 @@ def test_sweeps_that_are_no_number(sweeps):
 def test_programs_that_are_too_large():
     with pytest.raises(UnsupportedFormulation, match="'arcs' takes 60 customers at the most"):
         chains_tour(50, 5, 1).formulate("arcs")
-    with pytest.raises(UnsupportedFormulation, match="'sweeps' has 500000 columns at the most"):
+    with pytest.raises(UnsupportedFormulation, match="'sweeps' has at most 500000 columns"):
         chains_tour(200, 10, 1, most=10**6).formulate("sweeps")
 
 
@@ -265,7 +265,7 @@ def test_points_and_plans_that_are_none(name):
     with pytest.raises(InvalidData, match="once it may be served"):
         written.decode(np.zeros_like(point))
     for order in ([3, 4, 2], [3, 4, 2, 2], [3, 4, 2, 9]):
-        with pytest.raises(InvalidData, match="order must have each customer once"):
+        with pytest.raises(InvalidData, match="order must contain each customer once"):
             written.encode(GuidedPathPlan(order))
     with pytest.raises(InvalidData, match="plan must be a GuidedPathPlan"):
         written.encode([3, 4, 2, 1])

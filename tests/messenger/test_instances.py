@@ -89,7 +89,7 @@ def test_a_seed_means_the_same_vehicles():
         (lambda: generate(10**6, 5, 1), "vehicles must"),
         (
             lambda: generate(5, -2, 1),
-            "sparsity must be > -2, where all vehicles stand in one place",
+            "sparsity must be > -2, at which all vehicles are in one place",
         ),
         (lambda: generate(5, 0, 1, radius=0.0), "sparsity must be > -?0"),
         (lambda: generate(5, 1e308, 1, turning_radius=1e9), "sparsity must"),
