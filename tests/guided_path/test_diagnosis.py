@@ -1,4 +1,4 @@
-"""What diagnose says of guided path tours, which always exist."""
+"""Diagnoses of guided path tours, which always exist."""
 
 import itertools
 
@@ -26,7 +26,7 @@ def test_the_papers_example():
     assert Diagnosis.from_dict(found.to_dict()) == found
 
 
-def test_who_forces_crossings():
+def test_the_forcing_customers_are_listed():
     model = GuidedPathTour([0, 10, 2, 8, 4, 5], chains=[[1, 2, 3, 4]], precedence=[(4, 5)])
     relation, *stretches = ct.diagnose(model).findings
     assert relation.text == "there is only one order: 1 -> 2 -> 3 -> 4 -> 5"
