@@ -1,4 +1,4 @@
-"""Instances of a guided vehicle's tour: the paper's example and sizes, wild ones, and SOP files."""
+"""Instances of a guided vehicle's tour: the paper's example and sizes, special cases, SOP files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The demonstration of guided path tours: eight chains of five, proven by several exact methods."""
+"""Demonstration of guided path tours: eight chains of five, proven by several exact methods."""
 
 from __future__ import annotations
 

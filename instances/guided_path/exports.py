@@ -1,4 +1,4 @@
-"""Tours of a guided vehicle as tables, and as tours of TSPLIB."""
+"""Export of a guided vehicle's tours as tables and as TSPLIB tours."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ __all__ = ["CSV", "TSPLIB", "write_stops_csv", "write_tour"]
 def write_stops_csv(
     plan: GuidedPathPlan, path: str | os.PathLike[str], *, model: GuidedPathTour
 ) -> Path:
-    """Write one row a stop as CSV, in one step; return the path.
+    """Write a tour as CSV with one row per stop; return the path.
 
-    The columns are ``stop,customer,x,walked``: a number from 0, the name of the customer, where it is
-    and how far the vehicle has come until there, m. The first and the last row are the start.
+    The columns are ``stop,customer,x,walked``: the number of the stop from 0, the name of the
+    customer, its coordinate and the distance walked up to it, in m. The first and the last row are
+    the start. The file is written atomically.
 
     Parameters
     ----------
@@ -34,12 +35,17 @@ def write_stops_csv(
     path : path-like
         The file.
     model : GuidedPathTour
-        What it is for.
+        Model of the plan.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
     InvalidData
-        A plan with customers that there are not, or a file that cannot be written.
+        The plan contains an unknown customer, or the file cannot be written.
     """
     stops = _stops(plan, model)
     places = model.coordinates[stops]
@@ -55,20 +61,29 @@ def write_stops_csv(
 def write_tour(
     plan: GuidedPathPlan, path: str | os.PathLike[str], *, model: GuidedPathTour
 ) -> Path:
-    """Write the tour as TSPLIB does, in one step; return the path.
+    """Write a tour in TSPLIB format; return the path.
 
-    Nodes are numbered as :func:`~crosstrack.instances.guided_path.write_sop` numbers them: the start is 1,
-    customer k is k + 1, and the end is the last.
+    Nodes are numbered as in :func:`~crosstrack.instances.guided_path.write_sop`: the start is 1,
+    customer k is k + 1, and the end is the last node. The file is written atomically.
 
     Parameters
     ----------
-    plan, path, model
-        As for :func:`write_stops_csv`.
+    plan : GuidedPathPlan
+        The tour.
+    path : path-like
+        The file.
+    model : GuidedPathTour
+        Model of the plan.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
     InvalidData
-        As for :func:`write_stops_csv`.
+        The plan contains an unknown customer, or the file cannot be written.
     """
     stops = _stops(plan, model)
     nodes = [*(stop + 1 for stop in stops[:-1]), model.size + 1]
@@ -82,7 +97,7 @@ def write_tour(
 
 
 def _stops(plan: GuidedPathPlan, model: GuidedPathTour) -> list[int]:
-    """Return the customers of a plan between the start and the start."""
+    """Return the customers of a plan with the start at both ends."""
     required("model", model, GuidedPathTour)
     order = required("plan", plan, GuidedPathPlan).order
     other = next((x for x in order if not 1 <= x < model.size), None)
@@ -93,5 +108,5 @@ def _stops(plan: GuidedPathPlan, model: GuidedPathTour) -> list[int]:
     return [0, *order, 0]
 
 
-CSV = ExportFormat("one row a stop (CSV)", ".csv", write_stops_csv)
+CSV = ExportFormat("one row per stop (CSV)", ".csv", write_stops_csv)
 TSPLIB = ExportFormat("a tour of TSPLIB", ".tour", write_tour)

@@ -1,6 +1,7 @@
-"""Seeded instances of a guided vehicle's tour: whole coordinates, with chains or any relation.
+"""Seeded instances of a guided vehicle's tour: integer coordinates, with chains or any relation.
 
-Only ``Generator.random`` is drawn from, so that a seed means the same instance wherever it is used.
+All random numbers come from ``Generator.random``, so that a seed yields the same instance on every
+machine.
 """
 
 from __future__ import annotations
@@ -15,31 +16,35 @@ from ...models.guided_path.model import GuidedPathTour
 
 __all__ = ["generate", "generate_relation"]
 
-#: Whole numbers up to this size are exact, and so are their sums over any tour.
+#: Largest coordinate, so that coordinates and their sums over any tour are exact integers.
 _LARGEST = 2**31
 
 
 def generate(
     chains: int, length: int, seed: int, lowest: int = 1, highest: int = 200, *, name: str = ""
 ) -> GuidedPathTour:
-    """Return a tour of chains of equal length: what table 1 of the paper draws.
+    """Return a tour of chains of equal length, as drawn for Table 1 of the paper.
 
     Parameters
     ----------
     chains, length : int
-        Number of chains, and of the customers in each; chain 0 holds customers 1, 2, …
+        Number of chains, and of customers in each; chain 0 contains customers 1, 2, …
     seed : int
-        Same seed, same coordinates.
+        Seed, at least 0. The same seed yields the same coordinates.
     lowest, highest : int
-        Coordinates are drawn uniformly from these whole numbers and those between, m. The start is
-        at 0.
+        Range of the uniform integer coordinates, in m, both included. The start is at 0.
     name : str
-        Of the model.
+        Name of the model.
+
+    Returns
+    -------
+    GuidedPathTour
+        The model.
 
     Raises
     ------
     InvalidData
-        A number that is not allowed, named.
+        A value is out of range. The message contains its name.
     """
     many = Whole(1, MOST).coerce("chains", chains, {})
     each = Whole(1, MOST // many).coerce("length", length, {})
@@ -57,21 +62,26 @@ def generate_relation(
     *,
     name: str = "",
 ) -> GuidedPathTour:
-    """Return a tour under a random acyclic relation.
+    """Return a tour with a random acyclic relation.
 
     Parameters
     ----------
     customers : int
-        Their number.
+        Number of customers.
     density : float
-        How likely it is that a customer must precede another one of a larger number, 0 to 1.
+        Probability that a customer must precede another one with a larger number, 0 to 1.
     seed, lowest, highest, name
         As for :func:`generate`.
+
+    Returns
+    -------
+    GuidedPathTour
+        The model.
 
     Raises
     ------
     InvalidData
-        A number that is not allowed, named.
+        A value is out of range. The message contains its name.
     """
     count = Whole(1, MOST).coerce("customers", customers, {})
     share = Real(lower=0.0, upper=1.0).coerce("density", density, {})
@@ -83,7 +93,7 @@ def generate_relation(
 def _drawn(
     count: int, seed: int, lowest: int, highest: int
 ) -> tuple[NDArray[np.float64], np.random.Generator]:
-    """Return coordinates, that of the start first, and what further numbers are drawn from."""
+    """Return the coordinates, that of the start first, and the random generator."""
     low, high = (
         Whole(-_LARGEST, _LARGEST).coerce(name, value, {})
         for name, value in (("lowest", lowest), ("highest", highest))

@@ -1,4 +1,4 @@
-"""What the catalogue holds of guided path tours: the paper's example and sizes, wild ones, hard ones."""
+"""Catalogue of guided path tours: the paper's example and sizes, special cases, hard instances."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SAME = (
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances."""
+    """Return the catalogue entries."""
     return (
         _entry(
             "example-5", "The paper's example 5: two chains of two customers",

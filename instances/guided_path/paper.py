@@ -74,7 +74,7 @@ ITEMS = (
     printed("Figure 1", "the example: four workstations and a conveyor", "models.guided_path.plot:draw"),
 )  # fmt: skip
 
-#: Instances of each group.
+#: Number of instances of each group.
 INSTANCES = 10
 _COLUMNS = {
     "Obj GRE": ".0f",

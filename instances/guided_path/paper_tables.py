@@ -14,7 +14,7 @@ __all__ = ["table_1a", "table_1b"]
 
 
 def _measured(chains: int, backend: str, trials: Trials) -> tuple[list[float], float]:
-    """Return the lengths on the instances of one group, and the mean of the seconds."""
+    """Return the lengths (m) on the instances of one group, and the mean run time (s)."""
     models = [generate(chains, 5, 100 * chains + k) for k in range(INSTANCES)]
     answers = trials.run(models, backend, runs=1)
     lengths = [float(answer.primal_bound or 0.0) for answer in answers]

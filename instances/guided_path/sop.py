@@ -1,7 +1,7 @@
 """Sequential ordering problems of TSPLIB (``.sop``) whose distances are those of a line.
 
-The first node of a file is the start, the last one the end at the start's place. An entry of -1 in row i
-and column j says that node j precedes node i; any other one is the distance from i to j.
+The first node of a file is the start, and the last one is the end, at the place of the start. An entry
+of -1 in row i and column j means that node j precedes node i. Other entries are distances from i to j.
 
 Source: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991.
 """
@@ -25,32 +25,38 @@ __all__ = ["read_sop", "write_sop"]
 
 Floats = NDArray[np.float64]
 
-#: By how much distances may differ from those of the line, relative to the longest.
+#: Tolerance of distances, relative to the longest one.
 _ROUNDING = 1e-9
-#: What stands for the way from the start to the end, which nobody takes.
+#: Distance from the start to the end, an arc that no tour uses.
 _NO_WAY = 1_000_000
-#: Keywords of the format; any other one would change the problem.
+#: Supported keywords of the format. Ignoring another keyword would change the problem.
 _KNOWN = ("NAME", "TYPE", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT")
 _HEAD = {"TYPE": "SOP", "EDGE_WEIGHT_TYPE": "EXPLICIT", "EDGE_WEIGHT_FORMAT": "FULL_MATRIX"}
 
 
 def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
-    """Return the tour that a file of TSPLIB's sequential ordering problems asks for.
+    """Return the tour of a TSPLIB file with a sequential ordering problem.
 
-    Distances tell neither the direction of the line nor where it begins: the start is at 0, and who is
-    farthest from it on the right. Customers are the nodes 2, 3, … of the file, in their order. Where the
-    relation is one of chains, it is stated so, otherwise as the fewest pairs.
+    Distances determine neither the direction nor the origin of the line. The start is at 0, and the
+    node farthest from it is to the right. Customers are the nodes 2, 3, … of the file, in order. The
+    relation is stated as chains if possible, otherwise as the fewest pairs.
 
     Parameters
     ----------
     path : path-like
         The file.
 
+    Returns
+    -------
+    GuidedPathTour
+        The model.
+
     Raises
     ------
     InvalidData
-        Naming the file: no such problem, numbers that are missing or none, a relation with a cycle, and
-        distances that are no line's to 1e-9 of the longest, with the nodes that show it.
+        The file is not such a problem, a number is missing or malformed, the relation has a cycle, or
+        the distances differ from those of a line by more than 1e-9 of the longest distance. The message
+        contains the file, and the nodes if applicable.
     """
     file = as_path(path)
     matrix = _matrix(file)
@@ -86,14 +92,14 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
 
 
 def _relation(precedes: NDArray[np.bool_]) -> dict[str, list[list[int]]]:
-    """Return the relation in few words: as chains where it is of such, else by the fewest pairs."""
+    """Return the relation as chains if possible, otherwise as the fewest pairs."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
     if connected_components(csr_array(precedes), connection="strong")[0] < len(precedes):
-        # There is a cycle, which the model names.
+        # The relation has a cycle, which the model reports.
         return {"precedence": (np.argwhere(precedes) + 1).tolist()}
-    # A pair that others imply says nothing.
+    # Omit pairs that other pairs imply.
     weights = precedes.astype(np.float32)
     pairs = (np.argwhere(precedes & (weights @ weights == 0)) + 1).tolist()
     after = {int(one): int(other) for one, other in pairs}
@@ -108,15 +114,15 @@ def _relation(precedes: NDArray[np.bool_]) -> dict[str, list[list[int]]]:
 
 
 def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
-    """Return the coordinates of the start and the customers, by distances from the start."""
-    # The last node is the start once more: what leads to it tells the distance of the start.
+    """Return the coordinates of the start and the customers, computed from distances."""
+    # The last node is the start again: distances to it are distances to the start.
     apart = matrix[:-1, :-1].copy()
     apart[1:, 0] = apart[0, 1:]
     mutual = before[:-1, :-1]
     apart[mutual] = apart.T[mutual]
     np.fill_diagonal(apart, 0.0)
     far = int(apart[0].argmax())
-    # To be on the far node's side means that the way there is the shorter one of two.
+    # A node is on the side of the far node if its distance to the far node is the shorter alternative.
     ahead = np.abs(apart[far] - (apart[0, far] - apart[0])) <= np.abs(
         apart[far] - (apart[0, far] + apart[0])
     )
@@ -143,7 +149,7 @@ def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
 
 
 def _matrix(file: Path) -> Floats:
-    """Return the matrix of a file."""
+    """Return the distance matrix of a file."""
     head, parts, inside = dict[str, str](), [np.empty(0)], False
     for line in read_text(file).splitlines():
         key, _, value = (part.strip() for part in line.partition(":"))
@@ -176,7 +182,7 @@ def _matrix(file: Path) -> Floats:
             field="dimension",
         )
     found = np.concatenate(parts)
-    # The section may begin with the dimension, where a matrix has the 0 of its diagonal.
+    # The section may begin with the dimension, whereas a matrix begins with the 0 of its diagonal.
     if found.size and found[0] == size:
         found = found[1:]
     if found.size != size**2:
@@ -201,18 +207,23 @@ def _numbers(file: Path, words: list[str]) -> Floats:
 
 
 def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:
-    """Write a tour as a sequential ordering problem of TSPLIB, in one step; return the path.
+    """Write a tour as a sequential ordering problem of TSPLIB; return the path.
 
-    Node 1 is the start, nodes 2, 3, … are customers 1, 2, …, and the last node is the end. The whole
-    relation is written, also what follows from it. Distances are whole numbers where the coordinates
-    are; many readers take no others.
+    Node 1 is the start, nodes 2, 3, … are customers 1, 2, …, and the last node is the end. The file
+    contains the transitive closure of the relation. Distances are integers if the coordinates are,
+    because many readers accept only integers. The file is written atomically.
 
     Parameters
     ----------
     model : GuidedPathTour
         The tour.
     path : path-like
-        The file, usually called ``.sop``.
+        The file, usually with the suffix ``.sop``.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
@@ -222,7 +233,7 @@ def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:
     places = required("model", model, GuidedPathTour).coordinates
     size = model.size + 1
     whole = bool((places == np.round(places)).all() and np.abs(places).max() < 2**52)
-    # Nobody writes more digits than a float has.
+    # The distance of the unused arc must exceed all others.
     way = _NO_WAY if np.ptp(places) < _NO_WAY else 10 * int(np.ptp(places))
     lines = [
         f"NAME: {' '.join(model.name.split()) or 'tour'}",

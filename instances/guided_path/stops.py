@@ -1,10 +1,10 @@
 """Stops of a guided vehicle in CSV and Excel files, and instances that refer to such or to SOP files.
 
 A file has a header with the column ``coordinate`` and any of ``id``, ``chain``, ``place`` and ``after``, in
-any order. The first row below is the start. Rows with the same entry of ``chain`` are a chain, in the
-order of ``place``, or of the rows where there is no such column; an empty cell means no chain. A cell of
-``after`` names the stops that must precede, by their ids (by their rows' numbers, the start's being 0,
-where there are no ids), with spaces between them.
+any order. The first row below it is the start. Rows with the same entry of ``chain`` form a chain, in the
+order of ``place``, or of the rows if this column is missing. An empty cell means no chain. A cell of
+``after`` lists the stops that must precede, separated by spaces: by their ids, or without ids by their row
+numbers, where the start has number 0.
 """
 
 from __future__ import annotations
@@ -25,23 +25,28 @@ _KNOWN = ("coordinate", "id", "chain", "place", "after")
 
 
 def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the data of an instance that a CSV or Excel file of stops holds.
+    """Return the instance data in a CSV or Excel file of stops.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
 
     Returns
     -------
     dict
-        ``coordinates`` (m), and of ``chains``, ``precedence`` and ``ids`` what the file has: what
-        :class:`~crosstrack.models.guided_path.GuidedPathTour` takes.
+        ``coordinates`` (m), and ``chains``, ``precedence`` and ``ids`` if the file has them: the
+        arguments of :class:`~crosstrack.models.guided_path.GuidedPathTour`.
 
     Raises
     ------
     BackendMissing
-        It is an Excel file, and openpyxl is not installed.
+        The file is an Excel file, and openpyxl is not installed.
     InvalidData
-        Naming file, line, column and value: columns that are missing, repeat or are not known, a row
-        too short or too long, what is no finite number, an id that is empty or comes twice, a start
-        that is in a chain or after others, a place that is empty or comes twice in a chain, a stop that
-        there is not, a file without stops.
+        A column is missing, repeated or unknown; a row has a wrong length; a value is not a finite
+        number; an id is empty or repeated; the start is in a chain or after others; a place in a chain
+        is empty or repeated; a stop is unknown; or the file has no stops. The message contains file,
+        line, column and value.
     """
     table = read_columns(path, _check_header, _converted, what="stops", field="coordinates")
     found: dict[str, Any] = {"coordinates": table["coordinate"]}
@@ -99,12 +104,12 @@ def _row(name: str, rows: Mapping[str, int], where: str) -> int:
 
 
 def _check_header(names: list[str], where: str) -> None:
-    """Raise where the columns are none of a file of stops."""
+    """Raise ``InvalidData`` if the columns are not those of a file of stops."""
     lost = "place" in names and "chain" not in names
     if not {"coordinate"} <= set(names) <= set(_KNOWN) or len(set(names)) < len(names) or lost:
         raise InvalidData(
             f"{where}: must be a header of stops: coordinate, with id, chain, place in the chain and "
-            f"after where they have any; got {show(','.join(names))}",
+            f"after if they have any; got {show(','.join(names))}",
             field="header",
         )
 
@@ -120,10 +125,10 @@ def _converted(text: str, where: str, name: str) -> float | str | None:
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return `data` of an instance with its stops read from their file.
+    """Return instance data with the stops read from their file.
 
-    ``"coordinates": "file.csv"`` names a file of stops, ``"sop": "file.sop"`` one of TSPLIB's sequential
-    ordering problems on a line.
+    ``"coordinates": "file.csv"`` refers to a file of stops, ``"sop": "file.sop"`` to a sequential ordering
+    problem of TSPLIB on a line.
     """
     found = dict(data)
     if isinstance(found.get("sop"), str):

@@ -1,12 +1,12 @@
-r"""Shortest common supersequences of binary words as tours of a guided vehicle, and back.
+r"""Conversion of shortest common supersequences of binary words to tours of a guided vehicle, and back.
 
 A word becomes a chain: the hub at 2, the place of its first letter, the hub, the place of its second
-letter, …, the hub. The letters are at 1 and 3, on either side of the hub, and the start is at 0. As
-two letters of one chain have the hub between them, each stretch of services away from the hub is one
-letter of a common supersequence, and costs 2. So the shortest tour is :math:`2\,s + 4` long, where
-:math:`s` is the length of the shortest common supersequence. That one is NP-hard to find for two letters
-and any number of words, hence so is the shortest tour for any number of chains, even where there are but
-three places.
+letter, …, the hub. The letters are at 1 and 3, on both sides of the hub, and the start is at 0. Two
+letters of one chain are separated by the hub, so each sequence of services away from the hub is one
+letter of a common supersequence, and costs 2. The shortest tour is therefore :math:`2\,s + 4` long, where
+:math:`s` is the length of the shortest common supersequence. The supersequence problem is NP-hard for two
+letters and any number of words. So is the shortest tour for any number of chains, even with only three
+places.
 
 Sources: the reduction is ours. K.-J. Räihä, E. Ukkonen, "The shortest common supersequence problem over
 binary alphabet is NP-complete", Theoretical Computer Science 16, 1981.
@@ -24,7 +24,7 @@ from ...models.guided_path.plan import GuidedPathPlan
 
 __all__ = ["HUB", "PLACES", "supersequence_of", "supersequence_tour"]
 
-#: Where the letters are, the first and the second one, and the hub between them.
+#: Coordinates of the first and the second letter, and of the hub between them.
 PLACES, HUB = (1.0, 3.0), 2.0
 
 
@@ -36,16 +36,21 @@ def supersequence_tour(
     Parameters
     ----------
     words : sequence of str
-        Words of two letters, each a chain; an empty one is but a visit of the hub.
+        Words of two letters, one per chain. An empty word is a single visit to the hub.
     letters : str
         The two letters.
     name : str
-        Of the model.
+        Name of the model.
+
+    Returns
+    -------
+    GuidedPathTour
+        The model.
 
     Raises
     ------
     InvalidData
-        No words, or a letter that is none of the two.
+        `words` is empty, or contains another letter.
     """
     _check_letters(letters)
     if isinstance(words, str) or not isinstance(words, Sequence) or not words:
@@ -67,23 +72,28 @@ def supersequence_tour(
 
 
 def supersequence_of(model: GuidedPathTour, plan: GuidedPathPlan, letters: str = "ab") -> str:
-    """Return the common supersequence that a tour of :func:`supersequence_tour` spells.
+    """Return the common supersequence of a tour of :func:`supersequence_tour`.
 
-    Its length is half of the tour's without 4, whether the tour is shortest or not.
+    Its length is half of the tour's length minus 4, also if the tour is not optimal.
 
     Parameters
     ----------
     model : GuidedPathTour
-        What the plan is for.
+        Model of the plan.
     plan : GuidedPathPlan
-        A plan that is valid.
+        A feasible plan, not necessarily optimal.
     letters : str
         The two letters.
+
+    Returns
+    -------
+    str
+        The supersequence.
 
     Raises
     ------
     InvalidData
-        Customers elsewhere than at the places of letters and the hub, or a plan that is not valid.
+        A customer is neither at a letter nor at the hub, or the plan is infeasible.
     """
     _check_letters(letters)
     required("model", model, GuidedPathTour)

@@ -1,4 +1,4 @@
-"""Instances of messenger tours: seeded ones with the sizes of the paper, and readers."""
+"""Instances of messenger tours: seeded instances of the paper's sizes, and readers."""
 
 from __future__ import annotations
 

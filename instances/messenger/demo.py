@@ -1,4 +1,4 @@
-"""The demonstration of messenger tours: ten vehicles, of the paper's sparsity."""
+"""Demonstration of messenger tours: ten vehicles with the paper's sparsity."""
 
 from __future__ import annotations
 

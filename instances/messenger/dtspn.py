@@ -1,8 +1,8 @@
-"""The public instances of the Dubins travelling salesman problem with neighbourhoods.
+"""Public instances of the Dubins travelling salesman problem with neighbourhoods.
 
-Each line of a file holds the centre and the radius of a disc, ``x y radius``; the turning radius
-is the third number in the file's name, in hundredths. Tours are closed, nothing moves, and the path
-may begin anywhere. Source: https://github.com/comrob/OptimalDTSPN.
+Each line of a file contains the centre and the radius of a disc, ``x y radius``. The third number in
+the file's name is the turning radius, in hundredths. Tours are closed, all discs are at rest, and the
+start is free. Source: https://github.com/comrob/OptimalDTSPN.
 """
 
 from __future__ import annotations
@@ -28,27 +28,33 @@ _COLUMNS = ("x", "y", "radius")
 def read_dtspn(
     path: str | os.PathLike[str], *, turning_radius: float | None = None
 ) -> MessengerTour:
-    """Return the closed tour over the discs in a file, for a UAV of speed 1 m/s.
+    """Return the closed tour over the discs in a file, for a UAV with a speed of 1 m/s.
 
     Parameters
     ----------
     path : path-like
         The file, such as ``dtspn-06-01-025-0.txt``.
     turning_radius : float, optional
-        m; by default what the file's name says, 0.25 in the example.
+        Turning radius, in m. Default: the value in the file's name, 0.25 in the example.
+
+    Returns
+    -------
+    MessengerTour
+        The model.
 
     Raises
     ------
     InvalidData
-        Naming file, line and value: what is no finite number, a negative radius, a line of more or
-        fewer than three numbers, a file without any, a name without a turning radius.
+        A value is not a finite number, a radius is negative, a line does not have three numbers, the
+        file is empty, or the name contains no turning radius. The message contains file, line and
+        value.
     """
     file = as_path(path)
     if turning_radius is None:
         found = _NAME.fullmatch(file.stem)
         if found is None:
             raise InvalidData(
-                f"{file}: turning_radius must be given, or stand in the name in hundredths as in "
+                f"{file}: turning_radius must be given, or be in the name in hundredths as in "
                 "dtspn-06-01-025-0.txt",
                 field="turning_radius",
             )
@@ -89,19 +95,24 @@ def read_dtspn(
 def read_best_known(path: str | os.PathLike[str]) -> dict[str, tuple[float, float]]:
     """Return the published bounds in a CSV file with the columns ``instance``, ``LB`` and ``UB``.
 
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
     Returns
     -------
-    dict
-        The lower and the upper bound (m) by the name of the instance, without ``.txt``.
+    dict of str to (float, float)
+        Lower and upper bound (m) by the name of the instance, without ``.txt``.
 
     Raises
     ------
     InvalidData
-        Naming file, line and value: a missing column, what is no finite number, a name that
-        repeats, a lower bound above the upper one.
+        A column is missing, a value is not a finite number, a name repeats, or a lower bound exceeds
+        the upper one. The message contains file, line and value.
     """
     file = as_path(path)
-    # A line that is too short gives None, one that is too long a column without a name.
+    # csv.DictReader yields `restval` for missing cells, and the key None for surplus cells.
     reader = csv.DictReader(io.StringIO(read_text(file)), restval="")
     for name in ("instance", "LB", "UB"):
         if name not in (reader.fieldnames or ()):

@@ -1,7 +1,7 @@
-"""Seeded instances of messenger tours, of the sizes and the sparsity of the paper's.
+"""Seeded instances of messenger tours, with the sizes and the sparsity of the paper's instances.
 
-Only ``Generator.random`` is drawn from, and what is computed of it is rounded, so that a seed means
-the same vehicles wherever it is used.
+All random numbers come from ``Generator.random``, and derived values are rounded, so that a seed
+yields the same vehicles on every machine.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from ...models.messenger.model import MessengerTour
 
 __all__ = ["generate"]
 
-#: Vehicles that an instance may have: the sparsity takes every pair of them.
+#: Maximum number of vehicles: the sparsity takes quadratic time and memory.
 MOST = 10_000
-#: Digits of the square's side, and of velocities below the UAV's speed: fewer than sums and sines of
-#: different machines agree in.
+#: Significant digits of the square's side, and of velocities relative to the UAV's speed: fewer than
+#: the digits on which sums and sines of different machines agree.
 _SIDE, _VELOCITY = 12, 9
 
 
@@ -37,40 +37,40 @@ def generate(
     fastest: float = 3.5,
     name: str = "",
 ) -> MessengerTour:
-    """Return an open tour over vehicles that begin uniformly in a square, with the UAV in its corner.
+    """Return an open tour over vehicles that begin uniformly in a square, with the UAV at its corner.
 
-    The square is scaled to the sparsity that is asked for. Headings of vehicles are uniform, speeds
-    uniform up to `fastest`; the UAV begins at (0, 0) and flies in the direction of y.
+    The square is scaled to the given sparsity. Headings of vehicles are uniform, and speeds uniform up
+    to `fastest`. The UAV begins at (0, 0) and flies in the direction of y.
 
     Parameters
     ----------
     vehicles : int
-        Their number, at least 2.
+        Number of vehicles, 2 to 10,000.
     sparsity : float
-        κ_P, the mean distance of two vehicles less twice the radius, by the turning radius. It may be
-        negative, as long as that mean distance is > 0.
+        κ_P: mean distance of two vehicles minus twice the radius, divided by the turning radius. It may
+        be negative, as long as the mean distance is positive.
     seed : int
-        Same seed, same vehicles.
+        Seed, at least 0. The same seed yields the same vehicles.
     radius : float
-        How near the UAV must come to each, m (paper: r_com).
+        Largest distance at an encounter, in m (paper: r_com).
     turning_radius : float
-        m, > 0: the sparsity is measured in it (paper: r_min).
+        Turning radius, in m, > 0: it is the unit of the sparsity (paper: r_min).
     speed : float
-        Of the UAV, m/s (paper: v_A).
+        Speed of the UAV, in m/s (paper: v_A).
     fastest : float
-        Speed that no vehicle reaches, m/s, below `speed`; 0 leaves all at rest.
+        Strict upper limit on the speed of the vehicles, in m/s, below `speed`; 0 for vehicles at rest.
     name : str
-        Of the model.
+        Name of the model.
 
     Returns
     -------
     MessengerTour
-        Its ``sparsity`` is the given one to 9 digits.
+        Model whose ``sparsity`` equals the given value to 9 digits.
 
     Raises
     ------
     InvalidData
-        Fewer than 2 vehicles, no finite number, a sparsity that no square has.
+        Fewer than 2 vehicles, a value that is not a finite number, or an infeasible sparsity.
     """
     count = Whole(2, MOST).coerce("vehicles", vehicles, {})
     sparsity = Real().coerce("sparsity", sparsity, {})
@@ -81,7 +81,7 @@ def generate(
     mean = sparsity * turning + 2.0 * near
     if not 0 < mean < math.inf:
         raise InvalidData(
-            f"sparsity must be > {-2.0 * near / turning:g}, where all vehicles stand in one place, "
+            f"sparsity must be > {-2.0 * near / turning:g}, at which all vehicles are in one place, "
             f"and leave their distance finite; got {sparsity!r}",
             field="sparsity",
         )
@@ -100,5 +100,5 @@ def generate(
 
 
 def _rounded(value: ArrayLike, size: float, digits: int) -> Any:
-    """Return `value` with as many digits, counted from the first of `size`."""
+    """Return `value` rounded to `digits` digits, counted from the first digit of `size`."""
     return np.round(np.asarray(value), digits - 1 - math.floor(math.log10(size)))

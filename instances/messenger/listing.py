@@ -1,4 +1,4 @@
-"""What the catalogue holds of messenger tours: the sizes of the paper's instances, and special cases."""
+"""Catalogue of messenger tours: instances of the paper's sizes, and special cases."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SPECIAL = "Ours: the paper has no such instance."
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances."""
+    """Return the catalogue entries."""
     tables = {3: TABLE_3, 4: TABLE_4}
     papers = (
         _paper_entry(number, *one) for number, table in tables.items() for one in table.rows.items()
@@ -39,7 +39,7 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
 
 
 def paper_instance(name: str) -> MessengerTour:
-    """Return the instance that the paper calls `name`, such as ``"B-2-01"``, by its number and sparsity."""
+    """Return the seeded instance with the paper's name `name`, such as ``"B-2-01"``."""
     sparsity: Any = (TABLE_3.rows.get((name,)) or TABLE_4.rows[name,])[0]
     _, size, row = name.split("-")
     return generate(int(size), sparsity, 100 * int(size) + int(row), name=name)

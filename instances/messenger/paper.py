@@ -1,4 +1,4 @@
-"""The paper's equations, algorithms, parameters and figures, and how the project implements them."""
+"""Equations, algorithms, parameters and figures of the paper, and their implementation here."""
 
 from __future__ import annotations
 

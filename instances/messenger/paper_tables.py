@@ -1,7 +1,7 @@
 """Our values of the paper's result tables.
 
-The number of runs of each cell is that of :class:`~crosstrack.instances.paper.Trials` for up to 10 vehicles,
-half of it for 20 and two fifths for more, because a run then takes seconds.
+The number of runs per cell is that of :class:`~crosstrack.instances.paper.Trials` for up to 10 vehicles,
+half of it for 20 and two fifths for more, because these runs take seconds.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BACKENDS = {
     "HE-C": "greedy-centre",
     "DS": "direct-sampling",
 }
-#: Seconds of the recommended search: the least, and per vehicle.
+#: Time limit of the recommended search, in s: minimum, and per vehicle.
 LEAST, EACH = 1.0, 0.05
 
 
@@ -77,7 +77,7 @@ def _sign(one: Floats, two: Floats) -> int:
 
 
 def _row(model: MessengerTour, greedy: tuple[str, ...], trials: Trials) -> dict[str, Any]:
-    """Return the cells that Tables III to V have in common."""
+    """Return the cells common to Tables III to V."""
     found = {name: _lengths(model, name, trials) for name in ("MA", "MAR", "VNS")}
     cells: dict[str, Any] = {}
     for name, lengths in found.items():

@@ -1,4 +1,4 @@
-"""The result tables of the paper with their printed cells; lengths in m."""
+"""Result tables of the paper with their printed cells; lengths in m."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..paper import ResultTable
 __all__ = ["FIGURE_5", "FIGURE_7", "TABLE_3", "TABLE_4", "TABLE_5", "TABLE_6"]
 
 _LENGTH = ".5g"
-#: Columns that only we have: the search that is recommended, and a proven bound.
+#: Additional columns: the recommended search, and a proven bound.
 _OURS = {"tour-search": _LENGTH, "proven bound": _LENGTH, "runs": "d", "MA without a plan": "d"}
 _SEEDED = (
     "The paper does not publish its instances: ours have its number of vehicles and its sparsity and come from a "
@@ -17,7 +17,7 @@ _SEEDED = (
 
 
 def _columns(*names: str) -> dict[str, str]:
-    """Return columns of lengths; an algorithm with runs has its deviation beside it."""
+    """Return columns of lengths; a randomised algorithm also has a column for its deviation."""
     columns: dict[str, str] = {}
     for name in names:
         columns[name] = _LENGTH

@@ -1,4 +1,4 @@
-"""Tours as tables that other software reads."""
+"""Export of tours as tables for other software."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ __all__ = ["SAMPLES", "write_tour_samples"]
 def write_tour_samples(
     plan: TourPlan, path: str | os.PathLike[str], *, model: MessengerTour, rate: float = 10.0
 ) -> Path:
-    """Write the path of a tour at equal steps of time as CSV, in one step; return the path.
+    """Write the poses along a tour at equal time steps as CSV; return the path.
 
     The columns are ``t,x,y,heading,leg``: s, m, m, rad, and the number of the leg, from 0. Headings
-    are counter-clockwise from the x axis, and are not wrapped.
+    are counter-clockwise from the x axis, and are not wrapped. The file is written atomically.
 
     Parameters
     ----------
@@ -33,14 +33,19 @@ def write_tour_samples(
     path : path-like
         The file.
     model : MessengerTour
-        What it is for, which tells speed and turning radius.
+        Model of the plan, for its speed and turning radius.
     rate : float
-        Samples a second (Hz); the end is always included.
+        Samples per second (Hz). The end of the tour is always included.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
     InvalidData
-        A rate that is no number > 0 or gives too many samples, or a file that cannot be written.
+        The rate is not positive, or yields too many samples, or the file cannot be written.
     """
     required("plan", plan, TourPlan)
     required("model", model, MessengerTour)

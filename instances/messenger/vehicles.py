@@ -1,7 +1,7 @@
-"""Vehicles of messenger tours in CSV and Excel files, and instances that refer to them.
+"""Vehicles of messenger tours in CSV and Excel files, and instances that refer to such files.
 
 A file has a header with the columns ``x,y`` and any of ``vx,vy``, ``radius`` and ``id``, in any
-order; at least the velocities or the radius must be there, as ``x,y`` alone are waypoints.
+order. The velocities or the radius are required, because ``x,y`` alone denotes waypoints.
 """
 
 from __future__ import annotations
@@ -18,26 +18,32 @@ from ..storage import Find, number
 __all__ = ["read_vehicles", "resolve_references"]
 
 _COLUMNS = ("x", "y", "vx", "vy", "radius", "id")
-#: Sets of columns that come together or not at all.
+#: Pairs of columns that must occur together.
 _PAIRS = (("x", "y"), ("vx", "vy"))
 
 
 def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the data of an instance that a CSV or Excel file of vehicles holds.
+    """Return the instance data in a CSV or Excel file of vehicles.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
 
     Returns
     -------
     dict
-        ``positions`` (m), and of ``velocities`` (m/s), ``radius`` (m) and ``ids`` what the file has:
-        what :class:`~crosstrack.models.messenger.MessengerTour` takes.
+        ``positions`` (m), and ``velocities`` (m/s), ``radius`` (m) and ``ids`` if the file has them: the
+        arguments of :class:`~crosstrack.models.messenger.MessengerTour`.
 
     Raises
     ------
     BackendMissing
-        It is an Excel file, and openpyxl is not installed.
+        The file is an Excel file, and openpyxl is not installed.
     InvalidData
-        Naming file, line, column and value: columns that are missing, repeat or are not known, a row
-        too short or too long, what is no finite number, an id that is empty, a file without vehicles.
+        A column is missing, repeated or unknown, a row has a wrong length, a value is not a finite
+        number, an id is empty, or the file has no vehicles. The message contains file, line, column and
+        value.
     """
     table = read_columns(path, _check_header, _converted, what="vehicles", field="positions")
     found: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}
@@ -51,7 +57,7 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return `data` of an instance with ``"positions": "file.csv"`` replaced by the content."""
+    """Return instance data with ``"positions": "file.csv"`` replaced by the content of the file."""
     found = dict(data)
     if isinstance(found.get("positions"), str):
         held = read_vehicles(find(found.pop("positions")))
@@ -63,13 +69,13 @@ def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
 
 
 def _check_header(names: list[str], where: str) -> None:
-    """Raise where the columns are none of a file of vehicles."""
+    """Raise ``InvalidData`` if the columns are not those of a file of vehicles."""
     given = set(names)
     halves = any(len(given & set(pair)) == 1 for pair in _PAIRS)
     known = given <= set(_COLUMNS) and len(given) == len(names) and not halves
     if not known or "x" not in given or not given & {"vx", "radius"}:
         raise InvalidData(
-            f"{where}: must be a header of vehicles: x,y with vx,vy, radius or both, and id where "
+            f"{where}: must be a header of vehicles: x,y with vx,vy, radius or both, and id if "
             f"they have names; got {show(','.join(names))}",
             field="header",
         )

@@ -1,4 +1,4 @@
-"""Tours of a vehicle that is guided along a path, with customers that must precede others."""
+"""Tours of a vehicle guided along a path, with precedence constraints between customers."""
 
 from __future__ import annotations
 

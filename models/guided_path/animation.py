@@ -1,4 +1,4 @@
-"""A guided vehicle's tour in motion."""
+"""Animation of a guided vehicle's tour."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["animate_tour"]
 
-#: Colour of customers that wait.
+#: Colour of customers that are not served yet.
 _WAITING = "#d9d9d9"
 
 
@@ -34,38 +34,39 @@ def animate_tour(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> FuncAnimation:
-    """Return the tour in motion: the vehicle on its line, its way so far, and whom it has served.
+    """Return an animation of the tour: the vehicle on its line, its path, and the customers served.
 
     Parameters
     ----------
     model : GuidedPathTour
         The model.
     plan : GuidedPathPlan or Solution
-        A plan for it.
+        Plan of the model. It may be infeasible.
     frames : int
-        Number of pictures, at least 2.
+        Number of frames, at least 2.
     interval : float
-        Time from one to the next, ms.
+        Time between two frames, in ms.
     title : str, optional
-        Instead of the name.
+        Title of the animation. Default: the name of the model, or its size.
     size : (float, float), optional
-        Width and height (inch).
+        Width and height, in inches.
 
     Returns
     -------
     matplotlib.animation.FuncAnimation
-        Tied to no window: ``animate_tour(model, plan).save("tour.gif", writer="pillow", dpi=80)``.
+        Animation without a window. Save it with
+        ``animate_tour(model, plan).save("tour.gif", writer="pillow", dpi=80)``.
 
     Raises
     ------
     InvalidData
-        The plan is none of a tour, or names a customer that there is not.
+        The plan has another type, or contains an unknown customer.
     UnsupportedOption
         An option has a value that is not allowed.
     """
     check_frames(frames, interval)
     plan = required("plan", model.as_plan(plan), GuidedPathPlan)
-    model.verify(plan)  # raises where the order names no customer
+    model.verify(plan)  # rejects an unknown customer
     walk = walk_of(model, plan)
     figure = sheet(size, (6.0, 5.0))
     broad, tall = figure.get_size_inches()
@@ -92,7 +93,7 @@ def animate_tour(
     ends = np.linspace(0.0, walk.walked[-1], frames)
 
     def update(frame: int) -> list[Any]:
-        # What rounding puts after the end is served at it.
+        # The tolerance covers the rounding of the distance walked.
         done = walk.walked <= ends[frame] * (1 + 1e-12)
         here = [np.interp(ends[frame], walk.walked, column) for column in at.T]
         if done.all():

@@ -1,10 +1,10 @@
-"""The program of a tour as arcs between customers, and who is served before whom.
+"""Mixed-integer program of a tour with arcs between customers, and the order of any two customers.
 
-x_ij = 1 says that j is served next after i, the start 0 included; y_ij = 1 that i is served anywhere
-before j, which settles the relation and leaves no tour aside: of any three customers no two orders
-make a circle, and nobody comes between two that follow one another. Arcs against the relation, and
-past somebody who must come between, are left out. Each gap between places is crossed as often as a
-chain of the relation asks. Customers that every tour passes in time are left out (:mod:`.walks`).
+x_ij = 1 if j is served next after i, where 0 is the start. y_ij = 1 if i is served anywhere before j.
+These orders enforce the relation and exclude subtours: the orders of any three customers are acyclic,
+and consecutive customers have no customer between them. Arcs that violate the relation, or that skip
+an intermediate customer, are omitted. Each gap between places is crossed at least as often as a chain
+of the relation requires. Customers that every tour passes in time are omitted (:mod:`.walks`).
 
 Source: S. C. Sarin, H. D. Sherali, A. Bhootra, "New tighter polynomial length formulations for the
 asymmetric traveling salesman problem with and without precedence constraints", Operations Research
@@ -34,23 +34,23 @@ __all__ = ["ArcsFormulation"]
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Customers at the most, which takes some 200 000 rows.
+#: Maximum number of customers, for about 200 000 rows.
 _MOST = 60
 
 
 @dataclass(frozen=True, eq=False)
 class ArcsFormulation(KeptFormulation):
-    """Arcs from one customer to the next, and the order of any two; for few customers.
+    """Mixed-integer program with arcs between customers and pairwise orders, for few customers.
 
     Parameters
     ----------
     model : GuidedPathTour
-        At most 60 customers that decide the length.
+        Model with at most 60 customers that affect the length.
 
     Raises
     ------
     UnsupportedFormulation
-        There are more.
+        The model has more such customers.
     """
 
     name: ClassVar[str] = "arcs"
@@ -59,7 +59,7 @@ class ArcsFormulation(KeptFormulation):
     def __post_init__(self) -> None:
         if self._kept.size - 1 > _MOST:
             raise UnsupportedFormulation(
-                f"formulation {self.name!r} takes {_MOST} customers at the most that decide the "
+                f"formulation {self.name!r} takes at most {_MOST} customers that affect the "
                 f"length, got {self._kept.size - 1}: 'sweeps' takes more"
             )
 
@@ -75,7 +75,7 @@ class ArcsFormulation(KeptFormulation):
         return tails, heads
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module."""
+        """Return the program described in the docstring of this module."""
         kept, b = self._kept, ProgramBuilder()
         labels = np.array(self._numbers)
         gaps, size = self._gaps, kept.size
@@ -96,7 +96,7 @@ class ArcsFormulation(KeptFormulation):
         )  # fmt: skip
         for name, ends in (("left once", tails), ("reached once", heads)):
             b.rows(name, size, (ends, x, 1.0), lower=1, upper=1, template="{0}", index=labels)
-        # The order of any two customers as a column, a sign and a constant.
+        # Order of any two customers as a column, a sign and a constant.
         column = np.zeros((size, size), np.int64)
         sign, constant = np.ones((size, size)), np.zeros((size, size))
         column[first, second] = column[second, first] = y
@@ -133,7 +133,7 @@ class ArcsFormulation(KeptFormulation):
         return b.build(name=f"{self.model.name}:{self.name}" if self.model.name else self.name)
 
     def encode(self, plan: GuidedPathPlan) -> Floats:
-        """Return the columns of the order in which `plan` serves those customers that count."""
+        """Return the columns of the service order of `plan`, restricted to the relevant customers."""
         order = self._order(plan)
         size = self._kept.size
         after = np.zeros((size, size))
@@ -144,7 +144,7 @@ class ArcsFormulation(KeptFormulation):
         return np.concatenate([after[self._arcs], place[first + 1] < place[second + 1]])
 
     def decode(self, point: Floats) -> GuidedPathPlan:
-        """Return the order along the arcs; whoever is passed and may be served, is."""
+        """Return the service order along the arcs; available customers are served when they are passed."""
         held = Array((self.program.size,)).coerce("point", point, {})
         tails, heads = (ends[held[: ends.size] > 0.5] for ends in self._arcs)
         follows = dict(zip(tails.tolist(), heads.tolist(), strict=True))

@@ -1,4 +1,4 @@
-"""The independent check of a tour: the path is walked and each pair of the relation looked up."""
+"""Independent verification of a tour by walking the path and checking each pair of the relation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,27 @@ __all__ = ["verify_tour"]
 
 
 def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -> Verification:
-    """Return the length of `plan` and whether it keeps every constraint of `model`."""
+    """Return the length of `plan` and the violation of each constraint of `model`.
+
+    Parameters
+    ----------
+    model : GuidedPathData
+        The model.
+    plan : GuidedPathPlan
+        The plan.
+    tolerance : float
+        Largest relative violation accepted.
+
+    Returns
+    -------
+    Verification
+        Length (m) and checks.
+
+    Raises
+    ------
+    InvalidData
+        `plan` is not a GuidedPathPlan, or contains an unknown customer.
+    """
     check_tolerance(tolerance)
     required("plan", plan, GuidedPathPlan)
     for stop, customer in enumerate(plan.order):

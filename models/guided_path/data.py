@@ -1,4 +1,4 @@
-"""The data of a guided vehicle's tour: where its customers are, and who must precede whom."""
+"""Data of a guided vehicle's tour: coordinates of the customers and their precedence relation."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ __all__ = ["MOST", "GuidedPathData"]
 
 Floats = NDArray[np.float64]
 
-#: Customers at the most: the relation is held as a table of truth values.
+#: Maximum number of customers: the relation is stored as a dense Boolean matrix.
 MOST = 5000
-#: Pairs of a relation, implied ones too, beyond which the fewest chains take minutes to find.
+#: Number of pairs, including implied ones, above which the minimum chain cover takes minutes.
 DENSE = 50_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GuidedPathData(Declared):
-    """What :class:`~crosstrack.models.guided_path.GuidedPathTour` asks; the fields are said there."""
+    """Data fields of :class:`~crosstrack.models.guided_path.GuidedPathTour`, which documents them."""
 
     coordinates: Floats = declared(Array(("n",)))
     chains: tuple[tuple[int, ...], ...] = declared(Chains(), default=())
@@ -35,7 +35,7 @@ class GuidedPathData(Declared):
     ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
-        """Refuse customers that there are not, chains that share one, and cycles."""
+        """Validate customer numbers, and reject chains with a common customer and cycles."""
         if not 2 <= self.size <= MOST + 1:
             raise InvalidData(
                 f"coordinates must be those of the start and of 1 … {MOST} customers, got "
@@ -75,40 +75,40 @@ class GuidedPathData(Declared):
                         f"{customer}",
                         field="precedence",
                     )
-        # Computed here, for it refuses cycles.
+        # Computed here because it rejects cycles.
         _ = self.sorted_customers
 
     @property
     def size(self) -> int:
-        """Customers and the start, which is number 0."""
+        """Number of customers plus 1 for the start, which has number 0."""
         return len(self.coordinates)
 
     def label(self, customer: int) -> str:
-        """Return what a customer is called: its id, where it has one."""
+        """Return the name of `customer`: its id, or its number if the model has no ids."""
         return str(customer if self.ids is None else self.ids[customer])
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Who must directly precede whom, of chains and precedence, each pair once and sorted."""
+        """Direct precedence pairs of chains and precedence, without duplicates and sorted."""
         links = itertools.chain.from_iterable(map(itertools.pairwise, self.chains))
         given = map(tuple, self.precedence.tolist())
         return tuple(sorted({(a, b) for a, b in (*links, *given) if a}))
 
     @cached_property
     def sorted_customers(self) -> tuple[int, ...]:
-        """The customers such that whoever must precede comes first."""
+        """Customers in a topological order of the relation."""
         return sorted_customers(self.size, self.pairs)
 
     @cached_property
     def closure(self) -> NDArray[np.bool_]:
-        """Whether i must precede j, directly or through others, shape (size, size)."""
+        """Transitive closure: True if i must precede j, directly or indirectly, shape (size, size)."""
         found = closure_of(self.size, self.pairs, self.sorted_customers)
         found.flags.writeable = False
         return found
 
     @cached_property
     def cover(self) -> tuple[tuple[int, ...], ...]:
-        """The fewest chains that hold each customer once, or few where the relation is large."""
+        """Minimum chain cover of the customers; a small, not minimum one if the relation is large."""
         pairs = self.pairs
         plain = len(pairs) == len(dict(pairs)) == len({after for _, after in pairs})
         if plain or self.closure.sum() > DENSE:

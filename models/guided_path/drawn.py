@@ -1,4 +1,4 @@
-"""What all pictures of a guided vehicle's tour share: the way it walks, the chains, and the axes."""
+"""Shared parts of all plots of a guided vehicle's tour: path, chains and axes."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ __all__ = ["Walk", "dress_line", "dress_walk", "groups_of", "look_of", "walk_of"
 
 Floats = NDArray[np.float64]
 
-#: Markers of chains, for each round of the colours.
+#: Markers of chains, one per cycle through the colours.
 _MARKERS = ("o", "^", "D", "v", "P")
 
 
 class Walk(NamedTuple):
-    """A tour as it is drawn.
+    """Stops of a tour for plots.
 
     Parameters
     ----------
     stops : list of int
-        Who is served, with the start at both ends.
+        Customers in the order of service, with the start at both ends.
     places : ndarray, shape (stops,)
-        Where, m.
+        Coordinate of each stop, in m.
     walked : ndarray, shape (stops,)
-        How far the vehicle has come, m.
+        Distance walked up to each stop, in m.
     """
 
     stops: list[int]
@@ -39,7 +39,7 @@ class Walk(NamedTuple):
 
 
 def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
-    """Return the way of a plan whose customers there are."""
+    """Return the stops of a plan, which must contain only customers of the model."""
     stops = [0, *plan.order, 0]
     places = model.coordinates[stops]
     walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
@@ -47,13 +47,13 @@ def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
 
 
 def groups_of(model: GuidedPathData) -> tuple[tuple[int, ...], ...]:
-    """Return the chains that are drawn: those of the model, or the fewest that hold its relation."""
+    """Return the chains to draw: those of the model, or the minimum chain cover of its relation."""
     given = [tuple(x for x in chain if x) for chain in model.chains]
     return tuple(chain for chain in given or model.cover if len(chain) > 1)
 
 
 def look_of(group: int) -> dict[str, Any]:
-    """Return marker and colour of the customers of a chain; -1 is for those in none."""
+    """Return marker and colour of the customers of a chain; -1 selects those without a chain."""
     if group < 0:
         return {"marker": "o", "color": DARK}
     return {
@@ -63,9 +63,9 @@ def look_of(group: int) -> dict[str, Any]:
 
 
 def dress_line(axes: Any, model: GuidedPathData, scale: float) -> None:
-    """Set the limits of the line."""
+    """Set the limits of the position axis."""
     low, high = float(model.coordinates.min()), float(model.coordinates.max())
-    # A line without any extent has no scale of its own.
+    # A line of length 0 determines no scale.
     around = 0.08 * (high - low) or max(1.0, 0.1 * abs(low))
     axes.set_xlim((low - around) * scale, (high + around) * scale)
     bare(axes)
@@ -73,14 +73,14 @@ def dress_line(axes: Any, model: GuidedPathData, scale: float) -> None:
 
 
 def _plain_ticks(axis: Any) -> None:
-    """Write the numbers of an axis in full, without a common factor aside."""
+    """Format the ticks of an axis without a common factor."""
     from matplotlib.ticker import FuncFormatter
 
     axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 7)))
 
 
 def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> Floats:
-    """Set the limits of what is walked, and return where the stops are, shape (stops, 2)."""
+    """Set the limits of the axis of the distance walked; return the stops' positions, shape (stops, 2)."""
     if over == "walked":
         size, unit = length_unit(float(walk.walked[-1]))
         down, words = walk.walked * size, f"walked ({unit})"

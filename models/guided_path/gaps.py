@@ -1,8 +1,8 @@
-"""The gaps between places along the path, and how often any tour must cross each.
+"""Gaps between places along the path, and a lower bound on the crossings of each gap.
 
-Whoever visits customers that must precede one another crosses a gap wherever two that follow one
-another lie on its two sides. The most that any chain of the relation asks of a gap is a bound for all
-tours; a tour is closed, so it crosses each gap to the left as often as to the right.
+A tour that visits a chain of customers crosses a gap whenever two consecutive customers are on
+different sides of it. The largest number of crossings over all chains of the relation is a lower bound
+for every tour. A tour is closed, so it crosses each gap to the left as often as to the right.
 """
 
 from __future__ import annotations
@@ -22,38 +22,39 @@ __all__ = ["Gaps"]
 
 @dataclass(frozen=True, eq=False)
 class Gaps:
-    """Places of a model from left to right; gap g lies between the places g and g + 1.
+    """Distinct places of a model from left to right; gap g is the interval between places g and g + 1.
 
     Parameters
     ----------
     model : GuidedPathData
+        The model.
     """
 
     model: GuidedPathData
 
     @cached_property
     def places(self) -> NDArray[np.float64]:
-        """The different coordinates, ascending, m."""
+        """Distinct coordinates in ascending order, in m."""
         return np.unique(self.model.coordinates)
 
     @cached_property
     def at(self) -> NDArray[np.int64]:
-        """Number of the place of the start and of each customer, shape (size,)."""
+        """Index of the place of the start and of each customer, shape (size,)."""
         return np.searchsorted(self.places, self.model.coordinates)
 
     @cached_property
     def lengths(self) -> NDArray[np.float64]:
-        """Length of each gap, m.
+        """Length of each gap, in m.
 
-        Coordinates count as the decimal numbers that they are written as, so between 0.1 and 0.3 lies
-        0.2: solvers in whole numbers then need few digits.
+        Coordinates are interpreted as their shortest decimal representation, so the length between 0.1
+        and 0.3 is 0.2. Integer solvers then need few digits.
         """
         exact = [Fraction(repr(place)) for place in self.places.tolist()]
         return np.array([float(b - a) for a, b in itertools.pairwise(exact)], float)
 
     @cached_property
     def crossings(self) -> NDArray[np.int64]:
-        """How often each gap is crossed to the right at least."""
+        """Lower bound on the number of crossings of each gap to the right."""
         before = self.before
         at, size = self.at.tolist(), self.lengths.size
         so_far = np.zeros((self.model.size, size), np.int16)
@@ -71,17 +72,17 @@ class Gaps:
 
     @property
     def bound(self) -> float:
-        """The length that no tour falls below, m."""
+        """Lower bound on the length of every tour, in m."""
         return 2.0 * float(self.lengths @ self.crossings)
 
     def forcing(self, gap: int) -> tuple[int, ...]:
         """Return customers on alternate sides of `gap`, each before the next, that force its crossings.
 
-        They are as many as any can be; the first and the last are on the other side than the start.
-        None, where nobody is.
+        The sequence has maximum length. Its first and last customer are on the opposite side of the
+        start. It is empty if no customer forces a crossing.
         """
         before, right = self.before, (self.at > gap).tolist()
-        # Changes of side until each customer is served, and who was served before it.
+        # Largest number of changes of side up to each customer, and the customer before it.
         best: dict[int, tuple[int, int]] = {0: (0, 0)}
         for c in self.model.sorted_customers:
             best[c] = max((best[one][0] + (right[one] != right[c]), one) for one in before[c])
@@ -93,12 +94,12 @@ class Gaps:
                 found.append(c)
             c = one
         found.reverse()
-        # The way home crosses by itself.
+        # The return to the start adds the last crossing.
         return tuple(found[:-1] if len(found) % 2 == 0 else found)
 
     @cached_property
     def before(self) -> list[list[int]]:
-        """Who must directly precede each customer; the start, where there is nobody."""
+        """Direct predecessors of each customer; [0], the start, if it has none."""
         found: list[list[int]] = [[] for _ in range(self.model.size)]
         for one, other in self.model.pairs:
             found[other].append(one)
@@ -106,13 +107,13 @@ class Gaps:
 
     @cached_property
     def after(self) -> list[list[int]]:
-        """Who must directly follow each customer; the start, where there is nobody."""
+        """Direct successors of each customer; [0], the start, if it has none."""
         found: list[list[int]] = [[] for _ in range(self.model.size)]
         for one, other in self.model.pairs:
             found[one].append(other)
         return [one or [0] for one in found]
 
     def between(self, one: int, other: int) -> NDArray[np.bool_]:
-        """Return which gaps lie between two places."""
+        """Return a mask of the gaps between two places."""
         gap = np.arange(self.lengths.size)
         return (gap >= min(one, other)) & (gap < max(one, other))

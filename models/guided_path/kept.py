@@ -1,4 +1,4 @@
-"""What both programs of a tour share: they are stated for the customers that decide its length."""
+"""Base of the programs of a tour, which contain only the customers that affect its length."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["KeptFormulation"]
 
 @dataclass(frozen=True, eq=False)
 class KeptFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
-    """Base of formulations that leave out the customers that every tour passes in time."""
+    """Base of formulations without the customers that every tour passes in time."""
 
     program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
 
@@ -29,12 +29,12 @@ class KeptFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
 
     @property
     def _kept(self) -> GuidedPathData:
-        """The customers that count, numbered anew."""
+        """Model of the relevant customers, renumbered."""
         return self._reduced[0]
 
     @property
     def _numbers(self) -> tuple[int, ...]:
-        """What they are called in the model, the start first."""
+        """Numbers of the relevant customers in the model, the start first."""
         return self._reduced[1]
 
     @cached_property
@@ -42,5 +42,8 @@ class KeptFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
         return Gaps(self._kept)
 
     def _order(self, plan: GuidedPathPlan) -> list[int]:
-        """Return the order in which `plan` serves them; ``InvalidData`` where it lacks a customer."""
+        """Return the service order of `plan` in the reduced numbering.
+
+        Raises ``InvalidData`` if `plan` lacks a customer.
+        """
         return kept_order(self.model, self._numbers, plan)

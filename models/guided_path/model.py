@@ -1,4 +1,4 @@
-"""A guided vehicle that visits customers along a path, some before others.
+"""Tour of a guided vehicle along a path with precedence constraints.
 
 Source: "Exact and Heuristic Algorithms for Routing AGV on Path with Precedence Constraints",
 Mathematical Problems in Engineering 2016, article 5040513, doi 10.1155/2016/5040513.
@@ -22,23 +22,23 @@ __all__ = ["GuidedPathTour"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
-    r"""The shortest tour along a line from the start through all customers and back.
+    r"""Shortest tour along a line from the start through all customers and back.
 
     With the coordinates :math:`x_i` and the order :math:`\pi` of service, minimise
-    :math:`|x_{\pi_1} - x_0| + \sum_k |x_{\pi_{k+1}} - x_{\pi_k}| + |x_0 - x_{\pi_n}|` such that whoever
-    must precede is served first. Known as the travelling salesman problem on a path with precedence
-    constraints (TSPP-PC); strongly NP-hard, as the shortest common supersequence of binary words
-    reduces to it.
+    :math:`|x_{\pi_1} - x_0| + \sum_k |x_{\pi_{k+1}} - x_{\pi_k}| + |x_0 - x_{\pi_n}|` subject to the
+    precedence constraints. The problem is known as the travelling salesman problem on a path with
+    precedence constraints (TSPP-PC). It is strongly NP-hard, by reduction from the shortest common
+    supersequence of binary words.
 
     Parameters
     ----------
     coordinates : ndarray, shape (n + 1,)
-        Where the start (entry 0) and the customers 1 … n are along the path, m; any sign, equal ones
-        too.
+        Positions of the start (entry 0) and of the customers 1 … n along the path, in m; of any sign,
+        not necessarily distinct.
     chains : list of lists of int
-        Customers of each chain in the order in which they must be served; no customer in two.
+        Customers of each chain in their order of service. A customer may be in at most one chain.
     precedence : ndarray of int, shape (p, 2)
-        Further pairs (i, j): i must be served before j. Any relation without cycles, beside chains
+        Additional pairs (i, j): i must be served before j. Any acyclic relation, in addition to chains
         or instead of them.
     ids : sequence of int or str, optional
         Names of the start and the customers.
@@ -46,8 +46,8 @@ class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
     Raises
     ------
     InvalidData
-        Naming field, place and value: no customers, numbers of customers that there are not, a customer
-        in two chains, a cycle, NaN.
+        No customers, an unknown customer number, a customer in two chains, a cycle, or NaN. The
+        message contains field, place and value.
 
     Examples
     --------
@@ -70,27 +70,40 @@ class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
 
     @property
     def preferred_backend(self) -> str:
-        """The dynamic program for two chains, given as chains or as pairs: it is 4 to 6 times faster than A*."""
+        """Name of a backend: dynamic programming for two chains, 4 to 6 times faster than A*; else empty."""
         pairs = self.pairs
         plain = len(pairs) == len(dict(pairs)) == len({after for _, after in pairs})
         heads = {before for before, _ in pairs} - {after for _, after in pairs}
         return "dynamic-programming" if plain and len(heads) == 2 else ""
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow yields inf or NaN, which is a violation
     def verify(self, plan: GuidedPathPlan, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the length and every constraint, by walking the path."""
+        """Return the length and the violation of every constraint, by walking the path.
+
+        Parameters
+        ----------
+        plan : GuidedPathPlan
+            The plan.
+        tolerance : float
+            Largest relative violation accepted.
+
+        Returns
+        -------
+        Verification
+            Objective (m) and checks.
+        """
         return verify_tour(self, plan, tolerance)
 
     def plan_to_data(self, plan: GuidedPathPlan) -> Any:
-        """Return ``{"order": […]}``."""
+        """Return the plan as ``{"order": […]}``."""
         return plan.to_data()
 
     def plan_from_data(self, data: Any) -> GuidedPathPlan:
-        """Return the plan in `data`."""
+        """Return the plan that :meth:`plan_to_data` wrote."""
         return GuidedPathPlan.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a short description of the size."""
         customers = self.size - 1
         words = [f"{customers} customer{'s' if customers > 1 else ''}"]
         if self.chains:

@@ -1,4 +1,4 @@
-"""A tour of a guided vehicle: the order in which it serves its customers."""
+"""Plan of a guided vehicle's tour: the order of service."""
 
 from __future__ import annotations
 
@@ -14,12 +14,17 @@ __all__ = ["GuidedPathPlan"]
 
 @dataclass(frozen=True)
 class GuidedPathPlan:
-    """The order in which customers are served, from the start and back to it.
+    """Order of service of the customers, from the start and back to it.
 
     Parameters
     ----------
     order : tuple of int
         The customers 1 … n, each once, without the start.
+
+    Raises
+    ------
+    InvalidData
+        `order` is not a sequence of integers.
     """
 
     order: tuple[int, ...]
@@ -34,7 +39,7 @@ class GuidedPathPlan:
 
     @classmethod
     def from_data(cls, data: Any) -> GuidedPathPlan:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan that :meth:`to_data` wrote; raise ``InvalidData`` if the data is malformed."""
         if not isinstance(data, Mapping) or set(data) != {"order"}:
             raise InvalidData(
                 f"a plan must be an object with the key order, got {show(data)}", field="plan"

@@ -1,4 +1,4 @@
-"""The picture of a guided vehicle's tour: where it is over what it has walked, and whom it serves."""
+"""Plots of guided vehicles' tours: chains, and position over the distance walked."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ __all__ = ["animate_tour", "draw"]
 
 Floats = NDArray[np.float64]
 
-#: More customers than this have no names, and more than that have small dots.
+#: Largest numbers of customers with names, and with large dots.
 _MOST_NAMES, _MOST_LARGE = 40, 120
-#: More chains than this have no picture of their own beside the tour, no names, no lines in the tour.
+#: Largest numbers of chains with a panel beside the tour, with row labels, and with lines in the tour.
 _MOST_BESIDE, _MOST_ROWS, _MOST_LINES = 12, 24, 7
-#: More pairs than this are no lines.
+#: Largest number of pairs that are drawn as lines.
 _MOST_PAIRS = 400
-#: Smaller pictures (inch) have no names, and the tour alone.
+#: Smallest figure (inches) with names, and with the chains beside the tour.
 _LARGE = (4.0, 4.5)
-#: How much of a chain's row it fills.
+#: Share of a row that a chain fills.
 _FILL = 0.62
 _PARTS = ("chains", "tour")
 
@@ -67,43 +67,42 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw the chains of `model`, and below them the position of the vehicle over what it walks.
+    """Draw the chains of `model`, and below them the position of the vehicle over the distance walked.
 
     Parameters
     ----------
     model : GuidedPathTour
-        The model. Where it has pairs and no chains, the fewest chains that hold all of its relation
-        are drawn.
+        The model. If it has pairs and no chains, the minimum chain cover of its relation is drawn.
     plan : GuidedPathPlan, optional
-        A plan for it, valid or not; pairs in the wrong order are red lines, and customers that are not
-        served once have red rings. None draws the chains only.
+        Plan of the model, feasible or not. Pairs in the wrong order are red lines, and customers
+        that are not served exactly once have red rings. None draws only the chains.
     parts : sequence of {"chains", "tour"}, optional
-        What to draw: the customers of each chain in a row, the tour, or both, as by default where the
-        chains are few.
+        Panels: the customers of each chain in a row, and the tour. Default: both if the chains are
+        few, otherwise the tour.
     over : {"walked", "stops"}
-        Whether the tour goes down by the distance walked, or by one for each stop.
+        Vertical axis of the tour: distance walked, or number of the stop.
     lines : bool, optional
-        Whether the customers of a chain are joined in the tour; by default where chains are few.
+        Whether to join the customers of a chain in the tour. Default: True if the chains are few.
     labels : bool, optional
-        Whether to name the customers; by default where they are few.
+        Whether to name the customers. Default: True if they are few.
     tolerance : float
-        Largest violation accepted, relative, for what the title says: that of the solution.
+        Largest relative violation accepted, for the title. Use the tolerance of the solution.
     title : str, optional
-        Instead of the name, the size and the length.
+        Title. Default: the name, the size and the length.
     size : (float, float), optional
-        Width and height (inch).
+        Width and height, in inches.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With a panel for each part.
+        Figure with one panel per part.
 
     Raises
     ------
     InvalidData
-        The plan names a customer that there is not.
+        The plan contains an unknown customer.
     UnsupportedOption
-        An option has a value that is not allowed, or asks for a plan that is not given.
+        An option has a value that is not allowed, or `parts` contains ``"tour"`` without a plan.
     """
     groups = groups_of(model)
     if parts is None:
@@ -113,7 +112,7 @@ def draw(
         asked = check_list("parts", parts, _PARTS.__contains__, "hold some of 'chains', 'tour'")
         shown = tuple(part for part in _PARTS if part in asked)
     if "tour" in shown and plan is None:
-        raise UnsupportedOption("parts can hold 'tour' only where there is a plan")
+        raise UnsupportedOption("parts can contain 'tour' only if plan is given")
     check_option("over", over, over in ("walked", "stops"), "be 'walked' or 'stops'")
     check_flags(**{k: v for k, v in (("lines", lines), ("labels", labels)) if v is not None})
     check_tolerance(tolerance)
@@ -127,7 +126,7 @@ def draw(
     figure = sheet(size, (6.6, whole + 1.4))
     broad, tall = figure.get_size_inches()
     head, foot, left = 0.46 + 0.17 * text.count("\n"), 0.88, 0.86
-    # Small pictures give the panels what is left.
+    # The panels share the remaining height.
     unit = max(tall - head - foot, 0.3 * tall) / whole
     scale, name = length_unit(float(np.ptp(model.coordinates)))
     keys, top = [key("start", marker="s", mfc="white", mec=BLACK, mew=1.4, ms=6)], tall - head
@@ -163,7 +162,7 @@ def _title(model: GuidedPathTour, found: Verification | None) -> str:
 
 
 def _group_keys(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> list[Any]:
-    """Return the entries of a legend that tell chains apart."""
+    """Return the legend entries of the chains."""
     few = range(min(len(groups), _MOST_LINES))
     keys = [key(f"chain {k}", ms=5, **look_of(k)) for k in few]
     if len(groups) > _MOST_LINES:
@@ -174,7 +173,7 @@ def _group_keys(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> list[
 
 
 def _owners(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> NDArray[np.int64]:
-    """Return the chain of each customer, -1 where it is in none."""
+    """Return the index of each customer's chain, or -1 if it is in no chain."""
     owners = np.full(model.size, -1)
     for k, group in enumerate(groups):
         owners[list(group)] = k
@@ -182,7 +181,7 @@ def _owners(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> NDArray[n
 
 
 def _mark(axes: Any, customers: NDArray[np.int64], at: Floats, owners: NDArray[np.int64]) -> None:
-    """Draw customers at places of the axes, each as its chain is drawn."""
+    """Draw customers at places of the axes, with the marker and colour of their chains."""
     big = 24 if len(customers) <= _MOST_LARGE else 9
     held = owners[customers]
     for group in np.unique(held).tolist():
@@ -206,7 +205,7 @@ def _join(axes: Any, ends: Any, gid: str, **look: Any) -> None:
 def _draw_chains(
     model: GuidedPathTour, groups: Sequence[Sequence[int]], axes: Any, scale: float, labels: bool
 ) -> list[Any]:
-    """Draw a row for each chain, which goes down within it, and return entries of the legend."""
+    """Draw each chain in a row, in which it descends; return entries of the legend."""
     owners = _owners(model, groups)
     heights = np.full(model.size, float(len(groups)))
     for k, group in enumerate(groups):
@@ -247,7 +246,7 @@ def _draw_tour(
     model: GuidedPathTour, groups: Sequence[Sequence[int]], walk: Walk, axes: Any, scale: float,
     over: str, joined: bool, labels: bool,
 ) -> list[Any]:  # fmt: skip
-    """Draw the position of the vehicle and whom it serves, and return entries of the legend."""
+    """Draw the position of the vehicle and the customers served; return entries of the legend."""
     at = dress_walk(axes, walk, scale, over)
     axes.plot(*at.T, color=DARK, lw=1.3 if len(at) <= _MOST_LARGE else 0.8, zorder=4, gid="vehicle")
     keys = [key("vehicle", color=DARK, lw=1.3)]
@@ -281,7 +280,7 @@ def _draw_tour(
 
 
 def _draw_names(model: GuidedPathTour, walk: Walk, at: Floats, axes: Any) -> None:
-    """Name the customers; those that are served at one place in a row have one name."""
+    """Name the customers; consecutive customers at one place share a label."""
     names = [""] * len(at)
     moved = (np.diff(at[1:-1], axis=0) != 0).any(axis=1)
     runs = np.split(np.arange(1, len(at) - 1), np.flatnonzero(moved) + 1)

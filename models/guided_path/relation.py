@@ -1,4 +1,4 @@
-"""Which customers must precede which: chains and pairs as one acyclic relation."""
+"""Precedence relation of customers: chains and pairs as one acyclic relation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Truths = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Chains(Spec):
-    """Lists of customers, each served in its order."""
+    """Lists of customers, each in its order of service."""
 
     def coerce(
         self, name: str, value: Any, sizes: dict[str, tuple[int, str]]
@@ -41,12 +41,24 @@ class Chains(Spec):
 
 
 def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, ...]:
-    """Return customers 1 … size - 1 such that whoever must precede comes first; ties by number.
+    """Return customers 1 … size - 1 in a topological order; ties by number.
+
+    Parameters
+    ----------
+    size : int
+        Number of customers plus 1.
+    pairs : iterable of (int, int)
+        Direct precedence pairs.
+
+    Returns
+    -------
+    tuple of int
+        The order.
 
     Raises
     ------
     InvalidData
-        The relation has a cycle, which is named.
+        The relation has a cycle. The message contains the cycle.
     """
     sorter = TopologicalSorter(dict.fromkeys(range(1, size), ()))
     for before, after in pairs:
@@ -68,16 +80,21 @@ def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, 
 
 
 def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]) -> Truths:
-    """Return whether i must precede j, directly or through others, shape (size, size).
+    """Return the transitive closure of the relation.
 
     Parameters
     ----------
     size : int
-        Customers and the start, whose row and column are empty.
+        Number of customers plus 1. Row and column 0, those of the start, are False.
     pairs : iterable of (int, int)
-        Who must directly precede whom.
+        Direct precedence pairs.
     order : sequence of int
-        As :func:`sorted_customers` returns it.
+        Result of :func:`sorted_customers`.
+
+    Returns
+    -------
+    ndarray of bool, shape (size, size)
+        True if i must precede j, directly or indirectly.
     """
     after: list[list[int]] = [[] for _ in range(size)]
     for one, other in pairs:
@@ -93,10 +110,24 @@ def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]
 def joined_chains(
     size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return chains that together hold every customer once, without a search for the fewest.
+    """Return chains that contain every customer once, by a greedy method.
 
-    Each customer goes behind somebody who must directly precede it and ends a chain. Chains that have
-    nothing to do with one another are found again so, and there are no fewer.
+    Each customer is appended to a chain that ends with one of its direct predecessors. If the
+    relation consists of disjoint chains, the result is these chains, which is the minimum.
+
+    Parameters
+    ----------
+    size : int
+        Number of customers plus 1.
+    pairs : iterable of (int, int)
+        Direct precedence pairs.
+    order : sequence of int
+        Result of :func:`sorted_customers`.
+
+    Returns
+    -------
+    tuple of tuple of int
+        The chains.
     """
     before: list[list[int]] = [[] for _ in range(size)]
     for one, other in pairs:
@@ -114,12 +145,24 @@ def joined_chains(
 
 
 def chain_cover(closure: Truths, order: Sequence[int]) -> tuple[tuple[int, ...], ...]:
-    """Return the fewest chains that together hold every customer once.
+    """Return a minimum chain cover: the fewest chains that contain every customer once.
 
-    In each, every customer must precede the next, perhaps through customers of other chains. Their
-    number is the width of the relation. Source: R. P. Dilworth, "A decomposition theorem for
-    partially ordered sets", Annals of Mathematics 51, 1950; by a matching, as D. R. Fulkerson, "Note
-    on Dilworth's decomposition theorem", Proceedings of the AMS 7, 1956.
+    Each customer of a chain must precede the next, directly or through other customers. The number
+    of chains is the width of the relation. Source: R. P. Dilworth, "A decomposition theorem for
+    partially ordered sets", Annals of Mathematics 51, 1950. Method: bipartite matching, D. R.
+    Fulkerson, "Note on Dilworth's decomposition theorem", Proceedings of the AMS 7, 1956.
+
+    Parameters
+    ----------
+    closure : ndarray of bool, shape (size, size)
+        Result of :func:`closure_of`.
+    order : sequence of int
+        Result of :func:`sorted_customers`.
+
+    Returns
+    -------
+    tuple of tuple of int
+        The chains.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching

@@ -1,13 +1,13 @@
-"""The program of a tour as sweeps along the path, to the right and to the left in turn.
+"""Mixed-integer program of a tour as sweeps along the path, alternately to the right and to the left.
 
-The tour is a sequence of sweeps 1 … R, odd ones to the right and even ones to the left; the first may
-be empty, and so may all after the last that is needed. P_gr = 1 says that the turning point after
-sweep r lies right of gap g, so a sweep crosses the gaps in which P changes. Z_cr = 1 says that customer
-c is served by the end of sweep r, for which the sweep must have passed its place, and whoever precedes
-it must be served before: in the same sweep only if it lies earlier on the way. The length is what the
-sweeps cross, and each gap is crossed as often as a chain of the relation asks.
+The tour is a sequence of sweeps 1 … R, odd ones to the right and even ones to the left. The first sweep
+may be empty, and so may all sweeps after the last one needed. P_gr = 1 if the turning point after sweep
+r is right of gap g, so a sweep crosses the gaps for which P changes. Z_cr = 1 if customer c is served by
+the end of sweep r. The sweep must have passed its place, and its predecessors must be served before; in
+the same sweep only if they come earlier on its way. The length is the sum of the gaps crossed, and each
+gap is crossed at least as often as a chain of the relation requires.
 
-Customers that every tour passes in time are left out (:mod:`.walks`), as they change no length.
+Customers that every tour passes in time are omitted (:mod:`.walks`), as they do not affect the length.
 """
 
 from __future__ import annotations
@@ -34,27 +34,29 @@ __all__ = ["SweepsFormulation"]
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Columns at the most.
+#: Maximum number of columns.
 _MOST = 500_000
 
 
 @dataclass(frozen=True, eq=False)
 class SweepsFormulation(KeptFormulation):
-    """Turning points of sweeps and who is served by each; whole columns only.
+    """Mixed-integer program of sweeps, with turning points and served customers as 0-1 columns.
 
     Parameters
     ----------
     model : GuidedPathTour
-        Any.
+        The model.
     sweeps : int, optional
-        Sweeps that a tour may have, an empty one to the right at first included. By default as many
-        as a shortest tour may need (:attr:`enough`). With fewer, the best tour of so few is found, and
-        nothing is proven of others.
+        Maximum number of sweeps of a tour, including an empty first sweep to the right. Default: a
+        number that a shortest tour does not exceed (:attr:`enough`). With fewer sweeps, the optimum
+        holds for tours with this many sweeps only, and provides no bound for others.
 
     Raises
     ------
     UnsupportedFormulation
         The program would be too large.
+    UnsupportedOption
+        `sweeps` is not a positive integer.
     """
 
     sweeps: int | None = None
@@ -74,27 +76,27 @@ class SweepsFormulation(KeptFormulation):
         size = (self.count + 1) * (self._kept.size + self._gaps.lengths.size)
         if size > _MOST:
             raise UnsupportedFormulation(
-                f"formulation {self.name!r} has {_MOST} columns at the most, {self.count} sweeps "
+                f"formulation {self.name!r} has at most {_MOST} columns, {self.count} sweeps "
                 f"along {self._gaps.lengths.size} gaps take {size}"
             )
 
     @cached_property
     def enough(self) -> int:
-        """Sweeps that a shortest tour does not exceed."""
+        """Number of sweeps that a shortest tour does not exceed."""
         return enough_sweeps(self._gaps, some_length(self._gaps))
 
     @property
     def count(self) -> int:
-        """Sweeps that the program has."""
+        """Number of sweeps of the program."""
         return self.enough if self.sweeps is None else self.sweeps
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module."""
+        """Return the program described in the docstring of this module."""
         b, gaps = ProgramBuilder(), self._gaps
         last, size = self.count, gaps.lengths.size
         sides = np.where(np.arange(1, last + 1) % 2, 1, -1)
         home = (gaps.at[0] > np.arange(size)).astype(float)
-        # What changes in a sweep counts by the sweep's side, so each turning point counts twice.
+        # The cost of P is signed by the side of the sweep. A turning point ends one sweep and begins the next.
         counts = np.zeros(last + 1)
         counts[1:] += sides
         counts[:-1] -= sides
@@ -125,7 +127,7 @@ class SweepsFormulation(KeptFormulation):
         return b.build(name=f"{self.model.name}:{self.name}" if self.model.name else self.name)
 
     def _service_rows(self, b: ProgramBuilder, p: Indices, sides: Indices) -> None:
-        """Write who is served by the end of which sweep."""
+        """Add the columns and rows that assign customers to sweeps."""
         kept, numbers = self._reduced
         at, size, last = self._gaps.at, p.shape[1], self.count
         customers = np.arange(1, kept.size)
@@ -140,7 +142,7 @@ class SweepsFormulation(KeptFormulation):
             (_count(z[1:]), z[:-1], -1.0), lower=0, template="sweep {0}, customer {1}",
             index=index[customers.size :],
         )  # fmt: skip
-        # The gap that is crossed to reach a place; whoever is at the start needs none at first.
+        # Gap that a sweep crosses to reach a place. Customers at the start need no gap in the first sweep.
         gap = np.where(sides[:, None] > 0, at[customers] - 1, at[customers])
         reached = (gap >= 0) & (gap < size)
         sweep, rows = np.nonzero(reached)[0], _count(z)
@@ -154,7 +156,7 @@ class SweepsFormulation(KeptFormulation):
         )  # fmt: skip
         pairs = np.array(kept.pairs, np.int64).reshape(-1, 2)
         one, other = pairs.T
-        # Whether who is first also lies first on the way of the sweep.
+        # True if the predecessor also comes first on the way of the sweep.
         same = sides[:, None] * (at[other] - at[one]) >= 0
         rows = _count(same)
         earlier = np.broadcast_to(np.arange(last)[:, None], same.shape) - ~same
@@ -172,9 +174,9 @@ class SweepsFormulation(KeptFormulation):
     # -- plans -----------------------------------------------------------------------------------
 
     def _walk(self, plan: GuidedPathPlan) -> tuple[list[int], list[int]]:
-        """Return the places where sweeps of `plan` end, from the start on, and the sweep of each customer.
+        """Return the places at which sweeps of `plan` end, from the start on, and the sweep of each customer.
 
-        The walk is that through the customers that count.
+        The walk visits only the relevant customers.
         """
         order = self._order(plan)
         at = self._gaps.at.tolist()
@@ -189,7 +191,18 @@ class SweepsFormulation(KeptFormulation):
         return ends, sweep[1:]
 
     def bounded(self, objective: float) -> SweepsFormulation:
-        """Return the formulation with no more sweeps than a tour of that length allows a shortest one."""
+        """Return the formulation with the fewest sweeps sufficient for a shortest tour.
+
+        Parameters
+        ----------
+        objective : float
+            Length of a known tour, in m.
+
+        Returns
+        -------
+        SweepsFormulation
+            The formulation, or this one if it has no more sweeps.
+        """
         enough = enough_sweeps(self._gaps, objective)
         if self.sweeps is not None or enough >= self.enough:
             return self
@@ -199,23 +212,33 @@ class SweepsFormulation(KeptFormulation):
         return found
 
     def fitted(self, plan: GuidedPathPlan) -> SweepsFormulation:
-        """Return the formulation with as many sweeps as `plan` has."""
+        """Return the formulation with at least as many sweeps as `plan` has."""
         ends, _ = self._walk(plan)
         return self if len(ends) <= self.count + 1 else replace(self, sweeps=len(ends) - 1)
 
     def encode(self, plan: GuidedPathPlan) -> Floats:
-        """Return the columns of the walk through those customers that count, in the order of `plan`.
+        """Return the columns of the walk through the relevant customers, in the order of `plan`.
+
+        Parameters
+        ----------
+        plan : GuidedPathPlan
+            The plan.
+
+        Returns
+        -------
+        ndarray, shape (columns,)
+            The columns.
 
         Raises
         ------
         InvalidData
-            The walk has more sweeps: :meth:`fitted` has as many.
+            The walk has more sweeps than the program; use :meth:`fitted` first.
         """
         ends, sweep = self._walk(plan)
         most = self.count + 1
         if len(ends) > most:
             raise InvalidData(
-                f"order must make {self.count} sweeps at the most, got {len(ends) - 1}",
+                f"order must make at most {self.count} sweeps, got {len(ends) - 1}",
                 field="order",
             )
         ends += [ends[-1]] * (most - len(ends))
@@ -224,13 +247,13 @@ class SweepsFormulation(KeptFormulation):
         return np.concatenate([right.ravel(), done.ravel()]).astype(float)
 
     def decode(self, point: Floats) -> GuidedPathPlan:
-        """Return the order of service along the sweeps; whoever is passed and may be served, is."""
+        """Return the service order along the sweeps; available customers are served when they are passed."""
         held = Array((self.program.size,)).coerce("point", point, {})
         numbers, at = self._numbers, self._gaps.at
         size = self._gaps.lengths.size
         right = held[: (self.count + 1) * size].reshape(self.count + 1, size)
         ends = np.rint(right).sum(axis=1)
-        # Any customer of a place leads there.
+        # Any customer at a place represents it.
         whose = dict(zip(at.tolist(), numbers, strict=True))
         try:
             stops = [whose[int(end)] for end in ends]
@@ -239,7 +262,7 @@ class SweepsFormulation(KeptFormulation):
         return GuidedPathPlan(served(self.model, stops))
 
     def statistics(self, plan: GuidedPathPlan) -> dict[str, float | int | str]:
-        """Return the sweeps that the program has."""
+        """Return the number of sweeps of the program."""
         return {"sweeps": self.count}
 
 
@@ -249,5 +272,5 @@ def _count(like: NDArray[Any]) -> Indices:
 
 
 def _index(first: Any, second: Any) -> Indices:
-    """Return all pairs of two ranges, the last changing first, shape (pairs, 2)."""
+    """Return all pairs of two ranges, the second one changing fastest, shape (pairs, 2)."""
     return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""How often a shortest tour may turn: where turning can pay, and what turns cost."""
+"""Upper bound on the number of turns of a shortest tour."""
 
 from __future__ import annotations
 
@@ -13,36 +13,43 @@ __all__ = ["enough_sweeps", "some_length", "turning"]
 
 Floats = NDArray[np.float64]
 
-#: Customers up to which some tour is searched for, and the states then kept, times their square.
+#: Maximum number of customers for the heuristic search, and its total work: beam width times size².
 _MOST, _WORK = 300, 30_000
-#: Length that bounds no tour, in units of the longest gap: 5000 turns, each past 5000 gaps.
+#: Length beyond every tour, in units of the longest gap: 5000 turns, each past 5000 gaps.
 _FAR = 1e9
-#: What the linear program's optimum may lack by rounding.
+#: Margin for the rounding error of the linear program's optimum.
 _ROUNDING = 1e-4
 
 
 def turning(gaps: Gaps, side: int) -> Iterator[int]:
     """Yield the customers at which a shortest tour may turn after a sweep to one side.
 
-    Let a tour turn at a place x after a sweep to the right (the left is its mirror image), and C be
-    whom it serves there then. Between this visit of x and the ones before and after, it is left of x.
-    Of C, serve at the visit before whoever follows nobody served since then, and the others, if they
-    precede nobody who is served until then, at the visit after. If that served all of C, the tour could
-    turn before x and would be shorter. So in a shortest tour some c of C has both
+    Let a tour turn at a place x after a sweep to the right (the left is its mirror image), and let C be
+    the set of customers that it serves there. Between this visit of x and the previous and next ones,
+    the tour is left of x. Serve those members of C without a predecessor served since the previous
+    visit at that visit. Serve the others, if they have no successor served before the next visit, at
+    the next visit. If this serves all of C, the tour can turn before x and becomes shorter. So in a
+    shortest tour some c of C has both
 
-    * a predecessor served since the last visit, thus left of x, or there was no visit yet, and
-    * a successor served before the next visit, thus left of x, or there is no next visit.
+    * a predecessor served since the previous visit, therefore left of x, or no previous visit exists;
+    * a successor served before the next visit, therefore left of x, or no next visit exists.
 
-    Relations within C pass these on to a member with a direct predecessor left of x, or without any,
+    Relations within C transfer these to a member with a direct predecessor left of x, or without any,
     and a direct successor not right of x, or without any. Before the first visit, and after the last
-    one, the tour is left of x, and so is the start. As everybody is served once, each turn has such a
-    customer of its own.
+    one, the tour is left of x, and so is the start. Each customer is served once, so the turns have
+    distinct customers.
 
     Parameters
     ----------
     gaps : Gaps
+        Gaps of the model.
     side : int
         1 for sweeps to the right, -1 for sweeps to the left.
+
+    Yields
+    ------
+    int
+        A customer.
     """
     x = side * gaps.at
     for c in range(1, gaps.model.size):
@@ -55,22 +62,28 @@ def turning(gaps: Gaps, side: int) -> Iterator[int]:
 
 
 def enough_sweeps(gaps: Gaps, length: float) -> int:
-    """Return a number of sweeps, right and left in turn, that a shortest tour does not exceed.
+    """Return a number of alternating sweeps that a shortest tour does not exceed.
 
-    A tour that sets out to the left has an empty sweep to the right before.
+    A tour that begins to the left has an empty first sweep to the right.
 
-    With c_g crossings of gap g to the right, and as many to the left, c_p-1 of them come to place p from
-    the left and c_p leave it to the right. Those that do not turn there are the same, so R turns to the
-    left and L turns to the right have R - L = c_p-1 - c_p; at the start, where the tour begins and ends,
-    one more or less. Each c_g is what chains ask at least, R and L are at most the customers of
-    :func:`turning` at p, and all crossings together are no longer than the tour. A linear program says
-    how many turns this leaves.
+    With c_g crossings of gap g to the right, and as many to the left, c_p-1 of them reach place p from
+    the left and c_p leave it to the right. Those that do not turn there are common to both. So R turns
+    to the left and L turns to the right satisfy R - L = c_p-1 - c_p; at the start, at which the tour
+    begins and ends, up to one more or less. Each c_g is at least the number that chains require, R and
+    L are at most the number of customers of :func:`turning` at p, and the length of all crossings is at
+    most `length`. A linear program maximises the number of turns.
 
     Parameters
     ----------
     gaps : Gaps
+        Gaps of the model.
     length : float
-        Of any tour, m; infinity where none is known.
+        Length of a known tour, in m; inf if none is known.
+
+    Returns
+    -------
+    int
+        The number of sweeps, at least 1.
     """
     from scipy.optimize import linprog
     from scipy.sparse import bmat, diags_array, eye_array
@@ -87,7 +100,7 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
     turns = np.repeat([0.0, 1.0, -1.0], [size, size + 1, size + 1])
     unit = float(gaps.lengths.max())
     total = np.concatenate([2 * gaps.lengths / unit, np.zeros(2 * size + 2)])
-    # Sweeps alternate, so the turns of both sides differ by one at the most.
+    # Sweeps alternate, so the turns of both sides differ by at most one.
     answer = linprog(
         -np.abs(turns), bmat([[rows], [turns[None]], [-turns[None]], [total[None]]]).tocsr(),
         np.concatenate([slack, slack, [1.0, 1.0], [min(length / unit, _FAR) * (1 + 1e-9)]]),
@@ -97,7 +110,7 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
     )  # fmt: skip
     right, left = (int(m.sum()) for m in most)
     found = -answer.fun if answer.success else np.inf
-    # The first turn is that of the first sweep, which goes left only if something is there.
+    # The first turn ends the first sweep, which goes left only if a place is left of the start.
     either = [min(2 * right, 2 * left + 1) + 1]
     if start > 0:
         either.append(min(2 * left, 2 * right + 1) + 2)
@@ -106,10 +119,20 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
 
 
 def some_length(gaps: Gaps) -> float:
-    """Return the length of a tour that is no bad one, m; infinity for more than 300 customers.
+    """Return the length of a good tour, in m; inf for more than 300 customers.
 
-    A search of few states a number of customers served: from each, to the nearest customer on either
-    side that may be served. Those are kept that the crossings still needed leave the shortest.
+    Beam search by the number of customers served. Each state is extended to the nearest available
+    customer on either side. States are ranked by their length plus the crossings still required.
+
+    Parameters
+    ----------
+    gaps : Gaps
+        Gaps of the model.
+
+    Returns
+    -------
+    float
+        The length.
     """
     model, at, lengths = gaps.model, gaps.at, gaps.lengths
     size = model.size
@@ -117,13 +140,13 @@ def some_length(gaps: Gaps) -> float:
         return np.inf
     customers = range(1, size)
     needs = [sum(1 << one for one in came if one) for came in gaps.before]
-    # Crossings either way from each customer on until the tour is back.
+    # Crossings in both directions from each customer on, up to the return to the start.
     onwards = np.zeros((size, lengths.size))
     for c in reversed(model.sorted_customers):
         for other in gaps.after[c]:
             onwards[c] = np.maximum(onwards[c], onwards[other] + gaps.between(at[c], at[other]))
     kept = max(_WORK // size**2, 1)
-    # By the customers served: the length so far by where the tour is and whom it has served.
+    # Per number of customers served: length by place and set of customers served (bit mask).
     levels: list[dict[tuple[int, int], float]] = [{} for _ in range(size)]
     levels[0][int(at[0]), 0] = 0.0
     for level in levels[:-1]:
@@ -141,7 +164,7 @@ def some_length(gaps: Gaps) -> float:
             } - {-1}
             for aim in aims:
                 now, there = done, [c for c in ready if at[c] == aim]
-                while there:  # who may be served there only now, is
+                while there:  # serve all available customers at this place
                     now |= sum(1 << c for c in there)
                     there = [
                         c for c in customers

@@ -1,8 +1,8 @@
-"""What a tour along a path serves for nothing: the customers that it passes in any case.
+"""Customers that a tour along a path serves without additional length, because it passes them.
 
-Property 1 of the paper says that of customers without any relation only the outermost two matter. The
-same holds of every customer that lies on the way from whoever must precede it to whoever must follow:
-between the last of the former and the first of the latter, any tour passes it.
+By Property 1 of the paper, only the outermost two customers without any relation matter. This
+generalises to each customer located between all its predecessors and all its successors: every tour
+passes it between the last predecessor and the first successor.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .plan import GuidedPathPlan
 __all__ = ["kept_order", "length_of", "passed", "reduced", "served"]
 
 
-#: Results of :func:`reduced` for each model, without and with passing: 0.1 to 0.3 s at 5,000 customers.
+#: Cache of :func:`reduced` per model and value of `passing`: a call takes 0.1 to 0.3 s for 5,000 customers.
 _REDUCED: WeakKeyDictionary[GuidedPathData, dict[bool, tuple[GuidedPathData, tuple[int, ...]]]]
 _REDUCED = WeakKeyDictionary()
 
@@ -29,22 +29,24 @@ _REDUCED = WeakKeyDictionary()
 def reduced(
     model: GuidedPathData, *, passing: bool = True
 ) -> tuple[GuidedPathData, tuple[int, ...]]:
-    """Return the customers that decide the length of a tour, as a smaller model, and their numbers.
+    """Return a smaller model of the customers that affect the length of a tour, and their numbers.
 
-    Its least length is that of `model`: :func:`served` makes a tour of either one of the other. Where
-    no customer decides anything, one that is kept makes the smaller model one at all.
+    Both models have the same optimum: :func:`served` converts a tour of either one to the other. If no
+    customer affects the length, the smaller model contains one customer.
 
     Parameters
     ----------
     model : GuidedPathData
+        The model.
     passing : bool
-        Whether to leave out more than Property 1 does: every customer that any tour passes in time.
+        Whether to omit every customer that any tour passes in time. If False, only the customers of
+        Property 1 are omitted.
 
     Returns
     -------
     GuidedPathData, tuple of int
-        The smaller model, whose relation is all precedence; and the number in `model` of each of its
-        customers, in increasing order after the start's. They are computed once for each model.
+        The smaller model, whose relation is given by precedence; and the number in `model` of its start
+        and of each of its customers, in increasing order. Results are cached per model.
     """
     results = _REDUCED.setdefault(model, {})
     if passing not in results:
@@ -64,7 +66,7 @@ def _reduced(model: GuidedPathData, passing: bool) -> tuple[GuidedPathData, tupl
     todo = list(reversed(model.sorted_customers)) if passing else []
     while todo:
         c = todo.pop()
-        # Never more pairs than there were, which would only slow down what follows.
+        # Skip a customer whose removal would increase the number of pairs, which slows down later steps.
         many = len(before[c]) * len(after[c]) > len(before[c]) + len(after[c])
         if many or c not in kept:
             continue
@@ -97,27 +99,28 @@ def _reduced(model: GuidedPathData, passing: bool) -> tuple[GuidedPathData, tupl
 
 
 def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:
-    """Return the order of service when all that is available is served as it is passed.
+    """Return the order of service if every available customer is served when it is passed.
 
-    No other way to serve along the same walk has served more at any time, so every customer is served
-    wherever that is possible, and the order is no longer than the walk.
+    No other service order along the same walk has served more customers at any time. The order
+    therefore serves every customer if any order does, and it is at most as long as the walk.
 
     Parameters
     ----------
     model : GuidedPathData
+        The model.
     stops : iterable of int
-        Customers to walk to one after the other, from the start and at last back to it. Some may be
-        missing, or come twice.
+        Customers to walk to in sequence, from the start and finally back to it. Customers may be
+        missing or repeated.
 
     Returns
     -------
     tuple of int
-        All customers; of those at the same place, and available there, the smaller number first.
+        All customers; among those available at the same place, the smaller number first.
 
     Raises
     ------
     InvalidData
-        The walk does not pass a customer once all that must precede it are served.
+        The walk does not pass a customer after all its predecessors are served.
     """
     x = model.coordinates.tolist()
     after: list[list[int]] = [[] for _ in x]
@@ -126,7 +129,7 @@ def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:
         after[one].append(other)
         missing[other] += 1
     ready = [c for c in range(1, model.size) if not missing[c]]
-    # What is available and not served, on either side, the nearest first: signed places and numbers.
+    # Heaps of available customers on each side, nearest first, as pairs of signed place and number.
     ahead = {side: [(side * x[c], c) for c in ready] for side in (1, -1)}
     ahead = {side: [one for one in heap if one[0] >= side * x[0]] for side, heap in ahead.items()}
     for heap in ahead.values():
@@ -161,13 +164,22 @@ def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:
 
 
 def passed(model: GuidedPathData, stops: Sequence[int]) -> tuple[int, ...]:
-    """Return the order of service that keeps the order of the stops and serves others in passing (Algorithm 1).
+    """Return the order of service that keeps the order of the stops and inserts the other customers.
+
+    The other customers are served when the vehicle passes them (Algorithm 1).
 
     Parameters
     ----------
     model : GuidedPathData
+        The model.
     stops : sequence of int
-        Customers in the order of service. The others have no relation and are passed on the way.
+        Customers in the order of service. The other customers must have no relation, and the path
+        between the stops must pass them.
+
+    Returns
+    -------
+    tuple of int
+        All customers.
     """
     x = model.coordinates.tolist()
     left = sorted(set(range(1, model.size)).difference(stops), key=lambda c: (x[c], c))
@@ -190,24 +202,30 @@ def kept_order(model: GuidedPathData, numbers: Sequence[int], plan: GuidedPathPl
     Parameters
     ----------
     model : GuidedPathData
+        The model.
     numbers : sequence of int
-        Of the customers that are kept, as :func:`reduced` returns them.
+        Numbers of the relevant customers, as :func:`reduced` returns them.
     plan : GuidedPathPlan
-        A plan for `model`.
+        Plan of `model`.
+
+    Returns
+    -------
+    list of int
+        Customers of the smaller model.
 
     Raises
     ------
     InvalidData
-        `plan` does not have each customer once.
+        `plan` does not contain each customer once.
     """
     required("plan", plan, GuidedPathPlan)
     if sorted(plan.order) != list(range(1, model.size)):
-        raise InvalidData("order must have each customer once", field="order")
+        raise InvalidData("order must contain each customer once", field="order")
     number = {c: k for k, c in enumerate(numbers)}
     return [number[c] for c in plan.order if c in number]
 
 
 def length_of(model: GuidedPathData, order: Sequence[int]) -> float:
-    """Return the length of the tour that serves customers in this order."""
+    """Return the length (m) of the tour that serves customers in the given order."""
     stops = model.coordinates[[0, *order, 0]]
     return float(np.abs(np.diff(stops)).sum())

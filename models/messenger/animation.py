@@ -1,4 +1,4 @@
-"""A messenger tour in motion."""
+"""Animation of a messenger tour."""
 
 from __future__ import annotations
 
@@ -32,33 +32,34 @@ def animate_tour(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> FuncAnimation:
-    """Return the tour in motion: the UAV, its path so far, and the vehicles with their discs.
+    """Return an animation of the tour: the UAV, its path so far, and the vehicles with their discs.
 
     Parameters
     ----------
     model : MessengerTour
         The model.
     plan : TourPlan or Solution
-        A plan for it.
+        Plan of the model. It may be infeasible.
     frames : int
-        Number of pictures, at least 2.
+        Number of frames, at least 2.
     interval : float
-        Time from one to the next, ms.
+        Time between two frames, in ms.
     title : str, optional
-        Instead of the name.
+        Title of the animation. Default: the name of the model, or its size.
     size : (float, float), optional
-        Width and height (inch).
+        Width and height, in inches.
 
     Returns
     -------
     matplotlib.animation.FuncAnimation
-        Tied to no window: ``animate_tour(model, plan).save("tour.gif", writer="pillow", dpi=80)``;
-        ``to_jshtml()`` returns a page.
+        Animation without a window. Save it with
+        ``animate_tour(model, plan).save("tour.gif", writer="pillow", dpi=80)``, or call
+        ``to_jshtml()`` for a page.
 
     Raises
     ------
     InvalidData
-        The plan is none of a tour, or names a vehicle that does not exist.
+        The plan has another type, or contains an unknown vehicle.
     UnsupportedOption
         An option has a value that is not allowed.
     """
@@ -67,7 +68,7 @@ def animate_tour(
 
     check_frames(frames, interval)
     plan = required("plan", model.as_plan(plan), TourPlan)
-    model.verify(plan)  # raises where the order names no vehicle
+    model.verify(plan)  # rejects an unknown vehicle
     end = plan.length / model.speed
     times = np.linspace(0.0, end, frames)
     path = outline(plan, model.turning_radius)
@@ -75,7 +76,7 @@ def animate_tour(
     order = list(plan.order)
     meetings = model.positions[order] + model.velocities[order] * plan.times[:, None]
     reach = model.radius[order][:, None]
-    # What has been met may leave the map.
+    # Vehicles may leave the map after their encounter.
     shown = np.concatenate([path.poses[:, :2], model.positions, meetings - reach, meetings + reach])
     low, high = shown.min(axis=0), shown.max(axis=0)
     met_at = np.full(model.size, np.inf)
@@ -96,7 +97,7 @@ def animate_tour(
 
     def update(frame: int) -> list[Any]:
         time, (x, y, heading) = times[frame], flown[frame].tolist()
-        # What rounding puts after the encounter is met at it.
+        # The tolerance covers the rounding of the encounter's time.
         colours = [_MET if when <= time + 1e-9 * end else _WAITING for when in met_at]
         places = (model.positions + model.velocities * time) * scale
         vehicles.set_offsets(places)

@@ -1,6 +1,6 @@
-"""What a UAV has flown beyond the length that it needs to meet a moving point, and where that is 0.
+"""Excess of the length flown over the length of a path to a moving point, and its roots.
 
-The kernels of :mod:`.interception`, which says why the steps here are safe.
+Kernels of :mod:`.interception`, which derives the bounds on the steps.
 """
 
 from __future__ import annotations
@@ -14,32 +14,34 @@ from .elongation import left_straight_whole
 
 __all__ = ["AHEAD", "EDGES", "LINE", "MAJOR", "Chase", "crossings", "excess", "rising", "stepping"]
 
-#: What is asked besides the words 0 to 5: LS, LS to a point ahead, the longer RL, an edge of the gap.
+#: Additional kinds to the words 0 to 5: LS, LS to a point ahead, the longer RL, an edge of the gap.
 LINE, AHEAD, MAJOR, EDGES = -1, -2, -3, -4
-#: Smallest step by what it may change, in turning radii, for edges and words; and its growth, so that
-#: steps end.
+#: Smallest steps, in turning radii of change, for edges and for words. Their growth factor ensures
+#: that the steps terminate.
 FINEST, COARSE, GROWTH = 1e-7, 2e-2, 1.05
-#: Smallest step likewise where a word's length is off by full circles.
+#: Smallest step if a word's length is off by full circles, in turning radii.
 JUMP = 0.3
-#: Error of a length, relative to itself and the radius, that no more steps improve.
+#: Error of a length, relative to itself plus the radius, at which the root search stops.
 ROUNDING = 1e-15
-#: Steps of a search for a root between bounds, at most.
+#: Maximum number of steps of the root search.
 STEPS = 100
 
 
 class Chase(NamedTuple):
-    """The point's position and velocity in the frame of the UAV at its start.
+    """Position and velocity of the point in the frame of the UAV at its start.
 
     Attributes
     ----------
-    u, v, du, dv : float
-        Ahead and to the left (m, m/s) at the start.
+    u, v : float
+        Coordinates of the point at the start, ahead and to the left, in m.
+    du, dv : float
+        Velocity of the point, ahead and to the left, in m/s.
     speed, r : float
-        The UAV's (m/s), and its turning radius (m).
+        Speed (m/s) and turning radius (m) of the UAV.
     phi, sin, lift : float
-        Heading at the end, its sine, and 1 less its cosine.
+        Heading at the end, its sine, and 1 minus its cosine.
     slack : float
-        Rounding of coordinates (m).
+        Rounding error of the coordinates, in m.
     """
 
     u: float
@@ -56,7 +58,7 @@ class Chase(NamedTuple):
 
 @kernel
 def excess(kind: int, t: float, c: Chase) -> float:
-    """Return what the UAV has flown at `t` beyond a length (m): negative where it is not yet there."""
+    """Return the length flown at time `t` minus the path length, in m: negative before the encounter."""
     u, v, flown = c.u + c.du * t, c.v + c.dv * t, c.speed * t
     if kind >= 0:
         first, second, third = word_local(u, v, c.phi, c.sin, c.lift, c.r, c.slack, kind)
@@ -77,9 +79,10 @@ def excess(kind: int, t: float, c: Chase) -> float:
 
 @kernel
 def root(kind: int, low: float, below: float, high: float, above: float, c: Chase) -> float:
-    """Return a time in [`low`, `high`] where the excess, `below` and `above` there, changes its sign.
+    """Return a time in [`low`, `high`] at which the excess changes its sign.
 
-    The secant between the bounds; a bound that stays counts half (the Illinois rule).
+    The excess is `below` at `low` and `above` at `high`. Uses the Illinois method, a secant method
+    that halves the value at a bound which is retained.
     """
     last = 0
     for _ in range(STEPS):
@@ -102,9 +105,9 @@ def root(kind: int, low: float, below: float, high: float, above: float, c: Chas
 
 @kernel
 def rising(kind: int, low: float, high: float, c: Chase) -> float:
-    """Return the root of an excess that rises at least by the speeds' difference; inf without one.
+    """Return the root of an excess whose slope is at least the difference of the speeds, or inf.
 
-    Where the point has been within reach of LS from the beginning, that is `low`.
+    The root is `low` if the point is within reach of LS from the beginning.
     """
     below = excess(kind, low, c)
     if not below < 0.0:
@@ -125,20 +128,22 @@ def rising(kind: int, low: float, high: float, c: Chase) -> float:
 def stepping(
     kind: int, low: float, high: float, x: float, y: float, circle: float, rate: float, c: Chase
 ) -> float:
-    """Return the first time in [`low`, `high`] with an excess of 0 or above; inf without one.
+    """Return the first time in [`low`, `high`] with a non-negative excess, or inf.
 
     Parameters
     ----------
     kind : int
-        What is asked.
+        Word 0 to 5, or one of the kinds of this module.
     low, high : float
         Times (s) between which the point is within the circle.
     x, y, circle : float
-        Where the point is at time 0 seen from the circle's centre, and the circle's radius (m).
+        Position of the point at time 0 relative to the centre of the circle, and the radius of the
+        circle, all in m.
     rate : float
-        Most that the length asked for changes by with σ (m).
+        Upper bound on the change of the path length with σ, in m.
     c : Chase
-        Who moves how. A word counts modulo full circles on the way, and in earnest at its end.
+        Motion of the point and of the UAV. The excess of a word is compared modulo full circles
+        during the steps, and exactly at the root.
     """
     pace = norm(c.du, c.dv)
     aside = (x * c.dv - y * c.du) / pace
@@ -158,11 +163,11 @@ def stepping(
                 return math.inf
             distance -= FULL * c.r * math.floor(distance / (FULL * c.r))
             distance = min(distance, FULL * c.r - distance)
-            if abs(found) > math.pi * c.r:  # only a jump may make this a root
+            if abs(found) > math.pi * c.r:  # only a jump can make this a root
                 distance = max(distance, JUMP * c.r)
         distance = max(distance, least)
         least *= GROWTH
-        # The step that may change the excess by the distance, and the time that it takes.
+        # Step that can change the excess by at most the distance, and its duration.
         flown = c.speed * half
         change = flown * math.sin(sigma) + rate
         step = 2.0 * distance / (change + math.sqrt(change * change + 2.0 * flown * distance))
@@ -181,7 +186,7 @@ def stepping(
 
 @kernel
 def crossings(x: float, y: float, circle: float, c: Chase) -> tuple[float, float]:
-    """Return when the point, at (`x`, `y`) from a circle's centre at time 0, is on it; inf if never."""
+    """Return the two times at which the point is on a circle, (`x`, `y`) from its centre at 0, or inf."""
     pace = norm(c.du, c.dv)
     aside = (x * c.dv - y * c.du) / pace
     square = circle * circle - aside * aside

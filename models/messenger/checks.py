@@ -1,4 +1,4 @@
-"""The independent check of a tour: its primitives are integrated, and nothing else is believed."""
+"""Independent verification of a tour by integration of its primitives."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ __all__ = ["UNDECIDABLE", "decidable_length", "integrated", "verify_tour"]
 
 Floats = NDArray[np.float64]
 
-#: Digits that a path of many pieces leaves of its coordinates.
+#: Relative rounding error of the coordinates of a path of many primitives.
 DIGITS = 1e-13
-#: Share of a limit above which rounding leaves a check undecided.
+#: Share of a limit above which rounding makes a check undecidable.
 CEILING = NEAR
 UNDECIDABLE = "not decidable in double precision"
 
 
 def integrated(plan: TourPlan, turning_radius: float) -> Floats:
-    """Return the poses between the primitives, each following from the one before.
+    """Return the poses at the ends of the primitives, each integrated from the previous one.
 
     Parameters
     ----------
     plan : TourPlan
         The tour.
     turning_radius : float
-        Of the turns, m. At 0 the UAV turns on the spot, to the heading that the next primitive has.
+        Turning radius, in m. With 0, the UAV turns on the spot to the heading of the next primitive.
 
     Returns
     -------
     ndarray, shape (k + 1, 3)
-        x, y (m), heading (rad), at the start and after each of the k primitives.
+        x, y (m) and heading (rad), at the start and after each of the k primitives.
     """
     pieces = plan.primitives
     lengths = np.array([one.length for one in pieces])
     signs = np.array([SIGNS[one.turn] for one in pieces])
-    # Half of what each primitive turns by: the chord of an arc, which a line is one of, leads there.
+    # Half the angle of each primitive. The chord formula of an arc covers the line as angle 0.
     half = 0.5 * signs * lengths / turning_radius if turning_radius > 0 else np.zeros(len(pieces))
     if turning_radius > 0:
         headings = plan.start[2] + np.concatenate([[0.0], np.cumsum(2.0 * half)])
@@ -58,7 +58,27 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
 
 
 def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verification:
-    """Return the length of `plan` and every constraint of `model`."""
+    """Return the length of `plan` and the violation of each constraint of `model`.
+
+    Parameters
+    ----------
+    model : TourData
+        The model.
+    plan : TourPlan
+        The tour.
+    tolerance : float
+        Largest relative violation accepted.
+
+    Returns
+    -------
+    Verification
+        Length (m) and checks.
+
+    Raises
+    ------
+    InvalidData
+        `plan` is not a TourPlan, or its order contains an unknown vehicle.
+    """
     check_tolerance(tolerance)
     required("plan", plan, TourPlan)
     n = model.size
@@ -69,13 +89,13 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     lengths = np.array([one.length for one in plan.primitives])
     poses = integrated(plan, model.turning_radius)
     flown = np.concatenate([[0.0], np.cumsum(lengths)])
-    # The pose at which each leg ends: after the last primitive that is tagged with it or less.
+    # Index of the pose at the end of each leg: after the last primitive with this leg number or a lower one.
     ends = np.searchsorted(legs, np.arange(len(plan.order)), side="right")
     met = np.array(plan.order, int)
     size = _sizes(model)
     at = poses[ends, :2]
     vehicles = model.positions[met] + model.velocities[met] * plan.times[:, None]
-    # What has been flown so far tells what digits are left; what lies ahead, however far, does not.
+    # The rounding error grows with the coordinates and the length up to the encounter only.
     far = np.maximum.accumulate(np.abs(poses[:, :2]).max(axis=1)) + flown
     lost = DIGITS * (far[ends] + np.abs(model.positions[met]).max(axis=1))
     noise = DIGITS * float(far[-1])
@@ -87,14 +107,14 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         name: str, values: Floats, unit: str, places: Sequence[str], scale: Floats | float,
         limits: Floats | None = None, digits: Floats | float = noise,
     ) -> Check:  # fmt: skip
-        """Return the check of the entry that uses up most of its tolerance."""
+        """Return the check of the entry with the largest violation relative to its tolerance."""
         if not values.size:
             return Check.scaled(name, "", 0.0, unit, "", tolerance, 0.0, noise=noise)
         scales, excused = (np.broadcast_to(one, values.shape) for one in (scale, digits))
         share = np.where(values <= 0, 0.0, values) / np.maximum(
             tolerance * scales + excused, 1e-300
         )
-        # What is no number is worst of all.
+        # Treat NaN as the largest violation.
         k = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
         value, place = float(values[k]), places[k]
         unknown = np.flatnonzero((scales > 0) & (excused > CEILING * scales))
@@ -134,17 +154,17 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     elif len(plan.order):
         beyond = np.array([flown[-1] - flown[ends[-1]]])
         checks.append(worst("ends at the last encounter", beyond, "m", ["end"], float(size.min())))
-    # A length is its own scale.
+    # The length is its own scale.
     return Verification(float(flown[-1]), tuple(checks), scale=0.0)
 
 
 def decidable_length(model: TourData) -> float:
-    """Return the length flown (m) beyond which double precision decides no encounter of a tour."""
+    """Return the largest length flown (m) for which double precision can decide an encounter."""
     return CEILING * float(_sizes(model).max()) / DIGITS
 
 
 def _sizes(model: TourData) -> Floats:
-    """Return what a position is held against for each vehicle, m: its radius, or the room it has."""
+    """Return the size of each vehicle's position tolerance (m): its radius, or its share of the field."""
     room = model.extent / model.size
     return np.where(model.radius > 0, model.radius, room)
 
@@ -154,12 +174,12 @@ def _count(name: str, number: float, unit: str, where: str) -> Check:
 
 
 def _turned(angle: Floats | float) -> Floats:
-    """Return how far headings are apart, rad, at most π."""
+    """Return the absolute difference of headings, in rad, at most π."""
     return np.abs(np.remainder(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi)
 
 
 def _joined(model: TourData, plan: TourPlan, poses: Floats, tolerance: float) -> list[Check]:
-    """Return the checks that the path has no corner and no turn tighter than the least radius."""
+    """Return the checks of continuous headings and of the curvature limit."""
     if model.turning_radius == 0:
         turns = [k for k, one in enumerate(plan.primitives) if one.turn != "S" and one.length > 0]
         where = f"primitive {turns[0]}" if turns else ""
@@ -184,7 +204,7 @@ def _joined(model: TourData, plan: TourPlan, poses: Floats, tolerance: float) ->
 
 
 def _started(model: TourData, plan: TourPlan, tolerance: float, size: float) -> list[Check]:
-    """Return the checks that the path begins where it should."""
+    """Return the checks of the position and the heading at the start."""
     checks = []
     if model.start is not None:
         off = float(np.hypot(*(plan.start[:2] - model.start[:2])))
@@ -192,7 +212,7 @@ def _started(model: TourData, plan: TourPlan, tolerance: float, size: float) -> 
         checks.append(
             Check.scaled("starts at its place", "", off, "m", "start", tolerance, size, noise=noise)
         )
-    # A UAV that turns on the spot has any heading at once.
+    # A UAV that turns on the spot can take any heading at once.
     if model.heading is not None and model.turning_radius > 0:
         turn = float(_turned(plan.start[2] - model.heading))
         checks.append(

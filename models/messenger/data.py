@@ -1,4 +1,4 @@
-"""The data of a messenger tour: vehicles, the UAV, and where its path begins."""
+"""Data of a messenger tour: vehicles, UAV and start."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 class EachVehicle(Array):
-    """One number a vehicle, or one for all; the full table is kept."""
+    """One number per vehicle; a scalar is broadcast to all vehicles."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
         given = self._numbers(name, value)
@@ -32,7 +32,7 @@ class EachVehicle(Array):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TourData(Declared):
-    """What :class:`~crosstrack.models.messenger.model.MessengerTour` asks; the fields are said there."""
+    """Data fields of :class:`~crosstrack.models.messenger.model.MessengerTour`, which documents them."""
 
     positions: Floats = declared(Array(("n", 2)))
     velocities: Floats = declared(Optional(Array(("n", 2))), default=None)
@@ -44,7 +44,7 @@ class TourData(Declared):
     ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
-        """Fill in velocities, and refuse what no tour can be found for or no path begins at."""
+        """Fill in the velocities and validate vehicles and start."""
         if not self.size:
             raise InvalidData(
                 "positions must hold at least one vehicle, got none", field="positions"
@@ -75,29 +75,29 @@ class TourData(Declared):
 
     @property
     def size(self) -> int:
-        """The number of vehicles."""
+        """Number of vehicles."""
         return len(self.positions)
 
     @property
     def heading(self) -> float | None:
-        """The heading at the start, rad; None where any will do."""
+        """Heading at the start, in rad; None if it is free."""
         fixed = self.start is not None and self.start.size == 3
         return float(self.start[2]) if fixed and self.start is not None else None
 
     @property
     def at_rest(self) -> bool:
-        """Whether no vehicle moves."""
+        """True if no vehicle moves."""
         return not self.velocities.any()
 
     @cached_property
     def extent(self) -> float:
-        """The diagonal of the box around the vehicles at time 0 and the start, m."""
+        """Diagonal of the bounding box of the start and of the vehicles at time 0, in m."""
         corners = [*self.positions, *([] if self.start is None else [self.start[:2]])]
         return float(np.hypot(*np.ptp(np.array(corners), axis=0)))
 
     @property
     def sparsity(self) -> float:
-        """κ_P, the mean distance of vehicles at time 0 beyond their radii, by the turning radius."""
+        """Sparsity κ_P: mean gap between the discs at time 0, divided by the turning radius."""
         from scipy.spatial.distance import pdist
 
         if self.size < 2 or self.turning_radius == 0:
@@ -106,7 +106,7 @@ class TourData(Declared):
         return gaps / self.turning_radius
 
     def where(self, vehicle: int, time: float) -> Floats:
-        """Return where a vehicle is at a time, m, shape (2,)."""
+        """Return the position of `vehicle` at `time` (s), in m, shape (2,)."""
         place: Floats = self.positions[vehicle] + self.velocities[vehicle] * time
         return place
 

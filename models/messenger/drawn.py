@@ -1,4 +1,4 @@
-"""The plain data of a tour's picture: its path, where vehicles are met, and what it breaks."""
+"""Data of a tour's picture: path, encounters and places of violations."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["FAR", "Drawn", "together", "within"]
 
 Floats = NDArray[np.float64]
 
-#: Farther away nothing is drawn: an invalid plan may lead anywhere (m).
+#: Largest coordinate drawn, in m. The path of an invalid plan may leave the range of numbers.
 FAR = 1e100
-#: Encounters nearer to one another than this part of the map are one place on it.
+#: Encounters share a place on the map if they are closer than this share of its extent.
 _NEAR = 1e-3
 
 
 class Drawn:
-    """What is drawn of a plan, in m."""
+    """Places to draw for a plan, in m."""
 
     def __init__(self, model: MessengerTour, plan: TourPlan, found: Verification) -> None:
         self.model, self.plan, self.found = model, plan, found
@@ -33,7 +33,7 @@ class Drawn:
 
     @property
     def everything(self) -> Floats:
-        """Places that the map must show: the path, the tracks and the discs."""
+        """Places that the map must include: path, tracks and discs."""
         reach = self.model.radius[self.met][:, None]
         parts = [
             self.path.poses[:, :2], self.model.positions, self.plan.points, self.meetings - reach,
@@ -43,7 +43,7 @@ class Drawn:
 
     @property
     def first_half(self) -> Floats:
-        """Places that a map of the first half of the encounters must show."""
+        """Places that a map of the first half of the encounters must include."""
         count = max(1, len(self.met) // 2)
         until = float(self.plan.times[:count].max()) if len(self.met) else 0.0
         flown = self.path.flown <= until * self.model.speed
@@ -53,13 +53,13 @@ class Drawn:
 
 
 def _finite(places: Floats) -> Floats:
-    """Return the places that can be drawn."""
+    """Return the places within the range that can be drawn."""
     kept: Floats = places[(np.abs(places) < FAR).all(axis=1)]
     return kept if len(kept) else np.zeros((1, 2))
 
 
 def _broken(tour: Drawn) -> Floats:
-    """Return the worst place of every rule that is broken, shape (k, 2)."""
+    """Return the place of the largest violation of each violated check, shape (k, 2)."""
     model, plan = tour.model, tour.plan
     poses = integrated(plan, model.turning_radius)
     places = {"start": poses[0, :2], "end": poses[-1, :2]}
@@ -72,12 +72,12 @@ def _broken(tour: Drawn) -> Floats:
 
 
 def within(places: Floats, least: Floats, most: Floats) -> NDArray[np.bool_]:
-    """Return which places lie within a box."""
+    """Return a mask of the places within a box."""
     return np.asarray(((places >= least) & (places <= most)).all(axis=1))
 
 
 def together(points: Floats, extent: float) -> list[tuple[int, int]]:
-    """Return the first and the last of encounters in a row that share a place on the map."""
+    """Return the first and last index of each run of encounters that share a place on the map."""
     runs: list[tuple[int, int]] = []
     for k, point in enumerate(points):
         if runs and np.hypot(*(point - points[runs[-1][0]])) <= _NEAR * extent:

@@ -2,15 +2,16 @@
 
 Coordinates, lengths and the turning radius are in m, headings in rad, counter-clockwise from the x
 axis. A path is a sequence of primitives: a left turn, a straight line or a right turn, each with its
-length; a turn by an angle is as long as the radius times the angle. With radius 0 a turn has length 0
-and leads to any heading, so paths are straight lines.
+axis. A path is a sequence of primitives with their lengths: left turn, straight line or right turn.
+The length of a turn is the radius times the angle. With radius 0 a turn has length 0 and leads to any
+heading, so paths are straight lines.
 
-Where rounding alone decides whether a turn is 0 or a full circle, it is 0: the end of the path moves
-by no more than coordinates of that size are exact.
+If rounding alone decides whether a turn is 0 or a full circle, it is 0. This moves the end of the path
+by at most the rounding error of its coordinates.
 
 Sources: L. E. Dubins, American Journal of Mathematics 79 (1957) 497-516, for the six words;
-E. J. Cockayne and G. W. C. Hall, SIAM Journal on Control 13 (1975) 197-220, for paths that end with
-any heading. The formulas are from the circles' centres.
+E. J. Cockayne and G. W. C. Hall, SIAM Journal on Control 13 (1975) 197-220, for paths with free
+final heading. The formulas use the centres of the turning circles.
 """
 
 from __future__ import annotations
@@ -38,17 +39,17 @@ __all__ = [
     "word_lengths",
 ]
 
-#: Primitives, by the sign of their curvature: left turn, straight line, right turn.
+#: Primitives by the sign of their curvature: left turn, straight line, right turn.
 L, S, R = 1, 0, -1
-#: Primitives of the six words by code: LSL, RSR, LSR, RSL, RLR, LRL.
+#: Primitives of the six words by code: LSL, RSR, LSR, RSL, RLR, LRL; shape (6, 3).
 WORDS = np.array([[L, S, L], [R, S, R], [L, S, R], [R, S, L], [R, L, R], [L, R, L]])
-#: Primitives of the words with free end heading by code: LS, RS, LR, RL.
+#: Primitives of the words with free final heading by code: LS, RS, LR, RL; shape (4, 2).
 RELAXED_WORDS = np.array([[L, S], [R, S], [L, R], [R, L]])
 
 FULL = 2.0 * math.pi
-#: Relative error of what is computed from coordinates.
+#: Relative rounding error of values computed from coordinates.
 ROUNDING = 4e-15
-#: Angle that may be missing to a full circle, in rad, for the turn to count as none.
+#: Tolerance below a full circle, in rad, within which a turn is set to 0.
 NO_TURN = 1e-12
 
 Length3 = tuple[float, float, float]
@@ -56,20 +57,20 @@ Length3 = tuple[float, float, float]
 
 @kernel
 def turn(angle: float, tolerance: float) -> float:
-    """Return `angle` within a full circle, and 0 where at most `tolerance` is missing to that."""
+    """Return `angle` modulo a full circle, or 0 if the result is within `tolerance` of a full circle."""
     rest = angle - FULL * math.floor(angle / FULL)
     return 0.0 if rest >= FULL - tolerance else rest
 
 
 @kernel
 def norm(x: float, y: float) -> float:
-    """Return the length of a vector, interpreted and compiled to the same bit."""
+    """Return the Euclidean norm; bit-identical in interpreted and compiled code."""
     return math.sqrt(x * x + y * y)
 
 
 @kernel
 def local(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> Length3:
-    """Return the target ahead and to the left of the start, and the coordinates' rounding (m)."""
+    """Return the target's coordinates ahead and to the left of the start, and their rounding error (m)."""
     dx, dy = x1 - x0, y1 - y0
     cos, sin = math.cos(h0), math.sin(h0)
     slack = ROUNDING * (abs(x0) + abs(y0) + abs(x1) + abs(y1) + r)
@@ -83,8 +84,8 @@ def _same(
 ) -> Length3:  # fmt: skip
     """Return the lengths of LSL to (`u`, `v`) with heading `phi`, from the origin with heading 0.
 
-    Here and below `sin` is that of `phi`, and `lift` is 1 less its cosine, without cancellation. A path
-    is infinite where it is seen early that it is no shorter than `most`.
+    Here and below, `sin` is the sine of `phi`, and `lift` is 1 minus its cosine, computed without
+    cancellation. The lengths are inf if an early bound shows that the path is at least `most` long.
     """
     x, y = u - r * sin, v - r * lift
     b = norm(x, y)
@@ -102,8 +103,8 @@ def _cross(
     u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
     most: float,
 ) -> Length3:  # fmt: skip
-    """Return the lengths of LSR to (`u`, `v`) with heading `phi`; inf where there is none."""
-    # The far centre lies at (x, w - 2 r) from the near one; b² is its distance² less (2 r)².
+    """Return the lengths of LSR to (`u`, `v`) with heading `phi`; inf if LSR does not exist."""
+    # The second centre is at (x, w - 2 r) from the first; b² is their distance² minus (2 r)².
     x, w = u + r * sin, v + r * lift
     square = u * u + v * v + 2.0 * r * (u * sin - v * (2.0 - lift)) - 2.0 * r * r * lift
     if square < -4.0 * slack * r or (square < 0.0 and r == 0.0):
@@ -124,9 +125,9 @@ def _arcs(
     u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
     most: float,
 ) -> Length3:  # fmt: skip
-    """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf where there is none.
+    """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf if LRL does not exist.
 
-    Of the two middle arcs it is the one beyond half a circle: the other is never part of a shortest
+    Uses the middle arc of more than half a circle. The shorter middle arc is never part of a shortest
     path.
     """
     x, y = u - r * sin, v - r * lift
@@ -144,8 +145,8 @@ def word_local(
     u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, word: int,
     most: float = math.inf,
 ) -> Length3:  # fmt: skip
-    """Return the lengths of a word to (`u`, `v`) with heading `phi` from the origin with heading 0."""
-    if word == 1 or word == 3 or word == 4:  # begins with R: the mirror image
+    """Return the lengths of `word` to (`u`, `v`) with heading `phi` from the origin with heading 0."""
+    if word == 1 or word == 3 or word == 4:  # the word begins with R: use the mirror image
         v, phi, sin = -v, -phi, -sin
     if word < 2:
         return _same(u, v, phi, sin, lift, r, slack, most)
@@ -156,7 +157,7 @@ def word_local(
 
 @kernel
 def sine_and_lift(phi: float) -> tuple[float, float]:
-    """Return the sine of `phi`, and 1 less its cosine."""
+    """Return the sine of `phi` and 1 minus its cosine."""
     half = math.sin(0.5 * phi)
     return math.sin(phi), 2.0 * half * half
 
@@ -165,21 +166,21 @@ def sine_and_lift(phi: float) -> tuple[float, float]:
 def word_lengths(
     x0: float, y0: float, h0: float, x1: float, y1: float, h1: float, r: float, word: int
 ) -> Length3:
-    """Return the lengths (m) of the three primitives of one word between two configurations.
+    """Return the lengths (m) of the three primitives of a word between two configurations.
 
     Parameters
     ----------
     x0, y0, h0, x1, y1, h1 : float
         Start and end: coordinates (m) and heading (rad).
     r : float
-        Turning radius (m), 0 or above.
+        Turning radius (m), at least 0.
     word : int
         Row of :data:`WORDS`.
 
     Returns
     -------
     tuple of 3 float
-        inf where the word does not exist.
+        Lengths (m); inf if the word does not exist.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     sin, lift = sine_and_lift(h1 - h0)
@@ -192,7 +193,19 @@ def shortest(
 ) -> tuple[float, float, float, int]:
     """Return the lengths (m) of the shortest path between two configurations, and its word.
 
-    Parameters are those of :func:`word_lengths`. Of words of equal length the first one is taken.
+    Ties are resolved in favour of the first word.
+
+    Parameters
+    ----------
+    x0, y0, h0, x1, y1, h1 : float
+        Start and end: coordinates (m) and heading (rad).
+    r : float
+        Turning radius (m), at least 0.
+
+    Returns
+    -------
+    tuple of float, float, float, int
+        Lengths (m) of the three primitives, and the row of :data:`WORDS`.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     phi = h1 - h0
@@ -209,7 +222,7 @@ def shortest(
 
 @kernel
 def outside(u: float, v: float, r: float, slack: float) -> float:
-    """Return the tangent from (`u`, `v`) to the left circle; -1 inside of it, 0 on it."""
+    """Return the length of the tangent from (`u`, `v`) to the left circle; -1 if the point is inside."""
     power = u * u + v * v - 2.0 * r * v
     if power < 0.0 and (power < -2.0 * r * slack or r == 0.0):
         return -1.0
@@ -218,7 +231,7 @@ def outside(u: float, v: float, r: float, slack: float) -> float:
 
 @kernel
 def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float:
-    """Return the angle of the turn of LS to (`u`, `v`), whose tangent to the left circle is `b`."""
+    """Return the turning angle of LS to (`u`, `v`); `b` is the length of the straight line."""
     rise = r * (u - b) + v * b
     if u > 0.0:  # without cancellation: u² - b² = v (2 r - v)
         rise = r * min(v * (2.0 * r - v) / (u + b), u) + v * b
@@ -230,10 +243,10 @@ def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float
 def right_left(u: float, v: float, r: float, major: bool) -> tuple[float, float]:
     """Return the angles of RL to (`u`, `v`), `v` >= 0, at most 3 r from the right circle's centre.
 
-    `major` asks for the second turn beyond half a circle. Without it the point must lie ahead and
-    outside the left circle. From the triangle of both centres and the point, with sides 2 r and r.
+    `major` selects the second turn of more than half a circle. Without it the point must be ahead
+    and outside the left circle. Uses the triangle of both centres and the point, with sides 2 r and r.
     """
-    power = u * u + v * v + 2.0 * r * v  # the third side² less r²
+    power = u * u + v * v + 2.0 * r * v  # the third side² minus r²
     area = math.sqrt(max((8.0 * r * r - power) * power, 0.0))
     ahead = math.atan2(u, v + r)
     beta = math.atan2(area, 4.0 * r * r + power)
@@ -245,7 +258,7 @@ def right_left(u: float, v: float, r: float, major: bool) -> tuple[float, float]
 
 @kernel
 def relaxed_local(u: float, v: float, r: float, slack: float) -> tuple[float, float, int]:
-    """Return :func:`relaxed` from the origin with heading 0 to (`u`, `v`)."""
+    """Return :func:`relaxed` to (`u`, `v`) from the origin with heading 0."""
     mirrored = v < 0.0
     v = abs(v)
     b = outside(u, v, r, slack)
@@ -259,10 +272,10 @@ def relaxed_local(u: float, v: float, r: float, slack: float) -> tuple[float, fl
 def relaxed(
     x0: float, y0: float, h0: float, x1: float, y1: float, r: float
 ) -> tuple[float, float, int]:
-    """Return the lengths (m) of the shortest path to a point with free end heading, and its word.
+    """Return the lengths (m) of the shortest path to a point with free final heading, and its word.
 
-    Towards a point to the left it is LS, or RL with a second turn beyond half a circle where the
-    point lies inside the left turning circle; mirrored to the right.
+    To a point on the left the path is LS. If the point is inside the left turning circle, the path is
+    RL with a second turn of more than half a circle. Points on the right use the mirror image.
 
     Parameters
     ----------
@@ -271,7 +284,7 @@ def relaxed(
     x1, y1 : float
         Target (m).
     r : float
-        Turning radius (m), 0 or above.
+        Turning radius (m), at least 0.
 
     Returns
     -------
@@ -284,7 +297,7 @@ def relaxed(
 
 @kernel(interpretable=True)
 def relaxed_length(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> float:
-    """Return the length (m) of :func:`relaxed`."""
+    """Return the total length (m) of :func:`relaxed`, which has the same parameters."""
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     a, b, _ = relaxed_local(u, v, r, slack)
     return a + b
@@ -292,10 +305,25 @@ def relaxed_length(x0: float, y0: float, h0: float, x1: float, y1: float, r: flo
 
 @kernel(interpretable=True)
 def advance(x: float, y: float, h: float, s: float, sign: int, r: float) -> Length3:
-    """Return the configuration after a primitive of length `s` (m) whose curvature has `sign`.
+    """Return the configuration after a primitive.
 
-    A turn with radius 0 stays where it is and keeps the heading, for its length does not tell how
-    far it turns.
+    With radius 0, a turn keeps position and heading: its length does not determine its angle.
+
+    Parameters
+    ----------
+    x, y, h : float
+        Start: coordinates (m) and heading (rad).
+    s : float
+        Length of the primitive (m).
+    sign : int
+        Sign of the curvature: 1 (left), 0 (straight) or -1 (right).
+    r : float
+        Turning radius (m), at least 0.
+
+    Returns
+    -------
+    tuple of 3 float
+        Coordinates (m) and heading (rad, not wrapped).
     """
     if sign == 0:
         return x + s * math.cos(h), y + s * math.sin(h), h
@@ -325,7 +353,7 @@ def _all_shortest(
 def _shortest_paths(
     start: ArrayLike, end: ArrayLike, r: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return lengths, shape (…, 3), and words, shape (…), for arguments that broadcast."""
+    """Return lengths, shape (…, 3), and words, shape (…), for arguments broadcast to each other."""
     first, last = np.asarray(start, float), np.asarray(end, float)
     radius = np.asarray(r, float)
     for name, ends in (("start", first), ("end", last)):
@@ -354,7 +382,7 @@ def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> NDArray[np.
     start, end : array_like, shape (…, 3)
         x, y (m) and heading (rad); leading axes broadcast, also against `r`.
     r : array_like
-        Turning radius (m), 0 or above.
+        Turning radius (m), at least 0.
 
     Returns
     -------
@@ -364,7 +392,7 @@ def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> NDArray[np.
     Raises
     ------
     InvalidData
-        Where a configuration is not finite or not of three numbers, or a radius is negative.
+        A configuration is not finite or not of three numbers, or a radius is negative.
     """
     lengths, _ = _shortest_paths(start, end, r)
     total: NDArray[np.float64] = lengths.sum(axis=-1)
@@ -374,17 +402,28 @@ def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> NDArray[np.
 def dubins_path(start: ArrayLike, end: ArrayLike, r: float) -> list[tuple[str, float]]:
     """Return the shortest path between two configurations as primitives with their lengths (m).
 
-    Parameters are those of :func:`dubins_length`, without leading axes. Primitives of length 0 are
-    left out.
+    Primitives of length 0 are omitted.
+
+    Parameters
+    ----------
+    start, end : array_like, shape (3,)
+        x, y (m) and heading (rad).
+    r : float
+        Turning radius (m), at least 0.
 
     Returns
     -------
     list of (str, float)
         ``"L"``, ``"S"`` or ``"R"``, and the length.
+
+    Raises
+    ------
+    InvalidData
+        A configuration is not finite or not of three numbers, or the radius is negative.
     """
     lengths, words = _shortest_paths(start, end, r)
     if words.ndim:
-        raise InvalidData(f"start, end and r must be of one path; got shape {words.shape}")
+        raise InvalidData(f"start, end and r must describe one path; got shape {words.shape}")
     return [
         ("RSL"[sign + 1], float(length))
         for sign, length in zip(WORDS[words], lengths, strict=True)

@@ -1,29 +1,31 @@
-"""Paths of a wanted length to a point with free end heading, and the lengths that no path has.
+"""Paths of a given length to a point with free final heading, and the lengths that no path has.
 
-The target lies at (u, v) in the start's frame, v >= 0, else all is mirrored. The *near* circle is
-the left turning circle, the *far* one the right one. Two families of paths fill what can be had, both
-with a length that never falls along the family, its slope being 1 less the cosine of the last turn:
+The target is at (u, v) in the start's frame with v >= 0, after mirroring if necessary. The *near*
+circle is the left turning circle, the *far* circle the right one. Two families of paths cover all
+attainable lengths. The length is non-decreasing along each family; its slope is 1 minus the cosine of
+the last turn:
 
-- S(s) L S, and S(s) R S: straight on before the turn, by s from 0 to any length;
-- R(α) L S: a turn away before the turn towards the target, by an angle α.
+- S(s) L S, and S(s) R S: a straight line of any length s >= 0 before the turn;
+- R(α) L S: a turn by α away from the target before the turn towards it.
 
-What follows was derived anew and compared with local searches over paths of 16 arcs of any curvature:
+The following was derived here and compared with local searches over paths of 16 arcs of any curvature:
 
-1. Outside the near circle and not ahead (u <= 0), or with v >= 2 r, S L S gives every length from
+1. Outside the near circle and not ahead (u <= 0), or with v >= 2 r, S L S attains every length from
    the shortest one on.
-2. Else R L S gives every length up to ``far``, that of RS, and S R S every one from there on. ``far``
-   has a turn of a full circle for a target straight ahead: u + 2 π r.
-3. R L S is whole where the target is farther than 3 r from the far circle's centre. Within that the
-   angles α for which the target lies in the turned left circle are left out: they end where the path
-   is RL, with a last turn below half a circle (length ``low``) or beyond (length ``high``).
-4. Inside the near circle RL with the turn beyond half a circle is the shortest path, and nothing is
-   missing from there on.
+2. Otherwise R L S attains every length up to ``far``, the length of RS, and S R S every length from
+   ``far`` on. For a target straight ahead ``far`` includes a full circle: u + 2 π r.
+3. R L S covers all α if the target is farther than 3 r from the far circle's centre. Within that
+   distance the angles α for which the target is inside the turned left circle are excluded. At the
+   ends of the excluded interval the path is RL, with a last turn of less than half a circle (length
+   ``low``) or more (length ``high``).
+4. Inside the near circle the shortest path is RL with a turn of more than half a circle, and every
+   longer length is attained.
 5. Ahead, outside the near circle and within 3 r of the far circle's centre no path of bounded
-   curvature has a length between ``low`` and ``high``. ``high`` lies below ``far``, so that not
-   all lengths below ``far`` are missing. At the start itself the gap is (0, 2 π r). Turning towards
-   the target first, LR, gives no length beyond ``low``.
+   curvature has a length between ``low`` and ``high``. ``high`` is less than ``far``, so some lengths
+   below ``far`` exist. At the start itself the gap is (0, 2 π r). LR, which turns towards the target
+   first, attains no length beyond ``low``.
 
-For both ends given the question is answered by Z. Chen, K. Wang and Y. Lu, arXiv 2109.02125.
+Z. Chen, K. Wang and Y. Lu, arXiv 2109.02125, solve the problem with given headings at both ends.
 """
 
 from __future__ import annotations
@@ -35,9 +37,9 @@ from .dubins import FULL, NO_TURN, L, R, S, local, outside, relaxed_local, right
 
 __all__ = ["elongated", "gap"]
 
-#: Families of paths, by what is done before the last turn and the straight line.
+#: Families of paths by their first part: S then L, S then R, R then L.
 TOWARDS, AWAY, FIRST_AWAY = 0, 1, 2
-#: Steps of a search at most; halving alone needs about 60.
+#: Maximum number of steps of the search. Bisection alone needs about 60.
 STEPS = 200
 
 Piece = tuple[float, float, float, float]
@@ -47,7 +49,7 @@ Piece = tuple[float, float, float, float]
 def left_straight_whole(u: float, v: float, r: float) -> tuple[float, float, float]:
     """Return turn (rad) and line (m) of LS to a point not inside the left circle, and the cosine.
 
-    Unlike that of a shortest path, a turn is a full circle where rounding says so.
+    Unlike :func:`.dubins.left_straight`, it returns a full circle if rounding yields one.
     """
     b = math.sqrt(max(u * u + v * v - 2.0 * r * v, 0.0))
     rise = r * (u - b) + v * b
@@ -61,15 +63,15 @@ def left_straight_whole(u: float, v: float, r: float) -> tuple[float, float, flo
 
 @kernel
 def far_turn(u: float, v: float, r: float) -> tuple[float, float, float]:
-    """Return turn, line and cosine of RS to a point with `v` >= 0: at least half a circle."""
+    """Return turn, line and cosine of RS to a point with `v` >= 0; the turn is at least half a circle."""
     angle, b, cos = left_straight_whole(u, -v, r)
-    # 0 stands for a full circle.
+    # An angle of 0 represents a full circle.
     return angle if angle > 1.0 or r == 0.0 else angle + FULL, b, cos
 
 
 @kernel
 def member(family: int, x: float, u: float, v: float, r: float) -> Piece:
-    """Return turn, line, length and its slope for the member `x` (m, or rad) of a family."""
+    """Return turn, line, length and slope of the length for member `x` (m or rad) of a family."""
     if family == TOWARDS:
         angle, b, cos = left_straight_whole(u - x, v, r)
         return angle, b, x + r * angle + b, 1.0 - cos
@@ -87,9 +89,9 @@ def member(family: int, x: float, u: float, v: float, r: float) -> Piece:
 def search(
     family: int, low: float, high: float, u: float, v: float, r: float, d: float
 ) -> tuple[float, float, float]:
-    """Return the member of a family between `low` and `high` that is `d` long: x, turn and line.
+    """Return the member of a family between `low` and `high` with length `d`: x, turn and line.
 
-    Newton's method, and halving where that leaves the interval or does not shorten it enough.
+    Newton's method, with bisection if a step leaves the interval or shortens it too little.
     """
     exact = 1e-15 * (d + r)
     x = low
@@ -117,7 +119,7 @@ def search(
 
 @kernel
 def has_gap(u: float, v: float, r: float, slack: float) -> bool:
-    """Return whether lengths are missing for a target at (`u`, `v`), `v` >= 0."""
+    """Return True if no path to (`u`, `v`), `v` >= 0, attains some length above the shortest."""
     square = u * u + v * v
     return (
         r > 0.0
@@ -129,7 +131,7 @@ def has_gap(u: float, v: float, r: float, slack: float) -> bool:
 
 @kernel
 def gap_local(u: float, v: float, r: float, slack: float) -> tuple[float, float]:
-    """Return :func:`gap` from the origin with heading 0 to (`u`, `v`)."""
+    """Return :func:`gap` for the origin with heading 0 and the target (`u`, `v`)."""
     v = abs(v)
     if not has_gap(u, v, r, slack):
         return math.inf, math.inf
@@ -142,7 +144,7 @@ def gap_local(u: float, v: float, r: float, slack: float) -> tuple[float, float]
 
 @kernel
 def reachable(u: float, v: float, r: float, d: float, slack: float) -> bool:
-    """Return whether a path of length `d` leads from the origin with heading 0 to (`u`, `v`)."""
+    """Return True if a path of length `d` from the origin with heading 0 to (`u`, `v`) exists."""
     first, second, _ = relaxed_local(u, v, r, slack)
     low, high = gap_local(u, v, r, slack)
     slight = NO_TURN * (d + r) + slack
@@ -151,21 +153,21 @@ def reachable(u: float, v: float, r: float, d: float, slack: float) -> bool:
 
 @kernel(interpretable=True)
 def gap(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> tuple[float, float]:
-    """Return the open interval of lengths (m) that no path to a point has, beyond the shortest one.
+    """Return the open interval of lengths (m) above the shortest that no path to a point attains.
 
     Parameters
     ----------
     x0, y0, h0 : float
         Start: coordinates (m) and heading (rad).
     x1, y1 : float
-        Target (m); the heading there is free.
+        Target (m); the final heading is free.
     r : float
-        Turning radius (m), 0 or above.
+        Turning radius (m), at least 0.
 
     Returns
     -------
     low, high : float
-        inf where no length is missing.
+        Ends of the interval (m); inf if every length is attained.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     return gap_local(u, v, r, slack)
@@ -175,7 +177,7 @@ def gap(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> tupl
 def elongated(
     x0: float, y0: float, h0: float, x1: float, y1: float, r: float, d: float
 ) -> tuple[float, float, float, int, int, int, bool]:
-    """Return a path of length `d` to a point with free end heading.
+    """Return a path of length `d` to a point with free final heading.
 
     Parameters
     ----------
@@ -184,8 +186,8 @@ def elongated(
     x1, y1 : float
         Target (m).
     r : float
-        Turning radius (m), 0 or above. With 0 the path leads straight on along the heading, and
-        from there straight to the target.
+        Turning radius (m), at least 0. With 0 the path is a straight line along the heading, followed
+        by a straight line to the target.
     d : float
         Length (m).
 
@@ -194,10 +196,10 @@ def elongated(
     a, b, c : float
         Lengths (m) of the three primitives.
     s1, s2, s3 : int
-        The signs of their curvatures.
+        Signs of their curvatures.
     ok : bool
-        Whether there is such a path; `a`, `b` and `c` are 0 where there is none. Lengths short of the
-        possible ones by rounding alone are granted.
+        True if the path exists; otherwise `a`, `b` and `c` are 0. Lengths that miss an attainable
+        length by rounding alone are accepted.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     side = L if v >= 0.0 else R

@@ -1,4 +1,4 @@
-"""A first guess at a tour: the vehicle that is met soonest comes next, headings lie halfway."""
+"""Initial guess of a tour: the vehicle met soonest comes next, headings bisect the directions."""
 
 from __future__ import annotations
 
@@ -20,23 +20,28 @@ Floats = NDArray[np.float64]
 
 #: Letters of the six words by code.
 LETTERS = ["".join("RSL"[sign + 1] for sign in word) for word in WORDS.tolist()]
-#: Angle by which a turn of a word that is not one of the six begins, rad.
+#: Initial angle of each turn of a word other than the six, in rad.
 ANGLE = 0.1
 
 
 def met_after(model: MessengerTour, place: Floats, time: float, vehicles: Sequence[int]) -> Floats:
-    """Return how long straight flights to vehicles take, s.
+    """Return the durations of straight flights to vehicles, in s.
 
     Parameters
     ----------
     model : MessengerTour
         The model.
     place : ndarray, shape (2,)
-        Where they begin, m.
+        Start of the flights, in m.
     time : float
-        When, s.
+        Time of the start, in s.
     vehicles : sequence of int
-        Which.
+        Indices of the k vehicles.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Duration of the flight to each vehicle, in s.
     """
     rate = model.velocities[vehicles]
     way = model.positions[vehicles] + rate * time - place
@@ -49,22 +54,27 @@ def met_after(model: MessengerTour, place: Floats, time: float, vehicles: Sequen
 def guessed(
     model: MessengerTour, order: Sequence[int] | None, words: Sequence[str] | None
 ) -> TourPlan:
-    """Return a tour that meets vehicles at their centres, unless a word is given that does not lead there.
+    """Return a tour that meets each vehicle at its centre, unless a given word cannot lead there.
 
     Parameters
     ----------
     model : MessengerTour
         The model.
     order : sequence of int, optional
-        The vehicles; by default the one that is met soonest on a straight line comes next.
+        Order of the vehicles. Default: the vehicle met soonest on a straight line comes next.
     words : sequence of str, optional
-        Turns of each leg; by default those of the shortest way.
+        Turns of each leg. Default: the turns of the shortest path.
+
+    Returns
+    -------
+    TourPlan
+        The tour. It may be infeasible if a word of `words` is not one of the six Dubins words.
     """
     n, r = model.size, model.turning_radius
     met: list[int] = []
 
     def soonest(place: Floats, time: float) -> tuple[int, Floats, float]:
-        """Return which vehicle comes next, and where and after how long a straight line meets it."""
+        """Return the next vehicle, and the place and duration of a straight flight to it."""
         left = [k for k in range(n) if k not in met] if order is None else [order[len(met)]]
         after = met_after(model, place, time, left)
         k = int(np.argmin(after))
@@ -104,7 +114,7 @@ def guessed(
 
 
 def _halfway(before: Floats, after: Floats) -> float:
-    """Return the heading halfway between the directions of two sides of a path."""
+    """Return the heading that bisects the directions of two consecutive sides of a path."""
     x, y = before / (math.hypot(*before) or 1.0) + after / (math.hypot(*after) or 1.0)
     return math.atan2(y, x)
 
@@ -113,20 +123,20 @@ def _delay(
     speed: float, pose: Floats, goal: Floats, heading: float, rate: Floats, r: float,
     word: str | None, after: float,
 ) -> float:  # fmt: skip
-    """Return by how much a vehicle is met later than on a straight line, s.
+    """Return the delay of an encounter relative to a straight flight, in s.
 
     Parameters
     ----------
     speed : float
-        Of the UAV, m/s.
+        Speed of the UAV, in m/s.
     pose : ndarray, shape (3,)
-        Where it is.
+        Pose of the UAV at the start of the leg.
     goal, heading, rate : ndarray of shape (2,), float, ndarray of shape (2,)
-        Where a straight line meets the vehicle, m, the heading there, rad, and its velocity, m/s.
+        Encounter of the straight flight (m), heading there (rad), and velocity of the vehicle (m/s).
     r, word : float, str or None
-        The turning radius, m, and the word of the leg.
+        Turning radius (m) and word of the leg.
     after : float
-        How long the straight line takes, s.
+        Duration of the straight flight, in s.
     """
 
     def early(late: float) -> float:
@@ -141,12 +151,12 @@ def _delay(
     most = -least / speed
     while early(most) < 0.0:
         most *= 2.0
-    # The length jumps by a full circle here and there; then the delay is one of two sides of that.
+    # The length may jump by a full circle. The result is then one side of the jump.
     return float(brentq(early, 0.0, most, xtol=1e-12 * most))
 
 
 def _leg(a: Floats, b: Floats, r: float, word: str | None) -> tuple[str, tuple[float, ...]]:
-    """Return a word from a pose to another, and its lengths; of a word of its own, a guess."""
+    """Return a word between two poses and its lengths; the lengths of an unusual word are a guess."""
     (x0, y0, h0), (x1, y1, h1) = a.tolist(), b.tolist()
     if word is None:
         first, second, third, code = shortest(x0, y0, h0, x1, y1, h1, r)

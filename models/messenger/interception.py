@@ -1,26 +1,26 @@
-"""When a UAV can meet a point that moves along a line with constant velocity.
+"""Earliest interception by a UAV of a point that moves along a line with constant velocity.
 
-All is seen from the UAV's start, in its frame, mirrored so that the point is on the left. Time is cut
-where the point crosses the line ahead or a circle of radius r or 3 r about the centre of a turning
-circle. In between the point stays in one of three regions (see :mod:`.elongation`):
+The frame is that of the UAV at its start, mirrored so that the point is on the left. Time is divided
+at the moments when the point crosses the line ahead or a circle of radius r or 3 r about the centre of
+a turning circle. Between two of these the point stays in one of three regions (see
+:mod:`.elongation`):
 
-- outside the turning circle and where no length is missing, it is met once LS is short enough. The
-  slope of that length along the point's way is at most its speed, so what the UAV has flown beyond it
-  only grows: there is one root at most, and a bracket for it;
-- where lengths are missing, it is met when LS is short enough or, later than that, at the edges of
-  the gap;
-- inside the turning circle, it is met when RL is short enough.
+- Outside the turning circle and without a gap, it is met once LS is short enough. The slope of that
+  length along the point's path is at most the point's speed, so the length flown minus the path length
+  increases: it has at most one root, which is bracketed.
+- With a gap, it is met when LS is short enough, or later at the edges of the gap.
+- Inside the turning circle, it is met when RL is short enough.
 
-The lengths of RL at the edges change at most by √8 r / √(9 r² - D²) times the point's way, D being the
-distance from the far circle's centre: beyond every bound towards D = 3 r. Along σ with
+The lengths of RL at the edges change by at most √8 r / √(9 r² - D²) times the point's displacement,
+where D is the distance from the far circle's centre. This is unbounded towards D = 3 r. Along σ with
 t = middle - half cos σ, where t runs from one crossing of the circle of radius 3 r to the other, they
-change at most by √8 r dσ. So a step in σ that cannot jump over a root is known everywhere, and
-the first root is found by stepping. The two families of edges meet the shortest length without a jump
-where the point crosses the turning circle: that jump needs no care of its own.
+change by at most √8 r dσ. This bounds a step in σ that cannot skip a root, so stepping finds the first
+root. The two families of edges join the shortest length continuously where the point crosses the
+turning circle, so that crossing needs no special case.
 
-With the heading at the end given, the same holds for each of the six words: between the times where
-one of its turns is 0, the length of C S C has a slope of at most the point's speed, and that of C C C
-changes at most by 4 r dσ, modulo 2 π r, for σ between crossings of the circle of radius 4 r.
+With a given final heading the same holds for each of the six words. Between the times at which one of
+its turns is 0, the length of C S C has a slope of at most the point's speed. The length of C C C changes
+by at most 4 r dσ, modulo 2 π r, for σ between crossings of the circle of radius 4 r.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from .elongation import has_gap, reachable
 
 __all__ = ["intercept", "intercept_heading"]
 
-#: Distance from the jumps of a word's length at which it is evaluated, as a part of the time.
+#: Distance from a jump of a word's length at which the length is evaluated, relative to the time.
 MARGIN = 1e-9
-#: Error of a length, relative to itself and the radius, within which a word counts as found.
+#: Error of a length, relative to itself plus the radius, up to which a root of a word is accepted.
 EXACT = 1e-11
 
 
 @kernel
 def sooner(t: float, candidate: float, best: float) -> float:
-    """Return the candidate if it lies between `t` and the best so far, else that."""
+    """Return the candidate if it is between `t` and the current best, otherwise the current best."""
     return candidate if t < candidate < best else best
 
 
 @kernel
 def next_cut(t: float, c: Chase) -> float:
-    """Return when the point next enters or leaves a region after `t`; inf where it never does."""
+    """Return the next time after `t` at which the point enters or leaves a region, or inf."""
     best = math.inf
     if c.dv != 0.0:
         best = sooner(t, -c.v / c.dv, best)
@@ -74,28 +74,28 @@ def intercept(
     speed: float,
     r: float,
 ) -> float:
-    """Return the first time at which the UAV can meet a moving point with any heading.
+    """Return the earliest time at which the UAV can meet a moving point with any heading.
 
-    A path of length ``speed * (t - t0)`` to where the point is at ``t`` exists then, and at no time
-    before, but where the way flown passes the edge of a gap by less than 1e-7 r and falls back.
+    A path of length ``speed * (t - t0)`` to the point at time ``t`` exists, and none exists earlier.
+    Exception: the length flown exceeds the edge of a gap by less than 1e-7 r for a short time.
 
     Parameters
     ----------
     x0, y0, h0, t0 : float
-        Where the UAV starts, m and rad, and when, s.
+        Start of the UAV: coordinates (m), heading (rad) and time (s).
     px, py : float
-        Where the point is at time 0 (m).
+        Position of the point at time 0 (m).
     vx, vy : float
-        The point's velocity (m/s).
+        Velocity of the point (m/s).
     speed : float
-        The UAV's (m/s).
+        Speed of the UAV (m/s).
     r : float
-        Turning radius (m), 0 or above.
+        Turning radius (m), at least 0.
 
     Returns
     -------
     float
-        Time (s), `t0` or later; inf where the point is as fast as the UAV or faster.
+        Time (s), at least `t0`; inf if the point is at least as fast as the UAV.
     """
     u, v, slack = local(x0, y0, h0, px + vx * t0, py + vy * t0, r)
     du, dv, _ = local(0.0, 0.0, h0, vx, vy, 0.0)
@@ -127,14 +127,14 @@ def intercept(
             found = stepping(kind, t, cut, c.u, c.v + r, 3.0 * r, rate, c)
         if found < math.inf and reachable(u + du * found, v + dv * found, r, speed * found, slack):
             return t0 + found
-        # What was found is no path but a jump, where the point passes the start.
+        # The root is a jump without a path, at which the point passes the start.
         t = found if t < found < cut else cut
     return math.inf
 
 
 @kernel
 def next_turn(word: int, t: float, c: Chase) -> float:
-    """Return when next after `t` a turn of a word C S C is 0, or the word begins or ends to exist."""
+    """Return the next time after `t` at which a turn of a C S C word is 0 or the word's existence changes."""
     mirror = -1.0 if word == 1 or word == 3 else 1.0
     sin, cos = mirror * c.sin, 1.0 - c.lift
     y, dy = mirror * c.v, mirror * c.dv
@@ -155,7 +155,7 @@ def next_turn(word: int, t: float, c: Chase) -> float:
 
 @kernel
 def earliest(word: int, t: float, end: float, c: Chase) -> float:
-    """Return a time between `t` and `end` at which a word is as long as the way flown; inf if none."""
+    """Return the first time in [`t`, `end`] at which the word is as long as the length flown, or inf."""
     if word >= 4:
         mirror = 1.0 if word == 4 else -1.0
         x, y = c.u + mirror * c.r * c.sin, c.v + mirror * c.r * c.lift
@@ -187,24 +187,24 @@ def intercept_heading(
     speed: float,
     r: float,
 ) -> tuple[float, int]:
-    """Return a time at which the UAV can meet a moving point with a given heading, and by which word.
+    """Return the earliest time at which the UAV can meet a moving point with a given heading.
 
-    The earliest time at which one of the six words is as long as the way flown, however late. Missed
-    may be what lies within 1e-9 of the time next to a jump of a word's length, and a C C C that is in
-    reach for less than 0.3 r of way.
+    The time is the earliest at which one of the six words is as long as the length flown. The search may
+    miss roots within 1e-9 of the time from a jump of a word's length, and a C C C word that is feasible
+    for less than 0.3 r of the length flown.
 
     Parameters
     ----------
     x0, y0, h0, t0, px, py, vx, vy, speed, r : float
-        As for :func:`intercept`.
+        See :func:`intercept`.
     h1 : float
-        Heading at the end (rad).
+        Final heading (rad).
 
     Returns
     -------
     float, int
-        Time (s) and row of ``dubins.WORDS``; inf where no time was found, or where the point is as
-        fast as the UAV or faster.
+        Time (s) and row of ``dubins.WORDS``. The time is inf if the search finds none, or if the point
+        is at least as fast as the UAV.
     """
     u, v, slack = local(x0, y0, h0, px + vx * t0, py + vy * t0, r)
     du, dv, _ = local(0.0, 0.0, h0, vx, vy, 0.0)

@@ -1,4 +1,4 @@
-"""The tour of a messenger UAV over moving ground vehicles.
+"""Tour of a messenger UAV over moving ground vehicles.
 
 Source: "A Memetic Algorithm for Curvature-Constrained Path Planning of Messenger UAV in Air-Ground
 Coordination", IEEE Transactions on Automation Science and Engineering, doi
@@ -23,43 +23,44 @@ __all__ = ["MessengerTour"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MessengerTour(TourData, Model[TourPlan]):
-    r"""The shortest flight of a fixed-wing UAV that comes within radio range of every vehicle.
+    r"""Shortest flight of a fixed-wing UAV that comes within radio range of every vehicle.
 
     Vehicle i drives along the known line P_i + V_i t. The UAV flies at a constant speed v along a
-    path whose curvature is at most 1/r_min, and meets vehicle i once, at a time t_i at which it is
-    no further than r_i from it. Minimise the length v T of the path, up to the last encounter, or
-    back to where it began. Known as the Dubins travelling salesman problem with dynamic
-    neighbourhoods.
+    path of curvature at most 1/r_min, and meets each vehicle i once, at a time t_i at which their
+    distance is at most r_i. Minimise the length v T of the path up to the last encounter, or, for a
+    closed tour, back to its start. The problem is known as the Dubins travelling salesman problem
+    with dynamic neighbourhoods.
 
-    Vehicles at rest make it the Dubins problem with neighbourhoods, radii of 0 the one with moving
-    targets, and a turning radius of 0 the Euclidean one, where the UAV may turn on the spot.
+    Special cases: with vehicles at rest, the Dubins problem with neighbourhoods; with radii of 0, the
+    problem with moving targets; with a turning radius of 0, the Euclidean problem, in which the UAV
+    turns on the spot.
 
     Parameters
     ----------
     positions : ndarray, shape (n, 2)
-        P_i, where the vehicles are at time 0, m.
+        P_i, positions of the vehicles at time 0, in m.
     velocities : ndarray, shape (n, 2)
-        V_i, m/s; at rest by default. Each must be slower than the UAV.
+        V_i, in m/s. Default: 0. Each vehicle must be slower than the UAV.
     radius : ndarray, shape (n,)
-        r_i, how near the UAV must come, m; one number counts for all (paper: r_com).
+        r_i, largest distance at an encounter, in m; a scalar applies to all vehicles (paper: r_com).
     speed : float
-        v, the speed of the UAV, m/s (paper: v_A).
+        v, speed of the UAV, in m/s (paper: v_A).
     turning_radius : float
-        r_min, m; 0 where it may turn on the spot.
+        r_min, in m; 0 if the UAV can turn on the spot.
     start : ndarray, shape (2,) or (3,), optional
-        Where the path begins: x, y (m) and the heading (rad, counter-clockwise from the x axis);
-        without a heading any will do. None lets it begin anywhere, which only a closed tour over
-        vehicles at rest may.
+        Start of the path: x, y (m) and the heading (rad, counter-clockwise from the x axis). Without
+        a heading, the heading is free. None leaves the start free, which is allowed only for a closed
+        tour over vehicles at rest.
     closed : bool
-        Whether the path leads back to the position and the heading with which it began.
+        Whether the path returns to its initial position and heading.
     ids : sequence of int or str, optional
         Names of the vehicles.
 
     Raises
     ------
     InvalidData
-        Naming field, row and value: no vehicle, one that is as fast as the UAV, negative radii,
-        NaN, wrong shapes, ids that repeat.
+        No vehicle, a vehicle at least as fast as the UAV, a negative radius, NaN, a wrong shape or a
+        repeated id. The message contains field, row and value.
 
     Examples
     --------
@@ -79,26 +80,38 @@ class MessengerTour(TourData, Model[TourPlan]):
 
     # -- plans -----------------------------------------------------------------------------------
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow yields inf or NaN, which is a violation
     def verify(self, plan: TourPlan, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the length and every constraint, from the primitives integrated anew.
+        """Return the length and the violation of every constraint.
 
-        The end of each primitive follows from its turn and length alone, in NumPy and apart from
-        the kernels that backends use. A position may be off by `tolerance` times the vehicle's
-        radius, or for a radius of 0 times the mean distance between vehicles that the field leaves.
+        The poses are integrated from the turns and lengths of the primitives in NumPy, independently of
+        the kernels of the solvers. A position may be off by `tolerance` times the vehicle's radius; for a
+        radius of 0, by `tolerance` times the extent of the field per vehicle.
+
+        Parameters
+        ----------
+        plan : TourPlan
+            The tour.
+        tolerance : float
+            Largest relative violation accepted.
+
+        Returns
+        -------
+        Verification
+            Objective (m) and checks.
         """
         return verify_tour(self, plan, tolerance)
 
     def plan_to_data(self, plan: TourPlan) -> Any:
-        """Return ``{"order", "times", "points", "start", "primitives"}``."""
+        """Return the plan as ``{"order", "times", "points", "start", "primitives"}``."""
         return plan.to_data()
 
     def plan_from_data(self, data: Any) -> TourPlan:
-        """Return the plan in `data`."""
+        """Return the plan that :meth:`plan_to_data` wrote."""
         return TourPlan.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a short description of the size."""
         low, high = self.radius.min(), self.radius.max()
         radius = f"{low:g}" if low == high else f"{low:g} … {high:g}"
         kind = ", closed" if self.closed else ""

@@ -1,14 +1,14 @@
-"""The motion along a tour as equations, and a tour from the lengths of its primitives.
+"""Equations of motion along a tour, and conversion of primitive lengths to a tour.
 
-Columns are the start, the length of every primitive and the state at every encounter: the offset
-from the vehicle, the heading and the length flown. A leg then ties two states to each other and to
-its own lengths only, so that Jacobian and Hessian are banded, and an offset keeps its digits however
-far apart the vehicles are. With the start at the origin, c_i = V_i / v and the offset d_i, vehicle i
-is met at P_i + c_i s_i + d_i after a flight of s_i. A turn of length l and sign σ leads ahead by
-2 r sin(l / 2r) in the direction h + σ l / 2r, a straight line by l in the direction h.
+The columns are the start, the length of each primitive and the state at each encounter: the offset
+from the vehicle, the heading and the length flown. A leg couples only two states and its own lengths,
+so Jacobian and Hessian are banded. An offset keeps its precision however far apart the vehicles are.
+With the start at the origin, c_i = V_i / v and the offset d_i, vehicle i is met at P_i + c_i s_i + d_i
+after a flight of length s_i. A turn of length l and sign σ advances by 2 r sin(l / 2r) in the direction
+h + σ l / 2r, a straight line by l in the direction h.
 
-Where the turning radius is 0, a leg of length l leads anywhere within l: what is left of l is flown
-out and back. With nothing but |P - Q| <= l, a cone, the program of an order is convex.
+With a turning radius of 0, a leg of length l reaches any point within distance l: the surplus is flown
+out and back. The only constraint is |P - Q| <= l, a cone, so the program of an order is convex.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ Floats = NDArray[np.float64]
 
 
 class Layout(NamedTuple):
-    """Where the columns lie.
+    """Positions of the blocks of columns in the column vector.
 
     Parameters
     ----------
     counts : tuple of int
-        Primitives of each leg; one where the turning radius is 0.
+        Number of primitives of each leg; 1 if the turning radius is 0.
     vehicles : int
-        How many there are; one leg more than that leads back.
+        Number of vehicles. A closed tour has one more leg, which leads back.
     turning : bool
-        Whether the turning radius is above 0.
+        Whether the turning radius is positive.
     """
 
     counts: tuple[int, ...]
@@ -50,18 +50,18 @@ class Layout(NamedTuple):
 
     @property
     def pieces(self) -> int:
-        """The number of primitives."""
+        """Number of primitives."""
         return sum(self.counts)
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Entries of each block of columns, in their order."""
+        """Size of each block of columns, in order."""
         n, k = self.vehicles, self.pieces
         heading = n if self.turning else 0
         return {"start": 3, "length": k, "offset": 2 * n, "heading": heading, "flown": n}
 
     def split(self, x: Any) -> dict[str, Any]:
-        """Return the blocks of a column vector, by their names."""
+        """Return the blocks of a column vector by name."""
         at, found = 0, {}
         for name, size in self.sizes.items():
             found[name] = x[at : at + size]
@@ -70,28 +70,29 @@ class Layout(NamedTuple):
 
 
 def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]) -> dict[str, Any]:
-    """Return objective and rows as expressions of the columns.
+    """Return the objective and the rows as expressions of the columns.
 
     Parameters
     ----------
     x : casadi.SX, shape (n,)
         The columns, as in `layout`.
     layout : Layout
-        Where they lie.
+        Positions of the blocks.
     signs : sequence
-        Sign of every primitive's curvature: numbers, or symbols that stand for -1, 0 or 1.
+        Sign of every primitive's curvature: numbers, or symbols with the values -1, 0 or 1.
     data : dict
-        ``"place"`` (n, 2), P_i in the order of encounters from the start's place, m; ``"drift"``
-        (n, 2), c_i; ``"radius"`` of turning, m; ``"winding"``, full circles that a closed tour turns
-        by; ``"blunt"``, what rounds the tip of the cone of a leg without turns, m. Numbers or symbols.
+        Numbers or symbols: ``"place"`` (n, 2), P_i in the order of encounters relative to the start,
+        in m; ``"drift"`` (n, 2), c_i; ``"radius"``, the turning radius in m; ``"winding"``, the number of
+        full circles of a closed tour; ``"blunt"``, the rounding of the tip of the cone of a leg without
+        turns, in m.
 
     Returns
     -------
     dict
-        ``"length"``, the objective, and of the rows, as lists: ``"motion"``, two a leg, m, 0;
-        ``"turn"``, one a leg, rad, 0; where the turning radius is 0 instead ``"straight"``, one a
-        leg, m, at most 0; ``"flown"``, one a vehicle, m, 0; ``"apart"``, the squared offset of each
-        vehicle, m².
+        ``"length"``, the objective, and lists of rows: ``"motion"``, two per leg, in m, equal to 0;
+        ``"turn"``, one per leg, in rad, equal to 0; with a turning radius of 0 instead ``"straight"``,
+        one per leg, in m, at most 0; ``"flown"``, one per vehicle, in m, equal to 0; ``"apart"``, the
+        squared offset of each vehicle, in m².
     """
     import casadi as ca
 
@@ -153,22 +154,27 @@ def tour(
     lengths: Floats,
     directions: Floats | None = None,
 ) -> TourPlan:
-    """Return the plan that flies given primitives, met and timed as they lead it.
+    """Return the plan that flies given primitives, with times and points from their integration.
 
     Parameters
     ----------
     model : MessengerTour
         The model.
     order : sequence of int
-        The vehicles.
+        Order of the vehicles.
     words : sequence of str
         Turns of each leg.
     start : ndarray, shape (3,)
-        x, y (m), heading (rad).
+        x, y (m) and heading (rad) at the start.
     lengths : ndarray, shape (k,)
-        Of all primitives, m.
+        Lengths of all primitives, in m.
     directions : ndarray, shape (k,), optional
-        Their headings where the turning radius is 0, rad.
+        Headings of the primitives if the turning radius is 0, in rad.
+
+    Returns
+    -------
+    TourPlan
+        The plan.
     """
     letters = "".join(words)
     legs = np.repeat(np.arange(len(words)), [len(word) for word in words])
@@ -189,9 +195,12 @@ def tour(
 
 
 def words_of(model: MessengerTour, plan: TourPlan) -> tuple[str, ...]:
-    """Return the turns of each leg of `plan`: one line where the turning radius is 0.
+    """Return the turns of each leg of `plan`; with a turning radius of 0, one line per leg.
 
-    Raises ``InvalidData`` where a primitive belongs to no leg.
+    Raises
+    ------
+    InvalidData
+        The leg number of a primitive is out of range.
     """
     words = [""] * (model.size + model.closed)
     for row, one in enumerate(plan.primitives):

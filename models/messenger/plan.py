@@ -1,4 +1,4 @@
-"""A tour as it is flown: when and where each vehicle is met, and the path between."""
+"""Plan of a messenger tour: times and places of the encounters, and the path between them."""
 
 from __future__ import annotations
 
@@ -16,25 +16,26 @@ __all__ = ["Primitive", "TourPlan"]
 
 Floats = NDArray[np.float64]
 
-#: Curvature by the turn's letter, in units of the largest.
+#: Curvature by the letter of the turn, in units of the largest curvature.
 SIGNS = {"L": 1.0, "S": 0.0, "R": -1.0}
-#: The greatest number that a leg may have.
+#: Upper limit on the leg number of a primitive.
 MOST_LEGS = 2**31
 
 
 class Primitive(NamedTuple):
-    """A piece of the path: a turn at the least radius, or a straight line.
+    """Piece of the path: a turn at the turning radius, or a straight line.
 
     Parameters
     ----------
     leg : int
-        0 leads to the first vehicle of the order, k to the k-th after it; one more leads back.
+        Leg number: 0 leads to the first vehicle of the order, k to the next k-th vehicle. The last leg
+        of a closed tour leads back.
     turn : {"L", "S", "R"}
-        Left, straight on, right.
+        Left turn, straight line or right turn.
     length : float
-        m.
+        Length, in m.
     heading : float
-        Where it begins, rad, counter-clockwise from the x axis.
+        Heading at the beginning, in rad, counter-clockwise from the x axis.
     """
 
     leg: int
@@ -45,20 +46,25 @@ class Primitive(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TourPlan:
-    """A flight over the vehicles.
+    """Flight over the vehicles.
 
     Parameters
     ----------
     order : tuple of int
-        Indices of the vehicles in the order in which they are met.
+        Indices of the vehicles in the order of their encounters.
     times : ndarray, shape (n,)
-        When each is met, in that order, s.
+        Time of each encounter, in that order, in s.
     points : ndarray, shape (n, 2)
-        Where the UAV is then, m.
+        Position of the UAV at each encounter, in m.
     start : ndarray, shape (3,)
-        Where the path begins: x, y (m), heading (rad).
+        Start of the path: x, y (m), heading (rad).
     primitives : tuple of Primitive
         The path.
+
+    Raises
+    ------
+    InvalidData
+        A field has a wrong shape or type, or a primitive has an unknown turn.
     """
 
     order: tuple[int, ...]
@@ -82,12 +88,12 @@ class TourPlan:
 
     @property
     def length(self) -> float:
-        """The length of the path, m."""
-        # What overflows is infinite, and so violated.
+        """Length of the path, in m."""
+        # Overflow yields inf, which the verification reports as a violation.
         return float(sum(one.length for one in self.primitives))
 
     def leg(self, number: int) -> tuple[Primitive, ...]:
-        """Return the primitives of one leg."""
+        """Return the primitives of leg `number`."""
         return tuple(one for one in self.primitives if one.leg == number)
 
     def to_data(self) -> dict[str, Any]:
@@ -102,7 +108,7 @@ class TourPlan:
 
     @classmethod
     def from_data(cls, data: Any) -> TourPlan:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan that :meth:`to_data` wrote; raise ``InvalidData`` if the data is malformed."""
         keys = ("order", "times", "points", "start", "primitives")
         if not isinstance(data, Mapping):
             raise InvalidData(f"a plan must be an object, got {show(data)}", field="plan")

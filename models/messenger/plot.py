@@ -1,4 +1,4 @@
-"""The picture of a messenger tour: the path by time, the vehicles' tracks, and where they are met."""
+"""Plots of messenger tours: path, tracks of the vehicles and encounters."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ __all__ = ["animate_tour", "draw", "draw_progress"]
 Floats = NDArray[np.float64]
 
 VEHICLE, NAME = axis_style(1)["color"], axis_style(5)["color"]
-#: Numbers of the colours that legs take in turn: all but those of vehicles and of black.
+#: Indices of the colours of the legs, in cyclic order: all but those of vehicles and of black.
 _LEGS = (0, 2, 3, 4, 5)
-#: More numbers than this are not told apart, more names neither; then every tenth is written.
+#: Largest numbers of encounters and of vehicles that are all labelled; beyond, every tenth encounter is.
 _MOST_NUMBERS, _MOST_NAMES = 45, 25
-#: Where the first half of the encounters fills less than this part of the map, it is drawn apart.
+#: Share of the map below which the first half of the encounters gets a map of its own.
 _CROWDED = 0.2
-#: What is longer than this part of the map's width has an arrow.
+#: Share of the map's width above which a track or leg has an arrow.
 _LONG = 0.04
-#: Length of the longest arrow of a velocity, as a part of the map.
+#: Length of the longest velocity arrow, as a share of the map.
 _ARROW = 0.1
 
 
@@ -72,40 +72,40 @@ def draw(
     model : MessengerTour
         The model.
     plan : TourPlan, optional
-        A plan for it, valid or not; the worst place of each rule that it breaks is ringed in red. None
-        draws where the vehicles are at time 0 and where they go.
+        Plan of the model, feasible or not. The place of the largest violation of each violated
+        check has a red ring. None draws the vehicles at time 0 and their velocities.
     colour : {"time", "leg"}
-        What the colour of the path tells: when the UAV is there, or on the way to which vehicle.
+        Colour of the path: by time, or by leg.
     labels : bool, optional
-        Whether to number the encounters and to name the vehicles. By default where they are few
-        enough to be read; of more, every tenth encounter is numbered.
+        Whether to number the encounters and to name the vehicles. Default: True if the labels are
+        few enough to be legible. With more encounters, every tenth is numbered.
     zoom : bool, optional
-        Whether to draw the first half of the encounters once more beside, larger. By default where
-        they are crowded, as on long tours: vehicles drive away while the UAV is on its way.
+        Whether to add a second, larger map of the first half of the encounters. Default: True if
+        these are crowded, as on long tours during which vehicles drive away.
     tolerance : float
-        Largest violation accepted, relative, for what the title says and what is ringed: that of
+        Largest relative violation accepted, for the title and the red rings. Use the tolerance of
         the solution.
     title : str, optional
-        Instead of the name, the length and the time.
+        Title. Default: the name, the length and the time.
     size : (float, float), optional
-        Width and height (inch).
+        Width and height, in inches.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With one map, or with two and the scale of the colours.
+        Figure with one map, or with two maps, and the colour scale.
 
     Raises
     ------
     InvalidData
-        The plan is none of a tour, or names a vehicle that does not exist.
+        The plan has another type, or contains an unknown vehicle.
     UnsupportedOption
         An option has a value that is not allowed.
 
     See Also
     --------
-    animate_tour : The same in motion.
-    draw_progress : How solutions came about.
+    animate_tour : Animation of a plan.
+    draw_progress : Plot of the incumbents of a solve.
     """
     check_option("colour", colour, colour in ("time", "leg"), "be 'time' or 'leg'")
     check_flags(**{k: v for k, v in (("labels", labels), ("zoom", zoom)) if v is not None})
@@ -138,7 +138,7 @@ def draw(
             _draw_vehicles(model, axes, scale, labels=labels)
             continue
         lines = _draw_tour(tour, axes, scale, colour)
-        # What the other map shows larger is numbered there.
+        # Encounters that the second map shows are numbered there.
         inside = within(tour.plan.points, least, most)
         if place == 0 and half is not None:
             inside &= ~within(tour.plan.points, *parts[1])
@@ -165,7 +165,7 @@ def _title(model: MessengerTour, found: Verification | None) -> str:
 
 
 def _vehicles_alone(model: MessengerTour) -> Floats:
-    """Return places that the map of a model without a plan must show."""
+    """Return the places that the map of a model without a plan must include."""
     reach = model.radius[:, None]
     start = np.empty((0, 2)) if model.start is None else model.start[None, :2]
     return np.concatenate([model.positions - reach, model.positions + reach, start])
@@ -175,7 +175,7 @@ def _vehicles_alone(model: MessengerTour) -> Floats:
 
 
 def _draw_tour(tour: Drawn, axes: Any, scale: float, colour: str) -> Any:
-    """Draw vehicles, path and encounters, and return the lines of the path."""
+    """Draw vehicles, path and encounters; return the lines of the path."""
     model, plan = tour.model, tour.plan
     _draw_discs(axes, tour.meetings * scale, model.radius[tour.met] * scale)
     _draw_tracks(tour, axes, scale)
@@ -198,7 +198,7 @@ def _draw_path(path: Track, axes: Any, scale: float, colour: str, speed: float) 
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
-    # The brightest yellow is not seen on white.
+    # The brightest yellow is invisible on white.
     shades = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.9, 256)))
     places = path.poses[:, :2] * scale
     lines = _draw_lines(
@@ -214,7 +214,7 @@ def _draw_path(path: Track, axes: Any, scale: float, colour: str, speed: float) 
 
 
 def _draw_tracks(tour: Drawn, axes: Any, scale: float) -> None:
-    """Draw where the vehicles that are met drive until then, with an arrow where they are met."""
+    """Draw the tracks of the vehicles up to their encounters, each with an arrow."""
     begins, ends = tour.model.positions[tour.met] * scale, tour.meetings * scale
     rest = np.setdiff1d(np.arange(tour.model.size), tour.met)
     dots(
@@ -229,7 +229,7 @@ def _draw_tracks(tour: Drawn, axes: Any, scale: float) -> None:
 
 
 def _draw_lines(axes: Any, ends: Floats, **look: Any) -> Any:
-    """Draw straight lines, shape (k, 2, 2), and return them; the limits of the axes stay."""
+    """Draw straight lines, shape (k, 2, 2), and return them; the limits of the axes are unchanged."""
     from matplotlib.collections import LineCollection
 
     found = LineCollection(list(np.clip(ends, -FAR, FAR)), **look)
@@ -251,7 +251,7 @@ def _draw_discs(axes: Any, middles: Floats, radius: Floats) -> None:
 
 
 def _draw_arrows(tour: Drawn, axes: Any, scale: float) -> None:
-    """Draw which way the path leads, in the middle of every leg that is long enough to show it."""
+    """Draw an arrow in the middle of each leg that is long enough."""
     pieces = tour.plan.primitives
     legs = np.unique([one.leg for one in pieces], return_inverse=True)[1]
     lengths = np.bincount(legs, [one.length for one in pieces])
@@ -270,7 +270,7 @@ def _draw_start(axes: Any, start: Floats, scale: float) -> None:
 
 
 def _draw_vehicles(model: MessengerTour, axes: Any, scale: float, *, labels: bool | None) -> None:
-    """Draw where the vehicles are at time 0, their discs, and arrows as long as they are fast."""
+    """Draw the vehicles at time 0, their discs, and arrows proportional to their velocities."""
     places = model.positions * scale
     _draw_discs(axes, places, model.radius * scale)
     dots(axes, places, "s", "white", size=16, edge=VEHICLE, width=1.1, zorder=5, gid="vehicle")
@@ -300,7 +300,7 @@ def _write(
     tour: Drawn, axes: Any, scale: float, labels: bool | None, inside: NDArray[np.bool_],
     seen: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """Number the encounters `inside` in their order, and name the vehicles that begin in sight."""
+    """Number the encounters `inside` in their order, and name the vehicles in the mask `seen`."""
     if labels is False:
         return
     model, points = tour.model, tour.plan.points
@@ -317,7 +317,7 @@ def _write(
         firsts = points[[first for first, _ in runs]] * scale
         write_names(axes, firsts, texts, size=8, colour=BLACK)
     rows = np.flatnonzero(seen)
-    # Where the vehicles begin in a heap, their names would be one.
+    # The names of vehicles that start close together would overlap.
     spread = float(np.ptp(model.positions, axis=0).max()) > 0.3 * extent
     if len(rows) and (labels or (model.size <= _MOST_NAMES and spread)):
         names = [model.label(int(k)) for k in rows]

@@ -1,4 +1,4 @@
-"""A tour of given order and turns as a nonlinear program: the lengths of its primitives are free."""
+"""Nonlinear program of a tour with given order and turns; the lengths of its primitives are free."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ __all__ = ["PrimitivesFormulation"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Scaled violation of the rows up to which the last digits of a point are mended, and how often.
+#: Largest scaled row violation that is corrected after a solve, and the number of Newton steps.
 MENDED, ROUNDS = 1e-3, 4
-#: Share of a leg's length that the size of a row is at least: finer, rounding would decide.
+#: Lower bound on the scale of a row, as a share of the leg's length: smaller scales are below rounding.
 FINEST = 1e-3
-#: Scaled slack up to which a row binds.
+#: Scaled slack up to which a row is active, before and after the correction.
 SPARE, LEAST = 1e-6, 1e-11
-#: Share of a leg's typical length by which the tip of a cone is rounded: solvers do not find a leg of
-#: length 0 at a sharp one.
+#: Rounding of the tip of a cone, as a share of the typical length of a leg: solvers fail to converge to
+#: a leg of length 0 at a sharp tip.
 BLUNT = 1e-5
 
 
 class _Rows(NamedTuple):
-    """A block of rows: its entries, their sizes and bounds, and where they lie."""
+    """Block of rows: entries, scales, bounds and labels."""
 
     name: str
     entries: list[Any]
@@ -54,27 +54,27 @@ class _Rows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
-    """The lengths of the primitives and the states at encounters, for one order and its turns.
+    """Nonlinear program of primitive lengths and encounter states, for one order and its turns.
 
-    A local optimum is one among the tours of this order and these words, so it bounds nothing.
+    A local optimum holds for this order and these words only, so it provides no lower bound.
 
     Parameters
     ----------
     model : MessengerTour
         The model.
     order : sequence of int, optional
-        The vehicles in the order in which they are met; by default the one that is met soonest on a
-        straight line comes next.
+        Order of the vehicles. Default: the vehicle met soonest on a straight line comes next.
     words : sequence of str, optional
-        The turns of each leg, such as ``"LSR"``, of any number of letters; a closed tour has a leg
-        more than vehicles. By default those of the shortest way between headings that lie halfway
-        between the directions from the vehicle before and to the next. Where the turning radius is
-        0, every word is ``"S"``.
+        Turns of each leg, such as ``"LSR"``, of any number of letters. A closed tour has one leg more
+        than vehicles. Default: the words of the shortest paths, with each heading halfway between the
+        directions of the leg before and the leg after. If the turning radius is 0, every word is
+        ``"S"``.
 
     Raises
     ------
     UnsupportedOption
-        `order` does not have every vehicle once, or `words` not a word of L, S and R for each leg.
+        `order` is not a permutation of the vehicles, or `words` does not contain one word of the
+        letters L, S and R per leg.
     """
 
     order: Sequence[int] | None = None
@@ -85,7 +85,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     summary = "lengths of the turns and lines of a given order, as a nonlinear program"
     program_type = NonlinearProgram
     relaxes = False
-    # Positions are held against their radius, and an offset violates its square by twice as much.
+    # The tolerance of a position is relative to the radius, and a row of squares doubles the violation.
     precision = 0.1
 
     def __post_init__(self) -> None:
@@ -110,41 +110,41 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
                 f"words must be a list of strings of the letters {', '.join(SIGNS)}, got {show(words)}"
             )
         if len(words) != legs:
-            raise UnsupportedOption(f"words must be {legs}, one a leg, got {len(words)}")
+            raise UnsupportedOption(f"words must be {legs}, one per leg, got {len(words)}")
         if self.model.turning_radius == 0 and set(words) != {"S"}:
             raise UnsupportedOption(
-                f"words must be 'S' each where the turning radius is 0, got {show(words)}"
+                f"words must all be 'S' if the turning radius is 0, got {show(words)}"
             )
         object.__setattr__(self, "words", tuple(words))
 
     @cached_property
     def guess(self) -> TourPlan:
-        """The plan that the formulation was fitted to, or one that need not keep the constraints."""
+        """Plan passed to :meth:`fitted`, or an initial guess that may violate constraints."""
         if self.near is not None:
             return self.near
         return guessed(self.model, self.order, self.words)
 
     @cached_property
     def turns(self) -> tuple[str, ...]:
-        """The word of each leg."""
+        """Word of each leg."""
         return tuple(self.words) if self.words is not None else words_of(self.model, self.guess)
 
     @cached_property
     def layout(self) -> Layout:
-        """Where the columns lie."""
+        """Positions of the blocks of columns."""
         counts = tuple(map(len, self.turns))
         return Layout(counts, self.model.size, self.model.turning_radius > 0)
 
     @cached_property
     def reach(self) -> float:
-        """The typical length of a leg, m."""
+        """Typical length of a leg, in m."""
         model = self.model
         mean = self.guess.length / len(self.turns)
         return max(mean, model.extent / model.size, float(model.radius.max())) or 1.0
 
     @cached_property
     def winding(self) -> int:
-        """Full circles that a closed tour turns by."""
+        """Number of full circles of a closed tour."""
         if not (self.model.closed and self.layout.turning):
             return 0
         end = integrated(self.guess, self.model.turning_radius)[-1, 2]
@@ -155,7 +155,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         return self.guess.start[:2] if self.model.start is None else self.model.start[:2]
 
     def build(self) -> NonlinearProgram:
-        """Return the program, with its exact derivatives."""
+        """Return the program with its exact derivatives."""
         import casadi as ca
 
         model, met = self.model, list(self.guess.order)
@@ -199,13 +199,13 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         )
 
     def _rows(self, found: dict[str, Any]) -> list[_Rows]:
-        """Return the blocks of rows that are not empty."""
+        """Return the non-empty blocks of rows."""
         legs = np.arange(len(self.turns))[:, None]
         met = np.array(self.guess.order)
         radius = self.model.radius[met]
         discs = np.flatnonzero(radius > 0)
         apart = [found["apart"][k] / radius[k] ** 2 for k in discs]
-        # A position is held against the vehicle's radius, as far as rounding allows.
+        # The scale of a position is the vehicle's radius, bounded from below because of rounding.
         fine = np.maximum(radius, FINEST * self.reach)
         least = np.append(fine, fine.min())[: len(legs)]
         axes = np.column_stack([np.repeat(legs, 2), [0, 1] * len(legs)])
@@ -244,24 +244,24 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
 
     @cached_property
     def _turning(self) -> NDArray[np.bool_]:
-        """Which primitives are turns."""
+        """Mask of the primitives that are turns."""
         return np.array([letter != "S" for letter in "".join(self.turns)], bool)
 
     @cached_property
     def _bounds(self) -> tuple[Floats, Floats]:
-        """The bounds of the columns."""
+        """Lower and upper bounds of the columns."""
         model, layout = self.model, self.layout
         size = sum(layout.sizes.values())
         lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
         low, high = layout.split(lower), layout.split(upper)
         low["length"][:] = low["flown"][:] = 0.0
-        # More than a full circle is of no use, and solvers stray there.
+        # A turn of more than a full circle never shortens a tour, and solvers diverge there.
         own = layout.split(self.encode(self.guess))["length"][self._turning]
         high["length"][self._turning] = np.maximum(2.0 * math.pi * model.turning_radius, own)
         if model.start is not None:
             low["start"][:2] = high["start"][:2] = 0.0
         if model.heading is not None or not layout.turning:
-            # Without turns it counts for nothing.
+            # Without turns the heading has no effect.
             low["start"][2] = high["start"][2] = model.heading or 0.0
         most = np.where(model.radius[list(self.guess.order)] > 0, np.inf, 0.0).repeat(2)
         low["offset"][:], high["offset"][:] = -most, most
@@ -269,7 +269,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
 
     @cached_property
     def _scale(self) -> Floats:
-        """The typical sizes of the columns."""
+        """Typical sizes of the columns."""
         scale = np.full(sum(self.layout.sizes.values()), self.reach)
         part = self.layout.split(scale)
         part["start"][2] = 1.0
@@ -282,16 +282,30 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     # -- plans -----------------------------------------------------------------------------------
 
     def fitted(self, plan: TourPlan) -> Self:
-        """Return the formulation with the order and the turns of `plan`."""
+        """Return the formulation with the order and the turns of `plan`; its guess is `plan`."""
         found = replace(self, order=plan.order, words=words_of(self.model, plan))
         object.__setattr__(found, "near", plan)
         return found
 
     def encode(self, plan: TourPlan) -> Floats:
-        """Return the columns of `plan`, whose order is this one's and whose turns this one's words have.
+        """Return the columns of `plan`.
 
-        Letters that a leg of the plan lacks have length 0. Raises ``InvalidData`` where the order or a
-        word is another.
+        Letters that a leg of the plan lacks have length 0.
+
+        Parameters
+        ----------
+        plan : TourPlan
+            Plan with the order of the formulation. The turns of each leg must be a subsequence of its word.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The columns.
+
+        Raises
+        ------
+        InvalidData
+            The order differs, or the turns of a leg do not fit into its word.
         """
         layout, model = self.layout, self.model
         if plan.order != self.guess.order:
@@ -309,13 +323,13 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         x = np.zeros(sum(layout.sizes.values()))
         part = layout.split(x)
         part["start"][:2] = plan.start[:2] - self._origin
-        # Where the turning radius is 0, all lines of a leg are one column.
+        # With a turning radius of 0, all lines of a leg share one column.
         np.add.at(part["length"], self._embedded(plan) if layout.turning else legs, lengths)
         part["offset"][:] = (poses[ends, :2] - vehicles).ravel()
         part["flown"][:] = flown
         part["start"][2] = model.heading or 0.0
         if layout.turning:
-            # Headings count from the model's own, whichever full circle the plan's has.
+            # Align the plan's heading with the model's by full circles.
             circles = (
                 0.0 if model.heading is None else (model.heading - plan.start[2]) / (2 * math.pi)
             )
@@ -324,7 +338,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         return x
 
     def _embedded(self, plan: TourPlan) -> Ints:
-        """Return which of this one's primitives each of the plan's is."""
+        """Return the index of each primitive of `plan` among the primitives of the formulation."""
         found, first = [], 0
         for leg, (word, wanted) in enumerate(
             zip(words_of(self.model, plan), self.turns, strict=True)
@@ -342,10 +356,10 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         return np.array(found, int)
 
     def decode(self, point: Floats) -> TourPlan:
-        """Return the tour with these lengths, flown from the start.
+        """Return the tour with the lengths of `point`, flown from the start.
 
-        The rows of `point` hold up to a solver's tolerance, and what they lack would add up along the
-        way: where they do not hold to rounding, the nearest columns are taken at which they do.
+        Rows hold only up to the tolerance of a solver, and their residuals add up along the tour. If the
+        tour is not feasible up to rounding, the nearest columns that satisfy the rows are used.
         """
         point = np.asarray(point, float)
         plan = self._tour(point, SPARE)
@@ -356,7 +370,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     def _tour(self, point: Floats, least: float) -> TourPlan:
         """Return the tour with the lengths of `point`.
 
-        Without turns, a leg bends that is longer than its line by `least` of the typical length.
+        Without turns, a leg is bent if it exceeds its line by `least` times the typical length.
         """
         part, order = self.layout.split(point), self.guess.order
         start = np.append(self._origin + part["start"][:2], part["start"][2])
@@ -371,7 +385,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         path = np.vstack([start[:2], vehicles + part["offset"].reshape(-1, 2), *back])
         along = np.diff(path, axis=0)
         chord, towards = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])
-        # What a leg is longer than its line is flown out and back, as two sides of a triangle.
+        # The surplus over the line is flown out and back, along two sides of a triangle.
         spare = lengths - chord > least * self.reach
         bent = np.arccos(np.where(spare, chord / np.where(spare, lengths, 1.0), 1.0))
         turns = np.where(spare, 2, 1)
@@ -382,7 +396,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         )  # fmt: skip
 
     def _mended(self, point: Floats) -> Floats:
-        """Return the nearest point at which the rows that bind hold to rounding, by Newton's method."""
+        """Return the nearest point at which the active rows hold up to rounding, by Newton's method."""
         program, x = self.program, point.copy()
         assert isinstance(program, NonlinearProgram)
         free = np.flatnonzero(program.column_lower < program.column_upper)

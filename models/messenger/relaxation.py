@@ -1,14 +1,14 @@
-"""The Euclidean relaxation of a tour for a given order: a second-order cone program.
+"""Euclidean relaxation of a tour for a given order: a second-order cone program.
 
-Without the limit on curvature a tour that meets the vehicles in a given order is a chain of legs,
-each at least as long as the distance between its ends. Counting time in the length s = v t that is
-flown meanwhile, with W = V / v, the program is::
+Without the limit on curvature, a tour that meets the vehicles in a given order is a sequence of legs,
+each at least as long as the distance between its ends. With the length flown s = v t in place of the
+time, and W = V / v, the program is::
 
     minimise    s_L
     subject to  |Q_k - Q_{k-1}| <= s_k - s_{k-1}         each leg
                 Q_k = P_k + W_k s_k + r_k e_k, |e_k| <= 1   each encounter
 
-No tour in this order, or in one that has more vehicles in between, is shorter.
+Its optimum is a lower bound for every tour in this order, also with more vehicles in between.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """A model's vehicles, then its start as one more at rest, in units in which numbers are small.
+    """Scaled data of a model: its vehicles, followed by its start as a vehicle at rest.
 
     Parameters
     ----------
     centres : ndarray, shape (n + 1, 2)
-        P in the unit, from where the path begins; without a start, from the vehicles' mean.
+        P in units of `unit`, relative to `origin`.
     velocities : ndarray, shape (n + 1, 2)
         V / v.
     radii : ndarray, shape (n + 1,)
-        r in the unit; 0 for the start.
+        r in units of `unit`; 0 for the start.
     unit : float
-        m.
+        Length unit, in m.
     origin : ndarray, shape (2,)
-        Where the centres are counted from, m.
+        Start of the path, in m; without a start, the mean of the vehicles' positions.
     closed, free : bool
-        Whether the path leads back; whether it may begin anywhere.
+        Whether the path leads back, and whether its start is free.
     """
 
     centres: Floats
@@ -64,7 +64,7 @@ class Field:
 
     @classmethod
     def of(cls, model: MessengerTour) -> Field:
-        """Return the field of a model."""
+        """Return the scaled data of `model`."""
         free = model.start is None
         origin = model.positions.mean(axis=0) if model.start is None else model.start[:2]
         apart = model.positions - origin
@@ -81,13 +81,13 @@ class Field:
 
     @property
     def size(self) -> int:
-        """The number of vehicles."""
+        """Number of vehicles."""
         return len(self.radii) - 1
 
     def chain(self, order: Sequence[int]) -> Indices:
-        """Return the stops of a path, the first and the last included; the start is the last index.
+        """Return the stops of a path, including its first and last one; the start has the last index.
 
-        Without a start, the path begins and ends at the first vehicle of the order.
+        With a free start, the path begins and ends at the first vehicle of the order.
         """
         if self.free:
             return np.array([*order, *order[:1]], np.int64)
@@ -95,25 +95,25 @@ class Field:
 
 
 def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicProgram:
-    """Return the program of the shortest path without curvature that meets `order`.
+    """Return the program of the shortest path without curvature limit that meets `order`.
 
     Parameters
     ----------
     model : MessengerTour
-        What is relaxed.
+        The model.
     order : sequence of int
-        Vehicles as they are met, each at most once; those that are left out need not be met.
+        Order of the vehicles, each at most once. The path may miss the other vehicles.
 
     Returns
     -------
     ConicProgram
-        Columns ``offset`` (e_k, a pair a stop) and ``flown`` (s_k, in the field's unit); its
-        objective is the length of the path, m.
+        Program with the columns ``offset`` (e_k, two per stop) and ``flown`` (s_k, in the unit of
+        :class:`Field`). Its objective is the length of the path, in m.
 
     Raises
     ------
     InvalidData
-        An empty order, a vehicle that the model does not have, or one twice.
+        `order` is empty, contains an unknown vehicle, or repeats one.
     """
     met = [int(one) for one in order]
     if not met or len(set(met)) < len(met) or not all(0 <= one < model.size for one in met):
@@ -125,7 +125,7 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
     field = Field.of(model)
     stops = field.chain(met)
     legs, count = len(stops) - 1, len(met)
-    # The stop that each end of a leg is a vehicle's, -1 for the start, which has no freedom.
+    # Position in the order of the vehicle at each end of a leg; -1 for the start, which is fixed.
     place = {vehicle: k for k, vehicle in enumerate(met)}
     own = np.array([place.get(int(stop), -1) for stop in stops])
     builder = ProgramBuilder()

@@ -1,4 +1,4 @@
-"""Where the UAV is on the way of a tour, between the ends of its primitives."""
+"""Poses of the UAV along a tour, between the ends of its primitives."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ __all__ = ["Track", "outline", "track"]
 
 Floats = NDArray[np.float64]
 
-#: Angle of a turn that a picture draws as one straight line, rad.
+#: Largest angle of a turn drawn as one straight line, in rad.
 _TURN = math.radians(4.0)
 
 
 class Track(NamedTuple):
-    """Places on the path of a tour.
+    """Poses on the path of a tour.
 
     Parameters
     ----------
     flown : ndarray, shape (k,)
-        Length of the path up to them, m.
+        Length of the path up to each pose, in m.
     poses : ndarray, shape (k, 3)
-        x, y (m), heading (rad); headings are not wrapped.
+        x, y (m) and heading (rad); headings are not wrapped.
     legs : ndarray of int, shape (k,)
-        The leg that they lie on; where two meet, the earlier one.
+        Leg of each pose; at the boundary of two legs, the earlier one.
     """
 
     flown: Floats
@@ -38,20 +38,21 @@ class Track(NamedTuple):
 
 
 def track(plan: TourPlan, turning_radius: float, flown: ArrayLike) -> Track:
-    """Return where the UAV is after lengths of the path.
+    """Return the poses of the UAV after given lengths of the path.
 
     Parameters
     ----------
     plan : TourPlan
         The tour.
     turning_radius : float
-        Of the turns, m; at 0 the UAV turns on the spot.
+        Turning radius, in m; with 0 the UAV turns on the spot.
     flown : array_like, shape (k,)
-        Lengths, m; what lies beyond the path's ends is taken for them.
+        Lengths, in m, clipped to the length of the path.
 
     Returns
     -------
     Track
+        One pose per length.
     """
     lengths = np.array([one.length for one in plan.primitives])
     ends = np.cumsum(lengths)
@@ -62,13 +63,26 @@ def track(plan: TourPlan, turning_radius: float, flown: ArrayLike) -> Track:
 
 
 def outline(plan: TourPlan, turning_radius: float) -> Track:
-    """Return as many places of the path as draw it: the ends of lines, and turns in small steps."""
+    """Return poses that draw the path: the ends of lines, and turns in small steps.
+
+    Parameters
+    ----------
+    plan : TourPlan
+        The tour.
+    turning_radius : float
+        Turning radius, in m.
+
+    Returns
+    -------
+    Track
+        The poses.
+    """
     around = 2 * math.pi * turning_radius
     parts, pieces = [np.zeros(1)], [0]
     for k, one in enumerate(plan.primitives):
         steps, length = np.array([one.length]), abs(one.length)
         if one.turn != "S" and around > 0 and length > 0:
-            # Rounds between the first and the last lie on them.
+            # Full circles between the first and the last coincide with these.
             drawn = length if length <= 2 * around else around + math.fmod(length, around)
             count = math.ceil(drawn / turning_radius / _TURN)
             fine = drawn * np.arange(1, count + 1) / count
@@ -84,14 +98,14 @@ def outline(plan: TourPlan, turning_radius: float) -> Track:
 def _advanced(
     plan: TourPlan, turning_radius: float, piece: NDArray[np.int64], rest: Floats
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Return poses and legs at lengths `rest` from the start of primitives."""
+    """Return poses and legs at the lengths `rest` after the start of each primitive."""
     poses = integrated(plan, turning_radius)
     if not plan.primitives:
         return np.repeat(poses, rest.size, axis=0), np.zeros(rest.size, np.int64)
     begin = poses[piece]
     signs = np.array([SIGNS[one.turn] for one in plan.primitives])[piece]
     angle = signs * rest / turning_radius if turning_radius > 0 else np.zeros(rest.size)
-    # The chord of the part of an arc, of which a straight line is one.
+    # Chord of a part of an arc; a straight line is the case of angle 0.
     chord, middle = rest * np.sinc(0.5 * angle / np.pi), begin[:, 2] + 0.5 * angle
     found = begin + np.column_stack([chord * np.cos(middle), chord * np.sin(middle), angle])
     return found, np.array([one.leg for one in plan.primitives])[piece]

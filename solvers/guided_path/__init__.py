@@ -1,4 +1,4 @@
-"""Algorithms for the tour of a guided vehicle; the loops are compiled by Numba."""
+"""Native algorithms for the tour of a guided vehicle, with loops compiled by Numba."""
 
 BACKENDS = {
     "a-star": ".a_star:AStar",

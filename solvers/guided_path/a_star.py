@@ -1,10 +1,10 @@
-"""``a-star``: tours along a path solved to proven optimality, or with a proven gap; ours.
+"""``a-star``: exact search for tours along a path, with a proven gap if a limit ends it.
 
-Whoever passes an available customer serves it, as that costs nothing and harms nobody. So a state is a
-position and how far each chain has been served, and from each there are two ways at the most: to the
-nearest available customer left or right. A* goes through them by the bound of :mod:`.bound`, with the
-states in buckets by their bounds; a beam search with the same bound finds the tour to beat, and wider
-ones from time to time a better one.
+Serving an available customer when passing it is always optimal. A state is therefore a position and
+the number of customers served in each chain, and it has at most two successors: the nearest available
+customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in buckets. A
+beam search with the same bound provides the first incumbent, and wider beams improve it from time to
+time.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ __all__ = ["AStar"]
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
 
-#: Bytes that the states may take where no number of them is given; beams and shares take some more.
+#: Default memory for states, in bytes. Beams and shares need some more.
 MEMORY = 1_100_000_000
-#: States that there is room for at first, which is little enough to be interpreted.
+#: Initial capacity for states, small enough for interpreted code.
 FEW = 8192
-#: Buckets at the most.
+#: Maximum number of buckets.
 BUCKETS = 1 << 14
-#: How much more room there is each time that it is full.
+#: Growth factor of the capacity.
 GROWTH = 4
-#: States whose bounds the shares raise, at the most; of those that are open, the tenth with the lowest.
+#: Maximum number of sample states whose bounds the shares raise, drawn from the best tenth of open states.
 SAMPLES, TENTH = 24, 10
-#: States expanded before the chains' shares of the gaps are computed, and the search begins again.
+#: Expansions before the shares of the chains are computed and the search restarts; no limit.
 EARLY, FOREVER = 150_000, 1 << 62
-#: States expanded before incumbents and the gap are looked at.
+#: Expansions between updates of incumbent and gap.
 CHUNK = 20_000
-#: States of the first beam, how much wider the next ones are, and the widest.
+#: Width of the first beam, growth factor of the width, and maximum width.
 NARROW, WIDER, WIDEST = 16, 2, 1 << 15
-#: Room of a beam for each state of its width, and for the bytes of all that it met.
+#: Capacity of a beam per unit of its width, and maximum size of its trace in bytes.
 ROOM, TRACE = 16, 200_000_000
-#: States that the search expands for each that beams do.
+#: Expansions of the search per expansion of the beams.
 SHARE = 3
-#: Customers that matter above which the paper's Algorithm 6 finds better tours than the first beams.
+#: Number of relevant customers above which the paper's Algorithm 6 beats the first beams.
 MANY = 300
-#: Customers above which a run with a time limit begins with the paper's Algorithm 6.
+#: Number of customers above which a run with a time limit starts with the paper's Algorithm 6.
 LARGE = 60
-#: Share of a bound left for the rounding of lengths that no unit divides.
+#: Relative safety margin of a bound if lengths are rounded.
 SAFE = 1e-12
 
 
 class AStar(Backend):
-    """A* over positions and counts of the chains, with beams for the tour to beat."""
+    """A* over positions and counts of the chains, with beam searches for incumbents."""
 
     name = "a-star"
     accepts = GuidedPathTour
@@ -87,11 +87,11 @@ class AStar(Backend):
     summary = "exact, by bounds on how often each gap is crossed; ours"
 
     def starter(self, problem: Any) -> str:
-        """Return the paper's Algorithm 6 for tours that an exact search may not end on in time."""
+        """Return the paper's Algorithm 6 for tours that an exact search may not finish in time."""
         return "insert-nearest" if problem.size > LARGE else ""
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
-        """Solve, and say how the search ended."""
+        """Solve the problem and return the answer with its termination."""
         begin = clock()
         search = _Search(problem, request)
         search.solve()
@@ -108,7 +108,7 @@ class AStar(Backend):
 
 
 class _Search:
-    """The tables and states of one model, and the best plan so far."""
+    """Search on one model: tables, states and incumbent."""
 
     def __init__(self, model: GuidedPathTour, request: Request) -> None:
         self.model, self.request, self.control = model, request, request.control
@@ -116,7 +116,7 @@ class _Search:
         self.tables = tables = Tables.of(small)
         self.take(no_shares(tables))
         self.kept = [numbers[c] for c in tables.customers.tolist()]
-        #: Somebody to visit at each place.
+        #: A customer at each place.
         self.visitors = dict(zip(tables.place[:-1].tolist(), self.kept, strict=True))
         self.info = np.zeros(5, np.int64)
         self.least = self.root
@@ -127,7 +127,7 @@ class _Search:
         self.ended = False
 
     def take(self, shares: Shares) -> None:
-        """Bound the states by these shares too."""
+        """Add these shares to the bound of the states."""
         tables = self.tables
         self.shared = (
             tables.first, tables.place, tables.at, tables.length, tables.crossings, tables.needs,
@@ -147,25 +147,25 @@ class _Search:
 
     @property
     def bound(self) -> float:
-        """The least length that a tour may have, as far as is proven, m."""
+        """Lower bound on the length of every tour proven so far, in m."""
         if self.ended and self.tables.exact:
             return self.value
         return self.least * self.tables.unit * (1.0 if self.tables.exact else 1.0 - SAFE)
 
     @property
     def proven(self) -> bool:
-        """Whether the plan is as good as was asked."""
+        """True if the incumbent is within the requested gap."""
         return self.ended or self.value - self.bound <= self.request.gap * abs(self.value)
 
     @property
     def over(self) -> bool:
-        """Whether there is nothing left to do, or no time."""
+        """True if the incumbent is proven or a limit is reached."""
         if self.request.left() == 0.0:
             self.limit = Limit.TIME
         return self.proven or self.control.stopped or self.limit is Limit.TIME
 
     def statistics(self) -> dict[str, float | int | str]:
-        """Return what the search took."""
+        """Return the statistics of the search."""
         return {
             "chains": len(self.tables.first) - 1,
             "customers that matter": len(self.tables.customers),
@@ -176,7 +176,7 @@ class _Search:
         }
 
     def solve(self) -> None:
-        """Search until the plan is proven, or stopped."""
+        """Search until the incumbent is proven or a limit is reached."""
         if self.request.warm_start is not None:
             self.start(self.request.warm_start.order)
         self.start(self.model.sorted_customers)
@@ -197,7 +197,7 @@ class _Search:
             self.limit = self.limit or Limit.MEMORY
 
     def start(self, stops: Iterable[int]) -> None:
-        """Offer the tour from stop to stop, of which only customers that matter are taken."""
+        """Offer the tour through the relevant customers among `stops`."""
         where = dict(zip(self.kept, self.tables.place[:-1].tolist(), strict=True))
         stops = [c for c in stops if c in where]
         start = int(self.tables.place[-1])
@@ -209,7 +209,7 @@ class _Search:
             self.offer(stops)
 
     def offer(self, stops: Iterable[int]) -> None:
-        """Keep the tour from stop to stop if it is the best so far."""
+        """Store the tour through `stops` if it is shorter than the incumbent."""
         order = served(self.model, stops)
         value = length_of(self.model, order)
         if value < self.value:
@@ -217,7 +217,7 @@ class _Search:
             self.control.incumbent(value, self.plan)
 
     def walk(self, last: int, before: Links, place: Callable[[int], int]) -> None:
-        """Offer the tour that ended at entry `last`, of which each follows another one."""
+        """Offer the tour whose last entry is `last`, following the predecessors in `before`."""
         stops = list[int]()
         while before[last] >= 0:
             stops.append(self.visitors[place(last)])
@@ -228,7 +228,7 @@ class _Search:
         return max(min(WIDEST, TRACE // (16 * len(self.tables.customers))), NARROW)
 
     def look(self) -> bool:
-        """Look for a better tour by a wider beam; return whether there was a wider one."""
+        """Run the next wider beam; return False if the maximum width was already reached."""
         if self.width >= self.widest:
             return False
         width = min(self.width * WIDER, self.widest) if self.width else NARROW
@@ -249,9 +249,9 @@ class _Search:
         return True
 
     def search(self, steps: int) -> Ints:
-        """Expand states until no shorter tour is left, no room, or no time; `steps` at the most.
+        """Expand up to `steps` states, until the search is exhausted or a limit is reached.
 
-        Return counts and places of some open states with low bounds.
+        Returns counts and places of some open states with low bounds.
         """
         words = self.tables.words
         most = self.request.options["states"] or MEMORY // (8 * words + 40)

@@ -1,7 +1,7 @@
-"""A beam search over the states of a tour along a path: the loops.
+"""Kernel of the beam search over the states of a tour along a path.
 
-States wait in a list for each number of customers served, so that those that are compared are equally
-far. Of each list the best are expanded, and all are given back to the pool.
+States wait in one list per number of customers served, so that compared states have equal progress.
+The best states of each list are expanded, and all are returned to the pool.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ __all__ = ["CLASSES", "beam"]
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
 
-#: Classes of ranks, of which the lowest are kept.
+#: Number of rank classes for the selection of the best states.
 CLASSES = 1024
 
 
 @kernel
 def _distinct(head: int, keys: Ints, costs: Ints, after: Links, table: Links, free: Links) -> int:
-    """Leave out of a list all but the shortest way to each state; return its new head."""
+    """Remove duplicates from a list, keeping the shortest path to each state; return its new head."""
     for slot in range(table.size):
         table[slot] = -1
     mask, kept, state = table.size - 1, -1, head
@@ -58,7 +58,7 @@ def _distinct(head: int, keys: Ints, costs: Ints, after: Links, table: Links, fr
 def _limit(
     head: int, costs: Ints, after: Links, width: int, tally: Ints
 ) -> tuple[int, int, int, int]:
-    """Return least rank, width of a class, the class that fills `width`, and how many of it fit."""
+    """Return least rank, class width, the class that fills `width`, and the number of its states that fit."""
     low, high, count, state = 0, 0, 0, head
     while state >= 0:
         rank = costs[state, 1]
@@ -88,7 +88,7 @@ def beam(
     times: int, over: int, keys: Ints, costs: Ints, after: Links, free: Links, table: Links,
     heads: Links, trace: Links, best: int, width: int, flag: NDArray[np.int8],
 ) -> tuple[int, int, int]:  # fmt: skip
-    """Return the length of the best tour, below `best`, its last entry of `trace`, and what was left.
+    """Return the length of the best tour, its last entry of `trace`, and the number of pruned states.
 
     Parameters
     ----------
@@ -97,30 +97,31 @@ def beam(
     groups, members, weighted, rests, times, over
         As in :class:`~.shares.Shares`.
     keys : ndarray of int, shape (room, words)
-        Room for states.
+        Pool of states.
     costs : ndarray of int, shape (room, 3)
-        The way to each, the same with the bound on the rest, and its entry of `trace`.
+        Length up to each state, the same plus the bound on the rest, and its entry of `trace`.
     after : ndarray of int32, shape (room,)
-        What follows it in its list.
+        Successor in the list of the state.
     free : ndarray of int32, shape (room + 1,)
-        How many rooms are free, and which.
+        Number of free slots of the pool, and their indices.
     table : ndarray of int32
-        States of a list by key; of a power of two, twice the room at the least.
+        Hash table of the states of a list. Its size is a power of two, at least twice the pool's.
     heads : ndarray of int32, shape (n + 1,)
-        The first of each list.
+        First state of each list.
     trace : ndarray of int32, shape (m, 2)
-        Filled in: the entry from which a state was reached, and its place.
+        Overwritten: predecessor entry and place of each entry.
     best : int
-        Only shorter tours count.
+        Upper bound: only shorter tours are accepted.
     width : int
-        The most states of a list that are expanded.
+        Maximum number of expanded states per list.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag, nonzero to stop.
 
     Returns
     -------
     int, int, int
-        The entry is -1 where nothing shorter was met; 0 left out proves that there is nothing.
+        Length; entry, or -1 if no shorter tour was found; number of pruned states, 0 if the search
+        was exhaustive, which proves optimality.
     """
     chains, total = first.size - 1, first[first.size - 1]
     counts, then = np.zeros(chains, np.int64), np.empty(chains, np.int64)

@@ -1,12 +1,12 @@
-"""What a tour along a path still costs at the least, and the states of its searches as tables.
+"""Lower bound on the remaining length of a tour along a path, and the tables of its search states.
 
-A state is a position and how far each chain of the relation's fewest chains has been served. Between two
-neighbouring places lies a gap; each path of the relation that is left crosses it some times before it
-ends at the start, and the tour no fewer. So the length of each gap times the most crossings that any such
-path still needs is a lower bound. All paths from one position cross a gap an odd number of times, or all
-an even number, so that the crossings from the position to the first customer need no table: they round
-the most crossings of the rest up to the right parity. The bound is consistent: it never falls by more
-than what was walked.
+A state is a position and the number of customers served in each chain of the minimum chain cover. A gap
+is the interval between two neighbouring places. Each remaining path of the relation crosses a gap some
+number of times before it ends at the start, and the tour crosses it at least as often. So the sum over
+gaps of length times the largest remaining number of crossings is a lower bound. All paths from one
+position cross a gap an odd number of times, or all an even number. The crossings from the position to
+the first customer therefore need no table: the largest number is rounded up to the right parity. The
+bound is consistent: it decreases by at most the distance walked.
 """
 
 from __future__ import annotations
@@ -24,17 +24,27 @@ __all__ = ["Tables", "whole_lengths"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Binary digits of the largest coordinate difference, so that sums of 5000 tours' ways stay whole.
+#: Binary digits of the largest coordinate difference, so that the sum of 5000 of them is an exact integer.
 DIGITS = 44
-#: Bits used of a word of a state's key: sign and one more are left.
+#: Bits used in a word of a state's key, without the sign and one spare bit.
 WORD = 62
 
 
 def whole_lengths(places: Floats) -> tuple[Ints, float, bool]:
-    """Return the gaps between sorted places as whole numbers of a unit, the unit, and if that is exact.
+    """Return the gaps between sorted places as integers, their unit, and whether this is exact.
 
-    Where no unit divides all gaps, the range is cut into 2^43 … 2^44 units and the gaps are rounded
-    down, so that whole lengths never exceed true ones.
+    If no unit divides all gaps, the range is divided into 2^43 … 2^44 units and the gaps are rounded
+    down, so that integer lengths never exceed true lengths.
+
+    Parameters
+    ----------
+    places : ndarray, shape (p,)
+        Sorted places, in m.
+
+    Returns
+    -------
+    ndarray of int, shape (p - 1,), float, bool
+        Lengths of the gaps in units, the unit (m), and True if the lengths are exact.
     """
     gaps = np.diff(places)
     span = float(places[-1] - places[0])
@@ -51,34 +61,34 @@ def whole_lengths(places: Floats) -> tuple[Ints, float, bool]:
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """A model as the searches want it; customers are numbered chain by chain.
+    """Arrays of a model for the searches; customers are numbered chain by chain.
 
     Parameters
     ----------
     customers : ndarray of int, shape (n,)
-        Their numbers in the model.
+        Numbers of the customers in the model.
     first : ndarray of int, shape (chains + 1,)
-        The first customer of each chain, and n.
+        First customer of each chain, and n.
     place : ndarray of int, shape (n + 1,)
-        The place of each customer, and of the start, which is last; places are sorted and distinct.
+        Index of the place of each customer, and last of the start; places are sorted and distinct.
     length : ndarray of int, shape (places - 1,)
-        Of the gaps between neighbouring places, in units.
+        Lengths of the gaps between neighbouring places, in units.
     at : ndarray of int, shape (places,)
-        Sums of lengths.
+        Cumulative sums of `length`.
     crossings : ndarray of int16, shape (n, places - 1)
-        The most times that a path of the relation crosses a gap from a customer on, back to the start.
+        Largest number of crossings of each gap on a path of the relation from a customer to the start.
     needs : ndarray of int, shape (n + 1,)
-        The first of each customer's rows in `needed`, and their number.
+        Index of the first row of each customer in `needed`, and the number of rows.
     needed : ndarray of int, shape (m, 2)
-        Chain of which at least a count must be served before, and that count.
+        Chain, and the number of its customers that must be served before.
     fields : ndarray of int, shape (chains + 1, 3)
-        Word, shift and mask of each chain's count in a key, and of the place in the last row.
+        Word, shift and mask of each chain's count in a key; the last row is for the place.
     words : int
-        Words of a key.
+        Number of words of a key.
     unit : float
-        Of the lengths, m.
+        Unit of the lengths, in m.
     exact : bool
-        Whether the lengths are not rounded.
+        Whether the lengths are exact, i.e. not rounded.
     """
 
     customers: Ints
@@ -113,13 +123,13 @@ class Tables:
         )  # fmt: skip
 
     def root(self) -> int:
-        """Return the bound on whole tours, in units."""
+        """Return the lower bound on the length of every tour, in units."""
         most = self.crossings.max(axis=0, initial=0).astype(np.int64)
         return int(self.length @ (most + most % 2))
 
 
 def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints]:
-    """Return whom each customer needs of other chains, without what those before it need too."""
+    """Return the requirements of each customer in other chains, without those implied by its chain."""
     before: list[list[tuple[int, int]]] = [[] for _ in range(model.size - 1)]
     chain = np.searchsorted(first, np.arange(model.size - 1), side="right") - 1
     for one, other in model.pairs:
@@ -140,7 +150,7 @@ def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints
 
 
 def _fields(most: list[int]) -> tuple[Ints, int]:
-    """Return word, shift and mask of whole numbers up to `most`, and how many words they take."""
+    """Return word, shift and mask of integers up to `most`, and the number of words."""
     rows, word, shift = [], 0, 0
     for one in most:
         bits = one.bit_length()
@@ -160,7 +170,7 @@ def _crossings(model: GuidedPathData, number: Ints, place: Ints, gaps: int) -> N
         row = found[number[c]]
         here = int(place[number[c]])
         for other in (*after[c], -1):
-            # The start is last, and nothing is crossed from there on.
+            # The start has the last index, and no crossings follow it.
             way = found[other].copy() if other >= 0 else np.zeros(gaps, np.int16)
             way[slice(*sorted((here, int(place[other]))))] += 1
             np.maximum(row, way, out=row)

@@ -1,4 +1,4 @@
-"""What makes a tour along a path long: such a tour always exists, so no constraint is to blame."""
+"""Diagnosis of long tours along a path. A tour always exists, so no constraint is infeasible."""
 
 from __future__ import annotations
 
@@ -13,19 +13,24 @@ from ..diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_tour"]
 
-#: Stretches of the path, and customers in a row, that are named.
+#: Maximum numbers of reported stretches, and of customers listed in a row.
 _STRETCHES, _NAMED = 5, 12
 
 
 def diagnose_tour(model: GuidedPathTour, time_limit: float | None = None) -> Diagnosis:
-    """Return what no tour falls below, and which customers force it to and fro.
+    """Return a lower bound on every tour, and the customers that force repeated crossings.
 
     Parameters
     ----------
     model : GuidedPathTour
-        What is asked.
+        The model.
     time_limit : float, optional
-        Not needed: nothing is searched.
+        Not used: the diagnosis needs no search.
+
+    Returns
+    -------
+    Diagnosis
+        Feasible in every case, with findings on the relation and on stretches of the path.
     """
     gaps = Gaps(model)
     span = float(np.ptp(model.coordinates))
@@ -40,11 +45,11 @@ def diagnose_tour(model: GuidedPathTour, time_limit: float | None = None) -> Dia
 
 
 def _relation(model: GuidedPathData) -> Finding:
-    """Return how wide and how long the relation is."""
+    """Return width and length of the relation."""
     chain = _longest(model)
     width = len(model.cover)
     text = (
-        f"{width} customers at the most are in no order among themselves; the longest chain has "
+        f"at most {width} customers are in no order among themselves; the longest chain has "
         f"{len(chain)}: {_named(model, chain)}"
         if width > 1
         else f"there is only one order: {_named(model, chain)}"
@@ -53,7 +58,7 @@ def _relation(model: GuidedPathData) -> Finding:
 
 
 def _longest(model: GuidedPathData) -> tuple[int, ...]:
-    """Return the most customers each of whom must directly precede the next."""
+    """Return a longest chain of direct precedence pairs."""
     before = Gaps(model).before
     length = {0: 0}
     for c in model.sorted_customers:
@@ -65,7 +70,7 @@ def _longest(model: GuidedPathData) -> tuple[int, ...]:
 
 
 def _stretches(gaps: Gaps) -> Iterator[Finding]:
-    """Yield the stretches that are crossed most often, with customers who force it."""
+    """Yield the stretches with the most crossings, and the customers that force them."""
     model, open_ = gaps.model, gaps.crossings > 1
     if not open_.any():
         yield Finding("no gap need be crossed more than once there and once back")
@@ -75,7 +80,7 @@ def _stretches(gaps: Gaps) -> Iterator[Finding]:
         most = np.where(open_, gaps.crossings, 0)
         gap = int(np.lexsort((gaps.lengths, most))[-1])
         forcing = gaps.forcing(gap)
-        # The same customers lie on both sides of all gaps between the innermost of them.
+        # The result is the same for all gaps between the innermost of these customers.
         at = gaps.at[[0, *forcing]]
         first, last = int(at[at <= gap].max()), int(at[at > gap].min())
         open_[first:last] &= gaps.crossings[first:last] > gaps.crossings[gap]
@@ -90,7 +95,7 @@ def _stretches(gaps: Gaps) -> Iterator[Finding]:
 
 
 def _named(model: GuidedPathData, customers: Iterable[int]) -> str:
-    """Return the labels of customers who precede one another, the first few of many."""
+    """Return the labels of a chain of customers, abbreviated if it is long."""
     labels = [model.label(c) for c in customers]
     more = len(labels) - _NAMED
     return " -> ".join(labels[:_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -1,12 +1,12 @@
-"""``dynamic-programming``: the paper's Algorithm 3, over how far each chain has been served.
+"""``dynamic-programming``: the paper's Algorithm 3, over the number of customers served in each chain.
 
 Source: "Exact and Heuristic Algorithms for Routing AGV on Path with Precedence Constraints",
-Mathematical Problems in Engineering 2016, article 5040513: f*(t, S) is the shortest way from the
-start through the customers of S that ends at the last one of chain t. With k chains of l_1, …, l_k
-customers the table has k · Π (l_i + 1) entries, each the least of at most k sums.
+Mathematical Problems in Engineering 2016, article 5040513: f*(t, S) is the length of the shortest path
+from the start through the customers of S that ends at the last one of chain t. With k chains of l_1, …,
+l_k customers the table has k · Π (l_i + 1) entries, each the minimum of at most k sums.
 
-Any relation is covered by the fewest chains, and what it says between chains is asked of every
-entry. Property 1 of the paper, and what follows from it (:func:`.walks.reduced`), comes first.
+A general relation is covered by the fewest chains, and each entry checks the pairs between chains.
+Property 1 of the paper, and its generalisation (:func:`.walks.reduced`), is applied first.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ __all__ = ["MOST_ENTRIES", "DynamicProgramming", "Table"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Entries of the table at the most, 0.8 GB: nine chains of five customers have 91 million.
+#: Maximum number of entries of the table, 0.8 GB: nine chains of five customers have 91 million.
 MOST_ENTRIES = 100_000_000
-#: Entries above which a run with a time limit begins with the paper's Algorithm 6 and a bound: a compiled
-#: loop fills in 10 million of them per second.
+#: Number of entries above which a run with a time limit starts with the paper's Algorithm 6 and a bound:
+#: a compiled loop fills 10 million of them per second.
 LARGE = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The shortest ways f*(t, S) of a tour whose customers are in chains.
+    """Table of the shortest lengths f*(t, S) of a tour whose customers are in chains.
 
     Parameters
     ----------
     chains : tuple of tuples of int
-        The customers of each chain.
+        Customers of each chain.
     start : float
-        Where the tour begins and ends.
+        Coordinate of the start, in m.
     places : ndarray, shape (n,)
-        Where the customers are, chain after chain.
+        Coordinates of the customers, chain after chain, in m.
     need : ndarray of int, shape (n, k)
-        How many customers of each chain must be served before this one.
+        Number of customers of each chain that must be served before each customer.
     """
 
     chains: tuple[Sequence[int], ...]
@@ -64,7 +64,7 @@ class Table:
 
     @classmethod
     def of(cls, model: GuidedPathData) -> Table:
-        """Return the table of all customers in the fewest chains."""
+        """Return the table of all customers, in the minimum chain cover."""
         members = [c for chain in model.cover for c in chain]
         precede = model.closure[np.ix_(members, members)].T
         heads = np.cumsum([0, *map(len, model.cover)])[:-1]
@@ -73,21 +73,21 @@ class Table:
 
     @property
     def states(self) -> int:
-        """The number of states S."""
+        """Number of states S."""
         return math.prod(len(chain) + 1 for chain in self.chains)
 
     @property
     def strides(self) -> Ints:
-        """What one more customer of each chain adds to the number of a state."""
+        """Increment of a state's number per customer of each chain, shape (k,)."""
         return np.cumprod([1, *(len(chain) + 1 for chain in self.chains[:-1])])
 
     @property
     def starts(self) -> Ints:
-        """Where each chain begins in the list of all customers."""
+        """Index of the first customer of each chain, and n, shape (k + 1,)."""
         return np.cumsum([0, *map(len, self.chains)])
 
     def filled(self, flag: NDArray[np.int8]) -> Floats | None:
-        """Return all entries, shape (states, k), infinite where there is no way; None if stopped."""
+        """Return all entries, shape (states, k), with inf for infeasible ones; None if stopped."""
         from .table_kernels import fill_table
 
         values = np.empty((self.states, len(self.chains)))
@@ -97,7 +97,7 @@ class Table:
         return values if done else None
 
     def best(self, values: Floats) -> tuple[int, ...]:
-        """Return the order of a shortest tour, by the entries."""
+        """Return the order of a shortest tour, given the entries."""
         from .table_kernels import trace_table
 
         order = np.empty(len(self.places), np.int64)
@@ -107,7 +107,7 @@ class Table:
 
 
 class DynamicProgramming(Backend):
-    """Algorithm 3 of the paper."""
+    """Exact dynamic program: Algorithm 3 of the paper."""
 
     name = "dynamic-programming"
     accepts = GuidedPathTour
@@ -125,7 +125,7 @@ class DynamicProgramming(Backend):
     }
 
     def refuses(self, problem: Any) -> str:
-        """Return why the table would be too large."""
+        """Return the reason if the table would be too large, otherwise an empty string."""
         small, _ = reduced(problem)
         return _too_large(small.cover)
 
@@ -135,7 +135,7 @@ class DynamicProgramming(Backend):
         return "insert-nearest" if _entries(small.cover) > LARGE else ""
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
-        """Fill in the table, and follow the shortest tour back."""
+        """Fill the table, and trace the shortest tour."""
         begin = clock()
         small, numbers = reduced(problem, passing=request.options["passing"])
         reason = _too_large(small.cover)
@@ -155,7 +155,7 @@ class DynamicProgramming(Backend):
         }
         if values is not None:
             order = served(problem, [numbers[c] for c in table.best(values)])
-        else:  # any order that keeps the relation
+        else:  # any feasible order
             order = served(problem, problem.sorted_customers)
         length = length_of(problem, order)
         return Answer(

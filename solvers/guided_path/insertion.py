@@ -1,12 +1,12 @@
 """``insert-nearest``, ``insert-index`` and ``greedy``: the paper's heuristics.
 
 Source: "Exact and Heuristic Algorithms for Routing AGV on Path with Precedence Constraints",
-Mathematical Problems in Engineering 2016, article 5040513. Algorithm 6 treats the tour so far as one chain and merges the
-next chain into it by the dynamic program for two chains, so each merge is optimal. The greedy insertion of section 5
-visits the nearest available customer.
+Mathematical Problems in Engineering 2016, article 5040513. Algorithm 6 treats the tour so far as one chain and
+merges the next chain into it by the dynamic program for two chains, so each merge is optimal. The greedy insertion
+of section 5 visits the nearest available customer.
 
-Any relation is covered by the fewest chains, and no merge violates the pairs between them: the tour so far and the chain keep
-the relation with everything that it implies. An order of both that keeps all three always exists.
+A general relation is covered by the fewest chains. No merge violates the pairs between them: the tour so far and the
+chain satisfy the relation and its closure, and an order that satisfies all pairs always exists.
 """
 
 from __future__ import annotations
@@ -33,16 +33,21 @@ Ints = NDArray[np.int64]
 def ordered_chains(
     model: GuidedPathData, numbers: tuple[int, ...], chains: tuple[tuple[int, ...], ...]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return chains by the index of the model's chain that holds their first customer, then by its number.
+    """Return chains sorted by the index of the model's chain of their first customer, then by its number.
 
     Parameters
     ----------
     model : GuidedPathData
-        The whole model, whose own chains define the index.
+        The complete model, whose chains define the index.
     numbers : tuple of int
-        The number in `model` of each customer.
+        Number in `model` of each customer.
     chains : tuple of tuples of int
-        The chains that cover the relation.
+        Chains that cover the relation.
+
+    Returns
+    -------
+    tuple of tuple of int
+        The sorted chains.
     """
     index = {c: (k, place) for k, chain in enumerate(model.chains) for place, c in enumerate(chain)}
     rest = (len(model.chains), 0)
@@ -50,9 +55,9 @@ def ordered_chains(
 
 
 class ChainBackend(Backend):
-    """Base of the heuristics that build a tour from chains; a subclass names the loop.
+    """Base class of the heuristics that build a tour from chains; a subclass provides the kernel.
 
-    The customers that Property 1 leaves out are served when they are passed (Algorithm 1).
+    The customers omitted by Property 1 are served when they are passed (Algorithm 1).
     """
 
     accepts = GuidedPathTour
@@ -70,14 +75,14 @@ class ChainBackend(Backend):
 
     @abstractmethod
     def loop(self) -> Callable[..., bool]:
-        """Return the kernel that fills in the order and returns whether it was finished.
+        """Return the kernel that fills in the order and returns whether it finished.
 
-        Its arguments are the coordinates, the closure, the customers chain after chain, the first position of each
-        chain among them, the order to fill in, and the stop flag.
+        Its arguments are the coordinates, the closure, the customers chain after chain, the first position
+        of each chain among them, the order to fill in, and the stop flag.
         """
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
-        """Build the tour."""
+        """Build the tour and return the answer."""
         begin = clock()
         small, numbers = reduced(problem, passing=False)
         chains = ordered_chains(problem, numbers, small.cover)
@@ -111,7 +116,7 @@ class InsertNearest(ChainBackend):
     summary = "the paper's Algorithm 6: chains merged one by one, the nearest first"
 
     def loop(self) -> Callable[..., bool]:
-        """Return the loop over merges."""
+        """Return the kernel that merges chains."""
         from .insertion_kernels import merge_nearest
 
         return merge_nearest
@@ -124,7 +129,7 @@ class InsertIndex(ChainBackend):
     summary = "the paper's revised Algorithm 6: chains merged one by one, by index"
 
     def loop(self) -> Callable[..., bool]:
-        """Return the loop over merges."""
+        """Return the kernel that merges chains."""
         from .insertion_kernels import merge_by_index
 
         return merge_by_index
@@ -137,7 +142,7 @@ class Greedy(ChainBackend):
     summary = "the paper's greedy insertion: the nearest available customer comes next"
 
     def loop(self) -> Callable[..., bool]:
-        """Return the loop over customers."""
+        """Return the kernel that visits customers."""
         from .insertion_kernels import visit_nearest
 
         return visit_nearest

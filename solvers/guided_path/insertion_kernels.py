@@ -1,4 +1,4 @@
-"""Loops of the paper's heuristics: merges of chains, and visits to the nearest customer.
+"""Kernels of the paper's heuristics: merges of chains, and visits to the nearest customer.
 
 All customers are in one list, chain after chain: those of chain t from ``starts[t]`` to ``starts[t + 1]``.
 """
@@ -24,27 +24,27 @@ def merge_nearest(
     x: Floats, closure: NDArray[np.bool_], members: Ints, starts: Ints, order: Ints,
     flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
-    """Merge the chains into the tour; next comes the chain whose first customer is nearest to the tour's last one.
+    """Merge the chains into the tour; the next chain is the one whose first customer is nearest to its end.
 
     Parameters
     ----------
     x : ndarray, shape (n + 1,)
-        Coordinates of the start and the customers.
+        Coordinates of the start and the customers, in m.
     closure : ndarray of bool, shape (n + 1, n + 1)
-        Whether i must precede j, directly or through others.
+        True if i must precede j, directly or indirectly.
     members : ndarray of int, shape (n,)
         The customers, chain after chain.
     starts : ndarray of int, shape (k + 1,)
         First position of each chain in the list.
     order : ndarray of int, shape (n,)
-        Filled in with the tour.
+        Overwritten with the tour.
     flag : ndarray of int8
-        Stop flag, not 0 to stop.
+        Stop flag, nonzero to stop.
 
     Returns
     -------
     bool
-        Whether all chains were merged.
+        True if all chains were merged.
     """
     left = np.ones(len(starts) - 1, np.bool_)
     n, at = 0, x[0]
@@ -76,7 +76,7 @@ def merge_by_index(
     Returns
     -------
     bool
-        Whether all chains were merged.
+        True if all chains were merged.
     """
     for t in range(len(starts) - 1):
         if not _merge(x, closure, members, starts[t], starts[t + 1], starts[t], order, flag):
@@ -99,7 +99,7 @@ def _merge(
         both[j] = members[begin + j - n]
     for i in range(size):
         places[i] = x[both[i]]
-    # The customers of one chain that must precede a customer of the other form a beginning of that chain.
+    # The customers of one chain that must precede a customer of the other form a prefix of that chain.
     for j in range(n, size):
         for i in range(n):
             if closure[both[i], both[j]]:
@@ -123,7 +123,7 @@ def visit_nearest(
     x: Floats, closure: NDArray[np.bool_], members: Ints, starts: Ints, order: Ints,
     flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
-    """Visit the nearest customer that may be served, again and again; ties by the list of customers.
+    """Repeatedly visit the nearest available customer; ties by the list of customers.
 
     Parameters
     ----------
@@ -133,10 +133,10 @@ def visit_nearest(
     Returns
     -------
     bool
-        Whether all customers were visited.
+        True if all customers were visited.
     """
     count = len(members)
-    # Customers that must come first, -1 for a customer that has been visited.
+    # Number of unserved predecessors, -1 for a visited customer.
     missing = np.zeros(len(x), np.int64)
     for i in range(count):
         for j in range(count):

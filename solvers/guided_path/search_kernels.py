@@ -1,6 +1,7 @@
-"""A* over the states of a tour along a path, and its hash table and buckets: the loops.
+"""Kernels of A* over the states of a tour along a path, with a hash table and buckets.
 
-States are numbered as they are met. An open one is in the doubly linked list of its bucket.
+States are numbered in the order of their discovery. An open state is in the doubly linked list of its
+bucket.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ __all__ = [
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
 
-#: How a search comes back.
+#: Return values of a search: exhausted, out of room, or paused.
 DONE, FULL, PAUSED = 0, 1, 2
-#: Entries of `info`: states met, lowest bucket that may hold one, length of the best tour, the state
-#: that it ended with (-1: none of this search), states expanded.
+#: Entries of `info`: number of states, lowest bucket that may be non-empty, length of the best tour, its
+#: last state (-1 if the tour is not from this search), number of expansions.
 COUNT, LOWEST, BEST, GOAL, EXPANDED = 0, 1, 2, 3, 4
-#: What follows a state that is not open.
+#: Link of a state that is not open.
 CLOSED = -2
 
 
 @kernel
 def _slot(key: Ints, keys: Ints, table: Links) -> int:
-    """Return where a key is in the table, or where it would be put."""
+    """Return the slot of a key in the hash table, or the free slot for it."""
     most = table.size - 1
     slot = hashed(key) & most
     while True:
@@ -49,7 +50,7 @@ def _slot(key: Ints, keys: Ints, table: Links) -> int:
 
 @kernel
 def rehash(keys: Ints, count: int, table: Links) -> None:
-    """Fill a table, which is of a power of two, with the first `count` states."""
+    """Fill a hash table, whose size is a power of two, with the first `count` states."""
     for slot in range(table.size):
         table[slot] = -1
     for state in range(count):
@@ -86,10 +87,10 @@ def search_on(
     table: Links, buckets: Links, lowest: int, width: int, info: Ints, steps: int,
     flag: NDArray[np.int8],
 ) -> int:  # fmt: skip
-    """Expand up to `steps` states, and return how the search came back.
+    """Expand up to `steps` states; return `DONE`, `FULL` or `PAUSED`.
 
-    A state is expanded again where a shorter way to it is found. Only what may be shorter than the
-    best tour is kept, so that the search is done when no bucket below its length is left.
+    A state is expanded again if a shorter path to it is found. States whose bound reaches the best
+    length are discarded, so the search is exhausted when no bucket below that length remains.
 
     Parameters
     ----------
@@ -98,23 +99,23 @@ def search_on(
     groups, members, weighted, rests, times, over
         As in :class:`~.shares.Shares`.
     keys : ndarray of int, shape (room, words)
-        Of the states.
+        Keys of the states.
     costs : ndarray of int, shape (room, 2)
-        The way to each state, and the same with the bound on the rest.
+        Length up to each state, and the same plus the bound on the rest.
     parents : ndarray of int32, shape (room,)
-        Where it was reached from.
+        Predecessor of each state.
     links : ndarray of int32, shape (room, 2)
-        Before and after it in its bucket.
+        Previous and next state in its bucket.
     table, buckets : ndarray of int32
-        States by key, and the first of each bucket; -1 where there is none.
+        Hash table of the states, and first state of each bucket; -1 if empty.
     lowest, width : int
-        Least way of the first bucket, and how far each reaches.
+        Least length of the first bucket, and width of each bucket.
     info : ndarray of int, shape (5,)
-        See :data:`COUNT` and what follows it.
+        Entries as in :data:`COUNT`; updated.
     steps : int
-        The most states to expand.
+        Maximum number of expansions.
     flag : ndarray of int8
-        Not 0 asks to pause.
+        Stop flag, nonzero to pause.
     """
     chains, room = first.size - 1, len(keys)
     counts, after = np.empty(chains, np.int64), np.empty(chains, np.int64)
@@ -189,7 +190,7 @@ def search_anew(
     table: Links, buckets: Links, lowest: int, width: int, info: Ints, best: int, steps: int,
     flag: NDArray[np.int8],
 ) -> int:  # fmt: skip
-    """Begin at the start, and go on as :func:`search_on` does; `best` is the length of a tour."""
+    """Initialise the search and continue as :func:`search_on`; `best` is the length of a known tour."""
     for slot in range(table.size):
         table[slot] = -1
     for bucket in range(buckets.size):

@@ -1,7 +1,7 @@
-"""Shortest tours of a few chains alone, where gaps have other lengths: the loops.
+"""Kernels for shortest tours of a few chains with modified gap lengths.
 
-``rests[s * g + i]``, with the counts of g chains as one number s, is the shortest way from the next
-customer of chain i through all that is left of these chains to the start.
+``rests[s * g + i]``, with the counts of g chains encoded as one number s, is the length of the shortest
+path from the next customer of chain i through all remaining customers of these chains to the start.
 """
 
 from __future__ import annotations
@@ -16,24 +16,29 @@ __all__ = ["FAR", "fill_rests", "rest_of_shares", "walk_alone"]
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
 
-#: Longer than any way.
+#: Length greater than that of any path.
 FAR = (1 << 31) - 1
 
 
 @kernel(interpretable=True)
 def fill_rests(heads: Ints, sizes: Ints, rests: Links, flag: NDArray[np.int8]) -> bool:
-    """Fill in the ways that are left, from the last counts to the first; return whether all are.
+    """Fill in the remaining lengths, from the last counts to the first; return whether it finished.
 
     Parameters
     ----------
     heads : ndarray of int, shape (g + 1, longest + 1)
-        Where the customers of each chain are, and the start begins the last row.
+        Coordinates of the customers of each chain; the last row begins with the start.
     sizes : ndarray of int, shape (g,)
-        How many there are.
+        Number of customers of each chain.
     rests : ndarray of int32
-        Filled in; `FAR` where a chain is done.
+        Overwritten; `FAR` if a chain is finished.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag, nonzero to stop.
+
+    Returns
+    -------
+    bool
+        False if stopped.
     """
     g, home = sizes.size, heads[sizes.size, 0]
     radix, counts, at = np.ones(g, np.int64), sizes.copy(), np.full(g, home)
@@ -48,7 +53,7 @@ def fill_rests(heads: Ints, sizes: Ints, rests: Links, flag: NDArray[np.int8]) -
             if counts[i] == sizes[i]:
                 rests[s * g + i] = FAR
             ways[i] = rests[s * g + i]
-        # What comes after a customer is known, so it is handed to the counts before that one.
+        # The value of a customer follows from the current counts, and is stored at the counts before it.
         for i in range(g):
             if counts[i] > 0:
                 here, least = heads[i, counts[i] - 1], FAR
@@ -72,22 +77,27 @@ def walk_alone(
     heads: Ints, sizes: Ints, rests: Links, places: Ints, begun: Ints, starts: Ints, weighted: Ints,
     crossed: Ints,
 ) -> int:  # fmt: skip
-    """Return the length of the shortest ways back from several states, and count their crossings.
+    """Return the total length of the shortest paths back from several states, and count their crossings.
 
     Parameters
     ----------
     heads, sizes, rests
-        As in :func:`fill_rests`, the latter filled in.
+        As in :func:`fill_rests`, which must have filled `rests`.
     places : ndarray of int, shape (g + 1, longest + 1)
-        Numbers of the places in `heads`.
+        Indices of the places in `heads`.
     begun : ndarray of int, shape (m, g)
-        How much of each chain each state has served.
+        Number of customers of each chain served in each state.
     starts : ndarray of int, shape (m,)
-        The number of each state's place.
+        Index of each state's place.
     weighted : ndarray of int, shape (gaps + 1,)
-        Where the places are.
+        Coordinates of the places.
     crossed : ndarray of int, shape (gaps,)
-        Filled in with how often all the ways together cross each gap.
+        Overwritten with the total number of crossings of each gap.
+
+    Returns
+    -------
+    int
+        Sum of the lengths.
     """
     g = sizes.size
     radix = np.ones(g, np.int64)
@@ -124,20 +134,25 @@ def rest_of_shares(
     counts: Ints, here: int, first: Ints, place: Ints, groups: Ints, members: Ints, weighted: Ints,
     rests: Links,
 ) -> int:  # fmt: skip
-    """Return the sum over all groups of chains of what is left of each alone.
+    """Return the sum over all groups of chains of the remaining length of each group alone.
 
     Parameters
     ----------
     counts, here, first, place
-        The state, and as in :class:`~.bound.Tables`.
+        The state, and arrays as in :class:`~.bound.Tables`.
     groups : ndarray of int, shape (groups + 1, 2)
-        Where each begins in `members` and in `rests`.
+        First index of each group in `members` and in `rests`.
     members : ndarray of int, shape (chains, 2)
-        The chains by group, and what each count adds to the number of the counts.
+        Chains by group, and the increment of the encoded counts per customer.
     weighted : ndarray of int, shape (groups, places)
-        Where the places are for each group.
+        Coordinates of the places for each group.
     rests : ndarray of int32
-        Those of all groups.
+        Remaining lengths of all groups.
+
+    Returns
+    -------
+    int
+        The sum.
     """
     total, start = 0, place[place.size - 1]
     for group in range(len(weighted)):

@@ -1,13 +1,12 @@
-"""A stronger bound on tours along a path: chains in groups, each with a share of every gap's length.
+"""Stronger bound on tours along a path: groups of chains, each with a share of every gap's length.
 
-Whoever serves all chains serves those of each group. So, if the length of every gap is shared among
-the groups, the shortest tours of the groups alone, each by its own lengths, together are no longer than
-the shortest tour of all. The shares are raised where a group's tour crosses a gap more often than the
-others' do, step by step: the Lagrangian decomposition of M. Guignard and S. Kim, "Lagrangean
-decomposition: a model yielding stronger Lagrangean bounds", Mathematical Programming 39, 1987, with the
-step of B. T. Polyak, "Minimization of unsmooth functionals", USSR Computational Mathematics and
-Mathematical Physics 9, 1969. What the last tables hold bounds every state, see
-:func:`.share_kernels.rest_of_shares`.
+A tour of all chains serves each group. If the length of every gap is shared among the groups, the sum of
+the shortest tours of the groups, each with its own lengths, is at most the length of the shortest tour.
+The shares increase for a group whose tour crosses a gap more often than those of the others: the
+Lagrangian decomposition of M. Guignard and S. Kim, "Lagrangean decomposition: a model yielding stronger
+Lagrangean bounds", Mathematical Programming 39, 1987, with the step length of B. T. Polyak, "Minimization
+of unsmooth functionals", USSR Computational Mathematics and Mathematical Physics 9, 1969. The final
+tables bound every state, see :func:`.share_kernels.rest_of_shares`.
 """
 
 from __future__ import annotations
@@ -25,27 +24,29 @@ __all__ = ["Shares", "no_shares", "shares_of"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Ways are less than this in tables, and their sums less than 2^31.
+#: Upper limit on lengths in tables, so that their sums are below 2^31.
 LONG = 1 << 29
-#: Chains of a group, entries of its table, and of all tables, at the most.
+#: Maximum number of chains of a group, of entries of its table, and of entries of all tables.
 MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
-#: Steps with small groups at the most; steps with the last ones at the least, and the loops of all.
+#: Maximum number of ascent steps; minimum number with the final groups; work limit of these steps.
 FIRST, LEAST, WORK = 400, 2, 3e8
-#: Of the bound: by how much it is hoped to rise, and when that is given up; steps without a rise until
-#: less is hoped for. With small groups, and with the last ones.
+#: Initial target for the relative increase of the bound, and number of steps without progress before it
+#: is reduced, for small and for final groups; relative target at which the ascent ends.
 AIM, PATIENCE, END = (0.1, 0.02), (12, 3), 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Shares:
-    """Groups of chains, with what :func:`.share_kernels.rest_of_shares` takes of them.
+    """Groups of chains, with the arguments of :func:`.share_kernels.rest_of_shares`.
 
     Parameters
     ----------
     groups, members, weighted : ndarray of int
+        Arrays of :func:`.share_kernels.rest_of_shares`.
     rests : ndarray of int32
+        Remaining lengths of all groups.
     times, over : int
-        What its value is multiplied with, and divided by, to be one in units of the tables.
+        Factor and divisor that convert its value to units of the tables.
     """
 
     groups: Ints
@@ -57,7 +58,7 @@ class Shares:
 
 
 def no_shares(tables: Tables) -> Shares:
-    """Return what bounds nothing."""
+    """Return empty shares, whose bound is 0."""
     return Shares(
         np.zeros((1, 2), np.int64), np.zeros((0, 2), np.int64),
         np.zeros((0, tables.at.size), np.int64), np.zeros(0, np.int32), 1, 1,
@@ -65,17 +66,23 @@ def no_shares(tables: Tables) -> Shares:
 
 
 def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) -> Shares | None:
-    """Return the groups with the greatest bound that was found; None where `flag` stopped it.
+    """Return the groups with the greatest bound found; None if `flag` stopped the ascent.
 
     Parameters
     ----------
     tables : Tables
+        Tables of the model.
     best : int
         Length of a tour, in units.
     samples : ndarray of int, shape (m, chains + 1)
-        States whose bounds are raised, on the average: counts and place of each.
+        States whose mean bound is maximised: counts and place of each.
     flag : ndarray of int8, shape (1,)
-        Not 0 asks to stop.
+        Stop flag, nonzero to stop.
+
+    Returns
+    -------
+    Shares or None
+        The groups and their tables.
     """
     groups = _grouped(np.diff(tables.first))
     parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]
@@ -93,10 +100,10 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
 
 
 def _grouped(sizes: Ints) -> list[Ints]:
-    """Return the chains in groups as large as the tables may be, long and short ones mixed."""
+    """Return groups of chains as large as the table limits allow, with long and short chains mixed."""
     order = np.argsort(-sizes, kind="stable")
     for count in range(1, sizes.size + 1):
-        # To and fro, so that products of sizes are nearly equal.
+        # Assign in alternating direction, so that the products of sizes are nearly equal.
         turns = np.arange(sizes.size) % (2 * count)
         owner = np.minimum(turns, 2 * count - 1 - turns)
         groups = [order[owner == g] for g in range(count)]
@@ -107,7 +114,7 @@ def _grouped(sizes: Ints) -> list[Ints]:
 
 
 class _Ascent:
-    """Steps that raise the bound of some groups."""
+    """Subgradient ascent of the bound of some groups."""
 
     def __init__(
         self, tables: Tables, groups: list[Ints], best: int, samples: Ints, flag: NDArray[np.int8]
@@ -129,7 +136,7 @@ class _Ascent:
         self.best, self.weighted = -1.0, np.zeros((len(groups), tables.at.size), np.int64)
 
     def value(self, lengths: Floats) -> tuple[float, Floats]:
-        """Return the mean bound by these shares, and how often each group's way crosses each gap."""
+        """Return the mean bound of these shares, and the crossings of each gap by each group."""
         whole = np.floor(lengths * (self.over / self.times)).astype(np.int64)
         weighted = np.pad(np.cumsum(whole, axis=1), ((0, 0), (1, 0)))
         crossed = np.zeros(lengths.shape, np.int64)
@@ -148,7 +155,7 @@ class _Ascent:
         return total / len(starts), crossed / len(starts)
 
     def climb(self, lengths: Floats, steps: int, hope: float, patience: int) -> Floats:
-        """Return the shares with the greatest bound met on the way from `lengths`."""
+        """Return the shares with the greatest bound found in `steps` steps from `lengths`."""
         found, aim, stale = lengths, 0.0, 0
         before = np.zeros(lengths.shape)
         for step in range(steps):
@@ -172,7 +179,7 @@ class _Ascent:
         return found
 
     def shares(self) -> Shares:
-        """Return the best."""
+        """Return the shares with the greatest bound."""
         members = np.concatenate(self.groups)
         radix = np.concatenate([np.cumprod([1, *(size[:-1] + 1)]) for size in self.sizes])
         begins = np.cumsum([0, *map(len, self.groups)])
@@ -183,7 +190,7 @@ class _Ascent:
 
 
 def _shared(lengths: Floats, whole: Ints) -> Floats:
-    """Return the nearest shares that are not negative and add up to the whole, gap by gap.
+    """Return the nearest non-negative shares whose sum is the length of each gap.
 
     Source: M. Held, P. Wolfe and H. P. Crowder, "Validation of subgradient optimization",
     Mathematical Programming 6, 1974.

@@ -1,6 +1,7 @@
-"""What the searches of tours along a path do with one state; see :mod:`.bound` for the tables.
+"""Kernels on single states of the searches for tours along a path; see :mod:`.bound` for the tables.
 
-A state's counts say how far each chain is served; its key packs them and the place into words.
+The counts of a state are the numbers of customers served in each chain. Its key packs them and the
+place into words.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ __all__ = ["hashed", "least_rest", "neighbours", "pack", "rest_by_gaps", "serve"
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
 
-#: Half a word; two factors of 31 bits, so that no product leaves 62 bits, compiled or not.
+#: Mask of half a word, and two 31-bit factors: products stay within 62 bits, compiled or not.
 HALF = (1 << 31) - 1
 MIX, STIR = 0x5851F42D, 0x2545F491
 
@@ -43,7 +44,7 @@ def pack(counts: Ints, place: int, fields: Ints, key: Ints) -> None:
 
 @kernel
 def hashed(key: Ints) -> int:
-    """Return a number of 31 bits that few keys share."""
+    """Return a 31-bit hash of a key."""
     found = HALF
     for word in range(key.size):
         for half in ((key[word] >> 31) & HALF, key[word] & HALF):
@@ -55,7 +56,7 @@ def hashed(key: Ints) -> int:
 
 @kernel
 def _open(customer: int, counts: Ints, needs: Ints, needed: Ints) -> bool:
-    """Return whether all that a customer needs of other chains is served."""
+    """Return whether all predecessors of a customer in other chains are served."""
     for row in range(needs[customer], needs[customer + 1]):
         if counts[needed[row, 0]] < needed[row, 1]:
             return False
@@ -66,7 +67,7 @@ def _open(customer: int, counts: Ints, needs: Ints, needed: Ints) -> bool:
 def neighbours(
     counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints
 ) -> tuple[int, int]:
-    """Return the nearest places left and right where a customer is available; -1 where none is."""
+    """Return the nearest places left and right with an available customer, or -1."""
     left, right = -1, -1
     for k in range(counts.size):
         customer = first[k] + counts[k]
@@ -83,7 +84,7 @@ def neighbours(
 
 @kernel
 def serve(counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints) -> int:
-    """Serve whatever is available at a place, and what that makes available; return how many."""
+    """Serve all customers available at a place, also those that become available; return their number."""
     served, again = 0, True
     while again:
         again = False
@@ -106,9 +107,9 @@ def rest_by_gaps(
     counts: Ints, here: int, first: Ints, place: Ints, length: Ints,
     crossings: NDArray[np.int16], most: NDArray[np.int16],
 ) -> int:  # fmt: skip
-    """Return a bound on the way from here through all that is not served to the start.
+    """Return a lower bound on the path from `here` through all unserved customers to the start.
 
-    `most` is room for a number a gap.
+    `most` is scratch space with one entry per gap.
     """
     gaps = length.size
     for gap in range(gaps):
@@ -131,9 +132,9 @@ def least_rest(
     crossings: NDArray[np.int16], groups: Ints, members: Ints, weighted: Ints, rests: Links,
     times: int, over: int, most: NDArray[np.int16],
 ) -> int:  # fmt: skip
-    """Return the greater of both bounds; see :class:`~.shares.Shares`.
+    """Return the maximum of the bound by gaps and the bound by shares (:class:`~.shares.Shares`).
 
-    All ways from here to the start differ by twice a whole number of units.
+    The lengths of all paths from `here` to the start have the same parity, in units.
     """
     rest = rest_by_gaps(counts, here, first, place, length, crossings, most)
     if len(weighted) > 0:

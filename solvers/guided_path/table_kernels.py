@@ -1,6 +1,6 @@
-"""Loops over the table of shortest ways f*(t, S), where S says how far each chain has been served.
+"""Kernels for the table of shortest lengths f*(t, S); S is the number of customers served in each chain.
 
-State S has the number Σ c_t · strides[t], with c_t customers of chain t served. All customers stand in
+State S has the number Σ c_t · strides[t], with c_t customers of chain t served. All customers are in
 one list, chain after chain: those of chain t from ``starts[t]`` on, up to ``starts[t + 1]``.
 """
 
@@ -24,29 +24,29 @@ def fill_table(
     start: float, places: Floats, starts: Ints, strides: Ints, need: Ints, values: Floats,
     flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
-    """Fill in the shortest ways from the start through state S to the last customer of each chain.
+    """Fill in the shortest lengths from the start through state S to the last customer of each chain.
 
     Parameters
     ----------
     start : float
-        Where the start is.
+        Coordinate of the start, in m.
     places : ndarray, shape (n,)
-        Where the customers are.
+        Coordinates of the customers, in m.
     starts : ndarray of int, shape (k + 1,)
-        Where each chain begins in the list.
+        Index of the first customer of each chain in the list, and n.
     strides : ndarray of int, shape (k,)
-        What one more customer of each chain adds to the number of a state; the first is 1.
+        Increment of a state's number per customer of each chain; the first is 1.
     need : ndarray of int, shape (n, k)
-        How many customers of each chain must be served before this one.
+        Number of customers of each chain that must be served before each customer.
     values : ndarray, shape (states, k)
-        Filled in; infinite where there is no such way.
+        Overwritten; inf if no such path exists.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag, nonzero to stop.
 
     Returns
     -------
     bool
-        Whether all was filled in.
+        True if the table is complete.
     """
     k = len(strides)
     counts = np.zeros(k, np.int64)
@@ -88,14 +88,19 @@ def fill_table(
 def trace_table(
     start: float, places: Floats, starts: Ints, strides: Ints, values: Floats, order: Ints
 ) -> float:
-    """Follow the shortest tour back from its end; return its length.
+    """Trace the shortest tour back from its end; return its length (m).
 
     Parameters
     ----------
     start, places, starts, strides, values
-        As in :func:`fill_table`, the last filled in.
+        As in :func:`fill_table`, which must have filled `values`.
     order : ndarray of int, shape (n,)
-        Filled in with places in the list, in the order of service; ties to the first chain.
+        Overwritten with indices of the list in the order of service; ties by chain.
+
+    Returns
+    -------
+    float
+        The length.
     """
     k = len(strides)
     counts = np.zeros(k, np.int64)

@@ -1,4 +1,4 @@
-"""Native algorithms for tours of a messenger UAV; the loops are compiled by Numba."""
+"""Native algorithms for tours of a messenger UAV, with loops compiled by Numba."""
 
 BACKENDS = {
     "tour-search": ".search:TourSearch",

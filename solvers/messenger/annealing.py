@@ -1,4 +1,4 @@
-"""Annealing by ruin and recreate: stops are taken out of a tour, and what it then misses is put back.
+"""Simulated annealing by ruin and recreate: remove stops, then insert the vehicles that are missed.
 
 A tour stops at some vehicles, with a pose for each, and passes the others on the way. Source of the
 moves: J. Christiaens and G. Vanden Berghe, "Slack induction by string removals for vehicle routing
@@ -22,11 +22,11 @@ __all__ = ["anneal"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Longest string of stops that is taken out.
+#: Maximum length of a removed string of stops.
 STRING = 6
-#: Probability that a place is left out of consideration.
+#: Probability that an insertion place is skipped ("blink").
 BLINK = 0.05
-#: Random steps for the pose of a stop whose neighbours changed, and in a move of its own.
+#: Random steps for the pose of a stop: after a change of its neighbours, and as a move by itself.
 STEPS, OWN = 4, 12
 
 
@@ -47,7 +47,7 @@ def _tune(
     order: Ints, count: int, k: int, closed: bool, nodes: Floats, poses: Floats, freedom: Ints,
     speed: float, r: float, times: Floats, steps: int, trial: Floats, draw: Generator,
 ) -> None:  # fmt: skip
-    """Improve the pose of the k-th stop, and renew its time."""
+    """Improve the pose of the k-th stop, and update its time."""
     i = order[k]
     if k == 0 or freedom[i] == FIXED:
         return
@@ -63,7 +63,7 @@ def _turn_start(
     order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, freedom: int, speed: float,
     r: float, times: Floats, steps: int, kept: Floats, draw: Generator,
 ) -> None:  # fmt: skip
-    """Improve the pose in which the path begins, the stops around it held."""
+    """Improve the pose at which the path begins, with its neighbours fixed."""
     i = order[0]
     pose, radius, last = poses[i], nodes[i, 4], order[count - 1]
     best = math.inf
@@ -93,10 +93,10 @@ def _amplified(
     order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, times: Floats, speed: float,
     growth: Floats,
 ) -> None:  # fmt: skip
-    """Fill `growth` with how much later a tour ends for each second that it is late at a stop.
+    """Fill `growth` with the derivative of the end of a tour with respect to the time of each stop.
 
-    A leg in direction u from stop a to stop b grows by (v - u.V_a) / (v - u.V_b), poses being fixed to
-    the vehicles.
+    The derivative of a leg in direction u from stop a to stop b is (v - u.V_a) / (v - u.V_b), with
+    poses fixed to the vehicles.
     """
     growth[count - 1] = 1.0
     if closed:
@@ -125,9 +125,9 @@ def recreate(
     r: float, times: Floats, value: float, ceiling: float, pieces: Floats, draw: Generator,
     flag: NDArray[np.int8],
 ) -> tuple[int, float]:  # fmt: skip
-    """Put stops into a tour until it meets all; return their number, and when it ends.
+    """Insert stops until the tour meets every vehicle; return the number of stops and the end time (s).
 
-    The end is infinite where it would be beyond `ceiling`, or where `flag` asks to stop before.
+    The end is inf if it exceeds `ceiling`, or if `flag` is set.
     """
     n = len(order) - 1
     member, missed = np.zeros(n + 1, np.int8), np.empty(n + 1, np.int64)
@@ -136,7 +136,7 @@ def recreate(
     legs, hints, gaps = np.empty(CLOSEST, np.int64), np.empty((CLOSEST, 4)), np.empty(CLOSEST)
     growth = np.ones(n + 1)
     trial, pose, best_pose, hint = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    # Either what is missed by most, or any.
+    # Insert either the vehicle with the largest gap, or a random one.
     farthest = draw.random() < 0.5
     while value < math.inf and not flag[0]:
         found, chosen, extreme = 0, 0, 0.0
@@ -211,7 +211,7 @@ def recreate(
 
 @kernel
 def _ruin(order: Ints, count: int, draw: Generator) -> tuple[int, int]:
-    """Take a string of stops out of a tour; return how many are left, and where it was."""
+    """Remove a random string of stops; return the number of remaining stops and the string's index."""
     if count < 2:
         return count, 1
     most = min(STRING, count - 1)
@@ -219,7 +219,7 @@ def _ruin(order: Ints, count: int, draw: Generator) -> tuple[int, int]:
     begin = int(draw.integers(1, count - size + 1))
     keep = 0
     if size > 2 and draw.random() < 0.3:
-        # One of them stays.
+        # Keep one stop of the string.
         keep = order[begin + int(draw.integers(0, size))]
     shift = size
     at = begin
@@ -238,9 +238,10 @@ def anneal(
     r: float, times: Floats, iterations: int, hot: float, cold: float, draw: Generator,
     flag: NDArray[np.int8],
 ) -> tuple[int, float]:  # fmt: skip
-    """Improve a tour in place; return the number of its stops, and when it ends.
+    """Improve a tour in place; return the number of its stops and its end time (s).
 
-    A longer path is accepted with probability exp(-Δ / (T·length)), T falling from `hot` to `cold`.
+    A longer path is accepted with probability exp(-Δ / (T·length)), where T decreases from `hot` to
+    `cold`.
     """
     n = len(order)
     pieces = np.empty((PIECES * (n + 2), PIECE))
@@ -287,7 +288,7 @@ def anneal(
                     trial, draw,
                 )  # fmt: skip
         elif u < 0.35 and count > 2:
-            # A stretch flown the other way.
+            # Reverse a stretch of the tour.
             p, q = int(draw.integers(1, count)), int(draw.integers(1, count))
             p, q = min(p, q), max(p, q)
             for k in range(p, q + 1):

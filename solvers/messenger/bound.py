@@ -1,4 +1,4 @@
-"""``euclidean-bound`` and ``curvature-bound``: how short a tour can be at best, with a proof; ours."""
+"""``euclidean-bound`` and ``curvature-bound``: proven lower bounds on the length of a tour."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termi
 __all__ = ["CurvatureBound", "EuclideanBound"]
 
 
-#: What is left of the gap by the tolerance to which paths are solved.
+#: Relative gap due to the tolerance of the path solver.
 ROUNDING = 1e-8
 
 
 class EuclideanBound(Backend):
-    """The shortest tour without curvature, by branch and bound over the orders.
+    """Lower bound: the shortest tour without curvature limit, by branch and bound over the orders.
 
-    Its length bounds every tour from below; what has been proven when a limit ends the search does
-    so as well. With a turning radius of 0 the tour is a plan, and the best one.
+    If a limit ends the search, the bound proven so far is valid. With a turning radius of 0 the tour
+    is an optimal plan.
     """
 
     name = "euclidean-bound"
@@ -36,7 +36,7 @@ class EuclideanBound(Backend):
     curved: ClassVar[bool] = False
 
     def run(self, problem: MessengerTour, request: Request) -> Answer:
-        """Search over the orders, and say what is proven."""
+        """Search over the orders; return the proven bound."""
         from .bound_search import OrderSearch
 
         begin = clock()
@@ -81,12 +81,12 @@ class EuclideanBound(Backend):
 
 
 class CurvatureBound(EuclideanBound):
-    """The same search with what every tour turns at least, whatever its headings.
+    """Lower bound that includes the least turning of any tour, for free headings.
 
-    How that is bounded is said in :mod:`.bound_kernels`. The bound of an order is never less than
-    that without curvature, and equals the shortest tour's where legs are long, or the vehicles
-    at rest are met at points that lie apart. It is weak where discs overlap, as their vehicles may be
-    met at once, and where the UAV must turn by more than half a circle.
+    See :mod:`.bound_kernels` for the proof. The bound of an order is at least the one without
+    curvature. It equals the length of the shortest tour if legs are long, or if vehicles at rest are
+    met at points that are far apart. It is weak if discs overlap, because their vehicles may be met
+    at once, and if the UAV must turn by more than half a circle.
     """
 
     name = "curvature-bound"
@@ -100,11 +100,16 @@ def straight(model: MessengerTour, order: tuple[int, ...], points: Any, times: A
     Parameters
     ----------
     model : MessengerTour
-        Whose turning radius is 0.
+        Model with a turning radius of 0.
     order : tuple of int
-        The vehicles.
+        Order of the vehicles.
     points, times : ndarray, shapes (n, 2) and (n,)
-        Where, m, and when each is met, s.
+        Place (m) and time (s) of each encounter.
+
+    Returns
+    -------
+    TourPlan
+        The plan.
     """
     begin = points[0] if model.start is None else model.start[:2]
     stops = np.vstack([begin, points, *([begin] if model.closed else [])])

@@ -1,4 +1,4 @@
-"""Shortest paths without curvature for a given order, by Clarabel called with prepared matrices."""
+"""Shortest paths without curvature limit for a given order, by Clarabel with prepared matrices."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Indices = NDArray[np.int64]
 
 
 class Path(NamedTuple):
-    """A shortest path, as far as the solver's tolerance goes, and what is proven of all.
+    """Shortest path up to the solver's tolerance, and a proven lower bound.
 
     Parameters
     ----------
     bound : float
-        In the field's unit; no path over the stops is shorter.
+        Lower bound on the length of every path over the stops, in the field's unit.
     directions : ndarray, shape (L, 2)
-        What proves it.
+        Dual directions that prove the bound.
     points, times : ndarray, shapes (L + 1, 2) and (L + 1,)
-        Where and when it meets the stops.
+        Place and time of each encounter.
     """
 
     bound: float
@@ -38,16 +38,16 @@ class Path(NamedTuple):
 
 
 class Chains:
-    """Solves the relaxation for one order after another, all in one field.
+    """Solver of the relaxation for a sequence of orders of one model.
 
     Parameters
     ----------
     model : MessengerTour
-        Whose orders are solved.
+        The model.
     curved : bool
-        Whether what is proven makes use of the limit on curvature.
+        Whether bounds use the limit on curvature.
     tolerance : float
-        Of the solver.
+        Tolerance of Clarabel.
     """
 
     def __init__(self, model: MessengerTour, curved: bool = False, tolerance: float = 1e-9) -> None:
@@ -56,7 +56,7 @@ class Chains:
         self.field = field = Field.of(model)
         self.curved = curved and model.turning_radius > 0
         self.solved = 0
-        #: What the kernels ask of the field and of the limit on curvature.
+        #: Arguments of the kernels for the field and the limit on curvature.
         self._gaps = _gaps(field)
         self.data = (field.centres, field.velocities, field.radii, self._gaps, np.zeros(3))
         if self.curved:
@@ -72,15 +72,15 @@ class Chains:
         self._shapes: dict[int, Any] = {}
 
     def prove(self, stops: Indices, directions: Floats) -> float:
-        """Return the bound that `directions` prove, in the field's unit."""
+        """Return the lower bound that `directions` prove, in the field's unit."""
         return float(proven(*self.data, stops, directions))
 
     def solve(self, stops: Indices) -> Path:
-        """Return the shortest path over `stops`."""
+        """Return the shortest path over the indices `stops`, shape (L + 1,)."""
         field, legs = self.field, len(stops) - 1
         centres, velocities = field.centres[stops], field.velocities[stops]
         if legs < 2 and stops[0] == stops[-1]:
-            # One place, where the path stays.
+            # Only one place: the path has length 0.
             return Path(0.0, np.zeros((legs, 2)), centres, np.zeros(legs + 1))
         self.solved += 1
         radii = field.radii[stops].copy()
@@ -101,7 +101,7 @@ class Chains:
         x = np.array(found.x, float)
         pull = np.array(found.z[: 3 * legs], float).reshape(-1, 3)
         if not (np.isfinite(x).all() and np.isfinite(pull).all()):
-            # Any directions prove something; a solver that failed has no better ones.
+            # Any directions prove a valid bound, so a failed solve needs no special case.
             x, pull = np.nan_to_num(x), np.nan_to_num(pull)
         directions = -pull[:, 1:] / np.maximum(pull[:, :1], 1e-300)
         times = np.append(0.0, x[:legs])
@@ -121,12 +121,12 @@ class Chains:
         return float(ascended(*self.data, stops, directions, found)), found
 
     def _thinned(self, bound: float, stops: Indices, directions: Floats) -> float:
-        """Return what is proven with stops left out, one after another, as long as that is more."""
+        """Return the best bound after greedily omitting stops, as long as this increases the bound."""
         while len(stops) > 2:
             bounds = np.empty(len(directions))
             omissions(*self.data, stops, directions, bounds)
             k = int(bounds.argmax())
-            # The leg that remains begins with the longer one's direction.
+            # The merged leg starts from the direction of the longer one.
             first, second = self._gaps[stops[k], stops[k + 1]], -1.0
             if k + 1 < len(directions):
                 second = self._gaps[stops[k + 1], stops[k + 2]]
@@ -139,10 +139,10 @@ class Chains:
         return bound
 
     def _shape(self, legs: int) -> tuple[Any, Indices, Floats]:
-        """Return the matrix of a path with as many legs, and where its values come from.
+        """Return the matrix of a path with `legs` legs, and the source and sign of each entry.
 
-        Columns are s of all stops but the first, then the offsets of all stops; the rows are those of
-        the legs, and then those of the discs. Values are 1, the velocities, and the radii twice.
+        Columns are s of all stops but the first, then the offsets of all stops. Rows are those of the
+        legs, then those of the discs. Values are 1, the velocities, and the radii twice.
         """
         if legs in self._shapes:
             shape: tuple[Any, Indices, Floats] = self._shapes[legs]
@@ -157,7 +157,7 @@ class Chains:
 
         for leg in range(legs):
             for stop, sign in ((leg + 1, 1.0), (leg, -1.0)):
-                # Without a start, the path ends at the point where it begins.
+                # Without a fixed start, the last stop is the first one.
                 own = 0 if self.field.free and stop == legs else stop
                 for axis in range(2):
                     row = 3 * leg + 1 + axis
@@ -178,10 +178,10 @@ class Chains:
 
 
 def _gaps(field: Field) -> Floats:
-    """Return how long a flight from one stop to another is at least, shape (n + 1, n + 1).
+    """Return the least length of a flight between any two stops, shape (n + 1, n + 1).
 
-    Over a length L the second stop moves by at most |W| L after the first one is met, at whatever
-    time that is.
+    During a flight of length L after the first encounter, at whatever time, the second stop moves by
+    at most |W| L.
     """
     apart = field.centres[None] - field.centres[:, None]
     drift = field.velocities[None] - field.velocities[:, None]

@@ -1,16 +1,16 @@
-"""Loops of the bounds: what directions of the legs prove, and what one more stop costs.
+"""Kernels of the bounds: the bound that given leg directions prove, and the cost of another stop.
 
-The dual of the relaxation for a given order (see :mod:`...models.messenger.relaxation`) has a vector
-u_k a leg. With g_k = u_k - u_{k+1} (u_{L+1} = 0), the Lagrangian is bounded from below where::
+The dual of the relaxation for a given order (see :mod:`...models.messenger.relaxation`) has one vector
+u_k per leg. With g_k = u_k - u_{k+1} (u_{L+1} = 0), the Lagrangian is bounded from below if::
 
     lambda_L = 1 + g_L . W_L,   lambda_k = lambda_{k+1} + g_k . W_k,   |u_k| <= lambda_k
 
-and then ``sum g_k . P_k - |g_k| r_k`` is a lower bound on every path's length. With u_k = lambda_k d_k
-the conditions become ``lambda_k (1 - d_k . W_k) = lambda_{k+1} (1 - d_{k+1} . W_k)`` and |d_k| <= 1:
-as vehicles are slower than the UAV, any directions d_k in the unit disc prove a bound. Those of the
-legs of a shortest path prove its own length.
+Then ``sum g_k . P_k - |g_k| r_k`` is a lower bound on every path's length. With u_k = lambda_k d_k
+the conditions become ``lambda_k (1 - d_k . W_k) = lambda_{k+1} (1 - d_{k+1} . W_k)`` and |d_k| <= 1.
+Vehicles are slower than the UAV, so any directions d_k in the unit disc prove a bound. The directions
+of the legs of a shortest path prove its length.
 
-What the limit on curvature adds to that is said in :mod:`.turn_kernels`.
+:mod:`.turn_kernels` derives the additional terms of the curvature limit.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ __all__ = ["ascended", "insertions", "misses", "omissions", "proven"]
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Share of the terms of a bound that their rounding may take.
+#: Bound on the relative rounding error of a bound, per leg, relative to the sum of absolute terms.
 ROUNDING = 1e-12
-#: The same where a bound is put together from parts of another one, of which less is known.
+#: Same for a bound assembled from parts of another one, with a larger safety factor.
 SPLICED = 1e-10
-#: How far new directions are taken up: a step that is too long at a disc may lose what it gains.
+#: Step lengths towards new directions. At a disc, a full step may overshoot.
 STEPS = (1.0, 0.5, 0.2)
-#: Times that every direction is turned to where it proves most.
+#: Number of sweeps of the coordinate ascent over the directions.
 SWEEPS = 6
 
 
@@ -44,7 +44,7 @@ def proven(
     centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
     stops: Indices, directions: Floats,
 ) -> float:  # fmt: skip
-    """Return the length that `directions` prove of every path over `stops`, rounding allowed for.
+    """Return the length that `directions` prove for every path over `stops`, minus the rounding error.
 
     Parameters
     ----------
@@ -53,15 +53,20 @@ def proven(
     radii : ndarray, shape (n + 1,)
         r of the field.
     gaps : ndarray, shape (n + 1, n + 1)
-        The least lengths of legs from stop to stop.
+        Least lengths of legs between stops.
     turn : ndarray, shape (3,)
-        The turning radius in the field's unit, 0 to leave it out; 1 where there is a heading at the
-        start, else 0; and that heading, rad.
+        Turning radius in the field's unit, or 0 to ignore the curvature limit; 1 if the heading at the
+        start is fixed, otherwise 0; that heading, in rad.
     stops : ndarray of int64, shape (L + 1,)
-        Where the path begins, its stops, and its end. Where it ends as it begins, at a vehicle, that
-        is one stop with one point.
+        Start, stops and end of the path. If the path starts and ends at the same vehicle, both are one
+        stop at one point.
     directions : ndarray, shape (L, 2)
-        d_k, of any length; what is longer than 1 is shortened.
+        d_k; vectors longer than 1 are normalised.
+
+    Returns
+    -------
+    float
+        Lower bound, at least 0, in the field's unit.
     """
     legs = stops.size - 1
     total, size = 0.0, 0.0
@@ -131,23 +136,23 @@ def insertions(
     stops: Indices, directions: Floats, points: Floats, times: Floats, vehicle: int,
     bounds: Floats,
 ) -> None:  # fmt: skip
-    """Fill `bounds` with what is proven of a path that meets one more vehicle on each leg.
+    """Fill `bounds` with lower bounds for the paths with `vehicle` inserted into each leg.
 
-    Directions are those of the path's legs, but for the two that replace the leg. Entry k is for the
-    leg to stop k + 1; the last one, where there is room for it, is for after the last stop.
+    The directions are those of the path, except for the two legs that replace a leg. Entry k is the
+    bound for the leg to stop k + 1. An entry L is the bound for `vehicle` after the last stop.
 
     Parameters
     ----------
     centres, velocities, radii, gaps, turn, stops, directions
         As in :func:`proven`.
     points : ndarray, shape (L + 1, 2)
-        Q, where the path meets its stops.
+        Q, the points of the path's encounters.
     times : ndarray, shape (L + 1,)
-        s there.
+        s at the encounters.
     vehicle : int
-        Which is met.
+        Index of the inserted vehicle.
     bounds : ndarray, shape (L,) or (L + 1,)
-        To be filled.
+        Overwritten with the bounds.
     """
     legs = stops.size - 1
     table = np.empty((legs, 6))
@@ -200,7 +205,7 @@ def insertions(
                 legs if last else place + 1, more, tried,
             )  # fmt: skip
             best = max(best, value)
-        # Twice the size, for that of the new legs: they are no heavier than others may be.
+        # Double the size to cover the new legs, whose weights are bounded by those of other legs.
         best -= SPLICED * (legs + 2) * (size + abs(best))
         bounds[place] = best
 
@@ -210,17 +215,17 @@ def omissions(
     centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
     stops: Indices, directions: Floats, bounds: Floats,
 ) -> None:  # fmt: skip
-    """Fill `bounds` with about what `directions` prove of a path that leaves out a stop.
+    """Fill `bounds` with approximate bounds for the paths without one of the stops.
 
-    It may be more: from stop to stop by short legs, a path need not turn as it must over a long one.
+    A bound may increase: a path of short legs need not turn as much as one long leg must.
 
     Parameters
     ----------
     centres, velocities, radii, gaps, turn, stops, directions
         As in :func:`proven`.
     bounds : ndarray, shape (L,)
-        To be filled; entry k is for stop k + 1. Where the path begins and ends at one place, the
-        last one is not for omission, and stays 0.
+        Overwritten; entry k belongs to stop k + 1. If the path begins and ends at one place, the last
+        stop cannot be omitted, and its entry is 0.
     """
     legs = stops.size - 1
     table = np.empty((legs, 6))
@@ -251,21 +256,26 @@ def ascended(
     centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
     stops: Indices, directions: Floats, found: Floats,
 ) -> float:  # fmt: skip
-    """Return a greater bound than `directions` prove, and fill in those that prove it.
+    """Increase the bound by coordinate ascent over the directions; return it and fill `found`.
 
-    Each direction is turned in its turn, by steps that shrink.
+    Each sweep rotates every direction in turn, and halves the step.
 
     Parameters
     ----------
     centres, velocities, radii, gaps, turn, stops, directions
         As in :func:`proven`.
     found : ndarray, shape (L, 2)
-        To be filled with directions.
+        Overwritten with the directions that prove the returned bound.
+
+    Returns
+    -------
+    float
+        Lower bound, at least that of `directions`, in the field's unit.
     """
     legs = stops.size - 1
     for k in range(legs):
         found[k, 0], found[k, 1] = directions[k, 0], directions[k, 1]
-    # To either side, and then to the top of the parabola through the three, direction by direction.
+    # Per direction: one step to either side, then the maximum of the parabola through the three values.
     table, tried = np.empty((legs, 6)), np.empty((1, 2))
     tabulated(centres, velocities, radii, gaps, turn, stops, found, table)
     step = 0.2
@@ -314,18 +324,18 @@ def misses(
     centres: Floats, velocities: Floats, radii: Floats, points: Floats, times: Floats,
     found: Floats, where: Floats,
 ) -> None:  # fmt: skip
-    """Fill in how far a path stays outside of every vehicle's disc, and where it is nearest.
+    """Fill in the distance of a path to every vehicle's disc, and the place of the closest approach.
 
     Parameters
     ----------
     centres, velocities, radii
-        Of the vehicles, as in :func:`proven`.
+        Data of the vehicles, as in :func:`proven`.
     points, times : ndarray, shapes (L + 1, 2) and (L + 1,)
-        The path, straight and even between.
+        The path, linear between its points.
     found : ndarray, shape (n,)
-        To be filled with the least distance less the radius.
+        Overwritten with the least distance minus the radius.
     where : ndarray, shape (n,)
-        To be filled with the leg, and the share of it that is flown until then.
+        Overwritten with the leg plus the share of it flown at the closest approach.
     """
     for i in range(found.size):
         found[i] = math.inf

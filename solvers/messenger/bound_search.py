@@ -1,10 +1,10 @@
 """Branch and bound by insertion: the shortest tour without curvature, over all orders.
 
-A node is an order of some of the vehicles. The shortest path that meets these in this order is no
-longer than any tour that does so and meets the others in between, so its length bounds all of them.
-A vehicle that this path misses is met somewhere in between: one child a place. A path that misses
-none is a tour. Children first have the bound that their parent's path proves with two legs turned,
-and are solved only when no other node has a smaller one.
+A node is an order of some of the vehicles. The length of the shortest path that meets these in this
+order is a lower bound for every tour that also meets the others in between. The search branches on a
+vehicle that this path misses: one child per place in the order. A path that misses none is a tour. The
+initial bound of a child is proven by its parent's directions with those of two legs replaced. A child
+is solved only when it has the smallest bound of the open nodes.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ __all__ = ["Guide", "OrderSearch", "Ordered", "best_orders", "guide"]
 
 Floats = NDArray[np.float64]
 
-#: By how much a path may miss a vehicle, in its radius and in the field, and count as meeting it.
+#: Tolerance of an encounter, relative to the radius plus the unit of the field.
 NEAR = 1e-9
-#: Nodes whose children are made before the search goes for a tour again, straight down.
+#: Number of expanded nodes between two dives for a tour.
 DIVE_EVERY = 40
-#: Vehicles, the most missed ones, among which the next one to insert is chosen.
+#: Number of most-missed vehicles among which the branching vehicle is selected.
 CANDIDATES = 12
 
 
 class Ordered(NamedTuple):
-    """A tour without curvature, flown at full speed.
+    """Tour without curvature limit, flown at full speed.
 
     Parameters
     ----------
     length : float
-        m.
+        Length, in m.
     order : tuple of int
-        All vehicles, as they are met.
+        Order of all vehicles.
     points : ndarray, shape (n, 2)
-        Where, m.
+        Places of the encounters, in m.
     times : ndarray, shape (n,)
-        When, in the length that is flown until then, m.
+        Length flown up to each encounter, in m.
     """
 
     length: float
@@ -59,16 +59,16 @@ class Ordered(NamedTuple):
 
 
 class Guide(NamedTuple):
-    """Where the proof of an order's bound says that a flight should go.
+    """Poses suggested by the dual solution of an order's bound.
 
     Parameters
     ----------
     bound : float
-        m; no flight that meets the vehicles in this order is shorter.
+        Lower bound on every flight in this order, in m.
     offsets : ndarray, shape (k, 2)
-        From each vehicle of the order, in that order, to where it is met, m.
+        Offset of the UAV from each vehicle of the order at its encounter, in m.
     headings : ndarray, shape (k,)
-        There, rad.
+        Heading at each encounter, in rad.
     """
 
     bound: float
@@ -78,7 +78,7 @@ class Guide(NamedTuple):
 
 @dataclass(order=True)
 class _Node:
-    """An order of some vehicles; of equal bounds, the one that lacks fewer comes first."""
+    """Node of the search; ties of the bound are resolved in favour of more complete orders."""
 
     bound: float
     lacking: int
@@ -88,25 +88,25 @@ class _Node:
 
 
 class OrderSearch:
-    """The search; it may be stopped and looked at between any two steps.
+    """Branch and bound over orders, which can be stopped and inspected between two steps.
 
     Parameters
     ----------
     model : MessengerTour
-        Whose curvature is left out.
+        The model.
     cutoff : float
-        In m: orders whose tours are no better are left out.
+        Orders whose bound reaches this length (m) are discarded.
     curved : bool
-        Whether bounds make use of the limit on curvature. Then no tour is met.
+        Whether bounds use the limit on curvature. If True, complete orders yield no tours.
 
     Attributes
     ----------
     tours : dict of tuple to Ordered
-        The tours met, by their orders; none where bounds are `curved`.
+        Tours found, by order; empty if `curved`.
     orders : list of tuple
-        Where they are, the orders of all vehicles that were met instead: bound, m, and order.
+        If `curved`, the complete orders found: bound (m) and order.
     made, expanded : int
-        Nodes made, and nodes whose children were made.
+        Number of nodes created, and of nodes expanded.
     """
 
     def __init__(
@@ -121,39 +121,44 @@ class OrderSearch:
         self.tours: dict[tuple[int, ...], Ordered] = {}
         self.orders: list[tuple[float, tuple[int, ...]]] = []
         self.made = self.expanded = 0
-        # Flown backwards, a closed tour at rest is as long, but has the other heading at its start.
+        # The reverse of a closed tour at rest has the same length, but another heading at its start.
         headed = self.chains.curved and model.heading is not None
         self._mirrored = model.closed and model.at_rest and not headed
         self._cutoff = cutoff / self.field.unit
-        #: The smallest bound of what is neither open nor divided any further.
+        #: Smallest bound of the nodes that are closed but not expanded.
         self._settled = math.inf
-        # Dives are for tours.
+        # Dives serve to find tours.
         self._dive_every = sys.maxsize if self.chains.curved else DIVE_EVERY
         first = (self._outermost(),) if self.field.free else ()
         self._open = [_Node(0.0, self.field.size, 0, first)]
 
     @property
     def bound(self) -> float:
-        """What is proven so far, m: no tour is shorter."""
+        """Lower bound proven so far, in m."""
         least = self._open[0].bound if self._open else math.inf
         return min(least, self._settled, self._cutoff) * self.field.unit
 
     @property
     def best(self) -> Ordered | None:
-        """The shortest tour met."""
+        """Shortest tour found, or None."""
         return min(self.tours.values(), key=lambda one: one.length, default=None)
 
     def run(self, stopped: Callable[[], bool], rising: Callable[[float], Any], gap: float) -> bool:
-        """Search until the bound is within `gap` of the best tour; return whether it is.
+        """Search until the bound is within `gap` of the best tour.
 
         Parameters
         ----------
         stopped : callable
-            Asked before every path that is solved.
+            Stop condition, called before each path is solved.
         rising : callable
-            Told of the bound, m.
+            Callback that receives the bound, in m.
         gap : float
-            Relative.
+            Relative gap.
+
+        Returns
+        -------
+        bool
+            True if the gap is closed, False if `stopped` ended the search.
         """
         dive = self._dive_every if self.chains.curved else 0
         while self._open:
@@ -178,7 +183,7 @@ class OrderSearch:
                 if node.path is None:
                     heapq.heappush(children, self._solved(node))
                     continue
-                # The others stay open; this one is divided at once.
+                # A dive expands this node next; its siblings stay open.
                 for one in children:
                     heapq.heappush(self._open, one)
                 children = self._children(node)
@@ -195,7 +200,7 @@ class OrderSearch:
         return _Node(bound, node.lacking, node.number, node.order, path)
 
     def _children(self, node: _Node) -> list[_Node]:
-        """Return the nodes that `node` is divided into, as a heap; a tour has none, and is kept."""
+        """Return the children of `node` as a heap; store a node without missed vehicles as a tour."""
         field, path = self.field, node.path
         assert path is not None
         n = field.size
@@ -203,7 +208,7 @@ class OrderSearch:
         data = self.chains.data
         misses(*data[:3], path.points, path.times, missed, where)
         missed[list(node.order)] = -math.inf
-        # With a limit on curvature a vehicle that the path without one meets costs turns, too.
+        # With the curvature limit, vehicles on the path also add turns, so every vehicle is inserted.
         near = -math.inf if self.chains.curved else NEAR
         left = np.flatnonzero(missed > near * (field.radii[:n] + 1.0))
         left = left[np.argsort(-missed[left], kind="stable")[:CANDIDATES]]
@@ -228,7 +233,7 @@ class OrderSearch:
             if found > score:
                 chosen, score, worst = vehicle, found, bounds
         children = []
-        # Without a start the first vehicle of the order stays the first.
+        # Without a fixed start, the first vehicle of the order stays first.
         shift = int(field.free)
         for place, bound in enumerate(worst.tolist()):
             self.made += 1
@@ -242,7 +247,7 @@ class OrderSearch:
         return children
 
     def _keep(self, node: _Node, where: Floats) -> None:
-        """Keep the tour that the path of `node` is."""
+        """Store the path of `node` as a tour."""
         path = node.path
         assert path is not None
         field = self.field
@@ -254,24 +259,29 @@ class OrderSearch:
             self.tours[order] = flown(field, order, path, [at[k] for k in order])
 
     def _outermost(self) -> int:
-        """Return the vehicle whose disc is furthest from the middle of the field."""
+        """Return the vehicle whose disc is farthest from the origin of the field."""
         apart = np.hypot(*self.field.centres[:-1].T) - self.field.radii[:-1]
         return int(apart.argmax())
 
 
 def flown(field: Field, order: tuple[int, ...], path: Path, at: list[float]) -> Ordered:
-    """Return the tour that flies through a path's points, relative to the vehicles, at full speed.
+    """Return the tour through a path's points, relative to the vehicles, at full speed.
 
     Parameters
     ----------
     field : Field
-        What is flown through.
+        Scaled data of the model.
     order : tuple of int
-        All vehicles.
+        Order of all vehicles.
     path : Path
-        Where they are met, but for the solver's tolerance.
+        Path that meets them up to the solver's tolerance.
     at : list of float
-        The leg of the path, and the share of it, at which each vehicle is met.
+        Leg of the path plus share of it at the encounter with each vehicle.
+
+    Returns
+    -------
+    Ordered
+        The tour.
     """
     legs = len(path.times) - 1
     place = np.zeros(2) if not field.free else np.empty(0)
@@ -315,19 +325,24 @@ def best_orders(
     most: int = 20,
     gap: float = 1e-6,
 ) -> list[tuple[tuple[int, ...], float]]:
-    """Return good orders of the vehicles, and the lengths of their tours without curvature, m.
+    """Return the best orders of the vehicles found, and their lengths without curvature limit, in m.
 
     Parameters
     ----------
     model : MessengerTour
-        Whose orders are wanted.
+        The model.
     stopped : callable
-        Asked of the search before every program that is solved; it ends sooner where the best order
-        is proven.
+        Stop condition, called with the search before each path is solved. The search also ends when
+        the best order is proven.
     most : int
-        Orders that are returned at most, the best first.
+        Maximum number of orders returned, best first.
     gap : float
-        Relative difference to what is proven at which the search ends.
+        Relative gap at which the search ends.
+
+    Returns
+    -------
+    list of (tuple of int, float)
+        Order and length of each tour, by increasing length.
     """
     search = OrderSearch(model)
     search.run(lambda: stopped(search), lambda bound: None, gap)
@@ -336,17 +351,23 @@ def best_orders(
 
 
 def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
-    """Return where and with which headings a flight in a given order nearly attains its bound.
+    """Return poses at which a flight in a given order nearly attains its bound.
 
-    A disc is entered against the pull of the dual, and an angle is divided evenly. Where the bound is
-    exact, so is this; elsewhere it is a start for a search.
+    The encounter is on the boundary of the disc, opposite to the dual force, and its heading bisects
+    the directions of the legs. The result is exact if the bound is exact; otherwise it is an initial
+    guess for a search.
 
     Parameters
     ----------
     model : MessengerTour
-        What is flown through.
+        The model.
     order : sequence of int
         Vehicles, at least one and each at most once.
+
+    Returns
+    -------
+    Guide
+        Bound, offsets and headings.
     """
     chains = Chains(model, curved=True)
     field = chains.field
@@ -355,7 +376,7 @@ def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
     table = np.empty((len(stops) - 1, 6))
     tabulated(*chains.data, stops, path.directions, table)
     ahead, weights = table[:, :2], table[:, 2:3]
-    # What comes after each stop: nothing after the last one, or the first leg again.
+    # Direction after each stop. After the last stop: none, or the first leg of a closed tour.
     after = np.roll(ahead, -1, axis=0)
     heavy = np.roll(weights, -1, axis=0)
     if stops[0] != stops[-1]:
@@ -373,7 +394,7 @@ def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
     if field.free:
         near[0] = path.points[0] - field.centres[met[0]]
     away = -field.radii[met][:, None] * pull[rows] / np.maximum(size, 1e-300)
-    # A stop that pulls at nothing is met on the way.
+    # A stop without dual force is met on the path.
     offsets = np.where(size > 1e-7, away, near) * field.unit
     bound = path.bound * field.unit
     return Guide(bound, offsets, np.arctan2(turn[rows, 1], turn[rows, 0]))

@@ -1,4 +1,4 @@
-"""Encoding, evaluation and repair of the paper's individuals, and the path that is flown in the end.
+"""Encoding, evaluation and repair of the paper's individuals, and conversion to the path flown.
 
 An individual is an order of the vehicles and two genes per vehicle (paper: eq. 6): the polar angle θ (rad)
 of the access point on the boundary of its disc, and the interval Δt (s) since the encounter before. The
@@ -7,7 +7,7 @@ with a free heading at the end, by a path of the length v Δt_k. Such a path exi
 shortest path is not longer and v Δt_k is outside the gap of lengths that no path has. The paper prints
 this inequality reversed.
 
-Arrays that all kernels of the paper's algorithms share:
+Arrays shared by all kernels of the paper's algorithms:
 
 fleet : float64, shape (n, 5)
     Position (m), velocity (m/s) and radius (m) of each vehicle.
@@ -50,13 +50,13 @@ Ints = NDArray[np.int64]
 
 #: Weight of a violation in eq. 8 (paper: κ, much larger than a tour).
 KAPPA = 1e9
-#: Time (s, relative to that of a straight flight) within which Algorithm 1 ends (paper: ε_b, not given).
+#: Termination tolerance of Algorithm 1, relative to the time of a straight flight (paper: ε_b, not given).
 CLOSE = 1e-9
-#: Error (relative) of the length of a leg that Algorithm 1 leaves.
+#: Relative error of the length of a leg after Algorithm 1.
 ROUNDING = 1e-8
-#: Steps of Algorithm 1 and of the repair at most (paper, Table I: 1 / ε_r for the repair, ε_r not given).
+#: Maximum steps of Algorithm 1 and of the repair (paper, Table I: 1 / ε_r for the repair, ε_r not given).
 STEPS, REPAIRS = 100, 100
-#: Interval (relative) of the difference quotient in eq. 9 (paper: η), and step size of eq. 10 (η_t).
+#: Relative interval of the difference quotient in eq. 9 (paper: η), and step size of eq. 10 (η_t).
 ETA, RATE = 1e-6, 1.0
 #: Signs of the two primitives of :data:`~crosstrack.models.messenger.dubins.RELAXED_WORDS` by code.
 _FIRST = (1.0, -1.0, 1.0, -1.0)
@@ -74,11 +74,11 @@ def access(fleet: Floats, i: int, theta: float, t: float) -> tuple[float, float]
 def violation(
     x: float, y: float, h: float, qx: float, qy: float, r: float, d: float, margin: float
 ) -> tuple[float, float]:
-    """Return by how much a leg of length `d` violates its constraint, and the heading at its end.
+    """Return the constraint violation of a leg of length `d`, and the heading at its end.
 
-    The first number is c of eq. 7: positive if the shortest path is longer than `d` + `margin`, negative
-    if `d` is in the gap of lengths that no path has, and 0 if the leg can be flown. A leg that cannot be
-    flown ends with the heading of the shortest path.
+    The violation c of eq. 7 (m) is positive if the shortest path is longer than `d` + `margin`, negative
+    if `d` is in the gap of lengths that no path has, and 0 if the leg is feasible. An infeasible leg
+    ends with the heading of the shortest path.
     """
     a, b, code = relaxed(x, y, h, qx, qy, r)
     c = a + b - d
@@ -101,19 +101,24 @@ def bisect(
 ) -> float:  # fmt: skip
     """Return the time (s) that the UAV needs from `t` on to meet a moving point: Algorithm 1.
 
-    The bisection looks for a root of δ(τ) = D_min / v - τ between the bounds of Lemma 1. Corrected: as
-    D_min jumps, the signs of δ at these bounds can be wrong. Then the lower bound becomes 0, or the
-    upper bound is doubled. At a jump the printed bisection never ends; the result is then that of
+    The bisection finds a root of δ(τ) = D_min / v - τ between the bounds of Lemma 1. Correction: D_min
+    jumps, so the signs of δ at these bounds can be wrong. Then the lower bound becomes 0, or the upper
+    bound is doubled. At a jump the printed bisection does not terminate; the result is then that of
     :func:`~crosstrack.models.messenger.interception.intercept`.
 
     Parameters
     ----------
     x, y, h, t : float
-        Where the UAV is (m, rad), and when (s).
+        Pose (m, rad) and time (s) of the UAV.
     px, py, vx, vy : float
-        The point at time 0 (m), and its velocity (m/s).
+        Position of the point at time 0 (m), and its velocity (m/s).
     speed, r : float
-        Of the UAV (m/s), and its turning radius (m).
+        Speed (m/s) and turning radius (m) of the UAV.
+
+    Returns
+    -------
+    float
+        Duration (s).
     """
     px, py, pace = px + vx * t, py + vy * t, math.hypot(vx, vy)
     here = relaxed_length(x, y, h, px, py, r)
@@ -162,7 +167,7 @@ def upper_bound(poses: Floats, k: int, i: int, theta: float, fleet: Floats, craf
 def meet(
     poses: Floats, k: int, i: int, theta: float, interval: float, fleet: Floats, craft: Floats
 ) -> float:
-    """Fill the pose after leg `k`, which takes `interval` seconds; return c of eq. 7."""
+    """Fill in the pose after leg `k`, which takes `interval` seconds; return c of eq. 7 (m)."""
     t = poses[k, 3] + interval
     qx, qy = access(fleet, i, theta, t)
     c, after = violation(
@@ -184,7 +189,7 @@ def _repaired(
         qx, qy = access(fleet, i, theta, t + interval + eta)
         ahead = relaxed_length(x, y, h, qx, qy, craft[4]) - speed * (interval + eta)
         slope = (ahead - c) / eta
-        # A difference quotient across a jump points the wrong way.
+        # A difference quotient across a jump has the wrong sign or size.
         if not -2.0 * speed < slope < 0.0:
             slope = -speed
         interval = max(interval - RATE * c / slope, 0.0)
@@ -210,11 +215,11 @@ def assess(
     Parameters
     ----------
     order, genes, fleet, craft, poses : ndarray
-        See the module; `poses` is filled.
+        See the module; `poses` is overwritten.
     first : int
-        Leg to begin with; the poses up to it are given.
+        First leg to decode; the poses up to it must be set.
     repair : bool
-        Whether violating intervals are repaired, one after the other, and written back.
+        Whether to repair infeasible intervals, one after the other, in `genes`.
     """
     off = 0.0
     for k in range(first, len(order)):
@@ -235,7 +240,7 @@ def follow(
 ) -> float:  # fmt: skip
     """Meet each vehicle in the shortest time, from leg `first` on; return the end of the tour (s).
 
-    The intervals are written to `genes`. The end is inf if it is not before `ceiling` (s).
+    Writes the intervals to `genes`. The end is inf if it is not before `ceiling` (s).
     """
     for k in range(first, len(order)):
         i = order[k]
@@ -251,9 +256,9 @@ def follow(
 def _fly(
     poses: Floats, legs: Floats, k: int, qx: float, qy: float, d: float, r: float, noise: float
 ) -> float:
-    """Fill leg `k` and the pose after it with a path of length `d` to a point; return its length (m).
+    """Fill in leg `k` and the pose after it with a path of length `d` to a point; return its length (m).
 
-    The length differs from `d` by at most `noise`; inf if no path exists.
+    The length differs from `d` by at most `noise`; it is inf if no path exists.
     """
     x, y, h = poses[k, 0], poses[k, 1], poses[k, 2]
     a, b, code = relaxed(x, y, h, qx, qy, r)
@@ -277,10 +282,11 @@ def _fly(
 def trace(
     order: Ints, genes: Floats, fleet: Floats, craft: Floats, poses: Floats, legs: Floats
 ) -> float:
-    """Fill the path that an individual flies exactly, without the margin ε; return its end (s).
+    """Fill in the path of an individual exactly, without the margin ε; return its end (s).
 
-    An interval that is that of the shortest path up to ε is solved for it exactly. If D_min jumps there,
-    it becomes that of the first interception. The end is inf if rounding leaves no path.
+    An interval equal to the shortest time up to ε is replaced by the exact shortest time. If D_min jumps
+    there, it is replaced by the time of the first interception. The end is inf if rounding leaves no
+    path.
     """
     speed, r = craft[3], craft[4]
     for k in range(len(order)):
@@ -312,7 +318,7 @@ def trace(
                 )
                 if length < math.inf:
                     break
-                # Rounding can leave the first interception just short of a path.
+                # Because of rounding, the first interception may be slightly too short for a path.
                 high += more
                 more *= 2.0
         if length == math.inf:

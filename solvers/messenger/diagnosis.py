@@ -1,4 +1,4 @@
-"""Whether a messenger tour exists: it always does, for vehicles are slower than the UAV."""
+"""Feasibility of a messenger tour: a tour always exists, because vehicles are slower than the UAV."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ __all__ = ["diagnose_tour"]
 
 
 def diagnose_tour(model: MessengerTour, time_limit: float | None = None) -> Diagnosis:
-    """Return that there is a tour, and the one that was found.
+    """Return a diagnosis with the tour that ``tour-search`` finds.
 
     Parameters
     ----------
     model : MessengerTour
-        What is asked.
+        The model.
     time_limit : float, optional
-        Seconds for the search.
+        Time limit of the search, in s.
+
+    Returns
+    -------
+    Diagnosis
+        Feasible in every case; the summary contains the tour, if one was found.
     """
     answer = solve(model, "tour-search", time_limit=time_limit)
     if answer.plan is not None:

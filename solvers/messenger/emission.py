@@ -1,4 +1,4 @@
-"""A chain of poses as a plan: the primitives that are flown, cut where vehicles are met."""
+"""Conversion of a chain of poses to a plan, whose primitives end at the encounters."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ __all__ = ["Chain", "cut", "move_to_boundary"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of a radius by which the boundary may be off.
+#: Tolerance of an encounter on the boundary, relative to the radius.
 RIM_NEAR = 1e-9
 LETTERS = {1: "L", 0: "S", -1: "R"}
 
 
 class Chain:
-    """The arrays that kernels work on: a tour's stops with their poses, and the vehicles' data.
+    """Arrays of the kernels: stops of a tour with their poses, and data of the vehicles.
 
     Parameters
     ----------
     problem : MessengerTour
         The model.
     interior : bool
-        Whether vehicles may be met inside their discs, or on the boundaries only.
+        Whether vehicles may be met inside their discs, or only on the boundaries.
     """
 
     def __init__(self, problem: MessengerTour, *, interior: bool = True) -> None:
@@ -48,7 +48,7 @@ class Chain:
         self.times: Floats = np.zeros(n + 1)
         self.count = 1
         if problem.start is None:
-            # It begins at the first vehicle, wherever it is met.
+            # The path begins at the encounter with the first vehicle.
             self.poses[0, 0] = 0.0 if interior else problem.radius[0]
         else:
             self.order[0] = n
@@ -57,7 +57,7 @@ class Chain:
             self.poses[n, 2] = problem.heading or 0.0
 
     def copy(self) -> Chain:
-        """Return a chain that may be changed apart from this one."""
+        """Return an independent copy of the chain."""
         new = object.__new__(Chain)
         new.__dict__ = {
             name: value.copy() if isinstance(value, np.ndarray) else value
@@ -66,7 +66,7 @@ class Chain:
         return new
 
     def plan(self) -> TourPlan:
-        """Return the tour, each vehicle met where it stops at it or first passes near it."""
+        """Return the tour; a vehicle without a stop is met where the path first comes within its radius."""
         problem, speed, r = self.problem, self.problem.speed, self.problem.turning_radius
         flown, primitives, stops = 0.0, [], {}
         for k in range(self.count + problem.closed):
@@ -102,18 +102,23 @@ class Chain:
 
 
 def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float) -> float | None:
-    """Return the length flown at which a path crosses the boundary of a disc; None where it does not.
+    """Return the length flown at which a path crosses the boundary of a disc, or None.
 
     Parameters
     ----------
     problem : MessengerTour
         The model.
     i : int
-        The vehicle.
+        Index of the vehicle.
     pieces : ndarray, shape (k, 6) or more
         The path, as :func:`.passing.trace` fills it.
     inside : float
-        A length flown at which the UAV is in the disc, m.
+        A length flown (m) at which the UAV is in the disc.
+
+    Returns
+    -------
+    float or None
+        Length flown (m) at a crossing close to `inside`; None if all ends of pieces are in the disc.
     """
     from scipy.optimize import brentq
 
@@ -140,7 +145,7 @@ def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float
 
 
 def move_to_boundary(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
-    """Return the same path with every vehicle met on the boundary of its disc; None where it cannot be."""
+    """Return the same path with every vehicle met on its disc's boundary; None if this is impossible."""
     poses = integrated(plan, problem.turning_radius)
     flown, pieces = 0.0, []
     for pose, one in zip(poses, plan.primitives, strict=False):
@@ -174,7 +179,7 @@ def cut(
     path: Iterable[tuple[int, float, float | None]],
     stops: dict[int, float],
 ) -> TourPlan:
-    """Return the plan of a path, its primitives cut where vehicles are met.
+    """Return the plan of a path, with its primitives cut at the encounters.
 
     Parameters
     ----------
@@ -183,10 +188,15 @@ def cut(
     start : tuple of 3 float
         x, y (m), heading (rad).
     path : iterable of (int, float, float)
-        The sign of the curvature and the length (m) of each primitive, and its heading (rad) where
-        the UAV turns on the spot.
+        Sign of the curvature and length (m) of each primitive, and its heading (rad) if the UAV turns
+        on the spot.
     stops : dict of int to float
-        The length flown (m) at which each vehicle is met. An open tour ends at the last.
+        Length flown (m) at the encounter with each vehicle. An open tour ends at the last one.
+
+    Returns
+    -------
+    TourPlan
+        The plan.
     """
     r, speed = problem.turning_radius, problem.speed
     order = sorted(stops, key=lambda i: (stops[i], i))
@@ -195,7 +205,7 @@ def cut(
     points, primitives, number, flown = [], [], 0, 0.0
     for sign, length, towards in path:
         h = h if towards is None else towards
-        # The rest of the primitive keeps the digits that differences of lengths flown lose.
+        # Subtracting from the rest of the primitive avoids the cancellation of differences of `flown`.
         rest, end = length, flown + length
         while number < len(order) and stops[order[number]] < end:
             step = min(max(stops[order[number]] - flown, 0.0), rest)

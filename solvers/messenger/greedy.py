@@ -1,4 +1,4 @@
-"""HE-B and HE-C, the heuristics that the paper compares with."""
+"""HE-B and HE-C: the heuristics that the paper uses for comparison."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ __all__ = ["GreedyBoundary", "GreedyCentre"]
 
 
 class GreedyCentre(Rival):
-    """HE-C: an order of receding horizon, flown from centre to centre.
+    """HE-C: receding-horizon order, flown from centre to centre.
 
     The next vehicle of the order is the first of the `horizon` vehicles with the shortest polyline over
     their centres, by Euclidean distance at time 0. The UAV flies to each centre in the shortest time.
-    The paper prints neither the horizon nor the time at which distances are taken; distances at the time
-    of the flight give tours 2 to 400 times shorter than the paper's for 10 to 40 vehicles.
+    The paper prints neither the horizon nor the time of the distances. Distances at the time of the
+    flight give tours 2 to 400 times shorter than the paper's for 10 to 40 vehicles.
     """
 
     name = "greedy-centre"
@@ -48,9 +48,9 @@ class GreedyCentre(Rival):
 
 
 class GreedyBoundary(GreedyCentre):
-    """HE-B: an order of receding horizon, with access points sampled on the boundaries.
+    """HE-B: receding-horizon order, with access points sampled on the boundaries.
 
-    Of the samples of a boundary it takes the one that the UAV reaches in the shortest time.
+    It selects the sample of a boundary that the UAV reaches in the shortest time.
     """
 
     name = "greedy-boundary"

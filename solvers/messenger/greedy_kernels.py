@@ -1,4 +1,4 @@
-"""Orders of receding horizon, flown to samples of the boundaries or to the centres (HE-B, HE-C)."""
+"""Receding-horizon orders, flown to samples of the boundaries or to the centres (HE-B, HE-C)."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Ints = NDArray[np.int64]
 
 @kernel
 def next_vehicle(order: Ints, k: int, x: float, y: float, fleet: Floats, horizon: int) -> int:
-    """Return the index in `order`, `k` or above, of the vehicle with which the horizon begins.
+    """Return the index in `order`, at least `k`, of the first vehicle of the best horizon.
 
-    The horizon is the shortest polyline from (x, y) over the centres at time 0 of `horizon` (1 or 2) of
-    the vehicles from index `k` on.
+    The best horizon is the shortest polyline from (x, y) over the centres at time 0 of `horizon` (1 or
+    2) of the vehicles from index `k` on.
     """
     n = len(order)
     shortest, best = math.inf, k
@@ -46,16 +46,16 @@ def build(
     samples: int,
     poses: Floats,
 ) -> None:
-    """Fill an order and its genes.
+    """Fill in an order and its genes.
 
     Parameters
     ----------
     order, genes, fleet, craft, poses : ndarray
-        See :mod:`.decoding`; `order` holds every vehicle, in any order.
+        See :mod:`.decoding`; `order` contains every vehicle, in any order.
     horizon : int
-        Vehicles of the receding horizon, 1 or 2.
+        Number of vehicles of the receding horizon, 1 or 2.
     samples : int
-        Samples of each boundary; the UAV flies to the one that it reaches first.
+        Number of samples of each boundary. The UAV flies to the sample with the shortest time.
     """
     x, y = craft[0], craft[1]
     for k in range(len(order)):

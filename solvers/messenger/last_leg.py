@@ -1,15 +1,16 @@
-"""The last leg of an open tour: the heading at its end is free, and the disc is met at its rim.
+"""Last leg of an open tour: its final heading is free, and it ends on the boundary of the disc.
 
-The boundary of what a vehicle of bounded curvature reaches after a given length consists of ends of
-an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control 13, 1975), so
-the disc is first met at one of these.
+The boundary of the region that a vehicle of bounded curvature reaches after a given length consists of
+ends of an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control 13,
+1975). The first contact with the disc is therefore the end of such a path.
 
-- A line ends with the disc's centre straight ahead. Between the times at which the centre is ahead of
-  the pose or as far from the turning circle as the radius, the length of arc and line changes at most
-  as fast as the disc moves, which is slower than the UAV: there is one root at most, and a bracket.
-- The ends of two arcs of a given length are a cardioid, and its critical points are roots of a quartic.
-  The distance from it to the centre changes at most by the sum of both ways, so a step of
-  the distance left cannot pass over the first contact.
+- A line ends with the disc's centre straight ahead. Consider the times between those at which the centre
+  is ahead of the pose, or at which its distance to the turning circle equals the radius. Between them
+  the length of arc and line changes at most as fast as the disc moves, which is slower than the UAV:
+  at most one root exists, and it is bracketed.
+- The ends of two arcs of a given length form a cardioid, whose critical points are roots of a quartic.
+  Its distance to the centre changes by at most the sum of both displacements, so a step of the
+  remaining distance cannot skip the first contact.
 """
 
 from __future__ import annotations
@@ -31,20 +32,20 @@ __all__ = ["Disc", "shorten_last_leg", "shortest_to_disc"]
 Path = list[tuple[int, float]]
 
 FULL = 2.0 * math.pi
-#: Share of the radius that the path goes inside the rim, so that rounding keeps it within.
+#: Margin inside the boundary, as a share of the radius, against rounding.
 MARGIN = 1e-10
 #: Least gain of a leg, relative to the tour.
 GAIN = 1e-13
-#: Distance from the rim at contact, as a share of the radius and of the turning radius.
+#: Tolerance of the contact, as a share of the radius and of the turning radius.
 TOUCH, ROUNDING = 1e-11, 1e-14
-#: Smallest step, as a share of the radius: a disc that dips in by less may be passed over.
+#: Smallest step, as a share of the radius. A contact shallower than this may be skipped.
 FINEST = 1e-7
-#: Largest error of an angle to a point near the line ahead, rad.
+#: Largest error of an angle to a point near the line ahead, in rad.
 AHEAD = 1e-9
 
 
 class Disc(NamedTuple):
-    """A disc that moves: centre (m), velocity (m/s) and radius (m), as the UAV begins its leg."""
+    """Moving disc: centre (m), velocity (m/s) and radius (m) at the start of the leg."""
 
     x: float
     y: float
@@ -54,7 +55,7 @@ class Disc(NamedTuple):
 
 
 def shorten_last_leg(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
-    """Return `plan` with the shortest last leg from its beginning; None if that gains nothing."""
+    """Return `plan` with the shortest last leg from its beginning; None if this gains nothing."""
     if problem.closed or problem.turning_radius == 0 or not plan.order:
         return None
     last = len(plan.order) - 1
@@ -87,7 +88,7 @@ def shorten_last_leg(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
 def shortest_to_disc(
     pose: tuple[float, float, float], disc: Disc, speed: float, turning: float, most: float
 ) -> list[tuple[int, float]] | None:
-    """Return the signs and lengths (m) of the arcs and lines of the shortest path to a disc.
+    """Return the signs and lengths (m) of the primitives of the shortest path to a disc.
 
     Parameters
     ----------
@@ -96,23 +97,23 @@ def shortest_to_disc(
     disc : Disc
         The disc to reach.
     speed : float
-        Of the UAV, m/s.
+        Speed of the UAV, in m/s.
     turning : float
-        Least turning radius, m.
+        Turning radius, in m.
     most : float
-        Length beyond which no path is looked for, m.
+        Maximum length of the path, in m.
 
     Returns
     -------
     list of (int, float) or None
-        Nothing to fly where the UAV is in the disc; None if no path is shorter than `most`.
+        Empty if the UAV is in the disc; None if no path is at most `most` long.
     """
     x, y, heading = pose
     if math.hypot(disc.x - x, disc.y - y) <= disc.radius:
         return []
     if not 0.0 < most < math.inf:
         return None
-    # In the frame of the UAV, the turning radius and the UAV's speed being 1.
+    # Frame of the UAV, with turning radius and speed scaled to 1.
     turned = cmath.exp(-1j * heading)
     place = complex(disc.x - x, disc.y - y) * turned / turning
     velocity = complex(disc.vx, disc.vy) * turned / speed
@@ -127,14 +128,14 @@ def shortest_to_disc(
 
 
 def _lines(q: complex, w: complex, reach: float, most: float) -> Iterator[Path]:
-    """Yield the paths of an arc and a line to a disc at `q` that moves by `w` per length flown."""
+    """Yield the paths of an arc and a line to a disc at `q` that moves by `w` per unit of length flown."""
     from scipy.optimize import brentq
 
     for sign in (1, -1):
         p, v = (q, w) if sign > 0 else (q.conjugate(), w.conjugate())
         cuts = [0.0, most, -p.imag / v.imag if v.imag else 0.0]
         square = abs(v) ** 2
-        if square > 0.0:  # the distance from the turning circle is the radius
+        if square > 0.0:  # times at which the distance to the turning circle equals the radius
             middle = -((p - 1j) * v.conjugate()).real / square
             aside = abs(p - 1j + v * middle) ** 2
             half = math.sqrt(max(1.0 + reach**2 - aside, 0.0) / square)
@@ -152,7 +153,7 @@ def _lines(q: complex, w: complex, reach: float, most: float) -> Iterator[Path]:
 
 
 def _tangent(p: complex, above: bool) -> tuple[float, float]:
-    """Return the arc to the left and the line that lead to `p`, which is above the line ahead."""
+    """Return the left arc and the line to `p`; `above` states whether `p` is left of the line ahead."""
     ahead = math.sqrt(max(abs(p - 1j) ** 2 - 1.0, 0.0))
     arc = (cmath.phase(p - 1j) + math.atan2(1.0, ahead)) % FULL
     if above and arc > FULL - AHEAD:
@@ -163,17 +164,17 @@ def _tangent(p: complex, above: bool) -> tuple[float, float]:
 
 
 def _excess(length: float, p: complex, v: complex, reach: float, above: bool) -> float:
-    """Return by how much arc and line to the rim of a disc are longer than the length flown."""
+    """Return the length of arc and line to the boundary of a disc minus the length flown."""
     arc, ahead = _tangent(p + v * length, above)
     return arc + ahead - reach - length
 
 
 def _arcs(q: complex, w: complex, reach: float, most: float) -> Path | None:
-    """Return the two arcs that first meet a disc at `q` that moves by `w` per length flown."""
+    """Return the first two-arc path to a disc at `q` that moves by `w` per unit of length flown."""
     from scipy.optimize import brentq
 
     def gap(length: float) -> float:
-        """Return the distance of the rim from the ends of arcs."""
+        """Return the distance of the boundary from the ends of two-arc paths."""
         return _nearest(q + w * length, length)[0] - reach
 
     length, before = 0.0, 0.0
@@ -192,10 +193,10 @@ def _arcs(q: complex, w: complex, reach: float, most: float) -> Path | None:
 
 
 def _nearest(q: complex, length: float) -> tuple[float, int, float]:
-    """Return the distance from `q` to the ends of two arcs of a length, and the nearest ones.
+    """Return the distance from `q` to the ends of two-arc paths of a length, and the nearest path.
 
-    Seen from the centre of the first circle, the ends are -2 z + k z² up to a factor i, z = exp(i arc)
-    and k = exp(-i length). The distance is stationary at a root of a polynomial of degree 4.
+    Relative to the centre of the first circle, the ends are -2 z + k z² up to a factor i, with
+    z = exp(i arc) and k = exp(-i length). The distance is stationary at roots of a quartic polynomial.
     """
     best = (math.inf, 0, 0.0)
     k = cmath.exp(-1j * length)

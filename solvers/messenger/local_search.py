@@ -36,9 +36,9 @@ def settle(
     order, genes, fleet, craft, poses : ndarray
         See :mod:`.decoding`; genes and poses are updated.
     timed : bool
-        Whether intervals are genes; otherwise each vehicle is met in the shortest time (MAR).
+        Whether intervals are genes. If False, each vehicle is met in the shortest time (MAR).
     transformed : bool
-        Whether Algorithm 4 is applied.
+        Whether to apply Algorithm 4.
     """
     if not timed:
         length: float = craft[3] * follow(order, genes, fleet, craft, 0, math.inf, poses)
@@ -57,8 +57,8 @@ def descend(
 ) -> float:  # fmt: skip
     """GS: move the angle of vehicle `i` against the gradient while the tour gets shorter; return f.
 
-    Equation 11 prints the negative gradient, which eq. 12 subtracts, so that the printed step ascends;
-    this one descends. There are at most 2 π / ρ_l steps (paper: section IV-H).
+    Equation 11 prints the negative gradient, which eq. 12 subtracts, so the printed step ascends. This
+    implementation descends. It takes at most 2 π / ρ_l steps (paper: section IV-H).
 
     Parameters
     ----------
@@ -92,9 +92,9 @@ def resample(
     k: int, order: Ints, genes: Floats, cost: float, fleet: Floats, craft: Floats,
     transformed: bool, samples: int, flag: Flag, poses: Floats,
 ) -> float:  # fmt: skip
-    """SS: try angles at equal steps for the k-th vehicle of the order and keep the best; return f.
+    """SS: try equally spaced angles for the k-th vehicle of the order and keep the best; return f.
 
-    Its interval becomes that of Algorithm 1. The parameters are those of :func:`descend`; `samples` is
+    Its interval is then given by Algorithm 1. The parameters are those of :func:`descend`; `samples` is
     the number of angles (paper: N_s).
     """
     i = order[k]

@@ -1,4 +1,4 @@
-"""The paper's memetic algorithm, its variant without transformation, and the one for vehicles at rest."""
+"""The paper's memetic algorithm, its variant without transformation, and that for vehicles at rest."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["Memetic", "MemeticRelaxed", "MemeticUntransformed"]
 
 
 class Memetic(RandomRival):
-    """MA, Algorithm 3 of the paper as printed, with the parameters of its Table II.
+    """MA: Algorithm 3 of the paper as printed, with the parameters of its Table II.
 
-    Individuals may violate their constraints at a price (eq. 8). If even the best one does so by more
-    than the margin, the run has no plan.
+    Individuals may violate their constraints, with a penalty (eq. 8). If the best individual violates
+    them by more than the margin, the run returns no plan.
     """
 
     name = "memetic"
@@ -40,7 +40,7 @@ class Memetic(RandomRival):
     transformed: ClassVar[bool] = True
 
     def search_once(self, flight: Flight, request: Request) -> float:
-        """Breed for the given number of generations; return the length of the best plan (m)."""
+        """Evolve for the given number of generations; return the length of the best plan (m)."""
         from .decoding import KAPPA
         from .memetic_kernels import evolve
 
@@ -59,7 +59,7 @@ class Memetic(RandomRival):
             )  # fmt: skip
             if costs[k] < value:
                 value = costs[k]
-                # A violation costs more than the margin times κ.
+                # The penalty of an infeasible individual exceeds the margin times κ.
                 if value < KAPPA * own.get("margin", np.inf) or not self.timed:
                     best = min(best, flight.offer(orders[k], genes[k]))
         return float(best)
@@ -74,7 +74,7 @@ class MemeticUntransformed(Memetic):
 
 
 class MemeticRelaxed(Memetic):
-    """MAR: the memetic algorithm for vehicles at rest, with the shortest encounter paths.
+    """MAR: memetic algorithm for vehicles at rest, with the shortest encounter paths.
 
     After X. Zhang, J. Chen, B. Xin and Z. Peng, "A memetic algorithm for path planning of
     curvature-constrained UAVs performing surveillance of multiple ground targets", Chinese Journal of

@@ -48,28 +48,28 @@ def evolve(
     rate: float, timed: bool, transformed: bool, period: int, step: float, samples: int, rng: Rng,
     flag: Flag, poses: Floats,
 ) -> int:  # fmt: skip
-    """Make the first population, or the next generation; return the index of the best individual.
+    """Create the first population or the next generation; return the index of the best individual.
 
     Parameters
     ----------
     number : int
-        Number of the generation; 0 makes the first population.
+        Number of the generation; 0 creates the first population.
     orders, genes, costs : ndarray, shapes (p, n), (p, n, 2), (p,)
-        The individuals and their evaluations f (m).
+        The individuals and their evaluations f (m); updated.
     fleet, craft, poses : ndarray
         The problem, and scratch poses whose first row is the start (see :mod:`.decoding`).
     rate : float
         Probability of a mutation (paper: p_m).
     timed, transformed : bool
-        Whether intervals are genes, and whether Algorithm 4 is applied.
+        Whether intervals are genes, and whether to apply Algorithm 4.
     period : int
         Generations between local searches (paper: T_lp).
     step : float
         Step size of GS (paper: ρ_l).
     samples : int
-        Angles of SS (paper: N_s); 0 leaves SS out.
+        Number of angles of SS (paper: N_s); 0 disables SS.
     rng, flag
-        Random numbers, and the stop flag.
+        Random generator, and the stop flag.
     """
     if number == 0:
         _populate(orders, genes, costs, fleet, craft, timed, rng, poses)

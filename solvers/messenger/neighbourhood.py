@@ -15,13 +15,13 @@ __all__ = ["VariableNeighbourhood"]
 
 
 class VariableNeighbourhood(RandomRival):
-    """VNS from the tour of HE-B, with the shortest encounter paths.
+    """VNS that starts from the tour of HE-B, with the shortest encounter paths.
 
     After R. Pěnička, J. Faigl, M. Saska and P. Váňa, "Data collection planning with non-zero sensing
     distance for a budget and curvature constrained unmanned aerial vehicle", Autonomous Robots 43 (2019)
-    1937-1956: a stretch of the order is moved or two are exchanged (shaking); then N² times one vehicle
-    is moved, two are exchanged, or an angle is drawn (local search). The paper does not print when it
-    ends.
+    1937-1956. Shaking moves a stretch of the order or exchanges two stretches. The local search then
+    tries N² changes: it moves one vehicle, exchanges two, or draws an angle. The paper does not print a
+    termination criterion.
     """
 
     name = "variable-neighbourhood"
@@ -33,7 +33,7 @@ class VariableNeighbourhood(RandomRival):
     summary = "variable neighbourhood search from HE-B (VNS)"
 
     def search_once(self, flight: Flight, request: Request) -> float:
-        """Search until nothing is gained any more; return the length of the best plan (m)."""
+        """Search until no shake improves the tour; return the length of the best plan (m)."""
         from .greedy_kernels import build
         from .neighbourhood_kernels import improve, shake
 

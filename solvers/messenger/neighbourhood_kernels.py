@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 
 @kernel
 def shake(order: Ints, kind: int, rng: np.random.Generator) -> None:
-    """Move a random stretch of the order (`kind` 0), or exchange two (1)."""
+    """Move a random stretch of the order (`kind` 0), or exchange two stretches (`kind` 1)."""
     n = len(order)
     if kind == 0:
         begin = int(rng.random() * n)
@@ -40,16 +40,16 @@ def improve(
 ) -> float:  # fmt: skip
     """Try random moves of one vehicle, exchanges of two, and new angles; return the end of the tour (s).
 
-    A change that ends the tour sooner is kept.
+    A change is accepted if the tour ends sooner.
 
     Parameters
     ----------
     order, genes, fleet, craft, poses : ndarray
         See :mod:`.decoding`; order, genes and poses are updated.
     trials : int
-        Number of changes that are tried.
+        Number of changes to try.
     rng, flag
-        Random numbers, and the stop flag.
+        Random generator, and the stop flag.
     """
     n = len(order)
     end = follow(order, genes, fleet, craft, 0, math.inf, poses)

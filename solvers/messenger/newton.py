@@ -1,14 +1,14 @@
-"""An interior-point method for the lengths of a tour's primitives that uses its structure.
+"""Structured interior-point method for the lengths of a tour's primitives.
 
-The program is that of :mod:`crosstrack.models.messenger.motion`: lengths u of three primitives a leg,
-none below 0, lead from one state (x, y, heading, length flown) to the next, and vehicles are met within
-their radii. Seen as an optimal control problem, a leg is a stage, so that a Newton step takes one
-backward and one forward pass over the legs (a Riccati recursion) instead of a factorization of sparse
-matrices. With D the displacement of a leg, J a quarter turn and κ_k the curvature of primitive k,
+The program is that of :mod:`crosstrack.models.messenger.motion`: non-negative lengths u of three
+primitives per leg lead from one state (x, y, heading, length flown) to the next, and vehicles are met
+within their radii. As an optimal control problem, each leg is a stage. A Newton step then takes one
+backward and one forward pass over the legs (a Riccati recursion) instead of a sparse factorization.
+With D the displacement of a leg, J a quarter turn and κ_k the curvature of primitive k,
 
     ∂D/∂h = J D,  ∂²D/∂h² = -D,  ∂²D/∂h∂u_m = J ∂D/∂u_m,  ∂²D/∂u_k∂u_m = κ_k J ∂D/∂u_m for k <= m,
 
-so that second derivatives cost next to nothing.
+so second derivatives follow from first derivatives at negligible cost.
 
 Source: Wächter and Biegler, Mathematical Programming 106 (2006) 25-57, for the barrier and the step
 lengths; Rao, Wright and Rawlings, Journal of Optimization Theory and Applications 99 (1998) 723-757,
@@ -29,17 +29,17 @@ __all__ = ["improve"]
 
 Floats = NDArray[np.float64]
 
-#: Barrier parameter at the end, relative to a leg's typical length, and what it falls by.
+#: Final barrier parameter, relative to a leg's typical length, and its reduction factor.
 LAST, FALL = 1e-9, 0.2
-#: Share of the way to a bound that a step may go.
+#: Fraction to the boundary of a step.
 BOUNDARY = 0.995
-#: Steps on end that may raise the merit.
+#: Number of consecutive steps that may increase the merit function.
 PATIENT = 3
 
 
 @kernel
 def factor(a: Floats, m: int) -> bool:
-    """Overwrite the lower triangle of `a` (m, m) with its Cholesky factor; say whether it has one."""
+    """Overwrite the lower triangle of `a` (m, m) with its Cholesky factor; return False if none exists."""
     for i in range(m):
         for j in range(i + 1):
             rest = a[i, j]
@@ -56,7 +56,7 @@ def factor(a: Floats, m: int) -> bool:
 
 @kernel
 def solved(a: Floats, m: int, b: Floats) -> None:
-    """Overwrite `b` (m,) with the solution of the system whose factor `a` holds."""
+    """Overwrite `b` (m,) with the solution of the system with Cholesky factor `a`."""
     for i in range(m):
         for k in range(i):
             b[i] -= a[i, k] * b[k]
@@ -73,7 +73,7 @@ def backward(
     place: Floats, drift: Floats, radius: Floats, turn: float, mu: float, damp: float,
     swing: Floats, ways: Floats, gap: Floats, curve: Floats, tilt: Floats, gain: Floats, shift: Floats,
 ) -> bool:  # fmt: skip
-    """Fill the value functions (curve, tilt) and the gains; say whether the step of each leg is unique."""
+    """Fill in value functions (curve, tilt) and gains; return False if a leg's step is not unique."""
     legs, n, m = len(u), len(place), curve.shape[1]
     own, mixed, seen, col = np.zeros((3, 3)), np.zeros((3, m)), np.zeros((3, m)), np.zeros(3)
     for i in range(m):
@@ -87,7 +87,7 @@ def backward(
               price[j], mu, later, q)  # fmt: skip
         lx, ly = lam[j + 1, 0], lam[j + 1, 1]
         for i in range(m):
-            # What later makes of each primitive's slope, and of the heading's.
+            # Product of the later Hessian with the slopes of each primitive.
             for k in range(3):
                 seen[k, i] = (
                     later[i, 0] * ways[j, k, 0]
@@ -126,7 +126,7 @@ def backward(
         for k in range(3):
             shift[j, k] = col[k]
         solved(own, 3, shift[j])
-        # The value function at the leg's start.
+        # Value function at the start of the leg.
         now, v = curve[j], tilt[j]
         for i in range(m):
             v[i] = q[i]
@@ -144,7 +144,7 @@ def backward(
             more = later[i, 0] * swing[j, 0] + later[i, 1] * swing[j, 1]
             now[i, 2] += more
             now[2, i] += more
-        # D = (A_y, -A_x), so that -(λ·D) is the second derivative by the heading.
+        # D = (A_y, -A_x), so -(λ·D) is the second derivative with respect to the heading.
         now[2, 2] += across - lx * swing[j, 1] + ly * swing[j, 0]
         for i in range(m):
             for p in range(m):
@@ -164,33 +164,33 @@ def improve(
     y: Floats, u: Floats, bend: Floats, place: Floats, drift: Floats, radius: Floats,
     turn: float, free: Floats, lam: Floats, mu: float, most: int, tolerance: float,
 ) -> int:  # fmt: skip
-    """Move states and lengths to a local optimum; return how many steps it took, -1 where it is none.
+    """Move states and lengths to a local optimum; return the number of steps, or -1 on failure.
 
     Parameters
     ----------
     y : ndarray, shape (k + 1, 4)
-        x, y, heading, length flown at the start and at the end of each of the k legs; overwritten.
+        x, y, heading and length flown at the start and at the end of each of the k legs; overwritten.
     u : ndarray, shape (k, 3)
-        Lengths, above 0; overwritten.
+        Lengths, positive; overwritten.
     bend : ndarray, shape (k, 3)
-        Curvature of each primitive, with its sign.
+        Signed curvature of each primitive.
     place, drift : ndarray, shape (n, 2)
-        Vehicle j is at ``place[j] + drift[j] s`` when the length s has been flown; the leg beyond the
-        last vehicle, if any, leads back to the start.
+        Position of vehicle j after a flight of length s: ``place[j] + drift[j] s``. A leg after the
+        last vehicle leads back to the start.
     radius : ndarray, shape (n,)
-        How near the UAV must come, 0 or above.
+        Largest distance at each encounter, at least 0.
     turn : float
-        By how much a tour that leads back turns, rad.
+        Total turning angle of a closed tour, in rad.
     free : ndarray, shape (3,)
-        1 where the start's x, y, heading may be chosen, else 0.
+        1 if the x, y or heading of the start is free, otherwise 0.
     lam : ndarray, shape (k + 1, 4)
-        What the rest of the tour costs more for a change of each state; overwritten.
+        Costates: derivative of the remaining cost with respect to each state; overwritten.
     mu : float
-        Barrier parameter to begin with.
+        Initial barrier parameter.
     most : int
-        Steps at most.
+        Maximum number of steps.
     tolerance : float
-        Largest violation left, in the unit of the data, which must be about a leg's length.
+        Largest final violation, in the unit of the data, which must be about a leg's length.
     """
     legs, n = len(u), len(place)
     m = 7 if legs > n else 4
@@ -220,7 +220,7 @@ def improve(
             gap[j, 0], gap[j, 1] = y[j, 0] + dx - y[j + 1, 0], y[j, 1] + d_y - y[j + 1, 1]
             gap[j, 2] = y[j, 2] + da - y[j + 1, 2]
             gap[j, 3] = y[j, 3] + u[j, 0] + u[j, 1] + u[j, 2] - y[j + 1, 3]
-        # Backward: the value function of what is left, more convex until each leg's step is unique.
+        # Backward pass: increase the damping until the step of each leg is unique.
         last, damp = damp, 0.0
         while True:
             fine = backward(
@@ -228,7 +228,7 @@ def improve(
                 curve, tilt, gain, shift,
             )  # fmt: skip
             if fine:
-                # Where the start is free, it goes where the value function is least.
+                # A free start moves to the minimum of the value function.
                 for i in range(3):
                     col[i] = -free[i] * (tilt[0, i] + (tilt[0, i + 4] if m > 4 else 0.0))
                     for p in range(3):
@@ -247,7 +247,7 @@ def improve(
             if damp > 1e12:
                 return -1
         damp = damp if damp > 0.0 else last / 3.0
-        # Forward: the step, and how much of it keeps what must be above 0 there.
+        # Forward pass: the step, and its largest share that keeps variables positive.
         for i in range(3):
             dy[0, i] = col[i]
             if m > 4:
@@ -309,8 +309,8 @@ def improve(
         slope += dy[legs, 3]
         before, off, _ = merit(y, u, t, bend, place, drift, radius, turn, mu, weight, by)
         slope -= off
-        # Shorter until the merit falls; what rounding hides counts as a fall. Near an optimum whole
-        # steps may raise it once or twice before it falls more than short ones would have it.
+        # Line search on the merit function, with a tolerance for rounding. Near an optimum, full steps that
+        # increase it once or twice reduce it more in the end than short steps.
         for _ in range(12):
             moved(y, u, t, dy, du, dt, ahead, trial_y, trial_u, trial_t)
             after, _, left = merit(
@@ -341,7 +341,7 @@ def improve(
                     off = y[j + 1, i] - place[j, i] - drift[j, i] * y[j + 1, 3]
                     price[j, i] += ahead * STIFF * (off + dy[j + 1, i] - drift[j, i] * dy[j + 1, 3])
         moved(y, u, t, dy, du, dt, ahead, y, u, t)
-        # Rounding may leave more than is asked for, which then no longer falls.
+        # Rounding may keep the violation above the tolerance, and it then no longer decreases.
         stuck = left <= 1e-10 and left >= 0.5 * past
         past = left
         if mu <= LAST and size <= 1e-4 and (left <= tolerance or stuck):

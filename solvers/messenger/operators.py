@@ -28,7 +28,7 @@ def shuffle(order: Ints, rng: Rng) -> None:
 
 @kernel
 def other(k: int, count: int, rng: Rng) -> int:
-    """Return a random index below `count` that is not `k`; `k` if `count` is 1."""
+    """Return a random index below `count` other than `k`; `k` if `count` is 1."""
     m = int(rng.random() * (count - 1))
     return m + 1 if m >= k and count > 1 else m
 
@@ -38,10 +38,10 @@ def cross(
     sources: Ints, one: Ints, one_genes: Floats, two: Ints, two_genes: Floats, child: Ints,
     child_genes: Floats,
 ) -> None:  # fmt: skip
-    """Fill a child by the auxiliary vector `sources` of 1 and 2 (paper: section IV-C).
+    """Fill in a child by the auxiliary vector `sources` of 1 and 2 (paper: section IV-C).
 
-    Each element takes the first gene that is left in parent `one` (1) or `two` (2), and deletes the
-    vehicle from both.
+    Each element takes the first remaining gene of parent `one` (1) or `two` (2), and removes the vehicle
+    from both.
     """
     taken = np.zeros(len(one), np.bool_)
     p = q = 0

@@ -1,4 +1,4 @@
-"""Vehicles that a path passes on its way to others: found on pieces of the path, met without a detour."""
+"""Vehicles that a path passes on the way to others, found on pieces of the path."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ __all__ = ["CLOSEST", "PIECE", "PIECES", "passed", "trace"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Arcs are cut into pieces of at most this angle, rad.
+#: Largest angle of a piece of an arc, in rad.
 CUT = 0.6
-#: How far an arc of that angle is from its chord, by its radius.
+#: Distance of an arc of that angle from its chord, relative to its radius.
 BULGE = 1.0 - math.cos(0.5 * CUT)
-#: Columns of a piece: x, y, heading and time at its begin, its duration, its curvature's sign, its leg,
-#: and x and y at its end.
+#: Number of columns of a piece: x, y, heading and time at its beginning, duration, sign of the curvature,
+#: leg, and x and y at its end.
 PIECE = 9
-#: Pieces of a leg at most: a straight line and two arcs.
+#: Maximum number of pieces of a leg: a straight line and two arcs.
 PIECES = 2 * (int(2.0 * math.pi / CUT) + 2) + 1
-#: Legs that are remembered as the nearest to a vehicle.
+#: Number of nearest legs stored per vehicle.
 CLOSEST = 3
 
 
@@ -60,8 +60,8 @@ def trace(
     order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, times: Floats, speed: float,
     r: float, pieces: Floats,
 ) -> int:  # fmt: skip
-    """Fill `pieces` with the path of a chain, and return how many they are."""
-    # The start is a piece too.
+    """Fill `pieces` with the path of a chain; return the number of pieces."""
+    # The start is a piece of length 0.
     pieces[0, 0], pieces[0, 1], pieces[0, 2] = where(nodes[order[0]], poses[order[0]], 0.0)
     pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
     pieces[0, 7], pieces[0, 8] = pieces[0, 0], pieces[0, 1]
@@ -70,7 +70,7 @@ def trace(
         i = order[k - 1]
         x, y, h = where(nodes[i], poses[i], times[k - 1])
         j = order[k] if k < count else order[0]
-        # Only what is at rest is returned to.
+        # Closed tours return only to a start at rest.
         ex, ey, eh = where(nodes[j], poses[j], times[k] if k < count else 0.0)
         length = speed * (times[k] - times[k - 1]) if k < count else 0.0
         found = _cut(x, y, h, times[k - 1], ex, ey, eh, k, speed, r, length, pieces, found)
@@ -82,15 +82,15 @@ def passed(
     node: Floats, pieces: Floats, count: int, rim: bool, speed: float, r: float, legs: Ints,
     hints: Floats, gaps: Floats,
 ) -> bool:  # fmt: skip
-    """Return whether a path comes within the radius of a node; if so, how in ``hints[0]``.
+    """Return whether a path comes within the radius of a node; ``hints[0]`` describes the encounter.
 
     Parameters
     ----------
     rim : bool
-        Whether it must be met on the boundary.
+        Whether the encounter must be on the boundary.
     legs, hints, gaps : ndarray, shapes (3,), (3, 4), (3,)
-        Filled with the legs that come nearest, in that order: the pose that the UAV then has in
-        terms of the node, and the time; by how much it is too far (m), inf where there is none.
+        Filled with the nearest legs in order: their numbers; the pose of the UAV relative to the node
+        and the time; the distance minus the radius (m), inf for unused entries.
     """
     for j in range(CLOSEST):
         gaps[j], legs[j] = math.inf, 0
@@ -100,7 +100,7 @@ def passed(
         t, duration = piece[3], piece[4]
         dx = node[0] + node[2] * t - piece[0]
         dy = node[1] + node[3] * t - piece[1]
-        # The node against the chord of the piece.
+        # Closest approach of the node to the chord of the piece.
         wx, wy = node[2], node[3]
         if duration > 0.0:
             wx -= (piece[7] - piece[0]) / duration

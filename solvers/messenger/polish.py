@@ -1,4 +1,4 @@
-"""Make a tour as short as its order allows: lengths by an interior-point method, turns by multipliers."""
+"""Local optimisation of a tour: lengths by an interior-point method, turns by their multipliers."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ __all__ = ["polish"]
 
 Floats = NDArray[np.float64]
 
-#: Steps of the interior-point method, and its barrier parameter at first.
+#: Maximum steps of the interior-point method, and its initial barrier parameter.
 STEPS, MU = 100, 1e-2
-#: Share of a leg's length, or of the turning radius, that a primitive has at least at the start.
+#: Least initial length of a primitive, as a share of a leg's length or of the turning radius.
 LEAST = 1e-1
-#: Share of both in a second search, which stays nearer to its begin.
+#: Factor on both in a second attempt, which stays closer to its starting point.
 NEAR = 1e-1
-#: Share up to which a primitive counts as none, and gain per length that makes another turn worth it.
+#: Share below which a primitive has length 0, and least gain per length for a change of its turn.
 NONE, WORTH = 1e-6, 1e-6
-#: How often turns are changed, and the relative gain that makes another round worth it.
+#: Maximum number of rounds of turn changes, and the relative gain required to continue.
 ROUNDS, GAIN = 8, 1e-9
-#: Share of a position's tolerance by which the end of a leg may be off.
+#: Tolerance of the end of a leg, as a share of a position's tolerance.
 EXACT = 1e-10
-#: Radius, as a share of a leg's length, below which vehicles are met at first without a radius.
+#: Radius, as a share of a leg's length, below which the first stage sets the radius to 0.
 FINE = 1e-2
 
 
 class _Point(NamedTuple):
-    """A tour as the method sees it, m and rad, from the start of the plan that it stems from.
+    """Iterate of the method: a tour in m and rad, relative to the start of the original plan.
 
     Parameters
     ----------
     states : ndarray, shape (k + 1, 4)
-        x, y, heading, length flown at the start and at the end of each leg.
+        x, y, heading and length flown at the start and at the end of each leg.
     signs, lengths : ndarray, shape (k, 3)
-        Of the curvature of each primitive, and its length.
+        Sign of the curvature, and length, of each primitive.
     costs : ndarray, shape (k, 3, 3), optional
-        What :func:`_costs` says of a local optimum.
+        Result of :func:`_costs` at a local optimum.
     """
 
     states: Floats
@@ -58,30 +58,35 @@ class _Point(NamedTuple):
 
     @property
     def length(self) -> float:
-        """The length of the tour, m."""
+        """Length of the tour, in m."""
         return float(self.states[-1, 3])
 
 
 def polish(
     problem: MessengerTour, plan: TourPlan, request: Request, *, seconds: float | None = None
 ) -> TourPlan:
-    """Return a tour of the same order that is verified and no longer than `plan`.
+    """Return a verified tour of the same order that is at most as long as `plan`.
 
-    Lengths and encounters move to a local optimum of the words that the legs have, of three primitives
-    each; then primitives of length 0 become what the multipliers say would shorten the tour, and turns
-    of more than half a circle turn the other way, as long as that helps.
+    Lengths and encounters move to a local optimum for the words of the legs, with three primitives
+    each. Then primitives of length 0 change to the turn that shortens the tour according to the
+    multipliers, and turns of more than half a circle are reversed, as long as this helps.
 
     Parameters
     ----------
     problem : MessengerTour
         The problem.
     plan : TourPlan
-        A verified tour. A leg of more than three primitives, where neighbours that turn alike count as
-        one, or a turning radius of 0 leaves the whole to Ipopt, for the words as they are.
+        A verified tour. If a leg has more than three primitives after merging equal neighbours, or if
+        the turning radius is 0, Ipopt optimises the lengths for the given words.
     request : Request
-        The run of which this is a part: its clock and stop flag.
+        The run that provides clock and stop flag.
     seconds : float, optional
-        Time for it; never more than what the run has left.
+        Time limit, in s, in addition to that of the run.
+
+    Returns
+    -------
+    TourPlan
+        The shorter tour, or `plan`.
     """
     words = _three(problem, plan) if problem.turning_radius > 0 else None
     if words is None:
@@ -108,9 +113,9 @@ def polish(
 
 
 def _three(problem: MessengerTour, plan: TourPlan) -> Floats | None:
-    """Return signs of three primitives a leg that can fly `plan`, shape (k, 3); None where none can.
+    """Return signs of three primitives per leg that can fly `plan`, shape (k, 3), or None.
 
-    What is missing in a word is filled up so that a turn goes on beyond the encounter.
+    Shorter words are extended so that a turn may continue beyond the encounter.
     """
     words: list[list[float]] = [[] for _ in range(problem.size + problem.closed)]
     for one in plan.primitives:
@@ -137,7 +142,7 @@ def _three(problem: MessengerTour, plan: TourPlan) -> Floats | None:
 
 
 def _embedded(plan: TourPlan, signs: Floats) -> Floats:
-    """Return the lengths of `plan` as those of the primitives with `signs`, shape (k, 3)."""
+    """Return the lengths of `plan` assigned to the primitives with `signs`, shape (k, 3)."""
     lengths, at, leg = np.zeros(signs.shape), 0, -1
     for one in plan.primitives:
         if one.leg != leg:
@@ -150,7 +155,7 @@ def _embedded(plan: TourPlan, signs: Floats) -> Floats:
 
 
 class _Field:
-    """What stays the same while the tours of one order are improved, in a leg's typical length."""
+    """Constant data of all tours of one order, scaled by a leg's typical length."""
 
     def __init__(self, problem: MessengerTour, plan: TourPlan) -> None:
         n, met, start = problem.size, list(plan.order), plan.start[:2]
@@ -165,8 +170,8 @@ class _Field:
         self.heading = float(plan.start[2]) if problem.heading is None else problem.heading
         room = np.where(self.radius > 0.0, self.radius, problem.extent / n / self.unit)
         self.exact = max(EXACT * float(room.min()), 1e-13)
-        # Steps within small discs are short: first all lengths settle, with vehicles met at their
-        # centres.
+        # Small discs allow only short steps. The first stage therefore meets these vehicles at their
+        # centres until the lengths converge.
         self.stages = [(self.radius, MU, LEAST)]
         fine = float(self.radius.min(where=self.radius > 0.0, initial=1.0))
         if fine < FINE:
@@ -175,7 +180,7 @@ class _Field:
             self.stages = [(wide, near, near), (self.radius, near * fine, near * fine)]
 
     def point(self, signs: Floats) -> _Point:
-        """Return the plan with `signs`, which its primitives must have."""
+        """Return the plan as an iterate; `signs` must contain the turns of its primitives."""
         plan = self.plan
         poses = integrated(plan, self.problem.turning_radius)
         tags = [one.leg for one in plan.primitives]
@@ -186,10 +191,9 @@ class _Field:
         return _Point(states, signs, _embedded(plan, signs))
 
     def solved(self, point: _Point, *, near: bool = False) -> _Point | None:
-        """Return the local optimum near `point`, sought with patience if `near`; None if none is found."""
+        """Return the local optimum near `point`, with more and smaller steps if `near`; None on failure."""
         r, unit, signs = self.problem.turning_radius, self.unit, point.signs
-        # Headings follow from the lengths: where a turn goes the other way round, all later ones
-        # differ by a full circle.
+        # Headings follow from the lengths. Reversing a turn changes all later headings by a full circle.
         states = point.states / [unit, unit, 1.0, unit]
         turns = (signs * point.lengths).sum(axis=1) / r
         states[:, 2] = self.heading + np.append(0.0, np.cumsum(turns))
@@ -213,7 +217,7 @@ class _Field:
         return _Point(states * [unit, unit, 1.0, unit], signs, lengths * unit, costs)
 
     def best(self, points: list[_Point]) -> TourPlan:
-        """Return the last of `points` that verifies and is no longer than the plan, else the plan."""
+        """Return the last of `points` that is verified and not longer than the plan, otherwise the plan."""
         for point in reversed(points):
             start = np.array([*(self.plan.start[:2] + point.states[0, :2]), point.states[0, 2]])
             words = ["".join("RSL"[int(sign) + 1] for sign in row) for row in point.signs]
@@ -224,10 +228,11 @@ class _Field:
 
 
 def _costs(states: Floats, lengths: Floats, bend: Floats, costates: Floats, tight: float) -> Floats:
-    """Return what the tour gains, per length, where a primitive were R, S or L: shape (k, 3, 3).
+    """Return the derivative of the tour's length if a primitive were R, S or L: shape (k, 3, 3).
 
-    The tour gets longer by λ · (e + κ J (D - D_k)) + λ_h κ + λ_s with a primitive of curvature κ that
-    begins in the direction e, with what the leg still does to the position, D - D_k.
+    A primitive of curvature κ that begins in the direction e changes the length by
+    λ · (e + κ J (D - D_k)) + λ_h κ + λ_s per unit of its length, where D - D_k is the displacement of
+    the rest of the leg.
     """
     half = 0.5 * bend * lengths
     ahead = states[:-1, 2:3] + np.cumsum(2.0 * half, axis=1)
@@ -241,7 +246,7 @@ def _costs(states: Floats, lengths: Floats, bend: Floats, costates: Floats, tigh
 
 
 def _other(found: _Point, r: float) -> Iterator[_Point]:
-    """Yield points that may lead further: the turns that the multipliers ask for, then short ways round."""
+    """Yield candidates: turns changed according to the multipliers, then reversed long turns."""
     signs, lengths, costs = found.signs, found.lengths, found.costs
     assert costs is not None
     none = lengths < NONE * np.where(signs == 0.0, lengths.mean(), r)
@@ -255,7 +260,7 @@ def _other(found: _Point, r: float) -> Iterator[_Point]:
         one = signs.copy()
         one[row, k] = wanted[row, k]
         yield found._replace(signs=one)
-    # Turns that follow one another, also beyond an encounter, by more than half a circle together.
+    # Consecutive equal turns, also across an encounter, with a total of more than half a circle.
     flown = np.flatnonzero(~none)
     for run in np.split(flown, np.flatnonzero(np.diff(signs.ravel()[flown])) + 1):
         angle = float((np.abs(signs) * lengths).ravel()[run].sum()) / r
@@ -270,13 +275,13 @@ def _other(found: _Point, r: float) -> Iterator[_Point]:
 def _by_program(
     problem: MessengerTour, plan: TourPlan, request: Request, seconds: float | None
 ) -> TourPlan:
-    """Return what Ipopt makes of the program that is fitted to `plan`, or `plan`."""
+    """Return the result of Ipopt for the program fitted to `plan`, or `plan` if it is not better."""
     from ..registry import find_backend
 
     fitted = problem.formulate("primitives").fitted(plan)
     answer = request.within(
         find_backend("ipopt"), fitted.program, time_limit=seconds, warm_start=fitted.encode(plan),
-        # An adaptive one was measured to lose its way on one program in ten.
+        # With an adaptive barrier strategy, one program in ten failed to converge (measured).
         options={"mu_strategy": "monotone"},
     )  # fmt: skip
     if answer.point is None:

@@ -1,7 +1,7 @@
-"""A tour in a given order from rim to rim: quick for any number of vehicles, and exact for long legs.
+"""Tour in a given order from boundary to boundary: fast for many vehicles, exact for long legs.
 
-Each leg begins where the one before ended and has a free heading at its end, so neither turns nor
-rounding add up as legs grow.
+Each leg begins at the end of the previous one and has a free final heading, so neither turns nor
+rounding errors accumulate as legs grow.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from .last_leg import Disc, shortest_to_disc
 
 __all__ = ["fly_to_rims"]
 
-#: Share of the radius that the path goes inside the rim.
+#: Margin inside the boundary, as a share of the radius.
 MARGIN = 1e-6
-#: Places per radius at which a primitive is searched for vehicles that it passes, and their limit.
+#: Number of places per radius at which a primitive is checked for vehicles that it passes, and its limit.
 DENSITY, PLACES = 4.0, 50
-#: Turning radii that the UAV flies at most before it pursues a vehicle on a line, with a reserve.
+#: Upper bound, in turning radii, on the length flown before the pursuit on a line, with a reserve.
 TURNS = 30.0
 
 

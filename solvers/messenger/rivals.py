@@ -24,9 +24,9 @@ __all__ = ["Flight", "RandomRival", "Rival"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of a radius that is kept free against rounding.
+#: Margin of the radius against rounding, as a share.
 MARGIN = 1e-9
-#: Relative gain of a new incumbent.
+#: Least relative improvement of a new incumbent.
 GAIN = 1e-12
 
 
@@ -99,7 +99,7 @@ class Flight:
 
 
 class Rival(Backend):
-    """Base of the paper's algorithms; a subclass only searches."""
+    """Base class of the paper's algorithms; a subclass implements `search`."""
 
     accepts = MessengerTour
     guarantee = Guarantee.HEURISTIC
@@ -108,10 +108,10 @@ class Rival(Backend):
 
     @abstractmethod
     def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
-        """Offer better and better paths to `flight`; return statistics of the algorithm."""
+        """Offer paths to `flight` as they improve; return statistics of the algorithm."""
 
     def refuses(self, problem: MessengerTour) -> str:
-        """Return what the paper's algorithms do not cover."""
+        """Return the reason why the paper's algorithms do not cover `problem`, or an empty string."""
         if problem.closed:
             return "closed tours: the paper's tours end at the last encounter"
         if problem.turning_radius == 0:
@@ -121,7 +121,7 @@ class Rival(Backend):
         return ""
 
     def run(self, problem: MessengerTour, request: Request) -> Answer:
-        """Search, and answer with the best path."""
+        """Search, and return the best path."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
@@ -144,7 +144,7 @@ class Rival(Backend):
 
 
 class RandomRival(Rival):
-    """Base of the paper's algorithms that draw random numbers, which it runs 25 times each."""
+    """Base class of the paper's randomised algorithms, which the paper runs 25 times each."""
 
     features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT})
     options: ClassVar[Mapping[str, Option]] = {
@@ -156,10 +156,10 @@ class RandomRival(Rival):
 
     @abstractmethod
     def search_once(self, flight: Flight, request: Request) -> float:
-        """Run the algorithm once; return the length of its best plan (m), inf without one."""
+        """Run the algorithm once; return the length of its best plan (m), or inf without a plan."""
 
     def search(self, flight: Flight, request: Request) -> Mapping[str, Any]:
-        """Run the algorithm as often as requested, until the time is up."""
+        """Run the algorithm the requested number of times, or until a limit is reached."""
         lengths: list[float] = []
         while len(lengths) < request.options["runs"] and not (lengths and request.control.stopped):
             lengths.append(self.search_once(flight, request))

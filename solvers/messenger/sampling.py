@@ -1,4 +1,4 @@
-"""DS: the double sampling of times and boundaries that the paper compares with on two and three vehicles."""
+"""DS: double sampling of times and boundaries, the paper's reference for two and three vehicles."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ __all__ = ["DirectSampling"]
 
 
 class DirectSampling(Rival):
-    """All orders, with all combinations of sampled times and boundary points, by branch and bound.
+    """Exhaustive search over orders, sampled times and boundary points, by branch and bound.
 
     All lengths that the paper prints for DS are even numbers of metres: at 10 m/s, its trajectories have
-    a sample every 0.2 s. The number of boundary samples is not printed.
+    one sample per 0.2 s. The paper does not print the number of boundary samples.
     """
 
     name = "direct-sampling"
@@ -32,7 +32,7 @@ class DirectSampling(Rival):
     summary = "all orders, sampled times and boundaries of up to three vehicles (DS)"
 
     def refuses(self, problem: MessengerTour) -> str:
-        """Return what is refused: more than three vehicles too."""
+        """Return the reason for a refusal, which includes more than three vehicles."""
         if problem.size > 3:
             return f"more than 3 vehicles, got {problem.size}: combinations are too many"
         return super().refuses(problem)

@@ -1,4 +1,4 @@
-"""The shortest tour over sampled times and boundaries for one order, by branch and bound."""
+"""Shortest tour over sampled times and boundaries for one order, by branch and bound."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Ints = NDArray[np.int64]
 
 @kernel
 def _soonest(poses: Floats, k: int, i: int, fleet: Floats, craft: Floats, t: float) -> float:
-    """Return a lower bound (s) on the encounter with vehicle `i` of a UAV that is at row `k` of `poses`.
+    """Return a lower bound (s) on the time at which a UAV at row `k` of `poses` meets vehicle `i`.
 
-    It is the time of a straight flight to the disc at time `t`, the vehicle coming to meet the UAV.
+    The bound is the time of a straight flight from time `t` on, with the vehicle heading for the UAV.
     """
     dx = fleet[i, 0] + fleet[i, 2] * t - poses[k, 0]
     dy = fleet[i, 1] + fleet[i, 3] * t - poses[k, 1]
@@ -36,26 +36,26 @@ def search_samples(
 ) -> float:  # fmt: skip
     """Fill `genes` with the best samples for `order`; return the end of the tour (s).
 
-    Depth first: each level is an encounter, its nodes are the times in multiples of `step` and the
-    `samples` angles of the boundary that the UAV can reach exactly then. A node is cut off if a straight
-    flight from it cannot end before the best tour so far.
+    Depth-first search: each level is an encounter. Its nodes are the times in multiples of `step` and the
+    `samples` angles of the boundary that the UAV can reach exactly at these times. A node is pruned if a
+    straight flight from it cannot end before the best tour so far.
 
     Parameters
     ----------
     order, genes, fleet, craft, poses : ndarray
         See :mod:`.decoding`.
     samples : int
-        Angles of each boundary.
+        Number of angles of each boundary.
     step : float
-        Step of time (s).
+        Time step (s).
     ceiling : float
         Time (s) before which the tour must end; the result is inf if no tour does.
     flag : ndarray of int8
-        Stop flag; the result is then the best tour so far.
+        Stop flag; if it is set, the result is the best tour so far.
     """
     n = len(order)
     trial, ticks, best = genes.copy(), np.zeros(n, np.int64), math.inf
-    # A node is tick * samples + angle.
+    # Node number: tick * samples + angle.
     level, nodes = 0, np.zeros(n, np.int64)
     nodes[0] = int(_soonest(poses, 0, order[0], fleet, craft, 0.0) / step) * samples
     while level >= 0 and flag[0] == 0:

@@ -1,7 +1,7 @@
-"""Loops of the bounds: a path of which a leg is replaced, in a time that depends on nothing else.
+"""Kernels of the bounds: replacement of a leg of a path in constant time.
 
-What a bound adds up (see :mod:`.bound_kernels`) has a part for each leg and for each stop. If a leg
-is replaced, the later parts stay, and the earlier ones change by one factor, that of the weights.
+A bound (see :mod:`.bound_kernels`) is a sum with one part per leg and one per stop. If a leg is
+replaced, the later parts are unchanged, and the earlier ones change by a common factor of the weights.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ __all__ = ["spliced", "tabulated"]
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: How much heavier than the others legs may become before the rounding of the parts is no longer small.
+#: Relative weight of a leg above which the rounding error of the parts is no longer negligible.
 HEAVY = 1e3
 
 
 @kernel
 def _clipped(x: float, y: float) -> tuple[float, float]:
-    """Return a direction, shortened to 1 where it is longer."""
+    """Return a direction, normalised if it is longer than 1."""
     long = math.sqrt(x * x + y * y) * (1.0 + 1e-15)
     if not long <= 1.0:
         return x / long, y / long
@@ -37,7 +37,7 @@ def _met(
     ux: float, uy: float, before: float, first: float, vx: float, vy: float, after: float,
     second: float, radius: float, turn: float,
 ) -> float:  # fmt: skip
-    """Return what a stop adds to the bound, between legs with u and v, by its radius and by turns."""
+    """Return a stop's contribution to the bound, between legs with u and v: radius and turn."""
     value = -radius * math.sqrt((ux - vx) ** 2 + (uy - vy) ** 2)
     if turn > 0.0:
         value += turn * corner(between(ux, uy, vx, vy), before, first, after, second)
@@ -49,7 +49,7 @@ def _ended(
     radii: Floats, turn: Floats, begin: int, end: int, ux: float, uy: float, first: float,
     vx: float, vy: float, last: float,
 ) -> float:  # fmt: skip
-    """Return what both ends of a path add to the bound: u is of its first leg, v of its last one."""
+    """Return the contribution of a path's ends to the bound; u belongs to its first leg, v to its last."""
     before, after = math.sqrt(vx * vx + vy * vy), math.sqrt(ux * ux + uy * uy)
     headed = turn[0] > 0.0 and turn[1] > 0.0
     if begin == end and not headed:
@@ -70,10 +70,11 @@ def tabulated(
     centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
     stops: Indices, directions: Floats, table: Floats,
 ) -> float:  # fmt: skip
-    """Fill in the parts of the bound that `directions` prove, and return the sum of their sizes.
+    """Fill `table` with the parts of the bound that `directions` prove; return the sum of their sizes.
 
-    A row a leg: its direction, its weight lambda, half its least length by the turning radius; the
-    sum of what this and all later legs add, and the sum of what this and all earlier ones do.
+    Columns, with one row per leg: direction (2); weight lambda; half its least length divided by the
+    turning radius; sum of the parts of this and all later legs; sum of those of this and all earlier
+    legs.
     """
     legs = stops.size - 1
     size, weight = 0.0, 1.0
@@ -113,22 +114,23 @@ def spliced(
     centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
     stops: Indices, table: Floats, place: int, until: int, more: Indices, tried: Floats,
 ) -> float:  # fmt: skip
-    """Return the bound with the legs from `place` to before `until` replaced, but for rounding.
+    """Return the bound with the legs from `place` to before `until` replaced, up to rounding.
 
-    It is -inf where weights grow so much that rounding matters. Directions of earlier legs stay, and what they add changes by one factor.
+    The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs are
+    unchanged, and their parts change by a common factor.
 
     Parameters
     ----------
     centres, velocities, radii, gaps, turn, stops
-        As in :func:`proven`, of the path without the change.
+        As in :func:`proven`, for the original path.
     table : ndarray, shape (L, 6)
-        Of :func:`tabulated`.
+        Table filled by :func:`tabulated`.
     place, until : int
-        Legs.
+        Range of the legs to replace.
     more : ndarray of int64, shape (m + 1,)
-        Stops of the legs that come instead.
+        Stops of the m new legs.
     tried : ndarray, shape (m, 2)
-        Their directions.
+        Directions of the new legs.
     """
     legs = stops.size - 1
     value, weight, heaviest = 0.0, 1.0, 0.0

@@ -1,4 +1,4 @@
-"""What a leg does to a tour's states, for :mod:`.newton`: its slopes, its price, what holds at its end."""
+"""Effect of a leg on the states of a tour, for :mod:`.newton`: slopes, penalties, end conditions."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ __all__ = ["STIFF", "ended", "flight", "merit", "moved"]
 
 Floats = NDArray[np.float64]
 
-#: Weight that turns an equation into a price: it is met exactly as its multiplier converges.
+#: Weight of the augmented Lagrangian; the equation holds exactly as its multiplier converges.
 STIFF = 1e8
 
 
 @kernel
 def flight(h: float, u: Floats, bend: Floats, by: Floats) -> tuple[float, float, float]:
-    """Return displacement and turn of a leg, and fill `by` (3, 2) with the slopes by its lengths."""
+    """Return displacement (2) and turn of a leg; fill `by` (3, 2) with the derivatives by its lengths."""
     x, y, a = 0.0, 0.0, h
     for k in range(3):
         half = 0.5 * bend[k] * u[k]
@@ -40,7 +40,7 @@ def merit(
     y: Floats, u: Floats, t: Floats, bend: Floats, place: Floats, drift: Floats, radius: Floats,
     turn: float, mu: float, weight: Floats, by: Floats,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return the barrier function with the prices of violations, these alone, and the violations."""
+    """Return the barrier function with penalties, the penalties alone, and the violation."""
     legs, n = len(u), len(place)
     value, off, wrong = y[legs, 3], 0.0, 0.0
     for j in range(legs):
@@ -76,8 +76,8 @@ def ended(
     state: Floats, base: Floats, j: int, n: int, p: Floats, c: Floats, r: float, turn: float,
     t: float, nu: float, price: Floats, mu: float, curve: Floats, tilt: Floats,
 ) -> None:  # fmt: skip
-    """Add to the value function (curve, tilt) at the end of leg `j` what holds there."""
-    if j == n:  # back at the start: the difference to the copy of the start's state
+    """Add the conditions at the end of leg `j` to the value function (curve, tilt)."""
+    if j == n:  # back at the start: difference to the copy of the start's state
         for i in range(3):
             off = state[i] - base[i] - (turn if i == 2 else 0.0)
             curve[i, i] += STIFF
@@ -117,7 +117,7 @@ def moved(
     y: Floats, u: Floats, t: Floats, dy: Floats, du: Floats, dt: Floats, ahead: float,
     to_y: Floats, to_u: Floats, to_t: Floats,
 ) -> None:  # fmt: skip
-    """Fill the last three arguments with the first three moved by a share `ahead` of the step."""
+    """Fill the last three arguments with the first three after a share `ahead` of the step."""
     for j in range(len(y)):
         for i in range(4):
             to_y[j, i] = y[j, i] + ahead * dy[j, i]

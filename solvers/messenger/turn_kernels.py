@@ -1,20 +1,20 @@
-"""Loops of the bounds: what a flight with a limit on curvature loses where its direction changes.
+"""Kernels of the bounds: additional length of a curvature-limited flight due to changes of direction.
 
-A flight of length L_k from stop to stop, with headings theta(s),
-has ``lambda_k L_k = u_k . (Q_k - Q_{k-1}) + integral of lambda_k - u_k . e(theta(s)) ds``: the dual
-of :mod:`.bound_kernels` bounds the sum of the first terms, and nothing but its sign is used of the integrals. These are at
-least ``lambda_k |d_k|`` times that of 1 - cos of the angle between theta(s) and d_k. Headings change by
-no more than s / r_min over a length s: where the angle is a at one end of the leg, and the leg is
-no shorter than l, its half at that end takes at least, in units of r_min::
+For a flight of length L_k from stop to stop, with headings theta(s),
+``lambda_k L_k = u_k . (Q_k - Q_{k-1}) + integral of lambda_k - u_k . e(theta(s)) ds``. The dual of
+:mod:`.bound_kernels` bounds the sum of the first terms, and uses only the sign of the integrals. These
+are at least ``lambda_k |d_k|`` times the integral of 1 - cos of the angle between theta(s) and d_k.
+Headings change by at most s / r_min over a length s. If the angle is a at one end of the leg, and the
+leg is at least l long, the integral over its half at that end is at least, in units of r_min::
 
     f(a) = integral of 1 - cos(max(0, a - s)) for s from 0 to l / 2
          = F(a) - F(max(0, a - l / 2)),    F(a) = a - sin a
 
-At a stop, the two angles between its heading and the directions before and after sum up to no less
-than the angle between these; f rises, so the least sum over all headings is that over the ways to
-divide this angle. So a bound needs no headings, and it holds for vehicles that move. It is exact for
-a flight of long legs between fixed points, each leg straight but for a turn of at most half a circle
-at either end.
+At a stop, the two angles between its heading and the directions before and after sum up to at least
+the angle between these directions. f is increasing, so the least sum over all headings is the least
+sum over all divisions of this angle. The bound therefore needs no headings, and it holds for moving
+vehicles. It is exact for a flight of long legs between fixed points, if each leg is straight except for
+a turn of at most half a circle at either end.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["between", "corner", "turned"]
 
 @kernel
 def turned(angle: float, half: float) -> float:
-    """Return f: what at least is lost on half a leg whose heading is off by `angle` at its end."""
+    """Return f, a lower bound on the loss on half a leg whose heading is off by `angle` at its end."""
     lost = angle - math.sin(angle)
     if angle > half:
         lost -= angle - half - math.sin(angle - half)
@@ -37,27 +37,32 @@ def turned(angle: float, half: float) -> float:
 
 @kernel
 def _steepness(angle: float, half: float) -> float:
-    """Return the derivative of :func:`turned` by the angle."""
+    """Return the derivative of :func:`turned` with respect to the angle."""
     return math.cos(max(angle - half, 0.0)) - math.cos(angle)
 
 
 @kernel
 def corner(angle: float, before: float, first: float, after: float, second: float) -> float:
-    """Return the least of ``before f(x) + after f(angle - x)``, or a little less.
+    """Return a lower bound on the minimum of ``before f(x) + after f(angle - x)`` over x.
 
     Parameters
     ----------
     angle : float
-        Between the directions of two legs, rad, at most π.
+        Angle between the directions of two legs, in rad, at most π.
     before, after : float
         Weights of the legs.
     first, second : float
         Half their least lengths, in units of the turning radius.
+
+    Returns
+    -------
+    float
+        The bound, at least 0.
     """
     if angle <= 0.0:
         return 0.0
     if angle <= min(first, second):
-        # Where both slopes, 2 before sin²(x / 2) and 2 after sin²((angle - x) / 2), are the same.
+        # x with equal slopes 2 before sin²(x / 2) and 2 after sin²((angle - x) / 2).
         root, other = math.sqrt(before), math.sqrt(after)
         y, x = other * math.sin(0.5 * angle), root + other * math.cos(0.5 * angle)
         if x <= 0.0:
@@ -67,7 +72,7 @@ def corner(angle: float, before: float, first: float, after: float, second: floa
         value = before * turned(low, first) + after * turned(angle - low, second)
         return max(value - abs(slope) * angle, 0.0)
     if angle > 0.5 * (math.pi + min(first, second)):
-        # f is concave beyond: the least of all cells, each with the least of both parts.
+        # f is concave beyond this angle. Minimise over cells, with a lower bound of both parts per cell.
         cells = 128
         least = math.inf
         for k in range(cells):
@@ -81,7 +86,7 @@ def corner(angle: float, before: float, first: float, after: float, second: floa
             low = x
         else:
             high = x
-    # A convex function lies above its tangents.
+    # A convex function is at least its tangent.
     slope = before * _steepness(low, first) - after * _steepness(angle - low, second)
     value = before * turned(low, first) + after * turned(angle - low, second)
     return max(value + min(slope, 0.0) * (high - low), 0.0)

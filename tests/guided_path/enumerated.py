@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from crosstrack.models import GuidedPathTour
 
-#: What coordinates are drawn from: ties, both signs, ratios of 1e6, far away, all at the start.
+#: Kinds of coordinates: ties, both signs, ratios of 1e6, far away, all at the start.
 KINDS = ("integers", "ties", "signed", "ratios", "far", "nowhere", "reals")
-#: How customers are related.
+#: Kinds of relations.
 RELATIONS = ("none", "chains", "dag", "both", "one chain", "dense")
 
 
@@ -23,13 +23,13 @@ def _orders(count):
 
 
 def lengths(coordinates, orders):
-    """Return the length of each tour, one a row."""
+    """Return the length of each tour, with one tour per row."""
     stops = np.pad(orders, ((0, 0), (1, 1)))
     return np.abs(np.diff(coordinates[stops], axis=1)).sum(axis=1)
 
 
 def extensions(model):
-    """Return all orders that keep the relation, one a row."""
+    """Return all feasible orders, with one order per row."""
     orders, places = _orders(model.size - 1)
     allowed = np.ones(len(orders), bool)
     for a, b in model.pairs:
@@ -43,7 +43,7 @@ def best(model):
 
 
 def prefix_lengths(model):
-    """Return the shortest way from the start through each downward closed set to each last customer."""
+    """Return the shortest length from the start through each downward closed set to each last customer."""
     found = {}
     for order in extensions(model).tolist():
         way = 0.0
@@ -55,7 +55,7 @@ def prefix_lengths(model):
 
 
 def coordinates(rng, kind, count):
-    """Return the places of the start and `count` customers."""
+    """Return the coordinates of the start and `count` customers."""
     size = count + 1
     return {
         "integers": lambda: rng.integers(0, 201, size),
@@ -69,13 +69,13 @@ def coordinates(rng, kind, count):
 
 
 def cut(rng, customers):
-    """Return `customers` in chains of random lengths."""
+    """Return `customers` cut into chains of random lengths."""
     ends = np.flatnonzero(rng.random(len(customers) - 1) < rng.random()) + 1
     return [part.tolist() for part in np.split(customers, ends)]
 
 
 def random_tour(seed, most=6, kind=None, relation=None):
-    """Return a tour of 1 to `most` customers of any kind, or of the kinds given."""
+    """Return a tour of 1 to `most` customers of a random or given kind."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, most + 1))
     kind = rng.choice(KINDS) if kind is None else kind
@@ -90,13 +90,13 @@ def random_tour(seed, most=6, kind=None, relation=None):
         chains = [customers.tolist()]
     if relation in ("dag", "both", "dense"):
         share = 0.7 if relation == "dense" else 0.5 * rng.random()
-        # Along one order of the customers, so that there is no cycle.
+        # Pairs along one order of the customers, so that the relation is acyclic.
         pairs = [pair for pair in itertools.combinations(customers, 2) if rng.random() < share]
     return GuidedPathTour(coordinates(rng, kind, count), chains=chains, precedence=pairs or ())
 
 
 def chains_tour(k, each, seed, most=200, far=0):
-    """Return a tour of `k` chains of `each` customers at whole numbers from 1 to `most`."""
+    """Return a tour of `k` chains of `each` customers at integer coordinates from 1 to `most`."""
     rng = np.random.default_rng(seed)
     places = np.concatenate(([0], rng.integers(1, most + 1, k * each))) + far
     return GuidedPathTour(places, chains=(np.arange(k * each) + 1).reshape(k, each).tolist())

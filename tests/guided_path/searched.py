@@ -1,4 +1,4 @@
-"""Tours by a-star, whatever it answers verified, and by a plain search."""
+"""Verified tours by a-star, and shortest tours by a plain search."""
 
 import heapq
 
@@ -9,7 +9,7 @@ from crosstrack.solvers.guided_path.a_star import AStar
 
 
 def solve(model, **asked):
-    """Return the answer of a-star, whose plan is verified."""
+    """Return the answer of a-star, and verify its plan."""
     options = {"states": asked.pop("states", 0)}
     answer = AStar().run(model, Request(options=options, **asked))
     found = model.verify(answer.point)
@@ -20,7 +20,7 @@ def solve(model, **asked):
 
 
 def settled(model, value):
-    """Assert that a-star finds the least length and proves it."""
+    """Assert that a-star finds and proves the least length."""
     answer = solve(model)
     assert answer.termination is Termination.OPTIMAL
     assert answer.primal_bound == pytest.approx(value, rel=1e-9, abs=1e-9)
@@ -29,7 +29,7 @@ def settled(model, value):
 
 
 def shortest(model):
-    """Return the least length by Dijkstra over positions and sets served, one customer a step."""
+    """Return the least length by Dijkstra over positions and sets served, one customer per step."""
     x = model.coordinates.tolist()
     needs = [0] * model.size
     for a, b in model.pairs:

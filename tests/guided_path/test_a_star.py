@@ -1,4 +1,4 @@
-"""a-star: equal to enumeration and to a plain search, bounds that hold, and limits that are kept."""
+"""a-star: equality with enumeration and a plain search, valid bounds, and limits."""
 
 from dataclasses import replace
 
@@ -32,11 +32,11 @@ def test_equals_enumeration_often():
 
 @settings(max_examples=60, deadline=None)
 @given(tours(5))
-def test_equals_enumeration_of_whatever_is_drawn(model):
+def test_equals_enumeration_on_generated_tours(model):
     value = best(model)
     answer = solve(model)
     assert answer.termination is Termination.OPTIMAL
-    # Coordinates of 1e9 have 1e-7 left of their digits.
+    # Coordinates of 1e9 leave a precision of 1e-7.
     scale = max(value, float(np.abs(model.coordinates).max()))
     assert abs(answer.primal_bound - value) <= 1e-9 * value + 1e-14 * scale
     assert answer.dual_bound <= value + 1e-14 * scale
@@ -79,7 +79,7 @@ def test_customers_without_a_relation():
 
 
 @pytest.mark.parametrize("far", [0.0, -7.0, 1e9])
-def test_all_where_the_start_is(far):
+def test_customers_at_the_start_cost_nothing(far):
     model = GuidedPathTour([far] * 9, chains=[[3, 1, 2], [5, 4]], precedence=[[3, 8], [8, 4]])
     assert solve(model).primal_bound == 0.0
     assert solve(model).termination is Termination.OPTIMAL
@@ -107,14 +107,14 @@ def test_ratios_of_a_million():
 
 @pytest.fixture
 def cramped(monkeypatch):
-    """No beam but the narrowest, little room, few buckets and short chunks."""
+    """Use the narrowest beam only, small capacity, few buckets and short chunks."""
     for name, value in {"FEW": 2, "CHUNK": 7, "BUCKETS": 3, "NARROW": 1, "WIDEST": 1}.items():
         monkeypatch.setattr(a_star, name, value)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_room_and_chunks_make_no_difference(cramped, seed):
-    """The table grows, buckets hold many bounds, and states are expanded again."""
+    """The table grows, buckets contain several bounds, and states are expanded again."""
     model = chains_tour(4, 4, seed)
     answer = settled(model, shortest(model))
     assert answer.statistics["beam width"] == 1
@@ -124,7 +124,7 @@ def test_room_and_chunks_make_no_difference(cramped, seed):
 
 @pytest.mark.parametrize("seed", range(30))
 def test_shares_make_no_difference(cramped, monkeypatch, seed):
-    """The search begins again with the chains' shares, of any relation and any coordinates."""
+    """The search restarts with the shares of the chains, for any relation and any coordinates."""
     monkeypatch.setattr(a_star, "EARLY", 1)
     model = random_tour(seed, 10, relation=["chains", "dag", "both"][seed % 3])
     settled(model, shortest(model))
@@ -175,14 +175,14 @@ def test_a_stop_keeps_the_plan():
     assert answer.dual_bound >= answer.statistics["bound at the start"]
 
 
-def test_time_is_kept():
+def test_the_time_limit_is_respected():
     control = Control()
     control.arm(0.5)
     answer = solve(chains_tour(20, 20, 1), control=control, time_limit=0.5)
     assert (answer.termination, answer.limit) == (Termination.FEASIBLE, Limit.TIME)
 
 
-def test_a_gap_is_enough():
+def test_ends_at_the_requested_gap():
     model = chains_tour(10, 8, 3)
     answer = solve(model, gap=0.5)
     assert answer.termination is Termination.OPTIMAL

@@ -1,4 +1,4 @@
-"""The bounds of a-star: what they say is what their definitions say, and they never say too much."""
+"""Bounds of a-star: they equal their definitions, and are never too large."""
 
 import itertools
 from dataclasses import replace
@@ -20,7 +20,7 @@ from crosstrack.solvers.guided_path.shares import shares_of
 
 
 def plain_bound(model, served, here):
-    """Return the sum over the gaps of the most crossings of any path of what is left."""
+    """Return the sum over gaps of the most crossings of any remaining path."""
     x = model.coordinates
     places = np.unique(x)
     left = set(range(1, model.size)) - served
@@ -99,7 +99,7 @@ def start_of(tables):
 
 
 def rest_of(tables, shares, counts, here):
-    """Return the bound by shares, in metres."""
+    """Return the bound by shares, in m."""
     value = share_kernels.rest_of_shares(
         counts, here, tables.first, tables.place, shares.groups, shares.members, shares.weighted,
         shares.rests,
@@ -124,7 +124,7 @@ def test_one_group_of_all_chains_is_the_problem_itself(seed):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_shares_never_fall_by_more_than_what_is_walked(monkeypatch, seed):
+def test_shares_are_consistent_with_the_distance_walked(monkeypatch, seed):
     monkeypatch.setattr(shares_module, "MOST", 2)
     rng = np.random.default_rng(seed)
     model = chains_tour(5, 5, seed)
@@ -175,7 +175,7 @@ def test_shares_are_the_nearest_that_add_up():
         found = shares_module._shared(given, whole)
         assert (found >= 0).all()
         assert found.sum(axis=0) == pytest.approx(whole, abs=1e-12)
-        # At the nearest point, no other lies in the direction of what was given.
+        # Optimality condition of the projection.
         others = rng.dirichlet(np.ones(6) * 0.3, size=(200, 4)).transpose(0, 2, 1) * whole
         assert (((given - found) * (others - found)).sum(axis=1) <= 1e-9).all()
 

@@ -1,4 +1,4 @@
-"""What each check of a guided vehicle's tour refuses; every check is a count, so one fault is enough."""
+"""Violations detected by each check of a guided vehicle's tour; checks are counts, so one suffices."""
 
 import itertools
 
@@ -10,7 +10,7 @@ from crosstrack.models import GuidedPathTour
 from crosstrack.models.guided_path import checks
 from crosstrack.models.guided_path.plan import GuidedPathPlan
 
-#: Orders with one fault, and the place that the check must name.
+#: Orders with one fault, and the place that the check must report.
 FAULTS = {
     "each customer served once": [
         ([3, 4, 2], "customer a"),

@@ -1,4 +1,4 @@
-"""The backend that "auto" selects for tours along a path, and how it begins."""
+"""Backend that "auto" selects for tours along a path, and its starter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What diagnose says of guided path tours, which always exist."""
+"""Diagnoses of guided path tours, which always exist."""
 
 import itertools
 
@@ -20,13 +20,13 @@ def test_the_papers_example():
     assert str(found) == (
         "example: a plan exists, as whoever must precede can always be served first; no tour is "
         "shorter than 8 m, 1 times the way to both ends and back\n"
-        "  - 2 customers at the most are in no order among themselves; the longest chain has 2: c -> a\n"
+        "  - at most 2 customers are in no order among themselves; the longest chain has 2: c -> a\n"
         "  - no gap need be crossed more than once there and once back"
     )
     assert Diagnosis.from_dict(found.to_dict()) == found
 
 
-def test_who_forces_crossings():
+def test_the_forcing_customers_are_listed():
     model = GuidedPathTour([0, 10, 2, 8, 4, 5], chains=[[1, 2, 3, 4]], precedence=[(4, 5)])
     relation, *stretches = ct.diagnose(model).findings
     assert relation.text == "there is only one order: 1 -> 2 -> 3 -> 4 -> 5"

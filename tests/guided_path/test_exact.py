@@ -1,4 +1,4 @@
-"""The dynamic program and what it stands on, against enumeration: tours, tables, walks."""
+"""Dynamic program and its parts, compared with enumeration: tours, tables, walks."""
 
 import itertools
 
@@ -29,12 +29,12 @@ GO = np.zeros(1, np.int8)
 
 
 def close(model):
-    """Return how far lengths may differ by rounding."""
+    """Return the tolerance of lengths for rounding."""
     return 1e-12 * model.size * max(1e-300, float(np.abs(model.coordinates).max()))
 
 
 def solved(model, **options):
-    """Return the answer, of which the plan is walked and the bounds are compared with it."""
+    """Return the answer after verifying its plan and comparing its bounds."""
     backend = DynamicProgramming()
     answer = backend.run(model, Request(options=backend.checked_options(options)))
     found = model.verify(answer.point)
@@ -52,7 +52,7 @@ def solved(model, **options):
 def test_two_thousand_tours_equal_enumeration(first):
     for seed in range(first, first + 500):
         model = random_tour(seed)
-        # Half of the tables are those of the paper, with all that Property 1 leaves.
+        # Half of the tables are those of the paper, with all customers that Property 1 keeps.
         answer = solved(model, passing=seed % 2 == 0)
         assert abs(answer.primal_bound - best(model)) <= close(model), (seed, model.to_dict())
 
@@ -72,7 +72,7 @@ def test_seven_customers(relation):
 
 
 def test_more_customers_with_and_without_those_that_are_passed():
-    """Twenty customers are too many to enumerate; the paper's plain table is known to be right."""
+    """Twenty customers are too many to enumerate; the paper's plain table is the reference."""
     large = 0
     for seed in range(60):
         model = random_tour([seed, 10], most=20, relation=("both", "dag", "dense")[seed % 3])
@@ -96,7 +96,7 @@ def test_the_papers_example():
     [
         (GuidedPathTour(np.arange(301.0), chains=[range(1, 301)]), 600.0),
         (GuidedPathTour(np.arange(301.0), chains=[range(300, 0, -1)]), 600.0),
-        # From one end to the other with each step: 0, 1, -1, 2, -2, …
+        # Each step crosses from one side to the other: 0, 1, -1, 2, -2, …
         (GuidedPathTour([0, 1, -1, 2, -2, 3, -3], chains=[range(1, 7)]), 24.0),
         (GuidedPathTour(np.arange(101) - 50.0, chains=[[k] for k in range(1, 101)]), 200.0),
         (GuidedPathTour(np.zeros(101), chains=[range(100, 0, -1)]), 0.0),
@@ -218,7 +218,7 @@ def test_a_run_that_is_stopped():
 
 @given(tours())
 @settings(max_examples=80, deadline=None)
-def test_what_is_left_out_is_served_in_passing(model):
+def test_omitted_customers_are_served_in_passing(model):
     value = best(model)
     for passing in (True, False):
         small, numbers = reduced(model, passing=passing)
@@ -251,13 +251,13 @@ def test_property_1(places, kept):
 
 
 def test_property_1_beside_chains():
-    """Customers without a relation matter beyond all that have one."""
+    """Customers without a relation matter only outside the range of the others."""
     model = GuidedPathTour([0, 9, -4, -2, 10, 8, -4, -5, -6], chains=[[1, 2, 3]])
     assert reduced(model, passing=False)[1] == (0, 1, 2, 3, 4, 8)
     assert reduced(model)[1] == (0, 1, 2, 4, 8)
 
 
-def test_chains_lose_what_lies_on_the_way():
+def test_chains_omit_customers_on_the_way():
     places = [0, 1, 5, 9, 4, 2, 2, 7]
     small, numbers = reduced(GuidedPathTour(places, chains=[range(1, 8)]))
     assert [places[c] for c in numbers] == [0, 9, 2, 7]
@@ -281,7 +281,7 @@ def test_chains_keep_where_they_turn():
 
 
 def walked(model, stops):
-    """Return the order of service by walking over every place there is, None if it is not all."""
+    """Return the order of service by stepping over every place; None if it is incomplete."""
     x, line = model.coordinates.tolist(), np.unique(model.coordinates).tolist()
     order, at = [], x[0]
     for stop in (0, *stops, 0):
@@ -337,7 +337,7 @@ def test_any_order_that_keeps_the_relation_serves_all():
             assert length_of(model, again) <= length_of(model, order) + close(model)
 
 
-def test_kinds_of_coordinates_are_what_they_say():
+def test_kinds_of_coordinates_match_their_names():
     rng = np.random.default_rng(1)
     assert np.ptp(np.log10(np.abs(coordinates(rng, "ratios", 400)))) == pytest.approx(6.0)
     assert np.unique(coordinates(rng, "ties", 400)).size == 4

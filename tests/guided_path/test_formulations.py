@@ -1,4 +1,4 @@
-"""Guided path tours as programs: sweeps and arcs hold every plan, and their optimum is enumeration's."""
+"""Programs of guided path tours: sweeps and arcs contain every plan, and their optimum is correct."""
 
 import itertools
 
@@ -18,12 +18,12 @@ from crosstrack.models.guided_path.walks import reduced
 EXAMPLE = GuidedPathTour([0, 1, 2, 3, 4], chains=[[3, 1], [4, 2]])
 MIXED = GuidedPathTour([0, 5, 2, 8, 4, 9, 1], chains=[[1, 2, 3, 6], [5, 4]], precedence=[(2, 5)])
 NAMES = ("sweeps", "arcs")
-#: Kinds of coordinates that are whole numbers.
+#: Kinds of coordinates that are integers.
 PLAIN = ("integers", "ties", "signed", "far", "nowhere")
 
 
 def walk(model, order):
-    """Return the ends of the sweeps along an order, to the right and to the left in turn."""
+    """Return the ends of the alternating sweeps along an order."""
     x = model.coordinates.tolist()
     ends, side = [x[0]], 1
     for here, there in itertools.pairwise((0, *order, 0)):
@@ -34,7 +34,7 @@ def walk(model, order):
 
 
 def settled(answer, value):
-    """Assert that a solution is what enumeration says."""
+    """Assert that a solution has the enumerated optimum."""
     scale = max(value, 1e-3)
     assert answer.termination == "optimal", answer
     assert answer.verification.ok
@@ -64,7 +64,7 @@ def test_crossings_and_turns_hold_for_all_shortest_tours(seed):
     found = some_length(gaps)
     ways = lengths(model.coordinates, orders)
     near = 1e-9 * max(value, 1.0)
-    # It is the length of some tour.
+    # The value is the length of some tour.
     assert np.abs(ways - found).min() <= near
     enough = enough_sweeps(gaps, found)
     places = {side: {float(model.coordinates[c]) for c in turning(gaps, side)} for side in (1, -1)}
@@ -76,7 +76,7 @@ def test_crossings_and_turns_hold_for_all_shortest_tours(seed):
 
 
 def test_sweeps_are_few():
-    """What turns cost leaves few of those that the relation alone would allow."""
+    """The cost of turns leaves few of the sweeps that the relation alone would allow."""
     counts = []
     for seed in range(4):
         gaps = Gaps(reduced(chains_tour(10, 5, seed))[0])
@@ -107,7 +107,7 @@ def test_every_plan_fits(seed, name):
         point = fitted.encode(plan)
         found = fitted.program.verify(point)
         assert found.ok, found
-        # Whoever any tour passes in time is left out, and so is the way to them at another time.
+        # The objective omits customers that any tour passes, and detours to them.
         way = lengths(model.coordinates, order[np.isin(order, kept)][None])[0]
         given = model.verify(plan)
         near = 1e-9 * (1 + np.abs(model.coordinates).max())
@@ -135,7 +135,7 @@ def test_orders_against_the_relation_break_a_row(name):
             fitted = written.fitted(plan)
             point = fitted.encode(plan)
             if fitted.program.verify(point).ok:
-                # Only those left out, or at one place, were in the wrong order.
+                # The wrong order affected only omitted customers or customers at one place.
                 again = model.verify(fitted.decode(point))
                 assert again.ok
                 assert again.objective <= fitted.program.objective(point) + 1e-6
@@ -154,7 +154,7 @@ def test_a_plan_that_turns_more_often():
     assert fitted.count > written.count == written.enough
     assert fitted.relaxes
     assert fitted.program.verify(fitted.encode(plan)).ok
-    with pytest.raises(InvalidData, match=f"order must make {written.count} sweeps at the most"):
+    with pytest.raises(InvalidData, match=f"order must make at most {written.count} sweeps"):
         written.encode(plan)
     assert ct.verify(model, plan, formulation="sweeps").ok
     answer = ct.solve(model, "highs", warm_start=plan)
@@ -176,7 +176,7 @@ def test_highs_equals_enumeration(seed, name):
 @pytest.mark.parametrize("solver", ["highs", "scip", "cp-sat"])
 def test_solvers_equal_enumeration_often(solver, name):
     for seed in range(1000, 1200):
-        # Reals have more digits than whole numbers of 64 bits.
+        # Real coordinates need more digits than 64-bit integers have.
         kind = PLAIN[seed % len(PLAIN)] if solver == "cp-sat" else None
         model = random_tour(seed, most=7, kind=kind)
         settled(ct.solve(model, solver, formulation=name), best(model))
@@ -244,20 +244,20 @@ def test_a_known_length_leaves_fewer_sweeps():
 
 
 @pytest.mark.parametrize("sweeps", [0, -1, 2.0, True, "many"])
-def test_sweeps_that_are_no_number(sweeps):
+def test_rejects_invalid_sweeps(sweeps):
     with pytest.raises(UnsupportedOption, match="sweeps must be a whole number >= 1, got"):
         EXAMPLE.formulate("sweeps", sweeps=sweeps)
 
 
-def test_programs_that_are_too_large():
-    with pytest.raises(UnsupportedFormulation, match="'arcs' takes 60 customers at the most"):
+def test_rejects_programs_that_are_too_large():
+    with pytest.raises(UnsupportedFormulation, match="'arcs' takes at most 60 customers"):
         chains_tour(50, 5, 1).formulate("arcs")
-    with pytest.raises(UnsupportedFormulation, match="'sweeps' has 500000 columns at the most"):
+    with pytest.raises(UnsupportedFormulation, match="'sweeps' has at most 500000 columns"):
         chains_tour(200, 10, 1, most=10**6).formulate("sweeps")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_points_and_plans_that_are_none(name):
+def test_rejects_bad_points_and_plans(name):
     written = EXAMPLE.formulate(name)
     point = written.encode(GuidedPathPlan([3, 4, 2, 1]))
     with pytest.raises(InvalidData, match="point must"):
@@ -265,7 +265,7 @@ def test_points_and_plans_that_are_none(name):
     with pytest.raises(InvalidData, match="once it may be served"):
         written.decode(np.zeros_like(point))
     for order in ([3, 4, 2], [3, 4, 2, 2], [3, 4, 2, 9]):
-        with pytest.raises(InvalidData, match="order must have each customer once"):
+        with pytest.raises(InvalidData, match="order must contain each customer once"):
             written.encode(GuidedPathPlan(order))
     with pytest.raises(InvalidData, match="plan must be a GuidedPathPlan"):
         written.encode([3, 4, 2, 1])
@@ -285,7 +285,7 @@ def test_rows_have_names():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_where_nobody_decides_anything(name):
+def test_models_without_relevant_customers_have_a_program(name):
     for places, chains in (([5, 5, 5], [[2, 1]]), ([0, 0], []), ([0, 2, -3, 1], [])):
         model = GuidedPathTour(places, chains=chains)
         settled(ct.solve(model, "highs", formulation=name), best(model))

@@ -1,4 +1,4 @@
-"""Pictures of guided path tours: what is drawn is what the model and the plan say."""
+"""Plots of guided path tours: the artists agree with the model and the plan."""
 
 import itertools
 
@@ -17,7 +17,7 @@ from crosstrack.models.guided_path.plot import animate_tour
 
 @pytest.fixture(scope="module")
 def five():
-    """Two chains, a customer in none, and a pair across."""
+    """Return two chains, a customer in no chain, and a pair between chains."""
     model = GuidedPathTour(
         [1, 4, 2, 7, 3, -2],
         chains=[[1, 2], [3, 4]],
@@ -34,7 +34,7 @@ def line(axes, gid):
 
 
 def dots(axes, gid="customer"):
-    """Every marker of one kind, with its colour."""
+    """Return every marker of one kind, with its colour."""
     return {
         (*map(float, place), tuple(float(x) for x in found.get_facecolors()[0, :3]))
         for found in artists(axes, gid)
@@ -46,7 +46,7 @@ def segments(axes, gid):
     return [part.tolist() for found in artists(axes, gid) for part in found.get_segments()]
 
 
-def test_what_is_drawn(five, tmp_path):
+def test_draws_chains_and_tour(five, tmp_path):
     model, plan = five
     figure = ct.plot(model, plan)
     figure.savefig(tmp_path / "tour.png", dpi=40)
@@ -58,7 +58,7 @@ def test_what_is_drawn(five, tmp_path):
     colours = {at[0]: at[2] for at in served}
     assert colours[4] == colours[2] != colours[7] == colours[3]
     assert colours[-2] not in (colours[4], colours[7])
-    # Below one another in their own panel, in the order of service and in the same colours.
+    # In their panel, chains descend in the order of service, with the same colours.
     assert {(at[0], at[2]) for at in dots(chains)} == {(at[0], at[2]) for at in served}
     (one, other) = artists(chains, "chain")
     assert [one.get_xdata().tolist(), other.get_xdata().tolist()] == [[4, 2], [7, 3]]
@@ -74,7 +74,7 @@ def test_what_is_drawn(five, tmp_path):
     assert legend(figure) == named
 
 
-def test_parts_of_it(five):
+def test_draws_the_given_parts(five):
     model, plan = five
     (chains,) = render(ct.plot(model)).axes
     assert artists(chains, "chain")
@@ -95,11 +95,11 @@ def test_parts_of_it(five):
     assert artists(both[0], "pair")
 
 
-def test_what_breaks_the_rules_is_red(five):
+def test_violations_are_red(five):
     model, _ = five
     figure = render(ct.plot(model, GuidedPathPlan([5, 2, 1, 1, 4])))
     _, tour = figure.axes
-    # Customer 2 comes before 1; nobody is at 7, so the pairs of customer 3 are in no order.
+    # Customer 2 comes before 1. Customer 3 is missing, so its pairs have no order.
     assert segments(tour, "wrong order") == [[[4, 9], [2, 7]]]
     (rings,) = artists(tour, "not served once")
     assert rings.get_offsets().tolist() == [[4, 9], [4, 9], [7, 0]]
@@ -129,7 +129,7 @@ def test_tours_of_every_kind_are_drawn(kind, relation):
     length = model.verify(plan).objective
     total = np.abs(np.diff(drawn[:, 0])).sum()
     extent = np.ptp(model.coordinates)
-    # The unit of the picture cancels.
+    # The length unit of the figure cancels.
     if extent:
         assert total / np.ptp(drawn[:, 0]) == pytest.approx(
             length / np.ptp(model.coordinates[[0, *plan.order]])
@@ -187,7 +187,7 @@ def test_relations_without_chains_have_the_fewest():
         ({"zoom": True}, "no option 'zoom'"),
     ],
 )
-def test_values_that_no_picture_of_tours_takes(five, options, message):
+def test_rejects_bad_options(five, options, message):
     with pytest.raises(UnsupportedOption, match=message):
         ct.plot(*five, **options)
 
@@ -206,7 +206,7 @@ def test_an_animation_follows_the_tour(five, tmp_path):
     film.save(tmp_path / "tour.gif", writer="pillow", dpi=30)
     assert (tmp_path / "tour.gif").stat().st_size > 1000
     way, vehicle, customers, clock = film._func(5)
-    # After 10 m it is between customers 1 and 2.
+    # After 10 m the vehicle is between customers 1 and 2.
     assert [vehicle.get_xdata()[0], vehicle.get_ydata()[0]] == pytest.approx([3, 10])
     assert way.get_xdata().tolist() == pytest.approx([1, -2, 4, 3])
     assert clock.get_text() == "10 m of 22 m, 2 of 5 served"
@@ -219,7 +219,7 @@ def test_an_animation_follows_the_tour(five, tmp_path):
     assert still._func(0)[3].get_text() == "0 m of 0 m, 2 of 2 served"
 
 
-def test_what_cannot_be_animated(five):
+def test_rejects_bad_animation_arguments(five):
     model, plan = five
     with pytest.raises(UnsupportedOption, match="frames must"):
         animate_tour(model, plan, frames=1)

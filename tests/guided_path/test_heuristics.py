@@ -1,4 +1,4 @@
-"""The paper's heuristics: worked steps by hand, enumeration and plain loops."""
+"""The paper's heuristics, compared with worked steps, enumeration and plain loops."""
 
 import numpy as np
 import pytest
@@ -29,12 +29,12 @@ each = pytest.mark.parametrize("backend", BACKENDS, ids=lambda one: one.name)
 
 
 def close(model):
-    """Return how far lengths may differ by rounding."""
+    """Return the tolerance of lengths for rounding."""
     return 1e-12 * model.size * max(1e-300, float(np.abs(model.coordinates).max()))
 
 
 def answered(backend, model, **options):
-    """Return the answer, of which the plan is walked and the length compared."""
+    """Return the answer after verifying its plan and comparing its length."""
     one = backend()
     answer = one.run(model, Request(options=one.checked_options(options)))
     found = model.verify(answer.point)
@@ -50,7 +50,7 @@ def answered(backend, model, **options):
 
 
 def built(loop, model, chains):
-    """Return the tour that a kernel builds of some chains."""
+    """Return the tour that a kernel builds from some chains."""
     members = np.array([c for chain in chains for c in chain])
     order = np.zeros(members.size, np.int64)
     starts = np.cumsum([0, *map(len, chains)])
@@ -92,7 +92,7 @@ def test_two_chains_are_merged_to_the_optimum(backend):
     assert count > 100
 
 
-def test_lengths_in_sixes():
+def test_mean_lengths_of_merging_and_greedy_insertion():
     """20 seeds of 6 chains of 5: merging is within 6 % of the optimum, greedy insertion is not."""
     models = [chains_tour(6, 5, seed) for seed in range(20)]
     names = (DynamicProgramming(), "insert-nearest", "insert-index", "greedy")
@@ -146,7 +146,7 @@ def test_algorithm_1_serves_the_others_when_they_are_passed():
 
 
 @each
-def test_the_same_tour_again(backend):
+def test_runs_are_deterministic(backend):
     model = chains_tour(8, 5, 3)
     one, other = (ct.solve(model, backend(), seed=seed, threads=1) for seed in (1, 2))
     assert one.plan == other.plan
@@ -164,7 +164,7 @@ def test_the_same_tour_again(backend):
         GuidedPathTour([0, 1e-6, 1e6, 1e-6, 1e6, -1e6], chains=[[2, 1], [3, 4]]),
     ],
 )
-def test_wild_tours_that_no_order_makes_longer(backend, model):
+def test_solves_tours_whose_length_is_the_same_in_every_order(backend, model):
     least = 2 * np.ptp(model.coordinates)
     assert answered(backend, model).primal_bound == pytest.approx(least, abs=close(model))
 
@@ -196,7 +196,7 @@ def test_five_thousand_customers_in_any_relation(backend):
 # -- loops ---------------------------------------------------------------------------------------
 
 
-def test_each_merge_is_the_best_there_is():
+def test_each_merge_is_optimal():
     for seed in range(150):
         model = random_tour([seed, 7])
         chains = model.cover

@@ -26,7 +26,7 @@ OURS = [one for one in entries() if one.name.startswith("guided-path/")]
 # -- the generators and the catalogue ------------------------------------------------------------
 
 
-def test_a_seed_means_the_same_tour():
+def test_a_seed_yields_the_same_tour():
     one = generate(10, 5, 1)
     assert one.digest == generate(10, 5, 1).digest != generate(10, 5, 2).digest
     assert one.chains == tuple(tuple(range(5 * k + 1, 5 * k + 6)) for k in range(10))
@@ -39,7 +39,7 @@ def test_a_seed_means_the_same_tour():
     assert set(generate(3, 3, 1, 7, 7).coordinates[1:]) == {7}
 
 
-def test_a_random_relation_is_as_dense_as_asked():
+def test_a_random_relation_has_the_given_density():
     some = generate_relation(60, 0.25, 1, -5, 5)
     assert len(some.precedence) == pytest.approx(0.25 * 60 * 59 / 2, rel=0.2)
     assert (some.precedence[:, 0] < some.precedence[:, 1]).all()
@@ -62,12 +62,12 @@ def test_a_random_relation_is_as_dense_as_asked():
         (lambda: generate_relation(4, 1.5, 1), "density must be <= 1"),
     ],
 )
-def test_the_generators_refuse(call, message):
+def test_the_generators_reject_bad_arguments(call, message):
     with pytest.raises(InvalidData, match=message):
         call()
 
 
-def test_the_catalogue_says_what_it_holds():
+def test_catalogue_titles_match_their_models():
     models = {one.name.partition("/")[2]: one.build() for one in OURS}
     assert len({model.digest for model in models.values()}) == len(OURS) >= 25
     for k in range(1, 11):
@@ -90,7 +90,7 @@ def test_the_catalogue_says_what_it_holds():
 
 
 def shortest(model):
-    """The least length of a tour of chains, by Dijkstra over what each chain has been served of."""
+    """Return the least length of a tour of chains, by Dijkstra over the customers served per chain."""
     places, chains = model.coordinates.tolist(), list(model.cover)
     assert model.closure.sum() == sum(len(c) * (len(c) - 1) // 2 for c in chains)
     full = tuple(map(len, chains))
@@ -127,7 +127,7 @@ def test_the_plain_search_of_these_tests_finds_the_best_order():
 
 
 def supersequence_length(words):
-    """The length of the shortest common supersequence, by layers of places in the words."""
+    """Return the length of the shortest common supersequence, by layers of positions in the words."""
     layer, end = {(0,) * len(words)}, tuple(map(len, words))
     for length in itertools.count():
         if end in layer:
@@ -179,7 +179,7 @@ def test_any_tour_spells_a_supersequence_of_its_own_length(words, choice):
     assert model.verify(plan).objective == 2 * len(word) + 4
 
 
-def test_words_of_other_letters():
+def test_rejects_words_of_other_letters():
     model = supersequence_tour(["01", "10"], "01", name="bits")
     assert (model.name, shortest(model)) == ("bits", 10)
     found = supersequence_of(model, GuidedPathPlan([1, 2, 3, 6, 7, 4, 8, 5, 9, 10]), "01")
@@ -208,6 +208,6 @@ def test_words_of_other_letters():
         ),
     ],
 )
-def test_what_is_no_supersequence(call, message):
+def test_rejects_tours_that_are_not_supersequences(call, message):
     with pytest.raises(InvalidData, match=message):
         call()

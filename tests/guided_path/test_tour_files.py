@@ -57,7 +57,7 @@ EOF
 def test_a_file_of_tsplib_is_a_tour(tmp_path):
     model = read_sop(written(tmp_path, SOP, "tiny.sop"))
     assert (model.name, model.kind) == ("tiny", "guided-path-tour")
-    # The farther one is put on the right.
+    # The node farthest from the start is on the right.
     assert model.coordinates.tolist() == [0, -2, 5]
     assert model.chains == ((1, 2),)
     bare = read_sop(written(tmp_path, SOP.replace("SECTION\n4\n", "SECTION\n"), "bare.sop"))
@@ -78,7 +78,7 @@ def test_tours_travel_through_files(model, tmp_path_factory):
     assert (again.closure == model.closure).all()
     assert again.coordinates[0] == 0
     assert again.coordinates.max() >= -again.coordinates.min()
-    # What is read is written again without a difference.
+    # Reading and writing again reproduces the file.
     assert read_sop(write_sop(again, path)).digest == again.digest
 
 
@@ -93,7 +93,7 @@ def test_chains_come_back_as_chains(tmp_path):
     assert len(pairs) < len(some.precedence)
 
 
-def test_what_is_written_is_what_tsplib_says(tmp_path):
+def test_written_files_follow_tsplib(tmp_path):
     model = GuidedPathTour([1, 3, -4, 0.5], chains=[[1, 2, 3]], name="a line")
     lines = write_sop(model, tmp_path / "a.sop").read_text().splitlines()
     assert lines[0] == "NAME: a line"
@@ -256,7 +256,7 @@ def test_instances_refer_to_files(tmp_path):
             read_model(path)
 
 
-def test_tables_of_others_are_still_theirs(tmp_path):
+def test_other_tables_keep_their_readers(tmp_path):
     way = written(tmp_path, "x,y\n0,0\n1,1\n2,0\n", "way.csv")
     assert ct.load(way, data={"times": [0, 1, 2]}).kind == "minimum-snap"
     nodes = written(tmp_path, "x,y,id\n0,0,a\n1,1,b\n", "nodes.csv")
@@ -286,7 +286,7 @@ def test_exports(tmp_path):
     nodes = [int(line) for line in lines[lines.index("TOUR_SECTION") + 1 : -2]]
     assert nodes == [1, *(customer + 1 for customer in plan.order), 12]
     assert lines[-2:] == ["-1", "EOF"]
-    # The tour is one of the file of the same model.
+    # The tour uses the node numbers of the SOP file of the same model.
     text = write_sop(model, tmp_path / "a.sop").read_text()
     words = text.split("EDGE_WEIGHT_SECTION")[1].split("EOF")[0].split()[1:]
     matrix = np.array(words, float).reshape(12, 12)
@@ -295,7 +295,7 @@ def test_exports(tmp_path):
     assert sum(steps) == model.verify(plan).objective
 
 
-def test_what_cannot_be_exported(tmp_path):
+def test_rejects_bad_plans_for_export(tmp_path):
     model = GuidedPathTour([0, 1, 2])
     for kind in ("csv", "tsplib"):
         with pytest.raises(InvalidData, match="order must hold customers 1 … 2, got 3"):

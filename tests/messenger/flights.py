@@ -1,4 +1,4 @@
-"""Valid tours made by hand, one after the other turned towards and flown to; no solver's."""
+"""Feasible tours built by hand from a turn and a straight line per vehicle, independent of solvers."""
 
 import math
 
@@ -10,7 +10,7 @@ TURNS = {"L": 1.0, "R": -1.0}
 
 
 def toward(pose, place, radius, turn):
-    """The lengths of a turn and of the straight line after it to a place; None within the circle."""
+    """Return the lengths of a turn and a straight line to a place; None inside the turning circle."""
     sign = TURNS[turn]
     x, y, heading = pose
     middle = np.array(
@@ -27,7 +27,7 @@ def toward(pose, place, radius, turn):
 
 
 def chase(model, vehicle, pose, begin, turn, loops=0):
-    """When a turn, after full circles, and a straight line first lead to the middle of a disc, and their lengths."""
+    """Return when a turn with full circles and a line first meet a disc's centre, and their lengths."""
     radius, speed = model.turning_radius, model.speed
 
     def way(time):
@@ -56,7 +56,7 @@ def chase(model, vehicle, pose, begin, turn, loops=0):
 
 
 def flight(model, order=None):
-    """The plan that meets vehicles in their middle, in an order or the one next in time first."""
+    """Return the plan that meets vehicles at their centres, by default the earliest one next."""
     left = list(range(model.size)) if order is None else list(order)
     start = np.zeros(2) if model.start is None else model.start
     pose = [*start[:2], start[2] if start.size == 3 else math.pi / 2]

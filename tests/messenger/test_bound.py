@@ -1,4 +1,4 @@
-"""The Euclidean bound: brute force, every conic backend, what is never crossed, and what stops it."""
+"""Euclidean bound: brute force, all conic backends, validity, and limits."""
 
 import itertools
 import math
@@ -20,7 +20,7 @@ from crosstrack.solvers.registry import find_backend
 
 
 def drawn(seed, n=None, **fixed):
-    """A tour that is wilder than the paper's, of a kind that depends on the seed."""
+    """Return a model with more extreme data than the paper's, of a kind that depends on the seed."""
     draw = np.random.default_rng(seed)
     n = n or 1 + seed % 5
     size = 10.0 ** draw.integers(-2, 5)
@@ -53,7 +53,7 @@ MODELS = [drawn(seed) for seed in range(60)]
 
 @cache
 def exhaustive(seed):
-    """Return the length of the shortest tour that is flown in any order."""
+    """Return the length of the shortest tour over all orders."""
     model = MODELS[seed]
     field, chains = Field.of(model), Chains(model)
     at = [k + (not field.free) for k in range(model.size)]
@@ -62,7 +62,7 @@ def exhaustive(seed):
 
 
 def plain_bound(field, stops, directions):
-    """Return what directions prove, by the Lagrangian's terms in NumPy, without a margin."""
+    """Return the bound that directions prove, by the Lagrangian in NumPy, without a margin."""
     c, w, r = field.centres[stops], field.velocities[stops], field.radii[stops]
     d = directions / np.maximum(np.hypot(*directions.T), 1.0)[:, None]
     factor = np.ones(len(d))
@@ -72,7 +72,7 @@ def plain_bound(field, stops, directions):
         factor[k] /= 1 - d[k] @ w[k + 1]
     u = factor[:, None] * d
     pull = u - np.vstack([u[1:], np.zeros((1, 2))])
-    # The multipliers of the times, whose condition the recursion above solves.
+    # The recursion above satisfies the condition on the multipliers of the times.
     for k in range(len(d)):
         assert factor[k] == pytest.approx(1 + (pull[k:] * w[k + 1 :]).sum(), rel=1e-6)
         assert np.hypot(*u[k]) <= factor[k] * (1 + 1e-12)
@@ -83,10 +83,10 @@ def plain_bound(field, stops, directions):
 
 
 def close(bound, best, model):
-    """Whether a bound is as near to the optimum as it should be, and never above.
+    """Return whether a bound is valid and close enough to the optimum.
 
-    Where vehicles flee at nearly the speed of the UAV, the flight is up to 1e9 fields long: more
-    than the solver's tolerance leaves of the other digits.
+    If vehicles flee at nearly the speed of the UAV, the flight is up to 1e9 fields long, which
+    exceeds the precision of the solver.
     """
     far = best > 1e5 * (model.extent + model.radius.max())
     return -1e-12 * best <= best - bound <= (1e-4 if far else 1e-7) * max(best, model.extent)
@@ -120,7 +120,7 @@ def test_the_shortest_tour_of_a_square_and_of_a_line():
     )
     assert found.termination == "optimal"
     assert found.primal_bound == pytest.approx(4)
-    # Straight on for 10 - 2, and then the vehicle comes: 8 / 2 of what is left of the way.
+    # Straight on for 10 - 2 m. Then the vehicle approaches: 8 / 2 of the remaining distance.
     line = MessengerTour([[10, 0]], [[-5, 0]], radius=2, speed=5.0001, start=[0, 0])
     wanted = 8 * 5.0001 / (5.0001 + 5)
     assert ct.solve(line, "euclidean-bound").dual_bound == pytest.approx(wanted, rel=1e-8)
@@ -129,7 +129,7 @@ def test_the_shortest_tour_of_a_square_and_of_a_line():
 @pytest.mark.parametrize("seed", range(18))
 def test_all_conic_backends_agree_on_the_relaxation(seed):
     model = MODELS[seed]
-    # Nearly as fast as the UAV, vehicles are more than ECOS and SCS can do.
+    # ECOS and SCS fail on vehicles that are nearly as fast as the UAV.
     model = MessengerTour(
         model.positions, model.velocities / 2, model.radius, start=model.start, closed=model.closed
     )
@@ -146,7 +146,7 @@ def test_all_conic_backends_agree_on_the_relaxation(seed):
     assert {block.name for block in program.cones} == {"legs", "within radius"}
 
 
-def test_an_order_that_is_none_is_refused():
+def test_rejects_an_invalid_order():
     for order in ([], [0, 0], [3], [-1]):
         with pytest.raises(InvalidData, match="order must name vehicles"):
             euclidean_relaxation(drawn(2, n=3), order)
@@ -171,7 +171,7 @@ def test_any_directions_prove_a_bound(seed, free):
     at = [k + (not field.free) for k in range(4)]
     best = flown(field, tuple(order.tolist()), path, at)
     assert found * field.unit <= best.length * (1 + 1e-12)
-    # What one more vehicle costs is never overestimated.
+    # The cost of another vehicle is never overestimated.
     fewer = field.chain(order[:3])
     part = Chains(model).solve(fewer)
     bounds = np.empty(len(fewer) - 1 + (not field.closed))
@@ -212,7 +212,7 @@ def crowd(n):
 
 
 class Counted(Control):
-    """Stops a run when it has been asked so many times."""
+    """Control that stops after a number of polls."""
 
     def __init__(self, most):
         super().__init__()
@@ -224,7 +224,7 @@ class Counted(Control):
         return self.left < 0
 
 
-def test_what_stops_the_search_leaves_a_bound():
+def test_a_stopped_search_returns_a_bound():
     model = crowd(60)
     found = ct.solve(model, "euclidean-bound", time_limit=0.3)
     assert found.seconds["solve"] < 5
@@ -235,7 +235,7 @@ def test_what_stops_the_search_leaves_a_bound():
     answer = backend.run(model, Request(control=control))
     assert answer.limit is Limit.INTERRUPTED
     assert answer.dual_bound == 0 < found.dual_bound
-    # Stopped after its first tour, it has a plan where the tour is one.
+    # If it stops after its first tour, it returns a plan whenever the tour is one.
     model = crowd(20)
     plain = MessengerTour(model.positions, model.velocities, turning_radius=0)
     answer = backend.run(plain, Request(control=Counted(60), gap=0.0))
@@ -264,11 +264,11 @@ def test_a_cutoff_below_every_tour_is_a_bound():
     answer = backend.run(model, Request(cutoff=best * 2))
     assert answer.dual_bound == pytest.approx(best, rel=1e-6)
     assert backend.run(model, Request(cutoff=best)).dual_bound <= best
-    # A search that ends at a wide gap has proven no more than that.
+    # A search that ends at a wide gap proves only that gap.
     assert best * 0.5 <= backend.run(model, Request(gap=0.5)).dual_bound <= best
 
 
-def test_good_orders_for_a_search():
+def test_best_orders_are_sorted_and_proven():
     model = crowd(12)
     orders = best_orders(model, lambda search: False)
     lengths = [length for _, length in orders]

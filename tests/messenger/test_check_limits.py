@@ -1,4 +1,4 @@
-"""Limits of the checks of a tour: 1.1 times the accepted violation is refused, 0.9 times is not."""
+"""Limits of the checks of a tour: 1.1 times the accepted violation fails, 0.9 times passes."""
 
 import cmath
 import math
@@ -11,15 +11,15 @@ from limit_cases import SCALES, assert_count, assert_limit, names_of
 from crosstrack.models import MessengerTour, Primitive, TourPlan
 
 DIGITS = 1e-13
-#: Turning radius and speed, in the unit of length.
+#: Turning radius and speed, with the turning radius as unit of length.
 TURN, SPEED = 0.1, 10.0
-#: Begin of a path, its heading, and the tolerance, which is as small as the digits of the far one.
+#: Start, heading and tolerance. The tolerance is as small as the rounding error far from the origin.
 NEAR, FAR = (1 + 2j, 0.7, 1e-6), (-400 - 300j, -40.0, 1e-10)
 QUARTER = 0.5 * math.pi
 #: A rectangle with round corners: leg, turn, and the length of a line or the angle of a turn.
 LOOP = [(0, "S", 12.0), (1, "L", QUARTER), (1, "S", 5.0), (2, "L", QUARTER),
         (2, "S", 12.0), (2, "L", QUARTER), (2, "S", 5.0), (2, "L", QUARTER)]  # fmt: skip
-#: Radii of the vehicles; the second is met first.
+#: Radii of the vehicles. The second vehicle is met first.
 RADII = np.array([0.25, 0.5])
 LEAST = float(RADII.min())
 
@@ -37,7 +37,7 @@ COUNTS = ["each vehicle met once", "legs in order", "straight but for turns on t
 
 
 def course(pieces, unit, start, heading):
-    """Return the primitives along some pieces, and the place and the length flown after each."""
+    """Return the primitives of a path, and the place and the length flown after each."""
     place, total, primitives, places = start * unit, 0.0, [], []
     for leg, turn, amount in pieces:
         length = amount * unit * (1.0 if turn == "S" else TURN)
@@ -53,7 +53,7 @@ def course(pieces, unit, start, heading):
 
 
 def flight(pieces, unit, start=NEAR[0], heading=NEAR[1]):
-    """Return the tour along some pieces, integrated in the complex plane."""
+    """Return the tour of a path, integrated in the complex plane."""
     primitives, places = course(pieces, unit, start, heading)
     met = [max(k for k, piece in enumerate(pieces) if piece[0] == leg) for leg in (0, 1)]
     times = places[met, 2] / (SPEED * unit)
@@ -62,7 +62,7 @@ def flight(pieces, unit, start=NEAR[0], heading=NEAR[1]):
 
 
 def digits_of(pieces, unit, start, heading):
-    """Return what rounding leaves of the path after each piece."""
+    """Return the rounding error of the path after each piece."""
     _, places = course(pieces, unit, start, heading)
     far = np.maximum.accumulate(np.abs(places[:, :2]).max(axis=1))
     first = unit * max(abs(start.real), abs(start.imag))
@@ -70,7 +70,7 @@ def digits_of(pieces, unit, start, heading):
 
 
 def model_for(plan, unit, off=0.4, **how):
-    """Return the model whose vehicles are `off` radii away when `plan` meets them; the second drives."""
+    """Return the model whose vehicles are `off` radii away at their encounters; the second one moves."""
     velocities = np.array([[0.0, 0.0], [-0.6, 0.8]]) * unit
     positions = plan.points[::-1] + (off * RADII * unit)[:, None] * [0.8, -0.6]
     positions[1] -= velocities[1] * plan.times[0]
@@ -116,7 +116,7 @@ def limits(unit, start, heading, tolerance):
         yield "encounter within radius", allowed, where, lambda x, vehicle=vehicle, share=share: (
             model_for(plan, unit, moved(np.ones(2), vehicle, x * share)), plan
         )  # fmt: skip
-    # Without a radius, the room of a vehicle counts.
+    # With a radius of 0, the vehicle's share of the field is the scale.
     box = np.ptp([plan.start[:2], *plan.points], axis=0)
     room = tolerance * math.hypot(*box) / 2 + digits[2] + DIGITS * np.abs(plan.points[1]).max()
     exact = MessengerTour(
@@ -125,7 +125,7 @@ def limits(unit, start, heading, tolerance):
     yield "encounter within radius", room, "vehicle 0", lambda x: (
         replace(exact, positions=moved(exact.positions, 0, [x * room, 0.0])), plan
     )  # fmt: skip
-    # Only the digits of the path excuse a length.
+    # Only the rounding error of the path excuses a length.
     yield "lengths at least 0", digits[2], "primitive 3", lambda x: (
         model, followed(plan, Primitive(1, "S", -x * digits[2], heading + QUARTER))
     )  # fmt: skip
@@ -154,7 +154,7 @@ def limits(unit, start, heading, tolerance):
 
 
 def counts(unit):
-    """Yield each exact check, and model and plan that break it or not."""
+    """Yield each exact check, with a model and a plan that violates or satisfies it."""
     plan = flight(LOOP[:3], unit)
     model = model_for(plan, unit)
     once = replace(
@@ -169,7 +169,7 @@ def counts(unit):
         yield "legs in order", lambda bad, leg=leg: (
             model, followed(plan, Primitive(leg if bad else 1, "S", 0.0, NEAR[1] + QUARTER))
         )  # fmt: skip
-    # A UAV that turns on the spot begins with any heading.
+    # A UAV that turns on the spot may start with any heading.
     straight = flight([(0, "S", 10.0), (1, "S", 5.0)], unit)
     spot = model_for(straight, unit, turning_radius=0.0, start=[*straight.start[:2], 3.0])
     yield "straight but for turns on the spot", lambda bad: (
@@ -191,7 +191,7 @@ def test_the_limit_of_each_check(name, place, unit):
             assert all(check.where == where for check in found.violated), str(found)
             return found
 
-        # Far from the origin, a position has fewer digits than a heading.
+        # Far from the origin, positions have fewer digits than headings.
         rough = place is FAR and "heading" not in name
         assert_limit(name, allowed, verify, rel=1e-2 if rough else 1e-3)
 
@@ -229,7 +229,7 @@ def test_a_path_beyond_the_last_encounter_also_has_a_leg_too_many(unit):
 @pytest.mark.parametrize("shares", [(1.1, 0.9), (0.9, 1.1)])
 def test_the_vehicle_nearest_to_its_own_limit_is_reported(shares, unit):
     plan, tolerance = flight(LOOP[:3], unit), 1e-10
-    # The digits of the second encounter are as large as its tolerance.
+    # The rounding error of the second encounter is as large as its tolerance.
     radii = np.array([0.05, 5.0]) * unit
     model = replace(model_for(plan, unit, off=0.0), radius=radii)
     digits = digits_of(LOOP[:3], unit, *NEAR[:2])[[0, 2]]

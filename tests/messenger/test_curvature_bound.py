@@ -1,4 +1,4 @@
-"""The bound that counts turns: flights that it never exceeds, and flights that it equals."""
+"""Curvature bound: flights that it never exceeds, and flights that it equals."""
 
 import math
 
@@ -18,7 +18,7 @@ BOUNDS = ("euclidean-bound", "curvature-bound")
 
 
 def flight(seed, turns, straight):
-    """Return a model, and a verified flight that turns by at most `turns` rad at a time."""
+    """Return a model and a feasible flight with turns of at most `turns` rad."""
     draw = np.random.default_rng(seed)
     radius = 10.0 ** draw.uniform(-2, 2)
     n = int(draw.integers(1, 6))
@@ -54,7 +54,7 @@ def test_no_flight_is_shorter_than_a_bound(seed):
 
 
 def round_flight(seed):
-    """Return a closed model, and a verified flight around a convex polygon, either way around."""
+    """Return a closed model and a feasible flight around a convex polygon, in either direction."""
     draw = np.random.default_rng(seed)
     radius, n = 10.0 ** draw.uniform(-2, 2), int(draw.integers(1, 6))
     ways = np.sort(draw.uniform(0, 2 * math.pi, 5))
@@ -64,7 +64,7 @@ def round_flight(seed):
     turns = np.diff([*headings, headings[0] + 2 * math.pi])
     sign = 1 - 2 * (seed % 2)
     letter = "L" if sign > 0 else "R"
-    # Each side, and the turn after it; cut where vehicles are met, from the middle of a side.
+    # Each side and the following turn, cut at the encounters, from the middle of a side on.
     whole = [("S", 0.5 * np.hypot(*sides[0])), (letter, radius * turns[0])]
     for side, turn in zip(sides[1:], turns[1:], strict=True):
         whole += [("S", np.hypot(*side)), (letter, radius * turn)]
@@ -114,7 +114,7 @@ def test_the_curvature_bound_of_a_turn_and_a_straight_line_is_exact(turn, unit):
 
 
 def test_the_curvature_bound_of_a_square_is_exact():
-    # A flight of four sides, each with an eighth of a circle at either end.
+    # Four sides, each with an eighth of a circle at either end.
     corners = [[0, 20], [20, 20], [20, 0], [0, 0]]
     model = MessengerTour(corners, radius=0, turning_radius=1, start=None, closed=True)
     wanted = 4 * (20 + 2 * (math.pi / 4 - math.sin(math.pi / 4)))
@@ -132,9 +132,9 @@ def test_the_curvature_bound_of_a_square_is_exact():
 @pytest.mark.parametrize("angle", [1e-6, 0.3, 1.5, 2.5, 3.1, math.pi])
 @pytest.mark.parametrize("weights", [(1.0, 1.0), (1e-3, 2.0), (5.0, 0.1), (1.0, 0.0)])
 @pytest.mark.parametrize("halves", [(9.0, 9.0), (0.0, 9.0), (0.2, 0.7), (1.5, 1.0)])
-def test_what_is_lost_at_acorner(angle, weights, halves):
+def test_the_loss_at_a_corner_is_a_close_lower_bound(angle, weights, halves):
     def lost(off, half):
-        # The angle falls by at most the length that is flown.
+        # The angle decreases by at most the length flown.
         s = (np.arange(500) + 0.5) * half / 500
         return (1 - np.cos(np.maximum(off[:, None] - s, 0))).mean(axis=1) * half
 
@@ -184,7 +184,7 @@ def test_a_bound_with_legs_replaced_is_that_of_the_whole_path(seed):
 
 def test_a_guide_is_the_flight_where_the_bound_is_exact():
     corners = np.array([[0, 20], [20, 20], [20, 0], [0, 0]])
-    # Around a square of discs, as around their outermost points; without a start, and with one.
+    # Around a square of discs, the flight is that around their outermost points; with and without start.
     inner = corners + 2 * np.sqrt(0.5) * np.sign(10 - corners)
     for where in ({"start": None}, {"start": [0, -1e-9, -0.75 * math.pi]}):
         model = MessengerTour(inner, radius=2, turning_radius=1, closed=True, **where)
@@ -196,7 +196,7 @@ def test_a_guide_is_the_flight_where_the_bound_is_exact():
     wanted = np.array([0.25, -0.25, -0.75, 0.75]) * math.pi
     assert np.abs(np.sin((found.headings - wanted) / 2)).max() < 1e-3
     assert np.abs(found.offsets).max() == 0
-    # The one disc is met straight ahead, on its near side.
+    # The single disc is met straight ahead, on its near side.
     ahead = MessengerTour([[30, 0]], [[-3, 0]], radius=2, turning_radius=1, start=[0, 0, 0])
     found = guide(ahead, [0])
     assert found.offsets[0] == pytest.approx([-2, 0], abs=1e-3)

@@ -1,4 +1,4 @@
-"""Shortest paths between configurations and to points, beside OMPL, mpmath and brute force."""
+"""Shortest paths between configurations and to points, compared with OMPL, mpmath and brute force."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ np.save(sys.argv[1], found)
 
 @njit  # not kept on disk, where it would outlive changes of what it calls
 def ends(rows, radius, off, turned):
-    """Fill where the paths of each word, and the relaxed one, end: distance to and angle from it."""
+    """Fill in distance and angle between the target and the end of each word and of the relaxed path."""
     for i in range(len(rows)):
         x0, y0, h0, x1, y1, h1 = rows[i]
         r = radius[i]
@@ -62,7 +62,7 @@ def ends(rows, radius, off, turned):
 
 @njit
 def over_headings(rows, radius, count, least, found):
-    """Fill the relaxed length, and the least shortest length over `count` end headings."""
+    """Fill in the relaxed length, and the least shortest length over `count` final headings."""
     for i in range(len(rows)):
         x0, y0, h0, x1, y1, h1 = rows[i]
         found[i] = relaxed_length(x0, y0, h0, x1, y1, radius[i])
@@ -89,7 +89,7 @@ def wild(rng, count):
 
 
 def exact_lengths(row, radius):
-    """Return the least length of Shkel and Lumelsky's formulas with 50 digits."""
+    """Return the least length by Shkel and Lumelsky's formulas with 50 digits."""
     mp = mpmath.mp.clone()
     mp.dps = 50
 
@@ -142,7 +142,7 @@ def test_wild_lengths_are_those_of_long_numbers():
     np.testing.assert_allclose(ours, exact, rtol=1e-14)
 
 
-def test_every_word_ends_where_it_should():
+def test_every_word_ends_at_its_target():
     rows, radius = wild(np.random.default_rng(4), 20_000)
     off, turned = np.empty((len(rows), 7)), np.empty((len(rows), 6))
     ends(rows, radius, off, turned)
@@ -159,7 +159,7 @@ def test_a_path_to_a_point_is_the_best_over_end_headings():
     least, found, count = np.empty(1000), np.empty(1000), 600
     over_headings(rows, radius, count, least, found)
     assert (found < least + 1e-12).all()
-    # The length is flat where the end heading is best, or ends there as a turn vanishes.
+    # At the best final heading the length is flat, or has a kink if a turn vanishes.
     assert (least - found).max() < 2 * FULL / count
     assert np.median(least - found) < 2 * FULL / count**1.5
 
@@ -167,7 +167,7 @@ def test_a_path_to_a_point_is_the_best_over_end_headings():
 @pytest.mark.parametrize("radius", [0.0, 1e-9, 1.0, 1e12])
 @pytest.mark.parametrize("heading", [0.0, 1.0, math.pi, -7.3, 1e3])
 @pytest.mark.parametrize("place", [(0.0, 0.0), (1e7, -3e6), (1e-3, 2e-3)])
-def test_no_way_is_no_length(radius, heading, place):
+def test_equal_ends_have_length_0(radius, heading, place):
     start = (*place, heading)
     assert dubins_length(start, start, radius) == 0.0
     assert dubins_path(start, start, radius) == []
@@ -177,7 +177,7 @@ def test_no_way_is_no_length(radius, heading, place):
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 1e4])
 @pytest.mark.parametrize("turned", [1e-15, -1e-15])
 def test_rounding_makes_no_full_circle(radius, turned):
-    """Straight on, along an arc, and from it, with the last bits of the coordinates wrong."""
+    """Straight ahead, along an arc, and from an arc, with errors in the last bits of the coordinates."""
     h = 0.7
     ahead = (1e6 + 5 * math.cos(h), -2e6 + 5 * math.sin(h), h + turned)
     assert dubins_length((1e6, -2e6, h), ahead, radius) == pytest.approx(5, abs=1e-8)
@@ -228,7 +228,7 @@ def test_configurations_broadcast():
         ((0, 0, 0), (1, 1), 1.0, "end must be finite x, y, heading"),
         ((0, 0, 0), (1, 1, 1), -1.0, "r must be finite and 0 or above; got -1.0"),
         ((0, 0, 0), (1, 1, 1), math.inf, "r must be finite"),
-        ((0, 0, 0), [(1, 1, 1)], 1.0, "must be of one path"),
+        ((0, 0, 0), [(1, 1, 1)], 1.0, "must describe one path"),
     ],
 )
 def test_bad_configurations_are_named(start, end, radius, message):

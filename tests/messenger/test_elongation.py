@@ -1,4 +1,4 @@
-"""Paths of a wanted length, and the lengths that no path has."""
+"""Paths of a given length, and the lengths that no path has."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from crosstrack.models.messenger.elongation import elongated, gap
 
 @njit  # not kept on disk, where it would outlive changes of what it calls
 def limits(rows, radius, found):
-    """Fill the shortest length and the gap."""
+    """Fill in the shortest length and the gap."""
     for i in range(len(rows)):
         x0, y0, h0, x1, y1 = rows[i]
         found[i, 0] = relaxed_length(x0, y0, h0, x1, y1, radius[i])
@@ -24,7 +24,7 @@ def limits(rows, radius, found):
 
 @njit
 def walks(rows, radius, wanted, found):
-    """Fill distance to the target, total and smallest length of the path, and whether there is one."""
+    """Fill in distance to the target, total and smallest length of the path, and whether it exists."""
     for i in range(len(rows)):
         x0, y0, h0, x1, y1 = rows[i]
         r = radius[i]
@@ -39,7 +39,7 @@ def walks(rows, radius, wanted, found):
 
 
 def drawn(rng, count):
-    """Return starts, targets and radii: near and far ones, ahead, equal, in mm and thousands of km."""
+    """Return starts, targets and radii: near, far, ahead and equal, from mm to thousands of km."""
     radius = 10 ** rng.uniform(-3, 3, count)
     rows = rng.uniform(-3, 3, (count, 5))
     away = rng.normal(size=(count, 2)) * radius[:, None] * 10 ** rng.uniform(-2, 1.5, (count, 1))
@@ -54,7 +54,7 @@ def drawn(rng, count):
 
 
 def lengths_of(rng, least, low, high, radius):
-    """Return a length for each target, not in its gap, often just beside a limit."""
+    """Return a length outside the gap for each target, often next to a limit."""
     part, kind = rng.uniform(0, 1, len(least)), rng.integers(0, 6, len(least))
     has = np.isfinite(low)
     low, high = np.where(has, low, 2 * least), np.where(has, high, 2 * least)
@@ -66,7 +66,7 @@ def lengths_of(rng, least, low, high, radius):
     return np.where(has & (wanted > low) & (wanted < high), high, wanted)
 
 
-def test_every_length_outside_the_gap_is_hit():
+def test_every_length_outside_the_gap_is_attained():
     rng = np.random.default_rng(11)
     rows, radius = drawn(rng, 100_000)
     known, found = np.empty((len(rows), 3)), np.empty((len(rows), 4))
@@ -100,7 +100,7 @@ def test_lengths_in_the_gap_and_below_the_shortest_are_refused():
 
 
 def test_below_the_gap_paths_vary_without_a_jump():
-    """Straight ahead by r: shortest r, then the gap between the two RL, and u + 2 π r beyond."""
+    """Straight ahead by r: the shortest is r, then the gap between both RL, and u + 2 π r beyond."""
     low, high = gap(0.0, 0.0, 0.0, 1.0, 0.0, 1.0)
     beta, delta = math.acos(5 / math.sqrt(32)), math.acos(0.75)
     assert low == pytest.approx(math.pi / 4 - beta + delta, rel=1e-14)
@@ -122,7 +122,7 @@ def test_a_gap_is_that_of_the_mirror_image_and_scales():
 
 
 def misses(curvatures, length, target):
-    """Return the squared distance from the end of equally long arcs to a target, and its slopes."""
+    """Return the squared distance from the end of equally long arcs to a target, and its derivatives."""
     piece = length / len(curvatures)
     half = 0.5 * piece * curvatures
     heading = np.cumsum(2 * half) - half
@@ -139,7 +139,7 @@ def misses(curvatures, length, target):
 
 
 def nearest(rng, length, target, starts, pieces=16):
-    """Return how near to a target paths of a length end, by local searches from random paths."""
+    """Return the least distance to a target over paths of a length, by random local searches."""
     best = math.inf
     for start in range(starts):
         curvatures = rng.uniform(-1, 1, pieces)
@@ -152,7 +152,7 @@ def nearest(rng, length, target, starts, pieces=16):
 
 
 def compare_with_searches(rng, targets, starts):
-    """Assert that searches reach targets outside the gap only, a little apart from its ends."""
+    """Assert that searches reach targets outside the gap only, up to a margin at its ends."""
     seen = 0
     while seen < targets:
         target = rng.uniform((-0.5, -2), (3, 2))
@@ -180,7 +180,7 @@ def test_no_path_of_many_has_a_length_in_the_gap():
 
 
 @pytest.mark.parametrize("wanted", [math.nan, math.inf, -1.0])
-def test_a_length_that_is_none_is_refused(wanted):
+def test_rejects_an_invalid_length(wanted):
     assert elongated(0.0, 0.0, 0.0, 3.0, 1.0, 1.0, wanted) == (0, 0, 0, 0, 0, 0, False)
 
 

@@ -1,4 +1,4 @@
-"""Instances of messenger tours: what the generator promises, the catalogue, and the files."""
+"""Instances of messenger tours: generator, catalogue and files."""
 
 import csv
 import hashlib
@@ -46,13 +46,13 @@ HEADER = "x,y,vx,vy,radius,id\n"
         (10, 0.0, {"fastest": 0.0}),
     ],
 )
-def test_the_sparsity_is_the_one_asked_for(count, sparsity, options):
+def test_the_sparsity_equals_the_given_value(count, sparsity, options):
     model = generate(count, sparsity, 7, **options)
     gaps = [math.dist(a, b) for a, b in itertools.combinations(model.positions.tolist(), 2)]
     apart, turning = np.mean(gaps), options.get("turning_radius", 5.0)
     near = options.get("radius", 5.0)
     assert apart == pytest.approx(sparsity * turning + 2 * near, rel=1e-10)
-    # What the radius takes of the distance are digits that the sparsity has no more.
+    # The sparsity loses the digits that cancel between the distance and the radius.
     assert model.sparsity == pytest.approx(sparsity, rel=1e-9, abs=1e-10 * near / turning)
     assert model.size == count
     assert model.start.tolist() == [0, 0, math.pi / 2]
@@ -73,7 +73,7 @@ def test_positions_fill_the_square_and_velocities_point_everywhere():
     assert abs(np.exp(1j * headings).mean()) < 0.05
 
 
-def test_a_seed_means_the_same_vehicles():
+def test_a_seed_yields_the_same_vehicles():
     assert generate(9, 3, 5).digest == generate(9, 3, 5).digest != generate(9, 3, 6).digest
     model = generate(5, 5, 1, name="mine")
     assert model.name == "mine"
@@ -89,7 +89,7 @@ def test_a_seed_means_the_same_vehicles():
         (lambda: generate(10**6, 5, 1), "vehicles must"),
         (
             lambda: generate(5, -2, 1),
-            "sparsity must be > -2, where all vehicles stand in one place",
+            "sparsity must be > -2, at which all vehicles are in one place",
         ),
         (lambda: generate(5, 0, 1, radius=0.0), "sparsity must be > -?0"),
         (lambda: generate(5, 1e308, 1, turning_radius=1e9), "sparsity must"),
@@ -105,7 +105,7 @@ def test_a_seed_means_the_same_vehicles():
         ),
     ],
 )
-def test_the_generator_refuses(call, message):
+def test_the_generator_rejects_bad_arguments(call, message):
     with pytest.raises(InvalidData, match=message):
         call()
 
@@ -113,7 +113,7 @@ def test_the_generator_refuses(call, message):
 # -- the catalogue -------------------------------------------------------------------------------
 
 
-def test_the_catalogue_has_the_papers_sizes_and_sparsities_and_says_that_they_are_ours():
+def test_the_catalogue_has_the_papers_sizes_and_sparsities_and_marks_them_as_seeded():
     rows = [one for one in OURS if "/B-" in one.name]
     printed = {**TABLE_3.rows, **TABLE_4.rows}
     assert len(rows) == len(printed) == 60
@@ -130,7 +130,7 @@ def test_the_catalogue_has_the_papers_sizes_and_sparsities_and_says_that_they_ar
 
 
 def test_lengths_are_of_the_order_that_the_paper_prints():
-    """Going where a vehicle is met next: of table IV's order for N = 10 and 20, and growing fast."""
+    """Greedy tours have the magnitude of Table IV for N = 10 and 20, and grow fast."""
     found = {}
     for size in (10, 20):
         names = [f"messenger/B-{size}-{row:02}" for row in (6, 8, 10)]
@@ -140,7 +140,7 @@ def test_lengths_are_of_the_order_that_the_paper_prints():
     assert np.median(found[20]) > 2 * np.median(found[10])
 
 
-def test_special_cases_are_what_they_are_called():
+def test_special_cases_match_their_names():
     static = ct.load("messenger/static-closed")
     assert (static.closed, static.at_rest, static.start) == (True, True, None)
     assert ct.load("messenger/moving-targets").radius.max() == 0
@@ -156,8 +156,8 @@ def test_special_cases_are_what_they_are_called():
     assert entry("messenger/met-at-start").published["optimum"] == 0
 
 
-def test_the_gap_is_one():
-    """Paths of up to four primitives, drawn at random: none meets the first vehicle while it waits."""
+def test_the_gap_instance_has_a_gap():
+    """Random paths of up to four primitives: none meets the first vehicle during the gap."""
     model = ct.load("messenger/gap")
     rng = np.random.default_rng(1)
     words = [
@@ -178,7 +178,7 @@ def test_the_gap_is_one():
             best = min(best, np.hypot(*(place.T - model.where(0, time)).T).min())
         return best
 
-    # By then the shortest way is below 12 m, the length flown above.
+    # By then the shortest path is below 12 m, and the length flown is above.
     assert [nearest(time) > 1.5 for time in (1.3, 1.8, 2.4)] == [True] * 3
     assert nearest(3.0) < 0.5
     center = np.array([-model.turning_radius, 0.0])
@@ -330,13 +330,13 @@ def test_bad_tables_of_vehicles(text, message, tmp_path):
         ("1,2,0,0,5,a\n1,2,0,0,5,a\n", "ids must differ"),
     ],
 )
-def test_tables_of_vehicles_that_are_no_instance(row, message, tmp_path):
+def test_rejects_tables_with_invalid_vehicles(row, message, tmp_path):
     (tmp_path / "fleet.csv").write_text(HEADER + row, "utf-8")
     with pytest.raises(InvalidData, match=message):
         ct.load(tmp_path / "fleet.csv")
 
 
-def test_a_table_of_waypoints_is_still_one(tmp_path):
+def test_a_table_of_waypoints_is_not_a_table_of_vehicles(tmp_path):
     (tmp_path / "way.csv").write_text("x,y\n0,0\n1,1\n2,0\n", "utf-8")
     kind = ct.load(tmp_path / "way.csv", data={"times": [0, 1, 2]}).kind
     assert kind == "minimum-snap"
@@ -359,7 +359,7 @@ def test_samples_lie_on_the_path(name, tmp_path):
     assert times[0] == 0
     assert times[-1] * model.speed == pytest.approx(plan.length, rel=1e-12)
     assert np.diff(times).max() <= 1 / 7 + 1e-12
-    # The UAV is as fast as it is, and no faster than the chord of its sharpest turn.
+    # Steps respect the speed and the turning radius.
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     assert (steps <= model.speed * np.diff(times) * (1 + 1e-9) + 1e-9).all()
     if model.turning_radius > 0:
@@ -372,7 +372,7 @@ def test_samples_lie_on_the_path(name, tmp_path):
         assert abs(int(rows[near]["leg"]) - place) <= 1
 
 
-def test_what_cannot_be_sampled(tmp_path):
+def test_rejects_bad_sampling_arguments(tmp_path):
     model = ct.load("messenger/gap")
     plan = flight(model)
     with pytest.raises(InvalidData, match="rate must be > 0"):

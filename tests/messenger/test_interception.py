@@ -1,4 +1,4 @@
-"""When a moving point can be met, beside dense scans over time."""
+"""Earliest interception of a moving point, compared with dense scans over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LENGTHS = [X, Y, PX, PY, VX, VY, SPEED, RADIUS]
 
 @njit  # not kept on disk, where it would outlive changes of what it calls
 def meetings(cases, times, ok):
-    """Fill when the points are met, and whether there is a path then and one just as long."""
+    """Fill in the times of interception, whether a path exists then, and whether one has that length."""
     for i in range(len(cases)):
         x, y, h, t0, px, py, vx, vy, speed, r, _ = cases[i]
         t = intercept(x, y, h, t0, px, py, vx, vy, speed, r)
@@ -30,7 +30,7 @@ def meetings(cases, times, ok):
 
 @njit
 def meetings_with_heading(cases, times, words):
-    """Fill when the points are met with the heading wanted, and by which word."""
+    """Fill in the times and words of interception with the given heading."""
     for i in range(len(cases)):
         x, y, h, t0, px, py, vx, vy, speed, r, h1 = cases[i]
         times[i], words[i] = intercept_heading(x, y, h, t0, px, py, vx, vy, h1, speed, r)
@@ -38,7 +38,7 @@ def meetings_with_heading(cases, times, words):
 
 @njit
 def excesses(case, times, found):
-    """Fill what is flown beyond the length of each word at each time."""
+    """Fill in the length flown minus the length of each word, at each time."""
     x, y, h, t0, px, py, vx, vy, speed, r, h1 = case
     for k in range(len(times)):
         t = times[k]
@@ -79,7 +79,7 @@ def drawn(rng, count, wild):
 
 
 def reachable(u, v, length, r):
-    """Return where a path of a length exists, by textbook trigonometry; all arrays broadcast."""
+    """Return a mask of the cases for which a path of a length exists, by trigonometry; arrays broadcast."""
     v = np.abs(v)
     far = np.hypot(u, v + r)
     line = np.sqrt(np.maximum(u * u + v * v - 2 * v * r, 0))
@@ -95,7 +95,7 @@ def reachable(u, v, length, r):
 
 
 @pytest.mark.parametrize("wild", [False, True])
-def test_no_point_is_met_later_than_a_scan_says(wild):
+def test_no_point_is_met_later_than_by_a_scan(wild):
     cases = drawn(np.random.default_rng(21 + wild), 700, wild)
     times, ok = np.empty(len(cases)), np.empty(len(cases), bool)
     meetings(cases, times, ok)
@@ -138,7 +138,7 @@ def test_with_radius_0_points_are_met_on_straight_lines():
 
 
 def test_a_point_that_flees_straight_ahead_is_followed():
-    """At 0.999 of the speed it takes a thousand times as long; through the start, the gap counts."""
+    """At 0.999 of the speed it takes a thousand times as long. Through the start, the gap matters."""
     assert intercept(0.0, 0.0, 0.0, 2.0, 1.0, 0.0, 0.999, 0.0, 1.0, 5.0) == pytest.approx(
         2 + (1 + 2 * 0.999) / 0.001, rel=1e-9
     )
@@ -149,14 +149,14 @@ def test_a_point_that_flees_straight_ahead_is_followed():
 
 
 @pytest.mark.parametrize("pace", [1.0, 1.5])
-def test_a_point_as_fast_as_the_uav_is_not_sought(pace):
+def test_a_point_as_fast_as_the_uav_is_never_met(pace):
     assert intercept(0.0, 0.0, 0.0, 0.0, 5.0, 1.0, -pace, 0.0, 1.0, 1.0) == math.inf
     found, _ = intercept_heading(0.0, 0.0, 0.0, 0.0, 5.0, 1.0, -pace, 0.0, 1.0, 1.0, 1.0)
     assert found == math.inf
 
 
 @pytest.mark.parametrize("wild", [False, True])
-def test_with_a_heading_the_time_is_true_and_hardly_ever_late(wild):
+def test_with_a_heading_the_time_is_feasible_and_rarely_late(wild):
     cases = drawn(np.random.default_rng(25 + wild), 200, wild)
     cases = cases[cases[:, RADIUS] > 0]
     times, words = np.empty(len(cases)), np.empty(len(cases), np.int64)

@@ -1,4 +1,4 @@
-"""The last leg of an open tour against closed forms and a dense search, and what rounding decides."""
+"""Last leg of an open tour, compared with closed forms and a dense search; effects of rounding."""
 
 import math
 
@@ -19,7 +19,7 @@ def entered(x, y, flown, disc, speed):
 
 
 def searched(heading, disc, speed, r, count=361):
-    """Return the length of the shortest of many paths: an arc, then a line or the other arc."""
+    """Return the length of the shortest of many paths: an arc, then a line or the opposite arc."""
     best = math.inf
     first, second = np.meshgrid(
         np.linspace(0, 2 * np.pi, count), np.linspace(0, 2 * np.pi, count), indexing="ij"
@@ -67,7 +67,7 @@ def drawn(seed):
 
 @pytest.mark.parametrize("first", range(0, 120, 20))
 def test_no_searched_path_to_a_moving_disc_is_shorter(first):
-    """Two pieces of all shares and all lengths below ours: 3 of these 120 discs were met too late."""
+    """Dense search over two-piece paths below our length; 3 of these 120 discs were once met too late."""
     whole, share = (one.ravel() for one in np.meshgrid(*[np.linspace(0, 1, 200)] * 2))
     for seed in range(first, first + 20):
         heading, disc, r = drawn(seed)
@@ -84,7 +84,7 @@ def test_no_searched_path_to_a_moving_disc_is_shorter(first):
 
 
 def followed(signs, parts, h, r):
-    """Return where paths of arcs and lines from the origin end."""
+    """Return the ends of paths of arcs and lines from the origin."""
     x = y = 0.0
     for sign, part in zip(signs, parts, strict=True):
         g = h + sign * part / r
@@ -95,7 +95,7 @@ def followed(signs, parts, h, r):
 
 
 def rim(disc, share):
-    """Return the disc with a radius larger by a share."""
+    """Return the disc with its radius enlarged by a share."""
     return disc._replace(radius=disc.radius * (1 + share))
 
 
@@ -108,7 +108,7 @@ def rim(disc, share):
     ],
 )
 def test_one_vehicle_at_rest_in_closed_form(place, closed):
-    """To (20, 0): right about (5, 0) until the line leads to the centre."""
+    """To (20, 0): a right turn about (5, 0) until the line leads to the centre."""
     if place == (20.0, 0.0):
         ahead = math.sqrt(15.0**2 - 5.0**2)
         closed = 5.0 * (math.pi - math.atan2(ahead, 5.0)) + ahead - 2.0
@@ -119,13 +119,13 @@ def test_one_vehicle_at_rest_in_closed_form(place, closed):
 
 
 def test_one_vehicle_that_flies_away():
-    """Straight ahead at 4 m/s with 10 m to catch up: (20 - 2) m at 6 m/s."""
+    """A straight pursuit at 4 m/s with 10 m to catch up: (20 - 2) m at 6 m/s."""
     model = MessengerTour([[0.0, 20.0]], [[0.0, 4.0]], radius=2.0)
     assert ct.solve(model, time_limit=5).primal_bound == pytest.approx(30.0, rel=1e-9)
 
 
 def test_a_disc_that_an_arc_enters():
-    """It was a full circle of 28.97 m."""
+    """Regression: the result was a full circle of 28.97 m."""
     model = MessengerTour([[2.25, 2.12]], radius=2)
     best = ct.solve(model, time_limit=5)
     rough = searched(0.5 * math.pi, Disc(2.25, 2.12, 0, 0, 2.0), 10.0, 5.0, count=1501)
@@ -149,8 +149,8 @@ def test_the_default_is_no_worse_than_the_heuristics_for_one_vehicle(seed):
 
 
 @pytest.mark.parametrize(("far", "decided"), [(1e6, True), (1e9, True), (3e16, False)])
-def test_what_rounding_leaves_open_is_not_verified(far, decided):
-    """At 3e16 m flown, 3e3 m were excused against a disc of 5 m."""
+def test_undecidable_encounters_are_not_verified(far, decided):
+    """Regression: after 3e16 m flown, 3e3 m were excused for a disc of 5 m."""
     model = MessengerTour([[0.0, far]], radius=5.0)
     plan = TourPlan(
         (0,), [far / 10], [[0.0, far]], [0, 0, np.pi / 2], (Primitive(0, "S", far, np.pi / 2),)

@@ -1,4 +1,4 @@
-"""The tour of a messenger: its data, its plan, and a check that believes nothing but primitives."""
+"""Messenger tours: data, plan, and verification from the primitives alone."""
 
 import json
 import math
@@ -25,7 +25,7 @@ def drawn(seed, n=5, side=150.0, **how):
 
 
 def bound(model):
-    """A tour of `model` through the middle of every disc, verified."""
+    """Return a verified tour of `model` through the centre of every disc."""
     plan = guessed(model, None, None)
     assert model.verify(plan, tolerance=1e-9).ok
     return plan
@@ -36,7 +36,7 @@ def violated(model, plan, tolerance=1e-6):
 
 
 def changed(plan, number, **what):
-    """`plan` with some entries of one primitive changed."""
+    """Return `plan` with some fields of one primitive changed."""
     pieces = list(plan.primitives)
     pieces[number] = pieces[number]._replace(**what)
     return replace(plan, primitives=tuple(pieces))
@@ -55,7 +55,7 @@ def plan(model):
     return bound(model)
 
 
-def test_only_the_times_are_late(model, plan):
+def test_late_times_are_violations(model, plan):
     times = plan.times.copy()
     times[2] += 1e-4
     found = model.verify(replace(plan, times=times))
@@ -65,7 +65,7 @@ def test_only_the_times_are_late(model, plan):
     assert check.where == f"vehicle {plan.order[2]}"
 
 
-def test_a_vehicle_outside_its_radius(model, plan):
+def test_rejects_a_vehicle_outside_its_radius(model, plan):
     smaller = replace(model, radius=1e-3)
     assert smaller.verify(plan).ok
     positions = model.positions.copy()
@@ -78,31 +78,31 @@ def test_a_vehicle_outside_its_radius(model, plan):
     assert check.worst == pytest.approx(1e-3, rel=1e-5)
 
 
-def test_a_point_that_is_not_on_the_way(model, plan):
+def test_rejects_a_point_off_the_path(model, plan):
     points = plan.points.copy()
     points[0, 1] += 1e-4
     assert violated(model, replace(plan, points=points)) == {"encounter at its point"}
 
 
 @pytest.mark.parametrize("turn", [2e-6, -1.0, math.pi])
-def test_a_heading_that_jumps(model, plan, turn):
+def test_rejects_a_heading_with_a_jump(model, plan, turn):
     at = len(plan.primitives) // 2
     bent = changed(plan, at, heading=plan.primitives[at].heading + turn)
     found = model.verify(bent)
     assert {check.name for check in found.violated} == {"headings without a jump"}
     assert found.violated[0].where == f"primitive {at}"
-    # A full circle is no jump.
+    # A full circle is not a jump.
     assert model.verify(changed(plan, at, heading=plan.primitives[at].heading - 2 * math.pi)).ok
 
 
-def test_a_turn_that_is_left_out_is_missed_at_the_end(model, plan):
+def test_rejects_a_reversed_turn(model, plan):
     at = next(k for k, one in enumerate(plan.primitives) if one.turn != "S" and one.length > 1)
     other = {"L": "R", "R": "L"}[plan.primitives[at].turn]
     found = violated(model, changed(plan, at, turn=other))
     assert {"headings without a jump", "encounter at its point", "encounter within radius"} <= found
 
 
-def test_a_negative_length(model, plan):
+def test_rejects_a_negative_length(model, plan):
     at = next(k for k, one in enumerate(plan.primitives) if one.turn == "S" and one.leg == 0)
     back = Primitive(0, "S", -1.0, plan.primitives[at].heading)
     on = Primitive(0, "S", 1.0, plan.primitives[at].heading)
@@ -116,7 +116,7 @@ def test_a_negative_length(model, plan):
     )
 
 
-def test_an_order_that_leaves_out_or_repeats(model, plan):
+def test_rejects_missing_and_repeated_vehicles(model, plan):
     twice = replace(plan, order=(plan.order[0], *plan.order[:-1]))
     assert "each vehicle met once" in violated(model, twice)
     short = replace(plan, order=plan.order[:-1], times=plan.times[:-1], points=plan.points[:-1])
@@ -131,13 +131,13 @@ def test_an_order_that_leaves_out_or_repeats(model, plan):
     assert "each vehicle met once" in violated(model, nobody)
 
 
-def test_tags_that_are_out_of_order(model, plan):
+def test_rejects_legs_out_of_order(model, plan):
     swapped = changed(plan, 0, leg=plan.primitives[-1].leg)
     assert "legs in order" in violated(model, swapped)
     assert "legs in order" in violated(model, changed(plan, -1, leg=model.size))
 
 
-def test_a_start_elsewhere(model, plan):
+def test_rejects_another_start(model, plan):
     moved = replace(
         plan, start=plan.start + np.array([1e-4, 0, 0]), points=plan.points + np.array([1e-4, 0])
     )
@@ -150,23 +150,23 @@ def test_a_start_elsewhere(model, plan):
     assert model.verify(full).ok
 
 
-def test_a_flight_beyond_the_last_encounter(model, plan):
+def test_rejects_a_flight_beyond_the_last_encounter(model, plan):
     end = integrated(plan, model.turning_radius)[-1, 2]
     last = Primitive(model.size - 1, "S", 1.0, float(end))
     longer = replace(plan, primitives=(*plan.primitives, last))
-    # As part of the last leg it makes the encounter late; as a leg of its own it is too much.
+    # In the last leg it delays the encounter; as an additional leg it exceeds the number of legs.
     assert "length flown is speed times time" in violated(model, longer)
     beyond = replace(plan, primitives=(*plan.primitives, last._replace(leg=model.size)))
     assert violated(model, beyond) == {"legs in order", "ends at the last encounter"}
 
 
-def test_a_tour_that_does_not_close():
+def test_rejects_a_tour_that_does_not_close():
     model = drawn(4, closed=True)
     plan = bound(model)
     assert violated(model, changed(plan, -1, length=plan.primitives[-1].length + 1e-3)) == {
         "ends where it begins"
     } | ({"headings without a jump"} if plan.primitives[-1].turn != "S" else set())  # fmt: skip
-    # Back at the start, but with another heading.
+    # Back at the start with another heading.
     open_end = replace(model, start=model.start[:2])
     assert open_end.verify(plan).ok
     cut = tuple(one for one in plan.primitives if one.leg < model.size)
@@ -181,14 +181,14 @@ def test_a_turn_without_a_radius_has_no_length():
     turned = Primitive(plan.primitives[at].leg, "L", 0.0, 1.0)
     pieces = (*plan.primitives[:at], turned, *plan.primitives[at:])
     assert model.verify(replace(plan, primitives=pieces)).ok
-    # The line flies where it says, whatever the next one says.
+    # Each line keeps its own heading.
     assert violated(model, changed(plan, at, heading=plan.primitives[at].heading + 0.1)) == {
         "encounter at its point", "encounter within radius"
     }  # fmt: skip
 
 
 @pytest.mark.parametrize("length", [1e300, 1.7e308])
-def test_what_overflows_is_violated(model, plan, length):
+def test_overflow_is_a_violation(model, plan, length):
     for at in range(len(plan.primitives)):
         assert not model.verify(changed(plan, at, length=length)).ok
     assert not model.verify(replace(plan, times=plan.times + 1e308)).ok
@@ -215,11 +215,11 @@ def test_a_far_vehicle_does_not_excuse_the_near_ones(far):
     plan = bound(model)
     moved = replace(model, positions=[[100.0, 1.001], [far, 0.0]])
     assert violated(moved, plan) == {"encounter within radius"}
-    # The last digits of the far one are excused: no plan has them.
+    # The rounding error of the far one is excused, because no plan can avoid it.
     assert model.verify(changed(plan, -1, length=plan.primitives[-1].length)).ok
 
 
-def test_without_a_radius_the_room_decides():
+def test_without_a_radius_the_field_is_the_scale():
     model = drawn(6, radius=0.0)
     plan = bound(model)
     room = model.extent / model.size
@@ -282,7 +282,7 @@ def test_poses_follow_the_curvature(pieces, heading, radius):
         np.testing.assert_allclose(expected, pose, atol=1e-8 * max(1.0, 30 / radius))
 
 
-def test_without_a_turning_radius_lines_go_where_they_say():
+def test_without_a_turning_radius_lines_keep_their_headings():
     pieces = (
         Primitive(0, "S", 3.0, 0.0),
         Primitive(1, "S", 4.0, math.pi / 2),
@@ -353,13 +353,13 @@ def test_defaults_and_sizes():
         ({"ids": ["a", "b"]}, "ids", ""),
     ],
 )
-def test_bad_data_is_refused_by_name(data, field, words):
+def test_bad_data_is_rejected_with_its_field(data, field, words):
     with pytest.raises(InvalidData, match=words or field) as error:
         MessengerTour(**{"positions": np.zeros((3, 2)), **data})
     assert error.value.field == field
 
 
-def test_a_bad_plan_is_refused_by_name(model, plan):
+def test_a_bad_plan_is_rejected_with_its_field(model, plan):
     data = plan.to_data()
     piece = data["primitives"][0]
     for key, value, field in [
@@ -393,7 +393,7 @@ def test_a_bad_plan_is_refused_by_name(model, plan):
         model.verify("a plan")
 
 
-def test_a_plan_tells_its_length_and_legs(model, plan):
+def test_a_plan_has_length_and_legs(model, plan):
     assert plan.length == pytest.approx(sum(one.length for one in plan.primitives), rel=1e-14)
     assert sum((plan.leg(k) for k in range(5)), ()) == plan.primitives
     assert str(plan).startswith("-".join(map(str, plan.order)))

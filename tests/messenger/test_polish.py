@@ -1,4 +1,4 @@
-"""A tour of given order as a nonlinear program, and the polish that solves it along the legs."""
+"""Nonlinear program of a tour with given order, and its structured solution along the legs."""
 
 import math
 from dataclasses import replace
@@ -25,9 +25,9 @@ def drawn(seed, n=6, side=150.0, pace=3.5, **how):
     return MessengerTour(rng.uniform(0, side, (n, 2)), rate, **how)
 
 
-#: Ipopt's adaptive barrier parameter loses its way on one program in ten.
+#: With an adaptive barrier parameter, Ipopt fails on one program in ten.
 MONOTONE = {"mu_strategy": "monotone"}
-#: Wilder than the paper's: ratios of 1e6, targets without a radius, discs that cover everything.
+#: More extreme than the paper: ratios of 1e6, targets without a radius, discs that cover everything.
 WILD = {
     "paper": {},
     "closed": {"closed": True},
@@ -66,7 +66,7 @@ def test_ipopt_finds_a_tour_that_verifies_and_encodes(name):
     assert found.plan is not None
     assert model.verify(found.plan, tolerance=1e-9).ok
     assert found.dual_bound is None
-    # The rows hold for it, written anew; and no plan is lost on the way there and back.
+    # The encoded plan satisfies the rows, and the round trip keeps the plan.
     assert ct.verify(model, found.plan, formulation="primitives").ok
     fitted = model.formulate("primitives").fitted(found.plan)
     again = fitted.decode(fitted.encode(found.plan))
@@ -145,7 +145,7 @@ def test_words_of_any_length_are_kept():
         p.turn for p in plan.leg(0)[1:]
     )
     assert fitted.decode(fitted.encode(longer)).length == pytest.approx(plan.length, rel=1e-12)
-    # A plan fits words that have its turns and more, in order.
+    # A plan fits words that contain its turns as a subsequence.
     wider = model.formulate("primitives", order=[1, 2, 0], words=["LRLSRLR"] * 3)
     assert wider.decode(wider.encode(plan)).length == pytest.approx(plan.length, rel=1e-12)
     with pytest.raises(InvalidData, match="order"):
@@ -180,7 +180,7 @@ def test_lines_have_no_turns():
         model.formulate("primitives", words=["LSR", "S", "S"])
 
 
-def test_without_turns_what_is_left_is_flown_out_and_back():
+def test_without_turns_the_surplus_is_flown_out_and_back():
     model = drawn(1, n=2, turning_radius=0.0, radius=10.0)
     plan = guessed(model, None, None)
     fitted = model.formulate("primitives").fitted(plan)
@@ -190,7 +190,7 @@ def test_without_turns_what_is_left_is_flown_out_and_back():
     part["flown"][-1] += 3.0
     late = fitted.decode(point)
     assert late.length == pytest.approx(plan.length + 3.0, rel=1e-12)
-    # It gets where it is said to be then, on two lines.
+    # The UAV reaches the point at the stated time, along two lines.
     assert [one.turn for one in late.leg(1)] == ["S", "S"]
     met = plan.order[-1]
     np.testing.assert_allclose(
@@ -202,7 +202,7 @@ def test_without_turns_what_is_left_is_flown_out_and_back():
 
 
 def posed(model, plan):
-    """What :func:`improve` takes of a plan with three primitives a leg: all but barrier and limits."""
+    """Return the arguments of :func:`improve` for a plan with three primitives per leg."""
     n, r = model.size, model.turning_radius
     unit = plan.length / n
     poses = integrated(plan, r)
@@ -219,7 +219,7 @@ def posed(model, plan):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_method_finds_what_slsqp_finds(seed):
+def test_the_method_agrees_with_slsqp(seed):
     model = drawn(seed, n=4)
     plan = guessed(model, None, None)
     arguments, unit = posed(model, plan)
@@ -258,7 +258,7 @@ def test_a_polished_tour_is_verified_and_no_longer(name):
         assert model.verify(again, tolerance=1e-9).ok
         if name in ("wide turns", "turns beyond all"):
             continue  # circles lie so near that the same start leads to another local optimum
-        # From the same start, other turns make it at least as short as the program of its own turns.
+        # From the same start, the polished tour is at most as long as the program's with fixed turns.
         fitted = model.formulate("primitives").fitted(start)
         own = ct.solve(
             model, "ipopt", formulation="primitives",
@@ -268,8 +268,8 @@ def test_a_polished_tour_is_verified_and_no_longer(name):
         assert found.length <= own.length * (1 + 1e-6) + 1e-5 * model.radius.max()
 
 
-def test_it_turns_the_other_way_where_that_is_shorter():
-    # Going round the wrong way costs most of a circle at each end of each leg.
+def test_polish_reverses_turns_if_that_is_shorter():
+    # Flying around in the wrong direction costs most of a circle at each end of each leg.
     model = MessengerTour([[30.0, 4.0], [60.0, 8.0]], radius=0.0, start=(0.0, 0.0, 0.0))
     wrong = guessed(model, [0, 1], ["RSR", "RSR"])
     assert model.verify(wrong).ok
@@ -292,7 +292,7 @@ def test_time_and_stop_leave_the_start_or_better():
 def test_plans_of_other_words_are_left_to_the_program():
     model = drawn(5, n=3)
     plan = guessed(model, None, None)
-    # A wriggle: no three primitives make it.
+    # A winding path that three primitives cannot represent.
     pieces, heading = [], plan.start[2]
     for turn in "LRLRLR":
         pieces.append((0, turn, 0.5, heading))

@@ -1,4 +1,4 @@
-"""The paper's algorithms: worked steps computed by hand, and valid tours on wild cases."""
+"""The paper's algorithms: worked steps computed by hand, and feasible tours on extreme cases."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def solved(model: MessengerTour, name: str, **more: Any) -> Any:
 
 
 def ahead(*vehicles: tuple[float, float, float], **changes: Any) -> Flight:
-    """Return a flight that begins at the origin towards x at 10 m/s, and vehicles x, y, vx."""
+    """Return a flight from the origin along x at 10 m/s, with vehicles given by x, y and vx."""
     rows = np.array(vehicles)
     model = MessengerTour(
         rows[:, :2], np.column_stack([rows[:, 2], np.zeros(len(rows))]), 5.0, start=(0, 0, 0),
@@ -108,13 +108,13 @@ def test_equation_7_is_the_missing_length_and_covers_the_gap() -> None:
     assert violation(0, 0, 0, 30, 0, 5, 20, 0.0) == (10.0, 0.0)
     assert violation(0, 0, 0, 30, 0, 5, 29.995, 0.01) == (0.0, 0.0)
     assert violation(0, 0, 0, 30, 0, 5, 70, 0.0)[0] == 0.0
-    # At the pose itself no path is longer than 0 and shorter than the circle of 10 π = 31.4 m.
+    # At the pose itself, no path has a length between 0 and the circle of 10 π = 31.4 m.
     assert violation(0, 0, 0, 0, 0, 5, 10, 0.0)[0] == -10.0
     assert violation(0, 0, 0, 0, 0, 5, 32, 0.0)[0] == 0.0
 
 
 def test_equations_5_to_8_evaluate_an_individual() -> None:
-    """Access points (45, 0) and (95, 0): 5 m are missing on the first leg, 10 m are spare on the second."""
+    """Access points (45, 0) and (95, 0): the first leg lacks 5 m, the second has 10 m of slack."""
     one = ahead((50, 0, 0), (100, 0, 0))
     own = genes((math.pi, 4.0), (math.pi, 6.0))
     end, off = assess(np.array([0, 1]), own, one.fleet, one.craft, 0, False, one.poses)
@@ -168,7 +168,7 @@ def test_the_three_mutations() -> None:
 def test_algorithm_4_shortens_the_way_to_a_vehicle_whose_successor_is_caught_up_with(
     pace: float, interval: float
 ) -> None:
-    """45 m in 4.5 s instead of 6 s, unless the next vehicle comes to meet the UAV."""
+    """45 m in 4.5 s instead of 6 s, unless the next vehicle approaches the UAV."""
     one = ahead((50, 0, 0), (100, 0, pace))
     order, own = np.array([0, 1]), genes((math.pi, 6.0), (math.pi, 9.0))
     assess(order, own, one.fleet, one.craft, 0, False, one.poses)
@@ -181,8 +181,8 @@ def test_algorithm_4_shortens_the_way_to_a_vehicle_whose_successor_is_caught_up_
 def test_equations_11_and_12_descend_by_the_printed_step() -> None:
     """One vehicle at rest 50 m ahead: the access point at θ is (50 + 5 cos θ, 5 sin θ).
 
-    The path is a left turn and a line. The slope of its length is the motion of the access point along
-    the heading at the end.
+    The path is a left turn and a line. The derivative of its length is the motion of the access point
+    along the final heading.
     """
 
     def flown(theta: float) -> tuple[float, float]:
@@ -212,7 +212,7 @@ def test_equations_11_and_12_descend_by_the_printed_step() -> None:
 
 
 def test_equation_13_keeps_the_best_of_the_sampled_angles() -> None:
-    """Samples at 0, 90, 180 and 270 degrees of a disc 50 m ahead: the near side is 45 m away."""
+    """Samples at 0, 90, 180 and 270 degrees of a disc 50 m ahead: its near side is 45 m away."""
     one, order = ahead((50, 0, 0)), np.array([0])
     own = genes((0.0, 7.0))
     cost = resample(0, order, own, 70.0, one.fleet, one.craft, True, 4, one.flag, one.poses)
@@ -247,14 +247,14 @@ def test_the_heuristics_fly_to_centres_and_to_the_nearest_samples() -> None:
 
 
 def test_the_receding_horizon_looks_ahead() -> None:
-    """From 0: A at -10, B at 11, C at 30. Two ahead: A then B is 31, B then C is 30."""
+    """From 0: A at -10, B at 11, C at 30. With a horizon of two, A then B is 31, B then C is 30."""
     fleet = np.array([[-10.0, 0, 0, 0, 1], [11.0, 0, 0, 0, 1], [30.0, 0, 0, 0, 1]])
     assert next_vehicle(np.arange(3), 0, 0.0, 0.0, fleet, 1) == 0
     assert next_vehicle(np.arange(3), 0, 0.0, 0.0, fleet, 2) == 1
 
 
 def test_double_sampling_takes_the_first_sampled_time_that_can_be_flown() -> None:
-    """The near side is 45 m away, so 4.5 s; samples of time are multiples of 0.2 s."""
+    """The near side is 45 m away, so 4.5 s; sampled times are multiples of 0.2 s."""
     one = MessengerTour([[0, 50]], radius=5.0)
     options = {"samples": 4, "step": 0.2}
     assert solved(one, "direct-sampling", options=options).primal_bound == pytest.approx(46.0)
@@ -315,7 +315,7 @@ def test_wild_cases_have_valid_plans_or_none(name: str) -> None:
             assert "not decidable in double precision" in str(found.verification), seed
             continue
         if found.plan is None:
-            # Algorithms with the shortest encounters always have a plan.
+            # Algorithms with shortest encounters always return a plan.
             assert name in (*MEMETIC[:2], "direct-sampling"), seed
             assert found.termination == Termination.NO_SOLUTION, found.message
             continue
@@ -355,7 +355,7 @@ def test_a_seed_gives_one_plan_and_runs_differ(name: str) -> None:
 
 @pytest.mark.parametrize("name", RIVALS[3:6])
 def test_answers_scale(name: str) -> None:
-    """A power of two scales every number exactly, so every decision stays."""
+    """A power of two scales every number exactly, so all decisions are identical."""
     model, by = generate(6, 6.0, 4), 2.0**20
     larger = MessengerTour(
         model.positions * by, model.velocities * by, model.radius * by, model.speed * by,
@@ -366,7 +366,7 @@ def test_answers_scale(name: str) -> None:
     assert two.primal_bound == pytest.approx(by * one.primal_bound, rel=1e-12)
 
 
-def test_what_is_not_covered_is_refused() -> None:
+def test_rejects_models_outside_the_paper() -> None:
     closed = MessengerTour([[30, 0], [0, 30]], closed=True)
     anywhere = MessengerTour([[30, 0], [0, 30]], start=(0, 0))
     for name in RIVALS:

@@ -63,7 +63,7 @@ WILD = {
 
 @pytest.mark.parametrize("interior", [True, False], ids=["inside", "boundary"])
 @pytest.mark.parametrize("model", WILD.values(), ids=WILD)
-def test_a_plan_of_any_case_holds(model, interior):
+def test_plans_of_all_cases_are_feasible(model, interior):
     found = searched(model, interior=interior)
     assert found.plan is not None, found
     assert found.verification.ok
@@ -112,7 +112,7 @@ def test_polish_and_bound_keep_to_the_boundary(model):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_on_the_spot_and_at_rest_it_is_the_shortest_of_all_orders(seed):
+def test_without_turns_and_at_rest_the_tour_is_optimal(seed):
     model = drawn(6, seed, fastest=0.0, radius=0.0, turning_radius=0.0, closed=seed % 2 == 1)
     stops = [model.start[:2], *model.positions]
 
@@ -213,7 +213,7 @@ def test_limits_and_incumbents():
     assert seen[-1].objective == found.primal_bound
 
 
-def test_what_numbers_cannot_hold_ends_without_a_plan():
+def test_overflowing_tours_end_without_a_plan():
     """Each vehicle that is caught makes the next a thousand times as far."""
     draw = default_rng(0)
     angles = draw.uniform(0.0, 2 * np.pi, 9)

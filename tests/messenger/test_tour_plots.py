@@ -1,4 +1,4 @@
-"""Pictures of messenger tours, and the places on a path that they are drawn from."""
+"""Plots of messenger tours, and the sampled poses along a path."""
 
 import math
 from types import SimpleNamespace
@@ -28,7 +28,7 @@ def plan_of(*pieces, start=(0.0, 0.0, 0.0), order=(), times=(), points=()):
 
 
 def tampered(model, plan, **changes):
-    """The data of a plan with entries of its lists replaced: ``name=(place, value)``."""
+    """Return the data of a plan with entries of its lists replaced: ``name=(place, value)``."""
     data = plan.to_data()
     for name, (place, value) in changes.items():
         data[name][place] = value
@@ -95,7 +95,7 @@ def test_an_outline_is_smooth_and_short(radius, length):
 # -- the map -------------------------------------------------------------------------------------
 
 
-def test_what_is_drawn(ten, tmp_path):
+def test_draws_path_vehicles_and_encounters(ten, tmp_path):
     model, plan = ten
     figure = ct.plot(model, plan, zoom=False)
     figure.savefig(tmp_path / "tour.png", dpi=40)
@@ -145,7 +145,7 @@ def test_colours_by_leg(ten):
     assert figure.get_size_inches().tolist() == [4, 3]
 
 
-def test_what_is_broken_is_ringed(ten):
+def test_violations_have_red_rings(ten):
     model, plan = ten
     place = plan.points[4].tolist()
     wrong = tampered(model, plan, points=(4, [place[0] + 1.0, place[1]]))
@@ -154,7 +154,7 @@ def test_what_is_broken_is_ringed(ten):
     (ring,) = artists(figure.axes[0], "worst violation")
     assert ring.get_offsets().tolist() == [pytest.approx([place[0] + 1.0, place[1]])]
     assert "worst violation" in legend(figure)
-    # Within the tolerance that was asked for it is a plan.
+    # Within a larger tolerance the same plan is feasible.
     fine = ct.plot(model, wrong, tolerance=0.5)
     assert "NOT VALID" not in fine.get_suptitle()
     missing = tampered(model, plan, order=(0, plan.order[1]))
@@ -183,7 +183,7 @@ def test_without_a_plan_the_vehicles_are_drawn():
 
 @pytest.mark.parametrize("place", [(0, 0), (1e7, -1e7)])
 def test_a_far_tour_has_its_begin_beside(place):
-    """Encounters twice as far each time: the first half would be a dot."""
+    """Encounters at doubling distances: the first half would be a single dot."""
     reach = 4.0 ** np.arange(10)
     where = np.column_stack([reach, (-1.0) ** np.arange(10) * reach]) + place
     model = MessengerTour(where, start=[*place, 1.0], ids=[f"car {k}" for k in range(10)])
@@ -202,11 +202,11 @@ def test_a_far_tour_has_its_begin_beside(place):
 
 
 def texts(figure):
-    """What is written in the map, its ticks not."""
+    """Return the texts of the map without those of its ticks."""
     return [text.get_text() for text in figure.axes[0].texts]
 
 
-def test_a_hundred_stay_legible():
+def test_labels_of_a_hundred_vehicles_are_legible():
     model = generate(100, 17, 1, fastest=0.0)
     rows = (model.positions[:, 1] // 40).astype(int)
     plan = flight(model, np.lexsort((model.positions[:, 0] * (-1.0) ** rows, rows)).tolist())
@@ -245,7 +245,7 @@ def test_encounters_at_one_place_share_a_number():
 def test_strange_fields_are_drawn(model, tmp_path):
     ct.plot(model).savefig(tmp_path / "field.png", dpi=30)
     place = [0.0, 0.0] if model.start is None else model.start[:2]
-    # A plan that stays where it is breaks most rules, and is drawn all the same.
+    # A plan without motion violates most checks, and is drawn nevertheless.
     still = plan_of(
         order=range(model.size), times=[0.0] * model.size, points=[place] * model.size,
         start=(*place, 0.0),
@@ -284,7 +284,7 @@ def test_plans_that_are_far_from_valid_are_drawn(plan, tmp_path):
         ({"view": "map"}, "no option 'view'"),
     ],
 )
-def test_values_that_no_tour_takes(ten, options, message):
+def test_rejects_bad_options(ten, options, message):
     with pytest.raises(UnsupportedOption, match=message):
         ct.plot(*ten, **options)
 
@@ -301,7 +301,7 @@ def test_plans_of_other_vehicles_are_refused(ten):
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_tour_moves(ten, tmp_path):
+def test_the_animation_follows_the_tour(ten, tmp_path):
     pytest.importorskip("PIL", reason="a GIF is written by Pillow")
     from PIL import Image
 
