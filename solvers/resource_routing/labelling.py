@@ -57,8 +57,8 @@ class ResourceLabelling(RouteSearch):
         """Return the best route no longer than `cutoff`, and the number of arcs.
 
         If all pairs of points are arcs, points far from the straight line are left out first. A run with
-        a time limit begins with searches that keep few labels per point, see :mod:`.start`; it returns
-        their route if it is stopped.
+        a time limit begins with searches that keep few labels per point, see :mod:`.first` and
+        :mod:`.start`; it returns their route if it is stopped.
         """
         import numpy as np
 
@@ -66,6 +66,7 @@ class ResourceLabelling(RouteSearch):
         from .start import Start
 
         start = Start(problem, request)
+        start.begin()
         made = settled = 0
         for rows, proven, ceiling in _stages(problem, cutoff):
             found, arcs = _under(problem, rows, ceiling, request.control.flag, start)
