@@ -145,10 +145,12 @@ def solve(
     assert isinstance(job.backend, Backend)
     chosen = isinstance(backend, str) and backend == "auto"
     job = replace(job, has_fallback=chosen and job.backend.guarantee is Guarantee.EXACT)
+    left = job.after(time.perf_counter() - begin)
     with shown(verbose):
-        solution = run_job(job, isolate, on_incumbent)
+        solution = run_job(left, isolate, on_incumbent)
         if job.has_fallback:
-            solution = go_on(job, solution, lambda one: run_job(one, isolate, on_incumbent))
+            solution = go_on(left, solution, lambda one: run_job(one, isolate, on_incumbent))
+    solution = replace(solution, options=job.options())
     return solution.lasting(time.perf_counter() - begin)
 
 

@@ -151,6 +151,11 @@ class _Declared:
     problem: str
     target: Any
 
+    @property
+    def solves_programs(self) -> bool:
+        """Whether it is one of :data:`_SOLVERS`."""
+        return not self.problem and isinstance(self.target, str)
+
     def load(self) -> Backend:
         """Return the backend; ``BackendBroken`` with the cause where its code cannot be loaded."""
         target = self.target
@@ -392,12 +397,16 @@ def _candidates(model: Model[Any]) -> Iterator[_Declared]:
     own = _problems(model)
     yield from (one for one in _declared() if one.problem in own)
     general, step = set(own), model.lower()
+    writes_programs = bool(model.formulations) or not own
     while step is not None:
         general |= _problems(step)
+        writes_programs |= bool(step.formulations)
         step = step.lower()
     # Others' are not even loaded: they may bring libraries that this model does without.
     others = set(PROBLEMS) - general | own
-    yield from (one for one in _declared() if one.problem not in others)
+    for one in _declared():
+        if one.problem not in others and (writes_programs or not one.solves_programs):
+            yield one
 
 
 def _loadable(model: Model[Any]) -> Iterator[Backend]:

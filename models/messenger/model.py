@@ -89,6 +89,11 @@ class MessengerTour(TourData, Model[TourPlan]):
         """
         return verify_tour(self, plan, tolerance)
 
+    @property
+    def preferred_backend(self) -> str:
+        """The search that proves a bound; solvers of programs, all local, need not be loaded to compare."""
+        return "tour-search"
+
     def plan_to_data(self, plan: TourPlan) -> Any:
         """Return ``{"order", "times", "points", "start", "primitives"}``."""
         return plan.to_data()
