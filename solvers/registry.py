@@ -29,6 +29,7 @@ __all__ = [
     "fitting",
     "is_ours",
     "is_plain",
+    "native_heuristics",
     "recommended",
     "register_backend",
     "rivals",
@@ -457,6 +458,14 @@ def exact(model: Model[Any], formulation: str | None = None) -> Iterator[Backend
     """Yield the exact backends that are installed and take `model`, the recommended one first."""
     for backend, _ in _takers(model, formulation):
         if backend.guarantee is Guarantee.EXACT:
+            yield backend
+
+
+def native_heuristics(model: Model[Any]) -> Iterator[Backend]:
+    """Yield the installed heuristics that take `model` itself."""
+    for backend, step in _takers(model, None):
+        native = step is model and isinstance(model, backend.accepts)
+        if native and backend.guarantee is Guarantee.HEURISTIC:
             yield backend
 
 
