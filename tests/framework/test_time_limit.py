@@ -165,3 +165,26 @@ def test_models_without_programs_load_no_solver_of_programs(run_python, tmp_path
         cwd=tmp_path,
     )
     assert said.splitlines() == ["dual-annealing", "tour-search", "full-analysis", "[]"]
+
+
+CACHED = """
+import sys
+from counted import count
+from crosstrack import compilation, jit
+print(compilation.may_be_cached(count.py_func), "numba" in sys.modules)
+if sys.argv[1:] == ["compile"]:
+    import numpy as np
+    count.compile_for((np.zeros(3), (1.5, 2), np.zeros(1, int)))
+"""
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_the_cache_is_looked_up_without_importing_numba(run_python, tmp_path, own):
+    (tmp_path / "counted.py").write_text(MODULE)
+    (tmp_path / "__pycache__").mkdir()
+    where = {"NUMBA_CACHE_DIR": str(tmp_path / "cache") if own else ""}
+    said = [
+        run_python("-c", CACHED, *given, cwd=tmp_path, **where).split()
+        for given in (["compile"], [])
+    ]
+    assert said == [["False", "False"], ["True", "False"]]
