@@ -43,7 +43,7 @@ class RoutingBackend(RouteSearch):
         """Search the arrays of `problem`; a run with a time limit reports a first route before."""
         from .airspace import airspace
 
-        if request.time_limit is not None and len(problem.points) > FEW:
+        if request.time_limit is not None:
             _report_first(problem, request)
         return self.search(airspace(problem), problem.revisits, cutoff, request)
 
@@ -60,9 +60,9 @@ class RoutingBackend(RouteSearch):
 
 def _report_first(problem: ErrorCorrectionRouting, request: Request) -> None:
     """Report a route that needs no compiled loops, if a search finds one."""
-    from ..resource_routing.first import first_route
+    from ..resource_routing.first import route_in_time
 
-    route = first_route(problem.lower(), lambda: request.control.stopped)
+    route = route_in_time(problem.lower(), request)
     if route is None:
         return
     checked = problem.verify(route)

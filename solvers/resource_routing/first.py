@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.route import Route
+from ..backend import Request
 
-__all__ = ["first_route"]
+__all__ = ["first_route", "route_in_time"]
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -24,6 +25,13 @@ Leaving = Callable[[int], tuple[Whole, Floats, Floats]]
 #: Labels per point and weight of the largest used share of a resource, in lengths of the shortest way, from
 #: search to search. The first four find a route in all catalogue entries that have one, in at most 0.2 s.
 SEARCHES = ((1, 0.0), (1, 0.1), (4, 0.0), (4, 1.0), (16, 0.0), (16, 0.1))
+
+
+#: Points from which on a run with a time limit begins with these searches, and up to which all pairs of points
+#: may be arcs: a search among 20,000 points takes 15 s.
+FEW, MANY = 20, 2000
+#: Share of the time limit for these searches, and their most seconds, which bound the memory as well.
+SHARE, SECONDS = 0.2, 2.0
 
 
 class _Arcs(NamedTuple):
@@ -42,6 +50,23 @@ class _Arcs(NamedTuple):
     leaving: Leaving
     ahead: Floats
     most: Floats
+
+
+def route_in_time(problem: ResourceRouting, request: Request) -> Route | None:
+    """Return a first route for a run with a time limit; None if none is found or needed.
+
+    Parameters
+    ----------
+    problem : ResourceRouting
+        The model.
+    request : Request
+        The run.
+    """
+    count, limit = len(problem.kinds), request.time_limit
+    if limit is None or count <= FEW or (problem.arcs is None and count > MANY):
+        return None
+    with request.control.stage(min(SHARE * limit, SECONDS)) as part:
+        return first_route(problem, lambda: part.stopped)
 
 
 def first_route(

@@ -41,6 +41,9 @@ class ResourceLabelling(RouteSearch):
     search is exact as it is. Without them, the walk it finds is accepted if it is simple, and
     otherwise the points that it repeats become critical (see :mod:`.elementary`), and the ceiling on
     the length rises from what is proven, so that labels may ignore what they cannot visit below it.
+
+    A run that reaches its time limit returns the best route of the searches with few labels per point. It
+    ends without a plan only if none of them found a route.
     """
 
     name = "resource-labelling"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.route import Route
 from ..backend import Request
-from .first import first_route
+from .first import route_in_time
 from .narrow_kernels import narrow
 from .network import Network
 
@@ -53,9 +53,7 @@ class Start:
 
     def begin(self) -> None:
         """Search without compiled loops, so that a route is known if no time is left to compile."""
-        if self.request.time_limit is None or len(self.problem.kinds) <= FEW:
-            return
-        route = first_route(self.problem, lambda: self.request.control.stopped)
+        route = route_in_time(self.problem, self.request)
         if route is not None:
             self._keep(route)
 

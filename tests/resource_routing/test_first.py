@@ -7,9 +7,10 @@ import pytest
 import crosstrack as ct
 from crosstrack import jit
 from crosstrack.instances.resource_routing import generate_electric, generate_network
+from crosstrack.solvers.backend import Request
 from crosstrack.solvers.error_correction.label_setting import LabelSetting
 from crosstrack.solvers.resource_routing import labelling
-from crosstrack.solvers.resource_routing.first import first_route
+from crosstrack.solvers.resource_routing.first import first_route, route_in_time
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -50,3 +51,11 @@ def test_label_setting_without_a_starter_returns_the_first_route(monkeypatch):
     monkeypatch.setattr(LabelSetting, "search", _out_of_time)
     solution = ct.solve(model, "label-setting", time_limit=60)
     assert solution.termination == "feasible" and solution.plan == first_route(model.lower())
+
+
+def test_few_points_many_pairs_and_runs_without_a_limit_need_no_first_route():
+    model = generate_electric(40, 0)
+    assert route_in_time(model, Request(time_limit=60.0)) == first_route(model)
+    assert route_in_time(model, Request()) is None
+    for points in (10, 2100):
+        assert route_in_time(generate_electric(points, 0), Request(time_limit=60.0)) is None
