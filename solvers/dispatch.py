@@ -152,7 +152,7 @@ def solve(
 
     with shown(verbose):
         first = fallback.begin(left, run) if chosen else None
-        solution = run(left if first is None else job.after(time.perf_counter() - begin))
+        solution = run(job.after(time.perf_counter() - begin))
         if job.has_fallback:
             solution = fallback.go_on(left, solution, run)
         solution = fallback.better(job, first, solution)
