@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 #: Rows and columns from a cell to half of its neighbours; the others lead back.
 STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
+#: Cells times places up to which interpreted searches take less time than the import of SciPy's graphs.
+MANY = 5000
 
 
 class NeighbourWays:
@@ -33,6 +35,11 @@ class NeighbourWays:
         rows, columns = problem.cells.T
         self.numbers: Ints = rows * problem.map.shape[1] + columns
         self.sources, self.rows = np.unique(self.numbers, return_inverse=True)
+
+    @property
+    def are_many(self) -> bool:
+        """Whether interpreted searches would take long."""
+        return self.grid.blocked.size * self.sources.size > MANY
 
     @cached_property
     def _found(self) -> tuple[Floats, Ints]:

@@ -93,9 +93,8 @@ class Staged(Backend):
         if left is not None:
             seconds = min(seconds, ROUTING_SHARE * left)
         with stages.clock("distances"):
-            # The searches of a run with a time limit must not need compiled loops.
             ways = None if left is None else NeighbourWays(problem)
-            costs = distances(problem.map, problem.cells) if ways is None else ways.distances()
+            costs = _distances(problem, ways)
         routes = stages.routed(router, seconds, costs)
         with stages.clock("paths"):
             stops = [[0, *route, 0] for route in routes.routes]
@@ -171,6 +170,18 @@ class Staged(Backend):
             return [flown(way) for way in ways]
         with ThreadPoolExecutor(threads) as pool:
             return list(pool.map(flown, ways))
+
+
+def _distances(problem: FleetMission, along: NeighbourWays | None) -> Floats:
+    """Return the lengths between all places, by compiled loops or, if they take too long, by SciPy."""
+    if along is None:
+        return distances(problem.map, problem.cells)
+    if along.are_many:
+        return along.distances()
+    try:
+        return distances(problem.map, problem.cells)
+    except OutOfTime:
+        return along.distances()
 
 
 def _path(

@@ -8,6 +8,8 @@ import pytest
 import crosstrack as ct
 from crosstrack import jit
 from crosstrack.models.grid_path import distances
+from crosstrack.solvers import Answer, Limit, Termination
+from crosstrack.solvers.fleet.fleet_search import FleetSearch
 from crosstrack.solvers.fleet_mission import flight, stages
 from crosstrack.solvers.fleet_mission.neighbours import NeighbourWays
 
@@ -34,3 +36,11 @@ def test_a_mission_without_time_for_paths_and_curves_has_a_plan(monkeypatch):
     solution = ct.solve(ct.load("fleet-mission/pocket"), "staged", time_limit=60)
     assert solution.plan is not None and solution.verification.ok
     assert solution.statistics["robots that rest at knots"] == len(solution.plan.routes)
+
+
+def test_a_mission_without_time_for_routes_has_a_plan(monkeypatch):
+    monkeypatch.setattr(
+        FleetSearch, "run", lambda *given: Answer(Termination.NO_SOLUTION, Limit.TIME)
+    )
+    solution = ct.solve(ct.load("fleet-mission/pocket"), "staged", time_limit=60)
+    assert solution.plan is not None and solution.verification.ok
