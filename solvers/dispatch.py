@@ -66,7 +66,7 @@ def solve(
         A name from :func:`crosstrack.backends`, or ``"auto"``: the first exact one installed,
         native algorithms before programs; where there is none, one that also proves a bound.
         If that one fails, the next exact ones go on for the rest of the time; a native heuristic
-        precedes a local solver of programs under a time limit. The statistics say which were tried.
+        precedes a local solver of programs under a time limit. The statistics name those that ran.
     formulation : str, optional
         Name of the formulation, for a backend that takes programs; the model's default one.
     formulation_options, backend_options : mapping, optional

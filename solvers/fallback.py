@@ -40,7 +40,7 @@ def begin(job: Job, run: Callable[[Job], Solution[Any]]) -> Solution[Any] | None
     Parameters
     ----------
     job : Job
-        What was asked, with the recommended backend.
+        The job with the recommended backend.
     run : callable
         Runs a job.
     """

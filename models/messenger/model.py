@@ -91,7 +91,7 @@ class MessengerTour(TourData, Model[TourPlan]):
 
     @property
     def preferred_backend(self) -> str:
-        """The search that proves a bound; solvers of programs, all local, need not be loaded to compare."""
+        """The search that proves a bound. Solvers of programs, all local, are not even loaded."""
         return "tour-search"
 
     def plan_to_data(self, plan: TourPlan) -> Any:

@@ -27,8 +27,8 @@ Leaving = Callable[[int], tuple[Whole, Floats, Floats]]
 SEARCHES = ((1, 0.0), (1, 0.1), (4, 0.0), (4, 1.0), (16, 0.0), (16, 0.1))
 
 
-#: Points from which on a run with a time limit begins with these searches, and up to which all pairs of points
-#: may be arcs: a search among 20,000 points takes 15 s.
+#: Limits on the number of points: up to FEW the exact search is quick enough. Above MANY, if all pairs of points are
+#: arcs, these searches take too long: one among 20,000 points takes 15 s.
 FEW, MANY = 20, 2000
 #: Share of the time limit for these searches, and their most seconds, which bound the memory as well.
 SHARE, SECONDS = 0.2, 2.0
