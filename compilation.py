@@ -14,11 +14,13 @@ import struct
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 log = logging.getLogger("crosstrack")
 
-__all__ = ["is_cached", "name_by_key", "request", "serve"]
+__all__ = ["is_cached", "may_be_cached", "name_by_key", "request", "serve"]
 
 #: Niceness of the background process: it must not slow the run that it serves.
 _NICE = 10
@@ -26,6 +28,24 @@ _NICE = 10
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
 _requested: set[bytes] = set()
+
+
+def may_be_cached(function: Callable[..., Any]) -> bool:
+    """Return False if Numba's cache on disk holds nothing of `function`; it is found without importing Numba.
+
+    Parameters
+    ----------
+    function : callable
+        The Python function of a kernel.
+    """
+    source = Path(function.__code__.co_filename)
+    own = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(own) if own else source.parent / "__pycache__"
+    name = function.__qualname__
+    if "<" in name or not (own or os.access(folder, os.W_OK)):
+        return True  # Numba changes the name, or takes a folder of the user
+    pattern = f"{source.stem}.{name}-*.nbi"
+    return any(folder.glob(f"*/{pattern}" if own else pattern))
 
 
 def is_cached(dispatcher: Any, arguments: tuple[Any, ...]) -> bool:

@@ -212,6 +212,8 @@ class Kernel:
             raise _DoesNotFit
         if seconds + _PER_BYTECODE * size <= _SHARE * left:
             return
+        if "numba" not in sys.modules and not compilation.may_be_cached(self.py_func):
+            raise _DoesNotFit  # and the import of Numba, about half a second, is saved
         with _compiling:  # Numba's registries are not safe for threads
             known = arguments is not None and compilation.is_cached(self.dispatcher, arguments)
         if not known:

@@ -13,10 +13,10 @@ from ..models.fields import Flag, Optional
 from ..models.model import Model, as_model
 from ..models.records import given
 from ..models.verification import TOLERANCE, Verification, check_tolerance
+from . import fallback
 from .backend import Backend, Control, Guarantee
 from .environment import require_accounts
 from .execution import execute, multistart
-from .fallback import go_on
 from .isolation import in_worker
 from .job import Job
 from .output import shown
@@ -65,7 +65,8 @@ def solve(
     backend : str or Backend
         A name from :func:`crosstrack.backends`, or ``"auto"``: the first installed exact backend,
         native algorithms before programs, else one that also proves a bound. If it fails, the next
-        exact backends continue for the rest of the time. The statistics list the backends tried.
+        exact backends continue for the rest of the time. Under a time limit, a native heuristic
+        precedes a local solver of programs. The statistics list the backends tried.
     formulation : str, optional
         Name of the formulation, for a backend that solves programs. Default: that of the model.
     formulation_options, backend_options : mapping, optional
@@ -142,10 +143,18 @@ def solve(
     assert isinstance(job.backend, Backend)
     chosen = isinstance(backend, str) and backend == "auto"
     job = replace(job, has_fallback=chosen and job.backend.guarantee is Guarantee.EXACT)
+    left = job.after(time.perf_counter() - begin)
+
+    def run(one: Job) -> Solution[Any]:
+        return run_job(one, isolate, on_incumbent)
+
     with shown(verbose):
-        solution = run_job(job, isolate, on_incumbent)
+        first = fallback.begin(left, run) if chosen else None
+        solution = run(job.after(time.perf_counter() - begin))
         if job.has_fallback:
-            solution = go_on(job, solution, lambda one: run_job(one, isolate, on_incumbent))
+            solution = fallback.go_on(left, solution, run)
+        solution = fallback.better(job, first, solution)
+    solution = replace(solution, options=job.options())
     return solution.lasting(time.perf_counter() - begin)
 
 

@@ -25,6 +25,8 @@ __all__ = ["GAP", "LEAST_MEMORY", "UNPOLISHED", "Job", "Target", "check_memory"]
 GAP = 1e-6
 #: Smallest memory limit in MiB, below which Python with NumPy cannot run.
 LEAST_MEMORY = 64.0
+#: Share of the time limit that a run gets even if imports and the start of a worker took longer.
+LEAST_SHARE = 0.5
 #: Default options of solvers of quadratic programs in comparisons: the solver's own precision.
 UNPOLISHED: Mapping[str, Any] = {"polish": False}
 
@@ -159,6 +161,16 @@ class Job:
             raise UnsupportedOption(f"verbose must be True or False, got {self.verbose!r}")
         if self.stop is not None and not isinstance(self.stop, Criterion):
             raise UnsupportedOption(f"stop must be a Criterion, got {show(self.stop)}")
+
+    def after(self, seconds: float) -> Job:
+        """Return the job with the time that is left of its limit after so many seconds of imports and starts.
+
+        It is at least :data:`LEAST_SHARE` of the limit, so that a slow start leaves time for a plan.
+        """
+        if self.time_limit is None:
+            return self
+        left = max(self.time_limit - seconds, LEAST_SHARE * self.time_limit)
+        return replace(self, time_limit=left)
 
     def resolved(self) -> Job:
         """Return the job with its backend looked up and ``"auto"`` decided."""

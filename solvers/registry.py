@@ -29,6 +29,7 @@ __all__ = [
     "fitting",
     "is_ours",
     "is_plain",
+    "native_heuristics",
     "recommended",
     "register_backend",
     "rivals",
@@ -150,6 +151,11 @@ class _Declared:
     name: str
     problem: str
     target: Any
+
+    @property
+    def solves_programs(self) -> bool:
+        """Whether it is one of :data:`_SOLVERS`."""
+        return not self.problem and isinstance(self.target, str)
 
     def load(self) -> Backend:
         """Return the backend; raise ``BackendBroken`` with the cause if it cannot be loaded."""
@@ -408,12 +414,16 @@ def _candidates(model: Model[Any]) -> Iterator[_Declared]:
     own = _problems(model)
     yield from (entry for entry in _declared() if entry.problem in own)
     general, step = set(own), model.lower()
+    writes_programs = bool(model.formulations) or not own
     while step is not None:
         general |= _problems(step)
+        writes_programs |= bool(step.formulations)
         step = step.lower()
     # Backends of other problems are not loaded, because they may import further libraries.
     others = set(PROBLEMS) - general | own
-    yield from (entry for entry in _declared() if entry.problem not in others)
+    for entry in _declared():
+        if entry.problem not in others and (writes_programs or not entry.solves_programs):
+            yield entry
 
 
 def _loadable(model: Model[Any]) -> Iterator[Backend]:
@@ -464,6 +474,14 @@ def exact(model: Model[Any], formulation: str | None = None) -> Iterator[Backend
     """Yield the installed exact backends that can solve `model`, the recommended one first."""
     for backend, _ in _takers(model, formulation):
         if backend.guarantee is Guarantee.EXACT:
+            yield backend
+
+
+def native_heuristics(model: Model[Any]) -> Iterator[Backend]:
+    """Yield the installed heuristics that take `model` itself."""
+    for backend, step in _takers(model, None):
+        native = step is model and isinstance(model, backend.accepts)
+        if native and backend.guarantee is Guarantee.HEURISTIC:
             yield backend
 
 

@@ -29,7 +29,6 @@ import sys
 import threading
 import time
 import traceback
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
@@ -226,10 +225,9 @@ def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.
     from .running import PATIENCE
 
     job, sent = payload
-    if job.counts_compilation and job.time_limit is not None:
+    if job.counts_compilation:
         # The clock is shared by all processes of a machine: the limit includes the start of this one.
-        spent = min(max(time.monotonic() - sent, 0.0), job.time_limit)
-        job = replace(job, time_limit=max(job.time_limit - spent, 1e-3))
+        job = job.after(max(time.monotonic() - sent, 0.0))
     model = job.model
     asking = Asking(channel) if model.is_blinded else None
 

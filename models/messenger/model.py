@@ -102,6 +102,11 @@ class MessengerTour(TourData, Model[TourPlan]):
         """
         return verify_tour(self, plan, tolerance)
 
+    @property
+    def preferred_backend(self) -> str:
+        """The search that proves a bound. Solvers of programs, all local, are not even loaded."""
+        return "tour-search"
+
     def plan_to_data(self, plan: TourPlan) -> Any:
         """Return the plan as ``{"order", "times", "points", "start", "primitives"}``."""
         return plan.to_data()

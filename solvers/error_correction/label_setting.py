@@ -25,6 +25,10 @@ class LabelSetting(RoutingBackend):
     finds is accepted if it is simple, and otherwise the points it repeats become critical (see
     :mod:`.elementary`), because dominance that ignores visited points would discard a longer way
     that has not yet used a point which the shorter one needs again.
+
+    A run that reaches its time limit returns the best of the routes of the starter and of
+    :func:`~crosstrack.solvers.resource_routing.first.route_in_time`. It ends without a plan only if
+    neither search found a route; above 2,000 points the starter alone searches.
     """
 
     name = "label-setting"

@@ -40,9 +40,11 @@ class RoutingBackend(RouteSearch):
     def find(
         self, problem: ErrorCorrectionRouting, cutoff: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
-        """Search the arrays of `problem`."""
+        """Search the arrays of `problem`; a run with a time limit reports a first route before."""
         from .airspace import airspace
 
+        if request.time_limit is not None:
+            _report_first(problem, request)
         return self.search(airspace(problem), problem.revisits, cutoff, request)
 
     def measure(self, problem: ErrorCorrectionRouting, plan: Route) -> float:
@@ -54,6 +56,18 @@ class RoutingBackend(RouteSearch):
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Return the best route no longer than `ceiling`, and statistics of the algorithm's own."""
+
+
+def _report_first(problem: ErrorCorrectionRouting, request: Request) -> None:
+    """Report a route that needs no compiled loops, if a search finds one."""
+    from ..resource_routing.first import route_in_time
+
+    route = route_in_time(problem.lower(), request)
+    if route is None:
+        return
+    checked = problem.verify(route)
+    if checked.ok and not checked.within_tolerance and checked.objective is not None:
+        request.control.incumbent(checked.objective, route)
 
 
 class PrintedSearch(RoutingBackend):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...jit import OutOfTime
 from ...models.fleet_mission.curves import lengths_of
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.model import MinimumSnap
@@ -158,7 +159,10 @@ def fly(
         "velocity_limit": problem.velocity_limit * unit,
         "acceleration_limit": problem.acceleration_limit * unit**2,
     }
-    answer = programmed(backend, MinimumSnap(points, seconds / unit, **boxes), request, threads)
+    try:
+        answer = programmed(backend, MinimumSnap(points, seconds / unit, **boxes), request, threads)
+    except OutOfTime:  # its loops could not be compiled
+        return best._replace(programs=1)
     if answer.point is None:
         return best._replace(programs=1)
     first = slowed(problem, answer.point, unit)
@@ -168,8 +172,11 @@ def fly(
         model = MinimumSnap(points, first.times * share, **boxes, **limits)
         found: Trajectory | None = first
         if share < 1.0:
-            found = programmed(backend, model, request, threads).point
             programs += 1
+            try:
+                found = programmed(backend, model, request, threads).point
+            except OutOfTime:
+                break
         if found is not None and model.verify(found, tolerance=request.tolerance).ok:
             high = share
             along = float(lengths_of(found, 1e-9).sum())

@@ -9,8 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...jit import clock
+from ...jit import OutOfTime, clock
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ...models.fleet_mission.model import FleetMission
@@ -24,9 +25,12 @@ from ..backend import Answer, Backend, Feature, Guarantee, Option, Request, Term
 from .corridor import Cell, Corridor, corridor, crossed
 from .delays import departures
 from .flight import Flight, fly, resting
+from .neighbours import NeighbourWays
 from .stages import Stages, Unanswered, planned, taking
 
 __all__ = ["Staged"]
+
+Floats = NDArray[np.float64]
 
 #: Seconds for the routing of each node where none are said.
 SECONDS_A_NODE = 0.04
@@ -89,21 +93,23 @@ class Staged(Backend):
         if left is not None:
             seconds = min(seconds, ROUTING_SHARE * left)
         with stages.clock("distances"):
-            costs = distances(problem.map, problem.cells)
+            ways = None if left is None else NeighbourWays(problem)
+            costs = _distances(problem, ways)
         routes = stages.routed(router, seconds, costs)
         with stages.clock("paths"):
-            ways = self._corridors(stages, searcher, [[0, *route, 0] for route in routes.routes])
-        counts["segments"] = sum(len(way.lower) for way in ways)
+            stops = [[0, *route, 0] for route in routes.routes]
+            corridors = self._corridors(stages, searcher, stops, ways)
+        counts["segments"] = sum(len(way.lower) for way in corridors)
         counts["polyline length"] = float(
-            sum(np.hypot(*np.diff(way.knots, axis=0).T).sum() for way in ways)
+            sum(np.hypot(*np.diff(way.knots, axis=0).T).sum() for way in corridors)
         )
         with stages.clock("trajectories"):
-            flights = self._flights(stages, solver, ways)
+            flights = self._flights(stages, solver, corridors)
         counts["minimum-snap problems"] = sum(one.programs for one in flights)
-        plan, found = self._put_together(stages, routes, ways, flights)
+        plan, found = self._put_together(stages, routes, corridors, flights)
         if not found.ok:  # what a solver's digits broke, rest keeps
-            flights = [Flight(resting(problem, way), 0, True) for way in ways]
-            plan, found = self._put_together(stages, routes, ways, flights)
+            flights = [Flight(resting(problem, way), 0, True) for way in corridors]
+            plan, found = self._put_together(stages, routes, corridors, flights)
         counts["robots that rest at knots"] = sum(one.rests for one in flights)
         if not found.ok:
             return Answer(Termination.NO_SOLUTION, stages.stopped(), message=found.summary())
@@ -122,9 +128,16 @@ class Staged(Backend):
             return plan, problem.verify(plan, tolerance=tolerance)
 
     def _corridors(
-        self, stages: Stages, searcher: Backend, stops: list[list[int]]
+        self,
+        stages: Stages,
+        searcher: Backend,
+        stops: list[list[int]],
+        along: NeighbourWays | None,
     ) -> list[Corridor]:
-        """Return the corridor of each robot's way over its stops (0 the depot, then the nodes)."""
+        """Return the corridor of each robot's way over its stops (0 the depot, then the nodes).
+
+        A way that `searcher` has no time for leads along neighbours.
+        """
         problem, grid = stages.problem, stages.problem.map
         margin = stages.request.options["margin"] * grid.cell
         same = 1e-7 * grid.cell
@@ -137,7 +150,7 @@ class Staged(Backend):
                 if np.hypot(*(ends[1] - ends[0])) <= same:
                     chains.append([])
                     continue
-                path = stages.path(searcher, start, goal, Connectivity.ANY)
+                path = _path(stages, searcher, start, goal, along)
                 chain = crossed(grid, np.concatenate([ends[:1], path, ends[1:]]))
                 if chain is None:
                     lost = Answer(Termination.NO_SOLUTION, message="a path leaves the free cells")
@@ -157,3 +170,28 @@ class Staged(Backend):
             return [flown(way) for way in ways]
         with ThreadPoolExecutor(threads) as pool:
             return list(pool.map(flown, ways))
+
+
+def _distances(problem: FleetMission, along: NeighbourWays | None) -> Floats:
+    """Return the lengths between all places, by compiled loops or, if they take too long, by SciPy."""
+    if along is None:
+        return distances(problem.map, problem.cells)
+    if along.are_many:
+        return along.distances()
+    try:
+        return distances(problem.map, problem.cells)
+    except OutOfTime:
+        return along.distances()
+
+
+def _path(
+    stages: Stages, searcher: Backend, start: int, goal: int, along: NeighbourWays | None
+) -> Floats:
+    """Return a path between two places, along neighbours if the time does not suffice for `searcher`."""
+    try:
+        return stages.path(searcher, start, goal, Connectivity.ANY)
+    except (Unanswered, OutOfTime):
+        path = None if along is None else along.path(start, goal)
+        if path is None:
+            raise
+        return path

@@ -114,6 +114,8 @@ class Stages:
         with self.clock("routing"):
             answer = self.request.within(backend, routing, time_limit=seconds)
         found = answer.point
+        if found is None and seconds is not None and answer.limit is not None:
+            found = _split(costs, problem.vehicles)
         checked = None if found is None else routing.verify(found)
         if checked is None or not checked.ok:
             raise Unanswered("routing", answer)
@@ -140,6 +142,16 @@ class Stages:
         """Return the limit that ends the run, None where it may go on."""
         control = self.request.control
         return (control.reason or Limit.INTERRUPTED) if control.stopped else None
+
+
+def _split(costs: Floats, vehicles: int) -> FleetPlan:
+    """Return a nearest-neighbour tour cut into routes of equal numbers of nodes, for a run without time."""
+    left, at, tour = set(range(1, len(costs))), 0, []
+    while left:
+        at = min(left, key=lambda node: (costs[at, node], node))
+        left.remove(at)
+        tour.append(at)
+    return FleetPlan(tuple(tuple(part.tolist()) for part in np.array_split(tour, vehicles)))
 
 
 def planned(

@@ -15,7 +15,7 @@ from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
 from .annealing import anneal
-from .chain import confine
+from .chain import confine, fly
 from .emission import Chain, move_to_boundary
 from .last_leg import shorten_last_leg
 from .rim_flight import fly_to_rims
@@ -104,6 +104,8 @@ class _Search:
         request, options = self.request, self.request.options
         if request.warm_start is not None:
             self.offer(request.warm_start)
+        if request.time_limit is not None:
+            self.fly_nearest()
         if self.problem.start is not None:  # quick for any number of vehicles
             self.anneal(1, self.flown(self.nearest()))
         if self.best is None or not self.many:
@@ -212,13 +214,26 @@ class _Search:
             orders = [order for order, _ in found]
         return orders[:KEPT]
 
+    def fly_nearest(self) -> None:
+        """Offer the tour of :meth:`nearest`, which takes milliseconds without compiled loops."""
+        problem, chain = self.problem, self.nearest()
+        end = fly(
+            chain.order, chain.count, 1, problem.closed, chain.nodes, chain.poses, problem.speed,
+            problem.turning_radius, math.inf, chain.times,
+        )  # fmt: skip
+        if end < math.inf:
+            self.offer(chain.plan())
+
     def nearest(self) -> Chain:
         """Return the chain that meets next whichever vehicle is reached first by a straight line."""
         problem = self.problem
-        assert problem.start is not None
         chain = Chain(problem, interior=self.request.options["interior"])
-        place, time = problem.start[:2].copy(), 0.0
         left = np.arange(problem.size)
+        if problem.start is None:  # a chain begins at vehicle 0
+            place, left = problem.positions[0].copy(), left[1:]
+        else:
+            place = problem.start[:2].copy()
+        time = 0.0
         rest = problem.speed**2 - np.square(problem.velocities).sum(axis=1)
         while left.size:
             apart = problem.positions[left] + problem.velocities[left] * time - place

@@ -41,6 +41,9 @@ class ResourceLabelling(RouteSearch):
     search is exact as it is. Without them, the walk it finds is accepted if it is simple, and
     otherwise the points that it repeats become critical (see :mod:`.elementary`), and the ceiling on
     the length rises from what is proven, so that labels may ignore what they cannot visit below it.
+
+    A run that reaches its time limit returns the best route of the searches with few labels per point. It
+    ends without a plan only if none of them found a route.
     """
 
     name = "resource-labelling"
@@ -57,8 +60,8 @@ class ResourceLabelling(RouteSearch):
         """Return the best route no longer than `cutoff`, and the number of arcs.
 
         If all pairs of points are arcs, points far from the straight line are left out first. A run with
-        a time limit begins with searches that keep few labels per point, see :mod:`.start`; it returns
-        their route if it is stopped.
+        a time limit begins with searches that keep few labels per point, see :mod:`.first` and
+        :mod:`.start`; it returns their route if it is stopped.
         """
         import numpy as np
 
@@ -66,6 +69,7 @@ class ResourceLabelling(RouteSearch):
         from .start import Start
 
         start = Start(problem, request)
+        start.begin()
         made = settled = 0
         for rows, proven, ceiling in _stages(problem, cutoff):
             found, arcs = _under(problem, rows, ceiling, request.control.flag, start)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.route import Route
 from ..backend import Request
+from .first import route_in_time
 from .narrow_kernels import narrow
 from .network import Network
 
@@ -37,15 +38,27 @@ class Start:
         The model.
     request : Request
         Time limit and control of the run; without a time limit nothing is searched.
+
+    Attributes
+    ----------
+    searched : bool
+        Whether a search of a network found a route.
     """
 
     problem: ResourceRouting
     request: Request
     route: Route | None = None
     length: float = math.inf
+    searched: bool = False
+
+    def begin(self) -> None:
+        """Search without compiled loops, so that a route is known if no time is left to compile."""
+        route = route_in_time(self.problem, self.request)
+        if route is not None:
+            self._keep(route)
 
     def search(self, net: Network, ahead: NDArray[np.float64], rows: NDArray[np.int64]) -> None:
-        """Search `net`, unless a route is known, and report each shorter route.
+        """Search `net`, unless another one led to a route, and report each shorter route.
 
         Parameters
         ----------
@@ -57,7 +70,7 @@ class Start:
             The points.
         """
         whole, control = self.request.time_limit, self.request.control
-        if whole is None or self.route is not None or len(self.problem.kinds) <= FEW:
+        if whole is None or self.searched or len(self.problem.kinds) <= FEW:
             return
         with control.stage(SEEKING * whole) as part:
             for width in WIDTHS:
@@ -66,6 +79,7 @@ class Start:
                         net, ahead, width, weight, self.problem.revisits, self.length, part.flag
                     )
                     if route.size:
+                        self.searched = True
                         self._keep(Route(tuple(rows[route].tolist())))
                     if part.stopped:
                         return

@@ -105,7 +105,8 @@ class KalmanGrnn(_Learning):
     The filter believes in the model's vehicle on these drives too, so what is wrong with it there and
     here is alike, and its errors are smaller and smoother than the angle. Far from all training drives
     the filter is left alone. The claimed deviation is that of the GRNN, in proportion to how much less
-    sure the filter is here than it was there.
+    sure the filter is here than it was there. A run that is stopped before it has learned returns the estimate
+    of the filter.
     """
 
     name = "kalman-grnn"
@@ -119,16 +120,16 @@ class KalmanGrnn(_Learning):
             for field in fields(problem)
             if field.name not in {"recording", "training", *problem.hidden_fields()}
         }
-        filtered = []
+        filtered: list[Estimate] = []
         for drive in (problem.recording, *problem.training):
-            if request.control.stopped:
-                return None
             alone = SideslipEstimation(recording=replace(drive, sideslip=None), **believed)
             one = KalmanFilter().estimate(alone, request)
             if one is None:
-                return None
+                return _uncorrected(filtered[0]) if filtered else None
             filtered.append(one)
         here, *there = filtered
+        if request.control.stopped:
+            return _uncorrected(here)
         window, own = self.window(problem, request)
         errors = []
         for drive, one in zip(problem.training, there, strict=True):
@@ -137,7 +138,7 @@ class KalmanGrnn(_Learning):
         learned = KernelRegression(training_set(problem.training, window, errors), **own)
         found = learned(window.features(problem.recording), lambda: request.control.stopped)
         if found is None:
-            return None
+            return _uncorrected(here)
         error, deviation, near = found
         claims = zip(problem.training, there, strict=True)
         usual = np.median(np.concatenate([one.deviation[drive.moving] for drive, one in claims]))
@@ -204,3 +205,9 @@ def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, flo
     if isinstance(learned, KernelRegression):
         said["width"] = learned.width
     return said
+
+
+def _uncorrected(filtered: Estimate) -> Estimate:
+    """Return the estimate of the Kalman filter for a run that was stopped before it had learned."""
+    words = "stopped before it had learned: the angles are the Kalman filter's"
+    return filtered._replace(message="; ".join(filter(None, (words, filtered.message))))

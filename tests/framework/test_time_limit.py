@@ -1,11 +1,15 @@
 """Wall-clock limits: compiling counts, and a run that has no time for it interprets its kernels."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import crosstrack as ct
 from crosstrack import compilation, jit
+from crosstrack.solvers import dispatch
+from crosstrack.solvers.job import Job
 
 COLD = """
 import sys, time
@@ -123,3 +127,64 @@ def test_an_interpreted_loop_ends_at_the_limit(monkeypatch):
         forever(np.zeros(1, np.int8))
     assert time.perf_counter() - begin < 5.0
     assert limit.interpreted == {"forever"}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "least", "most"), [(0.0, 10.0, 20.0), (3.0, 10.0, 17.0), (30.0, 10.0, 10.0)]
+)
+def test_the_limit_counts_the_imports_of_backends(monkeypatch, seconds, least, most):
+    """Half of it is left for the run, however long they take."""
+    limits, waited = [], [0.0]
+    resolved, run, clock = Job.resolved, dispatch.run_job, time.perf_counter
+
+    def resolve(job):
+        waited[0] = seconds
+        return resolved(job)
+
+    def run_job(job, *arguments):
+        limits.append(job.time_limit)
+        return run(job, *arguments)
+
+    monkeypatch.setattr(Job, "resolved", resolve)
+    monkeypatch.setattr(dispatch, "run_job", run_job)
+    fake = SimpleNamespace(perf_counter=lambda: clock() + waited[0])
+    monkeypatch.setattr(dispatch, "time", fake)
+    solution = ct.solve(ct.load("fleet/example"), time_limit=20.0)
+    assert least <= limits[0] <= most
+    assert solution.options["time_limit"] == 20
+
+
+def test_models_without_programs_load_no_solver_of_programs(run_python, tmp_path):
+    said = run_python(
+        "-c",
+        "import sys, crosstrack as ct\n"
+        "from crosstrack.solvers.registry import recommended\n"
+        "for name in ('black-box/easom', 'messenger/B-03-04', 'attractor/ar1'):\n"
+        "    print(recommended(ct.load(name)).name)\n"
+        "print([name for name in sys.modules if 'solvers.nlp' in name or 'solvers.mip' in name])\n",
+        cwd=tmp_path,
+    )
+    assert said.splitlines() == ["dual-annealing", "tour-search", "full-analysis", "[]"]
+
+
+CACHED = """
+import sys
+from counted import count
+from crosstrack import compilation, jit
+print(compilation.may_be_cached(count.py_func), "numba" in sys.modules)
+if sys.argv[1:] == ["compile"]:
+    import numpy as np
+    count.compile_for((np.zeros(3), (1.5, 2), np.zeros(1, int)))
+"""
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_the_cache_is_looked_up_without_importing_numba(run_python, tmp_path, own):
+    (tmp_path / "counted.py").write_text(MODULE)
+    (tmp_path / "__pycache__").mkdir()
+    where = {"NUMBA_CACHE_DIR": str(tmp_path / "cache") if own else ""}
+    said = [
+        run_python("-c", CACHED, *given, cwd=tmp_path, **where).split()
+        for given in (["compile"], [])
+    ]
+    assert said == [["False", "False"], ["True", "False"]]

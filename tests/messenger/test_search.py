@@ -8,10 +8,12 @@ import pytest
 from numpy.random import default_rng
 
 import crosstrack as ct
+from crosstrack import jit
 from crosstrack.instances.messenger import generate
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.checks import integrated
 from crosstrack.models.messenger.dubins import dubins_length
+from crosstrack.solvers.messenger import search
 from crosstrack.solvers.messenger.chain import arrive
 from crosstrack.solvers.messenger.emission import Chain, cut
 
@@ -263,3 +265,17 @@ def test_chains_of_other_models_are_not_shared():
     other = chain.copy()
     other.poses[:] = 1.0
     assert not chain.poses[:-1].any()
+
+
+@pytest.mark.parametrize("interior", [True, False])
+@pytest.mark.parametrize(
+    "fields", [{}, {"start": None, "closed": True, "fastest": 0.0}, {"turning_radius": 0.0}]
+)
+def test_a_run_without_time_to_compile_returns_the_nearest_tour(monkeypatch, fields, interior):
+    def out_of_time(*arguments):
+        raise jit.OutOfTime
+
+    monkeypatch.setattr(search, "anneal", out_of_time)
+    model = drawn(15, 4, **fields)
+    solution = ct.solve(model, "tour-search", time_limit=60, backend_options={"interior": interior})
+    assert solution.termination == "feasible" and solution.plan is not None

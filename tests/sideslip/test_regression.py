@@ -490,6 +490,20 @@ def test_bad_options_are_refused(name, own):
         find_backend(name).checked_options(own)
 
 
+def test_a_run_stopped_before_it_has_learned_returns_the_filtered_angles(monkeypatch):
+    control = Control()
+
+    def stop(*arguments):
+        control.stop(Limit.TIME)
+
+    monkeypatch.setattr(KernelRegression, "__call__", stop)
+    model = problem(drive(0), [drive(1), drive(2)])
+    answer = estimate("kalman-grnn", model, control)
+    filtered = estimate("kalman-filter", model, Control())
+    np.testing.assert_array_equal(answer.point.sideslip, filtered.point.sideslip)
+    assert answer.limit is Limit.TIME and "before it had learned" in answer.message
+
+
 def test_a_stopped_run_has_no_estimate():
     control = Control()
     control.stop(Limit.TIME)
