@@ -125,9 +125,18 @@ BACK = replace(
 )
 
 
+def both(scale, share):
+    """Exceed both limits: the larger limit by the larger amount, the other by the larger share."""
+    limits = [
+        7 * SPEED / 16 / (1.0 + 0.9 * share * TOLERANCE),
+        7 * SPEED / 20 / (1.0 + share * TOLERANCE),
+    ]
+    return verified(BACK, scale, velocity_limit=limits)
+
+
 def far(scale, share):
     """Ten thousand kilometres from the origin, digits leave open more than the tolerance allows."""
-    shift = np.array([-1e7, -1e7])
+    shift = np.array([-1e7, 0.0])
     noise = 1e-13 * 1e7 + 1e-9 * 0.5
     model = small()
     moved = replace(
@@ -240,6 +249,7 @@ LIMITS = {
         limit("velocity_limit", 7 * SPEED / 20, 0),
         limit("velocity_limit", 7 * SPEED / 20, 1),
         limit("velocity_limit", 7 * SPEED / 16, 0, BACK),
+        both,
     ],
     "acceleration within its limit": [
         limit("acceleration_limit", 7 * PUSH / 400, 0),
@@ -286,6 +296,26 @@ def test_one_fault_is_named(name, fault, scale):
     assert_only(name, found)
     assert (found.violated[0].worst, found.violated[0].where) == (1.0, where)
     assert (found.objective is None) == (name == "one route for each robot")
+
+
+def test_places_of_violations_are_named():
+    fast = verified(BACK, velocity_limit=0.9)
+    assert_only("velocity within its limit", fast)
+    assert fast.violated[0].where == "robot 0, axis 0 (t = 68 s)"
+    deep = verified(along(3.85)(0.0))
+    assert_only("radius away from obstacles", deep)
+    assert deep.violated[0].where.startswith("robot 0 (t = ")
+    assert deep.violated[0].where.endswith(", y 3.85 m")
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("objective", ["sum", "range"])
+def test_a_range_is_compared_relative_to_the_lengths(objective, scale):
+    loads = np.array([2 * np.hypot(7, 1) + 12, 2 * np.hypot(1, 7)])
+    found = verified(flight(), scale, objective=objective)
+    value, size = (np.ptp(loads), loads.mean()) if objective == "range" else (loads.sum(), 0.0)
+    assert found.objective == pytest.approx(scale * value, rel=1e-9)
+    assert found.scale == pytest.approx(scale * size, rel=1e-9)
 
 
 def test_no_distance_between_robots_is_reported_but_not_required():
