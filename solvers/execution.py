@@ -33,7 +33,7 @@ __all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
 #: Seconds of a first start whose time is used up before it began.
 NO_TIME = 1e-9
 #: Share of the time limit that interpreted kernels may use if another backend can go on. Another backend needs
-#: 0.6 s for `minimum-snap/corridor-10`, so that 0.5 leaves too little of 1 s.
+#: 0.5 s for `minimum-snap/corridor-10`, so that 0.5 leaves too little of 1 s.
 INTERPRETED = 0.35
 #: Seconds of the first start above which the other starts run in processes of their own.
 LONG = 1.0
