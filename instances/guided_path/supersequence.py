@@ -104,9 +104,11 @@ def supersequence_of(model: GuidedPathTour, plan: GuidedPathPlan, letters: str =
             f"got {show(min(others, default=float(model.coordinates[0])))}",
             field="coordinates",
         )
-    found = model.verify(required("plan", plan, GuidedPathPlan))
-    if not found.ok:
-        raise InvalidData(f"plan must be valid, it breaks: {found.violated[0].name}", field="plan")
+    verification = model.verify(required("plan", plan, GuidedPathPlan))
+    if not verification.ok:
+        raise InvalidData(
+            f"plan must be valid, it breaks: {verification.violated[0].name}", field="plan"
+        )
     places: Iterable[float] = (float(model.coordinates[customer]) for customer in plan.order)
     runs = (place for place, _ in itertools.groupby(places))
     return "".join(letters[PLACES.index(place)] for place in runs if place != HUB)

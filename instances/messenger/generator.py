@@ -86,12 +86,12 @@ def generate(
             field="sparsity",
         )
     unit = rng.random((count, 2))
-    side = float(_rounded(mean / pdist(unit).mean(), mean, _SIDE))
+    side = float(_round(mean / pdist(unit).mean(), mean, _SIDE))
     headings, speeds = 2.0 * np.pi * rng.random(count), fastest * rng.random(count)
     velocities = speeds[:, None] * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     data = {
         "positions": side * unit,
-        "velocities": _rounded(velocities, speed, _VELOCITY),
+        "velocities": _round(velocities, speed, _VELOCITY),
         "radius": near,
         "speed": speed,
         "turning_radius": turning,
@@ -99,6 +99,6 @@ def generate(
     return MessengerTour.from_data(data, name=name)
 
 
-def _rounded(value: ArrayLike, size: float, digits: int) -> Any:
+def _round(value: ArrayLike, size: float, digits: int) -> Any:
     """Return `value` rounded to `digits` digits, counted from the first digit of `size`."""
     return np.round(np.asarray(value), digits - 1 - math.floor(math.log10(size)))

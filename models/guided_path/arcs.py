@@ -112,8 +112,8 @@ class ArcsFormulation(KeptFormulation):
         arc[tails, heads] = x
         i, j, k = (part.ravel() + 1 for part in np.indices((size - 1,) * 3))
         may = ~kept.closure.T
-        most = (arc[j, i] >= 0).astype(int) + may[i, j] + may[j, k] + may[k, i]
-        i, j, k = np.stack([i, j, k])[:, (i != j) & (j != k) & (k != i) & (most > 2)]
+        count = (arc[j, i] >= 0).astype(int) + may[i, j] + may[j, k] + may[k, i]
+        i, j, k = np.stack([i, j, k])[:, (i != j) & (j != k) & (k != i) & (count > 2)]
         rows = np.arange(i.size)
         back = arc[j, i] >= 0
         orders = [(i, j), (j, k), (k, i)]
@@ -145,13 +145,13 @@ class ArcsFormulation(KeptFormulation):
 
     def decode(self, point: Floats) -> GuidedPathPlan:
         """Return the service order along the arcs; available customers are served when they are passed."""
-        held = Array((self.program.size,)).coerce("point", point, {})
-        tails, heads = (ends[held[: ends.size] > 0.5] for ends in self._arcs)
+        values = Array((self.program.size,)).coerce("point", point, {})
+        tails, heads = (ends[values[: ends.size] > 0.5] for ends in self._arcs)
         follows = dict(zip(tails.tolist(), heads.tolist(), strict=True))
-        numbers, stops, at = self._numbers, list[int](), 0
+        numbers, stops, customer = self._numbers, list[int](), 0
         for _ in numbers:
-            at = follows.get(at, 0)
-            if not at:
+            customer = follows.get(customer, 0)
+            if not customer:
                 break
-            stops.append(numbers[at])
+            stops.append(numbers[customer])
         return GuidedPathPlan(served(self.model, stops))

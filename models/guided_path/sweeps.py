@@ -206,10 +206,10 @@ class SweepsFormulation(KeptFormulation):
         enough = enough_sweeps(self._gaps, objective)
         if self.sweeps is not None or enough >= self.enough:
             return self
-        found = copy(self)
-        found.__dict__.pop("program", None)
-        found.__dict__["enough"] = enough
-        return found
+        formulation = copy(self)
+        formulation.__dict__.pop("program", None)
+        formulation.__dict__["enough"] = enough
+        return formulation
 
     def fitted(self, plan: GuidedPathPlan) -> SweepsFormulation:
         """Return the formulation with at least as many sweeps as `plan` has."""
@@ -235,23 +235,23 @@ class SweepsFormulation(KeptFormulation):
             The walk has more sweeps than the program; use :meth:`fitted` first.
         """
         ends, sweep = self._walk(plan)
-        most = self.count + 1
-        if len(ends) > most:
+        limit = self.count + 1
+        if len(ends) > limit:
             raise InvalidData(
                 f"order must make at most {self.count} sweeps, got {len(ends) - 1}",
                 field="order",
             )
-        ends += [ends[-1]] * (most - len(ends))
+        ends += [ends[-1]] * (limit - len(ends))
         right = np.array(ends)[:, None] > np.arange(self._gaps.lengths.size)
-        done = np.arange(1, most)[:, None] >= np.array(sweep)
+        done = np.arange(1, limit)[:, None] >= np.array(sweep)
         return np.concatenate([right.ravel(), done.ravel()]).astype(float)
 
     def decode(self, point: Floats) -> GuidedPathPlan:
         """Return the service order along the sweeps; available customers are served when they are passed."""
-        held = Array((self.program.size,)).coerce("point", point, {})
+        values = Array((self.program.size,)).coerce("point", point, {})
         numbers, at = self._numbers, self._gaps.at
         size = self._gaps.lengths.size
-        right = held[: (self.count + 1) * size].reshape(self.count + 1, size)
+        right = values[: (self.count + 1) * size].reshape(self.count + 1, size)
         ends = np.rint(right).sum(axis=1)
         # Any customer at a place represents it.
         whose = dict(zip(at.tolist(), numbers, strict=True))

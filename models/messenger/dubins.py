@@ -211,12 +211,12 @@ def shortest(
     phi = h1 - h0
     sin, lift = sine_and_lift(phi)
     best, best_word = (math.inf, math.inf, math.inf), 0
-    least = math.inf
+    best_length = math.inf
     for word in range(6):
-        found = word_local(u, v, phi, sin, lift, r, slack, word, least)
-        length = found[0] + found[1] + found[2]
-        if length < least:
-            least, best, best_word = length, found, word
+        lengths = word_local(u, v, phi, sin, lift, r, slack, word, best_length)
+        length = lengths[0] + lengths[1] + lengths[2]
+        if length < best_length:
+            best_length, best, best_word = length, lengths, word
     return best[0], best[1], best[2], best_word
 
 

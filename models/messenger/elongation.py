@@ -204,12 +204,12 @@ def elongated(
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     side = L if v >= 0.0 else R
     first, second, word = relaxed_local(u, v, r, slack)
-    least = first + second
+    shortest = first + second
     v = abs(v)
     slight = NO_TURN * (d + r) + slack
-    if not d < math.inf or d < least - slight:
+    if not d < math.inf or d < shortest - slight:
         return 0.0, 0.0, 0.0, S, S, S, False
-    if d <= least + slack:
+    if d <= shortest + slack:
         if word < 2:
             return first, second, 0.0, side, S, S, True
         return first, second, 0.0, -side, side, S, True

@@ -122,13 +122,13 @@ def intercept(
         elif has_gap(there_u, there_v, r, slack):
             kind = AHEAD if excess(AHEAD, t, c) < 0.0 else EDGES
         if kind >= AHEAD:
-            found = rising(kind, t, cut, c)
+            root = rising(kind, t, cut, c)
         else:
-            found = stepping(kind, t, cut, c.u, c.v + r, 3.0 * r, rate, c)
-        if found < math.inf and reachable(u + du * found, v + dv * found, r, speed * found, slack):
-            return t0 + found
+            root = stepping(kind, t, cut, c.u, c.v + r, 3.0 * r, rate, c)
+        if root < math.inf and reachable(u + du * root, v + dv * root, r, speed * root, slack):
+            return t0 + root
         # The root is a jump without a path, at which the point passes the start.
-        t = found if t < found < cut else cut
+        t = root if t < root < cut else cut
     return math.inf
 
 
@@ -164,13 +164,13 @@ def earliest(word: int, t: float, end: float, c: Chase) -> float:
         if not low < high:
             return math.inf
         return stepping(word, low, high, x, y, 4.0 * c.r, 4.0 * c.r, c)
-    found = math.inf
-    while t < end and not found < math.inf:
+    root = math.inf
+    while t < end and not root < math.inf:
         cut = min(next_turn(word, t, c), end)
         margin = MARGIN * min(cut - t, t + (norm(c.u, c.v) + c.r) / c.speed)
-        found = rising(word, t + margin, cut - margin, c)
+        root = rising(word, t + margin, cut - margin, c)
         t = cut
-    return found
+    return root
 
 
 @kernel(interpretable=True)
@@ -220,11 +220,11 @@ def intercept_heading(
     for word in range(6):
         length = -excess(word, 0.0, c) if close else math.inf
         if pace == 0.0 or length <= slack:
-            found = length / speed
+            root = length / speed
         else:
-            found = earliest(word, begin, best, c)
-            if found < math.inf and abs(excess(word, found, c)) > EXACT * (speed * found + r):
-                found = math.inf
-        if found < best:
-            best, best_word = found, word
+            root = earliest(word, begin, best, c)
+            if root < math.inf and abs(excess(word, root, c)) > EXACT * (speed * root + r):
+                root = math.inf
+        if root < best:
+            best, best_word = root, word
     return t0 + best, best_word

@@ -62,11 +62,11 @@ class Layout(NamedTuple):
 
     def split(self, x: Any) -> dict[str, Any]:
         """Return the blocks of a column vector by name."""
-        at, found = 0, {}
+        start, blocks = 0, {}
         for name, size in self.sizes.items():
-            found[name] = x[at : at + size]
-            at += size
-        return found
+            blocks[name] = x[start : start + size]
+            start += size
+        return blocks
 
 
 def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]) -> dict[str, Any]:
@@ -178,17 +178,19 @@ def tour(
     """
     letters = "".join(words)
     legs = np.repeat(np.arange(len(words)), [len(word) for word in words])
-    said = np.zeros(len(letters)) if directions is None else directions
+    initial = np.zeros(len(letters)) if directions is None else directions
     pieces = [
         Primitive(int(leg), turn, float(length), float(heading))
-        for leg, turn, length, heading in zip(legs, letters, lengths, said, strict=True)
+        for leg, turn, length, heading in zip(legs, letters, lengths, initial, strict=True)
     ]
     n = len(order)
     bare = TourPlan(tuple(order), np.zeros(n), np.zeros((n, 2)), start, tuple(pieces))
     poses = integrated(bare, model.turning_radius)
     ends = np.searchsorted(legs, np.arange(n), side="right")
     flown = np.concatenate([[0.0], np.cumsum(lengths)])
-    headed = (one._replace(heading=float(h)) for one, h in zip(pieces, poses[:, 2], strict=False))
+    headed = (
+        piece._replace(heading=float(h)) for piece, h in zip(pieces, poses[:, 2], strict=False)
+    )
     return replace(
         bare, times=flown[ends] / model.speed, points=poses[ends, :2], primitives=tuple(headed)
     )
@@ -203,11 +205,11 @@ def words_of(model: MessengerTour, plan: TourPlan) -> tuple[str, ...]:
         The leg number of a primitive is out of range.
     """
     words = [""] * (model.size + model.closed)
-    for row, one in enumerate(plan.primitives):
-        if not 0 <= one.leg < len(words):
+    for row, primitive in enumerate(plan.primitives):
+        if not 0 <= primitive.leg < len(words):
             raise InvalidData(
-                f"primitives[{row}].leg must lie in 0 … {len(words) - 1}, got {one.leg}",
+                f"primitives[{row}].leg must lie in 0 … {len(words) - 1}, got {primitive.leg}",
                 field="primitives",
             )
-        words[one.leg] += one.turn
+        words[primitive.leg] += primitive.turn
     return tuple(words) if model.turning_radius > 0 else ("S",) * len(words)

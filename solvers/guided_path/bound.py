@@ -124,8 +124,8 @@ class Tables:
 
     def root(self) -> int:
         """Return the lower bound on the length of every tour, in units."""
-        most = self.crossings.max(axis=0, initial=0).astype(np.int64)
-        return int(self.length @ (most + most % 2))
+        limits = self.crossings.max(axis=0, initial=0).astype(np.int64)
+        return int(self.length @ (limits + limits % 2))
 
 
 def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints]:
@@ -165,13 +165,13 @@ def _crossings(model: GuidedPathData, number: Ints, place: Ints, gaps: int) -> N
     after: list[list[int]] = [[] for _ in range(model.size)]
     for one, other in model.pairs:
         after[one].append(int(number[other]))
-    found = np.zeros((model.size - 1, gaps), np.int16)
+    crossings = np.zeros((model.size - 1, gaps), np.int16)
     for c in reversed(model.sorted_customers):
-        row = found[number[c]]
+        row = crossings[number[c]]
         here = int(place[number[c]])
         for other in (*after[c], -1):
             # The start has the last index, and no crossings follow it.
-            way = found[other].copy() if other >= 0 else np.zeros(gaps, np.int16)
+            way = crossings[other].copy() if other >= 0 else np.zeros(gaps, np.int16)
             way[slice(*sorted((here, int(place[other]))))] += 1
             np.maximum(row, way, out=row)
-    return found
+    return crossings

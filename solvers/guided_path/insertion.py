@@ -89,12 +89,12 @@ class ChainBackend(Backend):
         members = np.array([c for chain in chains for c in chain], np.int64)
         starts = np.cumsum([0, *map(len, chains)])
         order = np.zeros(len(members), np.int64)
-        done = self.loop()(
+        finished = self.loop()(
             small.coordinates, small.closure, members, starts, order, request.control.flag
         )
         plan = None
         counts: Mapping[str, float | int | str] = {"chains": len(chains)}
-        if done:
+        if finished:
             stops = [numbers[c] for c in order.tolist()]
             walk = served if request.options["passing"] else passed
             plan = GuidedPathPlan(walk(problem, stops))

@@ -135,8 +135,8 @@ class OrderSearch:
     @property
     def bound(self) -> float:
         """Lower bound proven so far, in m."""
-        least = self._open[0].bound if self._open else math.inf
-        return min(least, self._settled, self._cutoff) * self.field.unit
+        lower = self._open[0].bound if self._open else math.inf
+        return min(lower, self._settled, self._cutoff) * self.field.unit
 
     @property
     def best(self) -> Ordered | None:
@@ -172,7 +172,7 @@ class OrderSearch:
             if self.bound >= min(self._cutoff, self._settled * (1 - gap)) * self.field.unit:
                 return True
             if node.path is None:
-                heapq.heapreplace(self._open, self._solved(node))
+                heapq.heapreplace(self._open, self._solve_node(node))
                 continue
             heapq.heappop(self._open)
             children = self._children(node)
@@ -181,20 +181,20 @@ class OrderSearch:
                     break
                 node = heapq.heappop(children)
                 if node.path is None:
-                    heapq.heappush(children, self._solved(node))
+                    heapq.heappush(children, self._solve_node(node))
                     continue
                 # A dive expands this node next; its siblings stay open.
-                for one in children:
-                    heapq.heappush(self._open, one)
+                for child in children:
+                    heapq.heappush(self._open, child)
                 children = self._children(node)
             if dive <= 0:
                 dive = self._dive_every
             dive -= 1
-            for one in children:
-                heapq.heappush(self._open, one)
+            for child in children:
+                heapq.heappush(self._open, child)
         return True
 
-    def _solved(self, node: _Node) -> _Node:
+    def _solve_node(self, node: _Node) -> _Node:
         path = self.chains.solve(self.field.chain(node.order))
         bound = max(node.bound, path.bound)
         return _Node(bound, node.lacking, node.number, node.order, path)
@@ -229,16 +229,16 @@ class OrderSearch:
             bounds = np.empty(places)
             insertions(*data, stops, path.directions, path.points, path.times, vehicle, bounds)
             bounds = np.maximum(bounds, node.bound)
-            found = (float(bounds.min()), float(missed[vehicle]))
-            if found > score:
-                chosen, score, worst = vehicle, found, bounds
+            candidate = (float(bounds.min()), float(missed[vehicle]))
+            if candidate > score:
+                chosen, score, worst = vehicle, candidate, bounds
         children = []
         # Without a fixed start, the first vehicle of the order stays first.
         shift = int(field.free)
         for place, bound in enumerate(worst.tolist()):
             self.made += 1
-            at = place + shift
-            order = (*node.order[:at], chosen, *node.order[at:])
+            position = place + shift
+            order = (*node.order[:position], chosen, *node.order[position:])
             if bound < self._cutoff:
                 children.append(_Node(bound, node.lacking - 1, self.made, order))
             else:
@@ -346,8 +346,8 @@ def best_orders(
     """
     search = OrderSearch(model)
     search.run(lambda: stopped(search), lambda bound: None, gap)
-    found = sorted(search.tours.values(), key=lambda one: one.length)
-    return [(one.order, one.length) for one in found[:most]]
+    tours = sorted(search.tours.values(), key=lambda ordered: ordered.length)
+    return [(ordered.order, ordered.length) for ordered in tours[:most]]
 
 
 def guide(model: MessengerTour, order: Sequence[int]) -> Guide:

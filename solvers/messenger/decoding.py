@@ -297,9 +297,9 @@ def trace(
         noise = 1e-13 * (abs(x) + abs(y) + r + speed * t + math.hypot(px - x, py - y))
         noise += 1e-10 * fleet[i, 4]
         high = genes[i, 1]
-        least = relaxed_length(x, y, h, px + vx * high, py + vy * high, r)
-        short = abs(least - speed * high)
-        if noise < short <= craft[5] + ROUNDING * least:
+        shortest = relaxed_length(x, y, h, px + vx * high, py + vy * high, r)
+        short = abs(shortest - speed * high)
+        if noise < short <= craft[5] + ROUNDING * shortest:
             more = 2.0 * short / (speed - math.hypot(vx, vy))
             low, high = max(high - more, 0.0), high + more
             for _ in range(60):

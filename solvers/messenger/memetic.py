@@ -44,23 +44,23 @@ class Memetic(RandomRival):
         from .decoding import KAPPA
         from .memetic_kernels import evolve
 
-        own, n = request.options, flight.problem.size
-        size = own["population"] * n
+        options, n = request.options, flight.problem.size
+        size = options["population"] * n
         orders, genes = np.zeros((size, n), np.int64), np.zeros((size, n, 2))
         costs, best, value = np.empty(size), np.inf, np.inf
-        flight.craft[5] = own.get("margin", 0.0)
-        for number in range(own["generations"] + 1):
+        flight.craft[5] = options.get("margin", 0.0)
+        for number in range(options["generations"] + 1):
             if number and request.control.stopped:
                 break
             k = evolve(
-                number, orders, genes, costs, flight.fleet, flight.craft, own["mutation"],
-                self.timed, self.transformed, own["period"], own["step"], own.get("samples", 0),
+                number, orders, genes, costs, flight.fleet, flight.craft, options["mutation"],
+                self.timed, self.transformed, options["period"], options["step"], options.get("samples", 0),
                 flight.rng, flight.flag, flight.poses,
             )  # fmt: skip
             if costs[k] < value:
                 value = costs[k]
                 # The penalty of an infeasible individual exceeds the margin times κ.
-                if value < KAPPA * own.get("margin", np.inf) or not self.timed:
+                if value < KAPPA * options.get("margin", np.inf) or not self.timed:
                     best = min(best, flight.offer(orders[k], genes[k]))
         return float(best)
 

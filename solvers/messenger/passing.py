@@ -65,7 +65,7 @@ def trace(
     pieces[0, 0], pieces[0, 1], pieces[0, 2] = where(nodes[order[0]], poses[order[0]], 0.0)
     pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
     pieces[0, 7], pieces[0, 8] = pieces[0, 0], pieces[0, 1]
-    found = 1
+    size = 1
     for k in range(1, count + closed):
         i = order[k - 1]
         x, y, h = where(nodes[i], poses[i], times[k - 1])
@@ -73,8 +73,8 @@ def trace(
         # Closed tours return only to a start at rest.
         ex, ey, eh = where(nodes[j], poses[j], times[k] if k < count else 0.0)
         length = speed * (times[k] - times[k - 1]) if k < count else 0.0
-        found = _cut(x, y, h, times[k - 1], ex, ey, eh, k, speed, r, length, pieces, found)
-    return found
+        size = _cut(x, y, h, times[k - 1], ex, ey, eh, k, speed, r, length, pieces, size)
+    return size
 
 
 @kernel
