@@ -1,7 +1,8 @@
 """Sequential ordering problems of TSPLIB (``.sop``) whose distances are those of a line.
 
-The first node of a file is the start, and the last one is the end, at the place of the start. An entry
-of -1 in row i and column j means that node j precedes node i. Other entries are distances from i to j.
+The first node of a file is the start, and the last one is the end, at the place of the start. An
+entry of -1 in row i and column j means that node j precedes node i. Other entries are distances
+from i to j.
 
 Source: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991.
 """
@@ -38,8 +39,8 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
     """Return the tour of a TSPLIB file with a sequential ordering problem.
 
     Distances determine neither the direction nor the origin of the line. The start is at 0, and the
-    node farthest from it is to the right. Customers are the nodes 2, 3, … of the file, in order. The
-    relation is stated as chains if possible, otherwise as the fewest pairs.
+    node farthest from it is to the right. Customers are the nodes 2, 3, … of the file, in order.
+    The relation is stated as chains if possible, otherwise as the fewest pairs.
 
     Parameters
     ----------
@@ -54,9 +55,9 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
     Raises
     ------
     InvalidData
-        The file is not such a problem, a number is missing or malformed, the relation has a cycle, or
-        the distances differ from those of a line by more than 1e-9 of the longest distance. The message
-        contains the file, and the nodes if applicable.
+        The file is not such a problem, a number is missing or malformed, the relation has a cycle,
+        or the distances differ from those of a line by more than 1e-9 of the longest distance. The
+        message contains the file, and the nodes if applicable.
     """
     file = as_path(path)
     matrix = _matrix(file)
@@ -122,7 +123,8 @@ def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
     apart[mutual] = apart.T[mutual]
     np.fill_diagonal(apart, 0.0)
     far = int(apart[0].argmax())
-    # A node is on the side of the far node if its distance to the far node is the shorter alternative.
+    # A node is on the side of the far node if its distance to the far node is the shorter
+    # alternative.
     ahead = np.abs(apart[far] - (apart[0, far] - apart[0])) <= np.abs(
         apart[far] - (apart[0, far] + apart[0])
     )

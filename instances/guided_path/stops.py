@@ -1,10 +1,10 @@
 """Stops of a guided vehicle in CSV and Excel files, and instances that refer to such or to SOP files.
 
 A file has a header with the column ``coordinate`` and any of ``id``, ``chain``, ``place`` and ``after``, in
-any order. The first row below it is the start. Rows with the same entry of ``chain`` form a chain, in the
-order of ``place``, or of the rows if this column is missing. An empty cell means no chain. A cell of
-``after`` lists the stops that must precede, separated by spaces: by their ids, or without ids by their row
-numbers, where the start has number 0.
+any order. The first row below it is the start. Rows with the same entry of ``chain`` form a chain,
+in the order of ``place``, or of the rows if this column is missing. An empty cell means no chain. A
+cell of ``after`` lists the stops that must precede, separated by spaces: by their ids, or without
+ids by their row numbers, where the start has number 0.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
         The file is an Excel file, and openpyxl is not installed.
     InvalidData
         A column is missing, repeated or unknown; a row has a wrong length; a value is not a finite
-        number; an id is empty or repeated; the start is in a chain or after others; a place in a chain
-        is empty or repeated; a stop is unknown; or the file has no stops. The message contains file,
-        line, column and value.
+        number; an id is empty or repeated; the start is in a chain or after others; a place in a
+        chain is empty or repeated; a stop is unknown; or the file has no stops. The message
+        contains file, line, column and value.
     """
     table = read_columns(path, _check_header, _convert, what="stops", field="coordinates")
     data: dict[str, Any] = {"coordinates": table["coordinate"]}
@@ -127,8 +127,8 @@ def _convert(text: str, where: str, name: str) -> float | str | None:
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     """Return instance data with the stops read from their file.
 
-    ``"coordinates": "file.csv"`` refers to a file of stops, ``"sop": "file.sop"`` to a sequential ordering
-    problem of TSPLIB on a line.
+    ``"coordinates": "file.csv"`` refers to a file of stops, ``"sop": "file.sop"`` to a sequential
+    ordering problem of TSPLIB on a line.
     """
     result = dict(data)
     if isinstance(result.get("sop"), str):

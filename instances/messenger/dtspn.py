@@ -1,8 +1,8 @@
 """Public instances of the Dubins travelling salesman problem with neighbourhoods.
 
-Each line of a file contains the centre and the radius of a disc, ``x y radius``. The third number in
-the file's name is the turning radius, in hundredths. Tours are closed, all discs are at rest, and the
-start is free. Source: https://github.com/comrob/OptimalDTSPN.
+Each line of a file contains the centre and the radius of a disc, ``x y radius``. The third number
+in the file's name is the turning radius, in hundredths. Tours are closed, all discs are at rest,
+and the start is free. Source: https://github.com/comrob/OptimalDTSPN.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ def read_dtspn(
     Raises
     ------
     InvalidData
-        A value is not a finite number, a radius is negative, a line does not have three numbers, the
-        file is empty, or the name contains no turning radius. The message contains file, line and
-        value.
+        A value is not a finite number, a radius is negative, a line does not have three numbers,
+        the file is empty, or the name contains no turning radius. The message contains file, line
+        and value.
     """
     file = as_path(path)
     if turning_radius is None:
@@ -108,8 +108,8 @@ def read_best_known(path: str | os.PathLike[str]) -> dict[str, tuple[float, floa
     Raises
     ------
     InvalidData
-        A column is missing, a value is not a finite number, a name repeats, or a lower bound exceeds
-        the upper one. The message contains file, line and value.
+        A column is missing, a value is not a finite number, a name repeats, or a lower bound
+        exceeds the upper one. The message contains file, line and value.
     """
     file = as_path(path)
     # csv.DictReader yields `restval` for missing cells, and the key None for surplus cells.

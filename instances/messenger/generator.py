@@ -21,7 +21,8 @@ __all__ = ["generate"]
 
 #: Maximum number of vehicles: the sparsity takes quadratic time and memory.
 MOST = 10_000
-#: Significant digits of the square's side, and of velocities relative to the UAV's speed: fewer than
+#: Significant digits of the square's side, and of velocities relative to the UAV's speed: fewer
+#: than
 #: the digits on which sums and sines of different machines agree.
 _SIDE, _VELOCITY = 12, 9
 
@@ -39,16 +40,16 @@ def generate(
 ) -> MessengerTour:
     """Return an open tour over vehicles that begin uniformly in a square, with the UAV at its corner.
 
-    The square is scaled to the given sparsity. Headings of vehicles are uniform, and speeds uniform up
-    to `fastest`. The UAV begins at (0, 0) and flies in the direction of y.
+    The square is scaled to the given sparsity. Headings of vehicles are uniform, and speeds uniform
+    up to `fastest`. The UAV begins at (0, 0) and flies in the direction of y.
 
     Parameters
     ----------
     vehicles : int
         Number of vehicles, 2 to 10,000.
     sparsity : float
-        κ_P: mean distance of two vehicles minus twice the radius, divided by the turning radius. It may
-        be negative, as long as the mean distance is positive.
+        κ_P: mean distance of two vehicles minus twice the radius, divided by the turning radius. It
+        may be negative, as long as the mean distance is positive.
     seed : int
         Seed, at least 0. The same seed yields the same vehicles.
     radius : float
@@ -58,7 +59,8 @@ def generate(
     speed : float
         Speed of the UAV, in m/s (paper: v_A).
     fastest : float
-        Strict upper limit on the speed of the vehicles, in m/s, below `speed`; 0 for vehicles at rest.
+        Strict upper limit on the speed of the vehicles, in m/s, below `speed`; 0 for vehicles at
+        rest.
     name : str
         Name of the model.
 

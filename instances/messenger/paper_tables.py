@@ -1,7 +1,7 @@
 """Our values of the paper's result tables.
 
-The number of runs per cell is that of :class:`~crosstrack.instances.paper.Trials` for up to 10 vehicles,
-half of it for 20 and two fifths for more, because these runs take seconds.
+The number of runs per cell is that of :class:`~crosstrack.instances.paper.Trials` for up to 10
+vehicles, half of it for 20 and two fifths for more, because these runs take seconds.
 """
 
 from __future__ import annotations

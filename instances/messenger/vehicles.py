@@ -33,8 +33,8 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``positions`` (m), and ``velocities`` (m/s), ``radius`` (m) and ``ids`` if the file has them: the
-        arguments of :class:`~crosstrack.models.messenger.MessengerTour`.
+        ``positions`` (m), and ``velocities`` (m/s), ``radius`` (m) and ``ids`` if the file has
+        them: the arguments of :class:`~crosstrack.models.messenger.MessengerTour`.
 
     Raises
     ------
@@ -42,8 +42,8 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
         The file is an Excel file, and openpyxl is not installed.
     InvalidData
         A column is missing, repeated or unknown, a row has a wrong length, a value is not a finite
-        number, an id is empty, or the file has no vehicles. The message contains file, line, column and
-        value.
+        number, an id is empty, or the file has no vehicles. The message contains file, line, column
+        and value.
     """
     table = read_columns(path, _check_header, _convert, what="vehicles", field="positions")
     data: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}

@@ -1,8 +1,8 @@
 """Gaps between places along the path, and a lower bound on the crossings of each gap.
 
 A tour that visits a chain of customers crosses a gap whenever two consecutive customers are on
-different sides of it. The largest number of crossings over all chains of the relation is a lower bound
-for every tour. A tour is closed, so it crosses each gap to the left as often as to the right.
+different sides of it. The largest number of crossings over all chains of the relation is a lower
+bound for every tour. A tour is closed, so it crosses each gap to the left as often as to the right.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class Gaps:
     def lengths(self) -> NDArray[np.float64]:
         """Length of each gap, in m.
 
-        Coordinates are interpreted as their shortest decimal representation, so the length between 0.1
-        and 0.3 is 0.2. Integer solvers then need few digits.
+        Coordinates are interpreted as their shortest decimal representation, so the length between
+        0.1 and 0.3 is 0.2. Integer solvers then need few digits.
         """
         exact = [Fraction(repr(place)) for place in self.places.tolist()]
         return np.array([float(b - a) for a, b in itertools.pairwise(exact)], float)

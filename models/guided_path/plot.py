@@ -44,7 +44,8 @@ Floats = NDArray[np.float64]
 
 #: Largest numbers of customers with names, and with large dots.
 _MOST_NAMES, _MOST_LARGE = 40, 120
-#: Largest numbers of chains with a panel beside the tour, with row labels, and with lines in the tour.
+#: Largest numbers of chains with a panel beside the tour, with row labels, and with lines in the
+#: tour.
 _MOST_BESIDE, _MOST_ROWS, _MOST_LINES = 12, 24, 7
 #: Largest number of pairs that are drawn as lines.
 _MOST_PAIRS = 400

@@ -24,20 +24,20 @@ _ROUNDING = 1e-4
 def turning(gaps: Gaps, side: int) -> Iterator[int]:
     """Yield the customers at which a shortest tour may turn after a sweep to one side.
 
-    Let a tour turn at a place x after a sweep to the right (the left is its mirror image), and let C be
-    the set of customers that it serves there. Between this visit of x and the previous and next ones,
-    the tour is left of x. Serve those members of C without a predecessor served since the previous
-    visit at that visit. Serve the others, if they have no successor served before the next visit, at
-    the next visit. If this serves all of C, the tour can turn before x and becomes shorter. So in a
-    shortest tour some c of C has both
+    Let a tour turn at a place x after a sweep to the right (the left is its mirror image), and let
+    C be the set of customers that it serves there. Between this visit of x and the previous and
+    next ones, the tour is left of x. Serve those members of C without a predecessor served since
+    the previous visit at that visit. Serve the others, if they have no successor served before the
+    next visit, at the next visit. If this serves all of C, the tour can turn before x and becomes
+    shorter. So in a shortest tour some c of C has both
 
     * a predecessor served since the previous visit, therefore left of x, or no previous visit exists;
     * a successor served before the next visit, therefore left of x, or no next visit exists.
 
-    Relations within C transfer these to a member with a direct predecessor left of x, or without any,
-    and a direct successor not right of x, or without any. Before the first visit, and after the last
-    one, the tour is left of x, and so is the start. Each customer is served once, so the turns have
-    distinct customers.
+    Relations within C transfer these to a member with a direct predecessor left of x, or without
+    any, and a direct successor not right of x, or without any. Before the first visit, and after
+    the last one, the tour is left of x, and so is the start. Each customer is served once, so the
+    turns have distinct customers.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
 
     A tour that begins to the left has an empty first sweep to the right.
 
-    With c_g crossings of gap g to the right, and as many to the left, c_p-1 of them reach place p from
-    the left and c_p leave it to the right. Those that do not turn there are common to both. So R turns
-    to the left and L turns to the right satisfy R - L = c_p-1 - c_p; at the start, at which the tour
-    begins and ends, up to one more or less. Each c_g is at least the number that chains require, R and
-    L are at most the number of customers of :func:`turning` at p, and the length of all crossings is at
-    most `length`. A linear program maximises the number of turns.
+    With c_g crossings of gap g to the right, and as many to the left, c_p-1 of them reach place p
+    from the left and c_p leave it to the right. Those that do not turn there are common to both. So
+    R turns to the left and L turns to the right satisfy R - L = c_p-1 - c_p; at the start, at which
+    the tour begins and ends, up to one more or less. Each c_g is at least the number that chains
+    require, R and L are at most the number of customers of :func:`turning` at p, and the length of
+    all crossings is at most `length`. A linear program maximises the number of turns.
 
     Parameters
     ----------

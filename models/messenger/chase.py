@@ -58,7 +58,7 @@ class Chase(NamedTuple):
 
 @kernel
 def excess(kind: int, t: float, c: Chase) -> float:
-    """Return the length flown at time `t` minus the path length, in m: negative before the encounter."""
+    """Return the length flown at `t` minus the path length, in m: negative before the encounter."""
     u, v, flown = c.u + c.du * t, c.v + c.dv * t, c.speed * t
     if kind >= 0:
         first, second, third = word_local(u, v, c.phi, c.sin, c.lift, c.r, c.slack, kind)
@@ -186,7 +186,7 @@ def stepping(
 
 @kernel
 def crossings(x: float, y: float, circle: float, c: Chase) -> tuple[float, float]:
-    """Return the two times at which the point is on a circle, (`x`, `y`) from its centre at 0, or inf."""
+    """Return both times at which the point, (`x`, `y`) from the centre at 0, is on a circle, or inf."""
     pace = norm(c.du, c.dv)
     aside = (x * c.dv - y * c.du) / pace
     square = circle * circle - aside * aside

@@ -33,7 +33,8 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
     plan : TourPlan
         The tour.
     turning_radius : float
-        Turning radius, in m. With 0, the UAV turns on the spot to the heading of the next primitive.
+        Turning radius, in m. With 0, the UAV turns on the spot to the heading of the next
+        primitive.
 
     Returns
     -------
@@ -89,7 +90,8 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     lengths = np.array([item.length for item in plan.primitives])
     poses = integrated(plan, model.turning_radius)
     flown = np.concatenate([[0.0], np.cumsum(lengths)])
-    # Index of the pose at the end of each leg: after the last primitive with this leg number or a lower one.
+    # Index of the pose at the end of each leg: after the last primitive with this leg number or a
+    # lower one.
     ends = np.searchsorted(legs, np.arange(len(plan.order)), side="right")
     met = np.array(plan.order, int)
     size = _sizes(model)
@@ -164,7 +166,7 @@ def decidable_length(model: TourData) -> float:
 
 
 def _sizes(model: TourData) -> Floats:
-    """Return the size of each vehicle's position tolerance (m): its radius, or its share of the field."""
+    """Return the position scale of each vehicle (m): its radius, or its share of the field."""
     room = model.extent / model.size
     return np.where(model.radius > 0, model.radius, room)
 

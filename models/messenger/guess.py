@@ -132,7 +132,8 @@ def _delay(
     pose : ndarray, shape (3,)
         Pose of the UAV at the start of the leg.
     goal, heading, rate : ndarray of shape (2,), float, ndarray of shape (2,)
-        Encounter of the straight flight (m), heading there (rad), and velocity of the vehicle (m/s).
+        Encounter of the straight flight (m), heading there (rad), and velocity of the vehicle
+        (m/s).
     r, word : float, str or None
         Turning radius (m) and word of the leg.
     after : float

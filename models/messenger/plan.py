@@ -28,8 +28,8 @@ class Primitive(NamedTuple):
     Parameters
     ----------
     leg : int
-        Leg number: 0 leads to the first vehicle of the order, k to the next k-th vehicle. The last leg
-        of a closed tour leads back.
+        Leg number: 0 leads to the first vehicle of the order, k to the next k-th vehicle. The last
+        leg of a closed tour leads back.
     turn : {"L", "S", "R"}
         Left turn, straight line or right turn.
     length : float

@@ -43,7 +43,8 @@ Floats = NDArray[np.float64]
 VEHICLE, NAME = axis_style(1)["color"], axis_style(5)["color"]
 #: Indices of the colours of the legs, in cyclic order: all but those of vehicles and of black.
 _LEGS = (0, 2, 3, 4, 5)
-#: Largest numbers of encounters and of vehicles that are all labelled; beyond, every tenth encounter is.
+#: Largest numbers of encounters and of vehicles that are all labelled; beyond, every tenth
+#: encounter is.
 _MOST_NUMBERS, _MOST_NAMES = 45, 25
 #: Share of the map below which the first half of the encounters gets a map of its own.
 _CROWDED = 0.2

@@ -30,11 +30,13 @@ Ints = NDArray[np.int64]
 
 #: Largest scaled row violation that is corrected after a solve, and the number of Newton steps.
 MENDED, ROUNDS = 1e-3, 4
-#: Lower bound on the scale of a row, as a share of the leg's length: smaller scales are below rounding.
+#: Lower bound on the scale of a row, as a share of the leg's length: smaller scales are below
+#: rounding.
 FINEST = 1e-3
 #: Scaled slack up to which a row is active, before and after the correction.
 SPARE, LEAST = 1e-6, 1e-11
-#: Rounding of the tip of a cone, as a share of the typical length of a leg: solvers fail to converge to
+#: Rounding of the tip of a cone, as a share of the typical length of a leg: solvers fail to
+#: converge to
 #: a leg of length 0 at a sharp tip.
 BLUNT = 1e-5
 
@@ -65,10 +67,10 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     order : sequence of int, optional
         Order of the vehicles. Default: the vehicle met soonest on a straight line comes next.
     words : sequence of str, optional
-        Turns of each leg, such as ``"LSR"``, of any number of letters. A closed tour has one leg more
-        than vehicles. Default: the words of the shortest paths, with each heading halfway between the
-        directions of the leg before and the leg after. If the turning radius is 0, every word is
-        ``"S"``.
+        Turns of each leg, such as ``"LSR"``, of any number of letters. A closed tour has one leg
+        more than vehicles. Default: the words of the shortest paths, with each heading halfway
+        between the directions of the leg before and the leg after. If the turning radius is 0,
+        every word is ``"S"``.
 
     Raises
     ------
@@ -85,7 +87,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     summary = "lengths of the turns and lines of a given order, as a nonlinear program"
     program_type = NonlinearProgram
     relaxes = False
-    # The tolerance of a position is relative to the radius, and a row of squares doubles the violation.
+    # The tolerance of a position is relative to the radius, and a row of squares doubles the
+    # violation.
     precision = 0.1
 
     def __post_init__(self) -> None:
@@ -297,7 +300,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         Parameters
         ----------
         plan : TourPlan
-            Plan with the order of the formulation. The turns of each leg must be a subsequence of its word.
+            Plan with the order of the formulation. The turns of each leg must be a subsequence of
+            its word.
 
         Returns
         -------
@@ -360,8 +364,9 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     def decode(self, point: Floats) -> TourPlan:
         """Return the tour with the lengths of `point`, flown from the start.
 
-        Rows hold only up to the tolerance of a solver, and their residuals add up along the tour. If the
-        tour is not feasible up to rounding, the nearest columns that satisfy the rows are used.
+        Rows hold only up to the tolerance of a solver, and their residuals add up along the tour.
+        If the tour is not feasible up to rounding, the nearest columns that satisfy the rows are
+        used.
         """
         point = np.asarray(point, float)
         plan = self._tour(point, SPARE)

@@ -1,7 +1,8 @@
 """Euclidean relaxation of a tour for a given order: a second-order cone program.
 
-Without the limit on curvature, a tour that meets the vehicles in a given order is a sequence of legs,
-each at least as long as the distance between its ends. With the length flown s = v t in place of the
+Without the limit on curvature, a tour that meets the vehicles in a given order is a sequence of
+legs, each at least as long as the distance between its ends. With the length flown s = v t in place
+of the
 time, and W = V / v, the program is::
 
     minimise    s_L

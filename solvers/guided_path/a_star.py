@@ -1,10 +1,10 @@
 """``a-star``: exact search for tours along a path, with a proven gap if a limit ends it.
 
 Serving an available customer when passing it is always optimal. A state is therefore a position and
-the number of customers served in each chain, and it has at most two successors: the nearest available
-customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in buckets. A
-beam search with the same bound provides the first incumbent, and wider beams improve it from time to
-time.
+the number of customers served in each chain, and it has at most two successors: the nearest
+available customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in
+buckets. A beam search with the same bound provides the first incumbent, and wider beams improve it
+from time to time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ FEW = 8192
 BUCKETS = 1 << 14
 #: Growth factor of the capacity.
 GROWTH = 4
-#: Maximum number of sample states whose bounds the shares raise, drawn from the best tenth of open states.
+#: Maximum number of sample states whose bounds the shares raise, drawn from the best tenth of open
+#: states.
 SAMPLES, TENTH = 24, 10
 #: Expansions before the shares of the chains are computed and the search restarts; no limit.
 EARLY, FOREVER = 150_000, 1 << 62

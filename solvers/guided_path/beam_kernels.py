@@ -58,7 +58,7 @@ def _distinct(head: int, keys: Ints, costs: Ints, after: Links, table: Links, fr
 def _limit(
     head: int, costs: Ints, after: Links, width: int, tally: Ints
 ) -> tuple[int, int, int, int]:
-    """Return least rank, class width, the class that fills `width`, and the number of its states that fit."""
+    """Return least rank, class width, the class that fills `width`, and its number of states."""
     low, high, count, state = 0, 0, 0, head
     while state >= 0:
         rank = costs[state, 1]

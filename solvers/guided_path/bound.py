@@ -1,12 +1,12 @@
 """Lower bound on the remaining length of a tour along a path, and the tables of its search states.
 
-A state is a position and the number of customers served in each chain of the minimum chain cover. A gap
-is the interval between two neighbouring places. Each remaining path of the relation crosses a gap some
-number of times before it ends at the start, and the tour crosses it at least as often. So the sum over
-gaps of length times the largest remaining number of crossings is a lower bound. All paths from one
-position cross a gap an odd number of times, or all an even number. The crossings from the position to
-the first customer therefore need no table: the largest number is rounded up to the right parity. The
-bound is consistent: it decreases by at most the distance walked.
+A state is a position and the number of customers served in each chain of the minimum chain cover. A
+gap is the interval between two neighbouring places. Each remaining path of the relation crosses a
+gap some number of times before it ends at the start, and the tour crosses it at least as often. So
+the sum over gaps of length times the largest remaining number of crossings is a lower bound. All
+paths from one position cross a gap an odd number of times, or all an even number. The crossings
+from the position to the first customer therefore need no table: the largest number is rounded up to
+the right parity. The bound is consistent: it decreases by at most the distance walked.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ __all__ = ["Tables", "whole_lengths"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Binary digits of the largest coordinate difference, so that the sum of 5000 of them is an exact integer.
+#: Binary digits of the largest coordinate difference, so that the sum of 5000 of them is an exact
+#: integer.
 DIGITS = 44
 #: Bits used in a word of a state's key, without the sign and one spare bit.
 WORD = 62
@@ -33,8 +34,8 @@ WORD = 62
 def whole_lengths(places: Floats) -> tuple[Ints, float, bool]:
     """Return the gaps between sorted places as integers, their unit, and whether this is exact.
 
-    If no unit divides all gaps, the range is divided into 2^43 … 2^44 units and the gaps are rounded
-    down, so that integer lengths never exceed true lengths.
+    If no unit divides all gaps, the range is divided into 2^43 … 2^44 units and the gaps are
+    rounded down, so that integer lengths never exceed true lengths.
 
     Parameters
     ----------
@@ -76,7 +77,8 @@ class Tables:
     at : ndarray of int, shape (places,)
         Cumulative sums of `length`.
     crossings : ndarray of int16, shape (n, places - 1)
-        Largest number of crossings of each gap on a path of the relation from a customer to the start.
+        Largest number of crossings of each gap on a path of the relation from a customer to the
+        start.
     needs : ndarray of int, shape (n + 1,)
         Index of the first row of each customer in `needed`, and the number of rows.
     needed : ndarray of int, shape (m, 2)

@@ -1,7 +1,7 @@
 """Kernels of A* over the states of a tour along a path, with a hash table and buckets.
 
-States are numbered in the order of their discovery. An open state is in the doubly linked list of its
-bucket.
+States are numbered in the order of their discovery. An open state is in the doubly linked list of
+its bucket.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ Links = NDArray[np.int32]
 
 #: Return values of a search: exhausted, out of room, or paused.
 DONE, FULL, PAUSED = 0, 1, 2
-#: Entries of `info`: number of states, lowest bucket that may be non-empty, length of the best tour, its
+#: Entries of `info`: number of states, lowest bucket that may be non-empty, length of the best
+#: tour, its
 #: last state (-1 if the tour is not from this search), number of expansions.
 COUNT, LOWEST, BEST, GOAL, EXPANDED = 0, 1, 2, 3, 4
 #: Link of a state that is not open.

@@ -1,12 +1,12 @@
 """Stronger bound on tours along a path: groups of chains, each with a share of every gap's length.
 
-A tour of all chains serves each group. If the length of every gap is shared among the groups, the sum of
-the shortest tours of the groups, each with its own lengths, is at most the length of the shortest tour.
-The shares increase for a group whose tour crosses a gap more often than those of the others: the
-Lagrangian decomposition of M. Guignard and S. Kim, "Lagrangean decomposition: a model yielding stronger
-Lagrangean bounds", Mathematical Programming 39, 1987, with the step length of B. T. Polyak, "Minimization
-of unsmooth functionals", USSR Computational Mathematics and Mathematical Physics 9, 1969. The final
-tables bound every state, see :func:`.share_kernels.rest_of_shares`.
+A tour of all chains serves each group. If the length of every gap is shared among the groups, the
+sum of the shortest tours of the groups, each with its own lengths, is at most the length of the
+shortest tour. The shares increase for a group whose tour crosses a gap more often than those of the
+others: the Lagrangian decomposition of M. Guignard and S. Kim, "Lagrangean decomposition: a model
+yielding stronger Lagrangean bounds", Mathematical Programming 39, 1987, with the step length of B.
+T. Polyak, "Minimization of unsmooth functionals", USSR Computational Mathematics and Mathematical
+Physics 9, 1969. The final tables bound every state, see :func:`.share_kernels.rest_of_shares`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ LONG = 1 << 29
 MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
 #: Maximum number of ascent steps; minimum number with the final groups; work limit of these steps.
 FIRST, LEAST, WORK = 400, 2, 3e8
-#: Initial target for the relative increase of the bound, and number of steps without progress before it
+#: Initial target for the relative increase of the bound, and number of steps without progress
+#: before it
 #: is reduced, for small and for final groups; relative target at which the ascent ends.
 AIM, PATIENCE, END = (0.1, 0.02), (12, 3), 1e-4
 

@@ -1,4 +1,4 @@
-"""Kernels on single states of the searches for tours along a path; see :mod:`.bound` for the tables.
+"""Kernels on single search states of tours along a path; see :mod:`.bound` for the tables.
 
 The counts of a state are the numbers of customers served in each chain. Its key packs them and the
 place into words.
@@ -84,7 +84,7 @@ def neighbours(
 
 @kernel
 def serve(counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints) -> int:
-    """Serve all customers available at a place, also those that become available; return their number."""
+    """Serve all customers that are or become available at a place; return their number."""
     served, again = 0, True
     while again:
         again = False

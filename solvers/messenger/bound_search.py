@@ -1,10 +1,10 @@
 """Branch and bound by insertion: the shortest tour without curvature, over all orders.
 
 A node is an order of some of the vehicles. The length of the shortest path that meets these in this
-order is a lower bound for every tour that also meets the others in between. The search branches on a
-vehicle that this path misses: one child per place in the order. A path that misses none is a tour. The
-initial bound of a child is proven by its parent's directions with those of two legs replaced. A child
-is solved only when it has the smallest bound of the open nodes.
+order is a lower bound for every tour that also meets the others in between. The search branches on
+a vehicle that this path misses: one child per place in the order. A path that misses none is a
+tour. The initial bound of a child is proven by its parent's directions with those of two legs
+replaced. A child is solved only when it has the smallest bound of the open nodes.
 """
 
 from __future__ import annotations
@@ -121,7 +121,8 @@ class OrderSearch:
         self.tours: dict[tuple[int, ...], Ordered] = {}
         self.orders: list[tuple[float, tuple[int, ...]]] = []
         self.made = self.expanded = 0
-        # The reverse of a closed tour at rest has the same length, but another heading at its start.
+        # The reverse of a closed tour at rest has the same length, but another heading at its
+        # start.
         headed = self.chains.curved and model.heading is not None
         self._mirrored = model.closed and model.at_rest and not headed
         self._cutoff = cutoff / self.field.unit
@@ -208,7 +209,8 @@ class OrderSearch:
         data = self.chains.data
         misses(*data[:3], path.points, path.times, missed, where)
         missed[list(node.order)] = -math.inf
-        # With the curvature limit, vehicles on the path also add turns, so every vehicle is inserted.
+        # With the curvature limit, vehicles on the path also add turns, so every vehicle is
+        # inserted.
         near = -math.inf if self.chains.curved else NEAR
         left = np.flatnonzero(missed > near * (field.radii[:n] + 1.0))
         left = left[np.argsort(-missed[left], kind="stable")[:CANDIDATES]]
@@ -353,9 +355,9 @@ def best_orders(
 def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
     """Return poses at which a flight in a given order nearly attains its bound.
 
-    The encounter is on the boundary of the disc, opposite to the dual force, and its heading bisects
-    the directions of the legs. The result is exact if the bound is exact; otherwise it is an initial
-    guess for a search.
+    The encounter is on the boundary of the disc, opposite to the dual force, and its heading
+    bisects the directions of the legs. The result is exact if the bound is exact; otherwise it is
+    an initial guess for a search.
 
     Parameters
     ----------

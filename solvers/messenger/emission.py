@@ -118,7 +118,8 @@ def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float
     Returns
     -------
     float or None
-        Length flown (m) at a crossing close to `inside`; None if all ends of pieces are in the disc.
+        Length flown (m) at a crossing close to `inside`; None if all ends of pieces are in the
+        disc.
     """
     from scipy.optimize import brentq
 
@@ -145,7 +146,7 @@ def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float
 
 
 def move_to_boundary(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
-    """Return the same path with every vehicle met on its disc's boundary; None if this is impossible."""
+    """Return the same path with encounters on the boundaries; None if this is impossible."""
     poses = integrated(plan, problem.turning_radius)
     flown, pieces = 0.0, []
     for pose, primitive in zip(poses, plan.primitives, strict=False):
@@ -198,8 +199,8 @@ def cut(
     start : tuple of 3 float
         x, y (m), heading (rad).
     path : iterable of (int, float, float)
-        Sign of the curvature and length (m) of each primitive, and its heading (rad) if the UAV turns
-        on the spot.
+        Sign of the curvature and length (m) of each primitive, and its heading (rad) if the UAV
+        turns on the spot.
     stops : dict of int to float
         Length flown (m) at the encounter with each vehicle. An open tour ends at the last one.
 
@@ -215,7 +216,8 @@ def cut(
     points, primitives, number, flown = [], [], 0, 0.0
     for sign, length, towards in path:
         h = h if towards is None else towards
-        # Subtracting from the rest of the primitive avoids the cancellation of differences of `flown`.
+        # Subtracting from the rest of the primitive avoids the cancellation of differences of
+        # `flown`.
         rest, end = length, flown + length
         while number < len(order) and stops[order[number]] < end:
             step = min(max(stops[order[number]] - flown, 0.0), rest)

@@ -1,13 +1,13 @@
 """Last leg of an open tour: its final heading is free, and it ends on the boundary of the disc.
 
-The boundary of the region that a vehicle of bounded curvature reaches after a given length consists of
-ends of an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control 13,
-1975). The first contact with the disc is therefore the end of such a path.
+The boundary of the region that a vehicle of bounded curvature reaches after a given length consists
+of ends of an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control
+13, 1975). The first contact with the disc is therefore the end of such a path.
 
 - A line ends with the disc's centre straight ahead. Consider the times between those at which the centre
-  is ahead of the pose, or at which its distance to the turning circle equals the radius. Between them
-  the length of arc and line changes at most as fast as the disc moves, which is slower than the UAV:
-  at most one root exists, and it is bracketed.
+  is ahead of the pose, or at which its distance to the turning circle equals the radius. Between
+  them the length of arc and line changes at most as fast as the disc moves, which is slower than
+  the UAV: at most one root exists, and it is bracketed.
 - The ends of two arcs of a given length form a cardioid, whose critical points are roots of a quartic.
   Its distance to the centre changes by at most the sum of both displacements, so a step of the
   remaining distance cannot skip the first contact.
@@ -128,7 +128,7 @@ def shortest_to_disc(
 
 
 def _lines(q: complex, w: complex, reach: float, most: float) -> Iterator[Path]:
-    """Yield the paths of an arc and a line to a disc at `q` that moves by `w` per unit of length flown."""
+    """Yield the arc-line paths to a disc at `q` that moves by `w` per unit of length flown."""
     from scipy.optimize import brentq
 
     for sign in (1, -1):
@@ -196,7 +196,8 @@ def _nearest(q: complex, length: float) -> tuple[float, int, float]:
     """Return the distance from `q` to the ends of two-arc paths of a length, and the nearest path.
 
     Relative to the centre of the first circle, the ends are -2 z + k z² up to a factor i, with
-    z = exp(i arc) and k = exp(-i length). The distance is stationary at roots of a quartic polynomial.
+    z = exp(i arc) and k = exp(-i length). The distance is stationary at roots of a quartic
+    polynomial.
     """
     best = (math.inf, 0, 0.0)
     k = cmath.exp(-1j * length)

@@ -1,4 +1,4 @@
-"""The paper's memetic algorithm, its variant without transformation, and that for vehicles at rest."""
+"""The paper's memetic algorithm, and its variants without transformation and for rest."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["Memetic", "MemeticRelaxed", "MemeticUntransformed"]
 class Memetic(RandomRival):
     """MA: Algorithm 3 of the paper as printed, with the parameters of its Table II.
 
-    Individuals may violate their constraints, with a penalty (eq. 8). If the best individual violates
-    them by more than the margin, the run returns no plan.
+    Individuals may violate their constraints, with a penalty (eq. 8). If the best individual
+    violates them by more than the margin, the run returns no plan.
     """
 
     name = "memetic"

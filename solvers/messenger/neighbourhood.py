@@ -19,9 +19,9 @@ class VariableNeighbourhood(RandomRival):
 
     After R. Pěnička, J. Faigl, M. Saska and P. Váňa, "Data collection planning with non-zero sensing
     distance for a budget and curvature constrained unmanned aerial vehicle", Autonomous Robots 43 (2019)
-    1937-1956. Shaking moves a stretch of the order or exchanges two stretches. The local search then
-    tries N² changes: it moves one vehicle, exchanges two, or draws an angle. The paper does not print a
-    termination criterion.
+    1937-1956. Shaking moves a stretch of the order or exchanges two stretches. The local search
+    then tries N² changes: it moves one vehicle, exchanges two, or draws an angle. The paper does
+    not print a termination criterion.
     """
 
     name = "variable-neighbourhood"

@@ -1,10 +1,11 @@
 """Structured interior-point method for the lengths of a tour's primitives.
 
 The program is that of :mod:`crosstrack.models.messenger.motion`: non-negative lengths u of three
-primitives per leg lead from one state (x, y, heading, length flown) to the next, and vehicles are met
-within their radii. As an optimal control problem, each leg is a stage. A Newton step then takes one
-backward and one forward pass over the legs (a Riccati recursion) instead of a sparse factorization.
-With D the displacement of a leg, J a quarter turn and κ_k the curvature of primitive k,
+primitives per leg lead from one state (x, y, heading, length flown) to the next, and vehicles are
+met within their radii. As an optimal control problem, each leg is a stage. A Newton step then takes
+one backward and one forward pass over the legs (a Riccati recursion) instead of a sparse
+factorization. With D the displacement of a leg, J a quarter turn and κ_k the curvature of primitive
+k,
 
     ∂D/∂h = J D,  ∂²D/∂h² = -D,  ∂²D/∂h∂u_m = J ∂D/∂u_m,  ∂²D/∂u_k∂u_m = κ_k J ∂D/∂u_m for k <= m,
 
@@ -39,7 +40,7 @@ PATIENT = 3
 
 @kernel
 def factor(a: Floats, m: int) -> bool:
-    """Overwrite the lower triangle of `a` (m, m) with its Cholesky factor; return False if none exists."""
+    """Overwrite the lower triangle of `a` (m, m) with its Cholesky factor; False if none exists."""
     for i in range(m):
         for j in range(i + 1):
             rest = a[i, j]
@@ -169,7 +170,8 @@ def improve(
     Parameters
     ----------
     y : ndarray, shape (k + 1, 4)
-        x, y, heading and length flown at the start and at the end of each of the k legs; overwritten.
+        x, y, heading and length flown at the start and at the end of each of the k legs;
+        overwritten.
     u : ndarray, shape (k, 3)
         Lengths, positive; overwritten.
     bend : ndarray, shape (k, 3)
@@ -309,8 +311,8 @@ def improve(
         slope += dy[legs, 3]
         before, off, _ = merit(y, u, t, bend, place, drift, radius, turn, mu, weight, by)
         slope -= off
-        # Line search on the merit function, with a tolerance for rounding. Near an optimum, full steps that
-        # increase it once or twice reduce it more in the end than short steps.
+        # Line search on the merit function, with a tolerance for rounding. Near an optimum, full
+        # steps that increase it once or twice reduce it more in the end than short steps.
         for _ in range(12):
             moved(y, u, t, dy, du, dt, ahead, trial_y, trial_u, trial_t)
             after, _, left = merit(

@@ -20,7 +20,8 @@ Ints = NDArray[np.int64]
 CUT = 0.6
 #: Distance of an arc of that angle from its chord, relative to its radius.
 BULGE = 1.0 - math.cos(0.5 * CUT)
-#: Number of columns of a piece: x, y, heading and time at its beginning, duration, sign of the curvature,
+#: Number of columns of a piece: x, y, heading and time at its beginning, duration, sign of the
+#: curvature,
 #: leg, and x and y at its end.
 PIECE = 9
 #: Maximum number of pieces of a leg: a straight line and two arcs.
@@ -89,8 +90,8 @@ def passed(
     rim : bool
         Whether the encounter must be on the boundary.
     legs, hints, gaps : ndarray, shapes (3,), (3, 4), (3,)
-        Filled with the nearest legs in order: their numbers; the pose of the UAV relative to the node
-        and the time; the distance minus the radius (m), inf for unused entries.
+        Filled with the nearest legs in order: their numbers; the pose of the UAV relative to the
+        node and the time; the distance minus the radius (m), inf for unused entries.
     """
     for j in range(CLOSEST):
         gaps[j], legs[j] = math.inf, 0

@@ -76,8 +76,8 @@ def polish(
     problem : MessengerTour
         The problem.
     plan : TourPlan
-        A verified tour. If a leg has more than three primitives after merging equal neighbours, or if
-        the turning radius is 0, Ipopt optimises the lengths for the given words.
+        A verified tour. If a leg has more than three primitives after merging equal neighbours, or
+        if the turning radius is 0, Ipopt optimises the lengths for the given words.
     request : Request
         The run that provides clock and stop flag.
     seconds : float, optional
@@ -172,8 +172,8 @@ class _Field:
         self.heading = float(plan.start[2]) if problem.heading is None else problem.heading
         room = np.where(self.radius > 0.0, self.radius, problem.extent / n / self.unit)
         self.exact = max(EXACT * float(room.min()), 1e-13)
-        # Small discs allow only short steps. The first stage therefore meets these vehicles at their
-        # centres until the lengths converge.
+        # Small discs allow only short steps. The first stage therefore meets these vehicles at
+        # their centres until the lengths converge.
         self.stages = [(self.radius, MU, LEAST)]
         fine = float(self.radius.min(where=self.radius > 0.0, initial=1.0))
         if fine < FINE:
@@ -197,7 +197,8 @@ class _Field:
     def solved(self, point: _Point, *, near: bool = False) -> _Point | None:
         """Return the local optimum near `point`, with more and smaller steps if `near`; None on failure."""
         r, unit, signs = self.problem.turning_radius, self.unit, point.signs
-        # Headings follow from the lengths. Reversing a turn changes all later headings by a full circle.
+        # Headings follow from the lengths. Reversing a turn changes all later headings by a full
+        # circle.
         states = point.states / [unit, unit, 1.0, unit]
         turns = (signs * point.lengths).sum(axis=1) / r
         states[:, 2] = self.heading + np.append(0.0, np.cumsum(turns))
@@ -238,8 +239,8 @@ def _costs(states: Floats, lengths: Floats, bend: Floats, costates: Floats, tigh
     """Return the derivative of the tour's length if a primitive were R, S or L: shape (k, 3, 3).
 
     A primitive of curvature κ that begins in the direction e changes the length by
-    λ · (e + κ J (D - D_k)) + λ_h κ + λ_s per unit of its length, where D - D_k is the displacement of
-    the rest of the leg.
+    λ · (e + κ J (D - D_k)) + λ_h κ + λ_s per unit of its length, where D - D_k is the displacement
+    of the rest of the leg.
     """
     half = 0.5 * bend * lengths
     ahead = states[:-1, 2:3] + np.cumsum(2.0 * half, axis=1)

@@ -1,7 +1,8 @@
 """Kernels of the bounds: replacement of a leg of a path in constant time.
 
 A bound (see :mod:`.bound_kernels`) is a sum with one part per leg and one per stop. If a leg is
-replaced, the later parts are unchanged, and the earlier ones change by a common factor of the weights.
+replaced, the later parts are unchanged, and the earlier ones change by a common factor of the
+weights.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def _end_terms(
     radii: Floats, turn: Floats, begin: int, end: int, ux: float, uy: float, first: float,
     vx: float, vy: float, last: float,
 ) -> float:  # fmt: skip
-    """Return the contribution of a path's ends to the bound; u belongs to its first leg, v to its last."""
+    """Return the contribution of a path's ends to the bound; u is of the first leg, v of the last."""
     before, after = math.sqrt(vx * vx + vy * vy), math.sqrt(ux * ux + uy * uy)
     headed = turn[0] > 0.0 and turn[1] > 0.0
     if begin == end and not headed:
@@ -72,9 +73,9 @@ def tabulated(
 ) -> float:  # fmt: skip
     """Fill `table` with the parts of the bound that `directions` prove; return the sum of their sizes.
 
-    Columns, with one row per leg: direction (2); weight lambda; half its least length divided by the
-    turning radius; sum of the parts of this and all later legs; sum of those of this and all earlier
-    legs.
+    Columns, with one row per leg: direction (2); weight lambda; half its least length divided by
+    the turning radius; sum of the parts of this and all later legs; sum of those of this and all
+    earlier legs.
     """
     legs = stops.size - 1
     size, weight = 0.0, 1.0
@@ -116,8 +117,8 @@ def spliced(
 ) -> float:  # fmt: skip
     """Return the bound with the legs from `place` to before `until` replaced, up to rounding.
 
-    The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs are
-    unchanged, and their parts change by a common factor.
+    The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs
+    are unchanged, and their parts change by a common factor.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def drawn(rng, count, wild):
 
 
 def reachable(u, v, length, r):
-    """Return a mask of the cases for which a path of a length exists, by trigonometry; arrays broadcast."""
+    """Return a mask of the cases with a path of the length, by trigonometry; arrays broadcast."""
     v = np.abs(v)
     far = np.hypot(u, v + r)
     line = np.sqrt(np.maximum(u * u + v * v - 2 * v * r, 0))
