@@ -18,7 +18,7 @@ X, Y, H, T0, PX, PY, VX, VY, SPEED, RADIUS, H1 = range(11)
 LENGTHS = [X, Y, PX, PY, VX, VY, SPEED, RADIUS]
 
 
-@njit  # not kept on disk, where it would outlive changes of what it calls
+@njit  # not cached: a cache would be stale after changes of the callees
 def meetings(cases, times, ok):
     """Fill in the times of interception, whether a path exists then, and whether one has that length."""
     for i in range(len(cases)):

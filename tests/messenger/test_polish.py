@@ -177,7 +177,7 @@ def test_options_are_checked(options, words):
 
 def test_lines_have_no_turns():
     model = drawn(1, n=3, turning_radius=0.0)
-    with pytest.raises(UnsupportedOption, match="'S' each"):
+    with pytest.raises(UnsupportedOption, match="must all be 'S'"):
         model.formulate("primitives", words=["LSR", "S", "S"])
 
 
