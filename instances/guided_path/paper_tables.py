@@ -13,7 +13,7 @@ from .paper import INSTANCES
 __all__ = ["table_1a", "table_1b"]
 
 
-def _measured(chains: int, backend: str, trials: Trials) -> tuple[list[float], float]:
+def _measure(chains: int, backend: str, trials: Trials) -> tuple[list[float], float]:
     """Return the lengths (m) on the instances of one group, and the mean run time (s)."""
     models = [generate(chains, 5, 100 * chains + k) for k in range(INSTANCES)]
     answers = trials.run(models, backend, runs=1)
@@ -24,7 +24,7 @@ def _measured(chains: int, backend: str, trials: Trials) -> tuple[list[float], f
 def _pair(chains: int, backend: str, trials: Trials) -> tuple[dict[str, Any], float, float]:
     """Return the printed columns with greedy insertion and `backend`, and both mean lengths."""
     (greedy, first), (merged, second) = (
-        _measured(chains, name, trials) for name in ("greedy", backend)
+        _measure(chains, name, trials) for name in ("greedy", backend)
     )
     longer, shorter = fmean(greedy), fmean(merged)
     cells = {
@@ -43,7 +43,7 @@ def table_1a(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return our values of one group: greedy insertion, Algorithm 6 and the proven optimum."""
     chains = int(row[0])
     cells, longer, shorter = _pair(chains, "insert-nearest", trials)
-    lengths, seconds = _measured(chains, "a-star", trials)
+    lengths, seconds = _measure(chains, "a-star", trials)
     least = fmean(lengths)
     return {
         **cells,

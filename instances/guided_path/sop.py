@@ -1,7 +1,8 @@
 """Sequential ordering problems of TSPLIB (``.sop``) whose distances are those of a line.
 
-The first node of a file is the start, and the last one is the end, at the place of the start. An entry
-of -1 in row i and column j means that node j precedes node i. Other entries are distances from i to j.
+The first node of a file is the start, and the last one is the end, at the place of the start. An
+entry of -1 in row i and column j means that node j precedes node i. Other entries are distances
+from i to j.
 
 Source: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991.
 """
@@ -38,8 +39,8 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
     """Return the tour of a TSPLIB file with a sequential ordering problem.
 
     Distances determine neither the direction nor the origin of the line. The start is at 0, and the
-    node farthest from it is to the right. Customers are the nodes 2, 3, … of the file, in order. The
-    relation is stated as chains if possible, otherwise as the fewest pairs.
+    node farthest from it is to the right. Customers are the nodes 2, 3, … of the file, in order.
+    The relation is stated as chains if possible, otherwise as the fewest pairs.
 
     Parameters
     ----------
@@ -54,9 +55,9 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
     Raises
     ------
     InvalidData
-        The file is not such a problem, a number is missing or malformed, the relation has a cycle, or
-        the distances differ from those of a line by more than 1e-9 of the longest distance. The message
-        contains the file, and the nodes if applicable.
+        The file is not such a problem, a number is missing or malformed, the relation has a cycle,
+        or the distances differ from those of a line by more than 1e-9 of the longest distance. The
+        message contains the file, and the nodes if applicable.
     """
     file = as_path(path)
     matrix = _matrix(file)
@@ -122,27 +123,28 @@ def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
     apart[mutual] = apart.T[mutual]
     np.fill_diagonal(apart, 0.0)
     far = int(apart[0].argmax())
-    # A node is on the side of the far node if its distance to the far node is the shorter alternative.
+    # A node is on the side of the far node if its distance to the far node is the shorter
+    # alternative.
     ahead = np.abs(apart[far] - (apart[0, far] - apart[0])) <= np.abs(
         apart[far] - (apart[0, far] + apart[0])
     )
     places: Floats = np.where(ahead, apart[0], -apart[0])
     line = np.abs(places[:, None] - places)
-    wanted = np.zeros_like(matrix)
-    wanted[:-1, :-1] = line
-    wanted[:-1, -1] = line[:, 0]
-    held = ~before
-    held[0, -1] = False
-    held[-1] = False
-    np.fill_diagonal(held, False)
-    held[1:, 0] = False
-    off = np.where(held, np.abs(matrix - wanted), 0.0)
+    expected = np.zeros_like(matrix)
+    expected[:-1, :-1] = line
+    expected[:-1, -1] = line[:, 0]
+    mask = ~before
+    mask[0, -1] = False
+    mask[-1] = False
+    np.fill_diagonal(mask, False)
+    mask[1:, 0] = False
+    off = np.where(mask, np.abs(matrix - expected), 0.0)
     i, j = np.unravel_index(int(off.argmax()), off.shape)
     if off[i, j] > _ROUNDING * line.max():
         raise InvalidData(
             f"distances must be those of a line: with nodes 1 and {far + 1} at 0 and "
             f"{apart[0, far]:.10g} and the others by their distances from these, nodes {i + 1} and "
-            f"{j + 1} are {wanted[i, j]:.10g} apart, got {matrix[i, j]:.10g}",
+            f"{j + 1} are {expected[i, j]:.10g} apart, got {matrix[i, j]:.10g}",
             field="coordinates",
         )
     return places
@@ -174,36 +176,38 @@ def _matrix(file: Path) -> Floats:
             raise InvalidData(
                 f"{file}: {key} must be {value}, got {show(head.get(key))}", field=key.lower()
             )
-    said = head.get("DIMENSION", "")
-    size = int(said) if said.isascii() and said.isdigit() and len(said) < 10 else 0
+    dimension = head.get("DIMENSION", "")
+    size = (
+        int(dimension) if dimension.isascii() and dimension.isdigit() and len(dimension) < 10 else 0
+    )
     if not 3 <= size <= MOST + 2:
         raise InvalidData(
-            f"{file}: DIMENSION must be a whole number from 3 to {MOST + 2}, got {show(said)}",
+            f"{file}: DIMENSION must be a whole number from 3 to {MOST + 2}, got {show(dimension)}",
             field="dimension",
         )
-    found = np.concatenate(parts)
+    numbers = np.concatenate(parts)
     # The section may begin with the dimension, whereas a matrix begins with the 0 of its diagonal.
-    if found.size and found[0] == size:
-        found = found[1:]
-    if found.size != size**2:
+    if numbers.size and numbers[0] == size:
+        numbers = numbers[1:]
+    if numbers.size != size**2:
         raise InvalidData(
-            f"{file}: EDGE_WEIGHT_SECTION must hold {size} × {size} numbers, got {found.size}",
+            f"{file}: EDGE_WEIGHT_SECTION must hold {size} × {size} numbers, got {numbers.size}",
             field="coordinates",
         )
-    return found.reshape(size, size)
+    return numbers.reshape(size, size)
 
 
 def _numbers(file: Path, words: list[str]) -> Floats:
     """Return the numbers of a line."""
     bad = next((word for word in set(words) if not NUMBER.fullmatch(word)), None)
-    found = np.array([] if bad else words, float)
-    if bad is not None or not np.isfinite(found).all():
+    values = np.array([] if bad else words, float)
+    if bad is not None or not np.isfinite(values).all():
         raise InvalidData(
             f"{file}: EDGE_WEIGHT_SECTION must hold finite numbers, got "
-            f"{show(bad or words[int((~np.isfinite(found)).argmax())])}",
+            f"{show(bad or words[int((~np.isfinite(values)).argmax())])}",
             field="coordinates",
         )
-    return found
+    return values
 
 
 def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:

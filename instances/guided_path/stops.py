@@ -1,10 +1,10 @@
 """Stops of a guided vehicle in CSV and Excel files, and instances that refer to such or to SOP files.
 
 A file has a header with the column ``coordinate`` and any of ``id``, ``chain``, ``place`` and ``after``, in
-any order. The first row below it is the start. Rows with the same entry of ``chain`` form a chain, in the
-order of ``place``, or of the rows if this column is missing. An empty cell means no chain. A cell of
-``after`` lists the stops that must precede, separated by spaces: by their ids, or without ids by their row
-numbers, where the start has number 0.
+any order. The first row below it is the start. Rows with the same entry of ``chain`` form a chain,
+in the order of ``place``, or of the rows if this column is missing. An empty cell means no chain. A
+cell of ``after`` lists the stops that must precede, separated by spaces: by their ids, or without
+ids by their row numbers, where the start has number 0.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
         The file is an Excel file, and openpyxl is not installed.
     InvalidData
         A column is missing, repeated or unknown; a row has a wrong length; a value is not a finite
-        number; an id is empty or repeated; the start is in a chain or after others; a place in a chain
-        is empty or repeated; a stop is unknown; or the file has no stops. The message contains file,
-        line, column and value.
+        number; an id is empty or repeated; the start is in a chain or after others; a place in a
+        chain is empty or repeated; a stop is unknown; or the file has no stops. The message
+        contains file, line, column and value.
     """
-    table = read_columns(path, _check_header, _converted, what="stops", field="coordinates")
-    found: dict[str, Any] = {"coordinates": table["coordinate"]}
+    table = read_columns(path, _check_header, _convert, what="stops", field="coordinates")
+    data: dict[str, Any] = {"coordinates": table["coordinate"]}
     names = table.get("id", [str(row) for row in range(len(table["coordinate"]))])
     if "id" in table:
-        found["ids"] = names
+        data["ids"] = names
     for column in ("chain", "after"):
         if column in table and table[column][0]:
             raise InvalidData(
@@ -61,17 +61,17 @@ def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
                 field=column,
             )
     if "chain" in table:
-        found["chains"] = _chains(table, names, path)
+        data["chains"] = _chains(table, names, path)
     if "after" in table:
         rows = {name: row for row, name in enumerate(names)}
         if len(rows) < len(names):
             raise InvalidData(f"{path}: ids must differ, for after to name them", field="ids")
-        found["precedence"] = [
+        data["precedence"] = [
             (_row(name, rows, f"{path}: after of stop {names[row]}"), row)
             for row, text in enumerate(table["after"])
             for name in text.split()
         ]
-    return found
+    return data
 
 
 def _chains(
@@ -114,7 +114,7 @@ def _check_header(names: list[str], where: str) -> None:
         )
 
 
-def _converted(text: str, where: str, name: str) -> float | str | None:
+def _convert(text: str, where: str, name: str) -> float | str | None:
     if name == "coordinate" or (name == "place" and text):
         return number(text, f"{where}, column {name}", name)
     if name == "place":
@@ -127,21 +127,21 @@ def _converted(text: str, where: str, name: str) -> float | str | None:
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     """Return instance data with the stops read from their file.
 
-    ``"coordinates": "file.csv"`` refers to a file of stops, ``"sop": "file.sop"`` to a sequential ordering
-    problem of TSPLIB on a line.
+    ``"coordinates": "file.csv"`` refers to a file of stops, ``"sop": "file.sop"`` to a sequential
+    ordering problem of TSPLIB on a line.
     """
-    found = dict(data)
-    if isinstance(found.get("sop"), str):
-        held = {
+    result = dict(data)
+    if isinstance(result.get("sop"), str):
+        loaded = {
             key: value
-            for key, value in read_sop(find(found.pop("sop"))).data().items()
+            for key, value in read_sop(find(result.pop("sop"))).data().items()
             if key != "ids" and len(value)
         }
-    elif isinstance(found.get("coordinates"), str):
-        held = read_stops(find(found.pop("coordinates")))
+    elif isinstance(result.get("coordinates"), str):
+        loaded = read_stops(find(result.pop("coordinates")))
     else:
-        return found
-    for key in held:
-        if key in found:
+        return result
+    for key in loaded:
+        if key in result:
             raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-    return {**found, **held}
+    return {**result, **loaded}

@@ -1,12 +1,12 @@
-r"""Conversion of shortest common supersequences of binary words to tours of a guided vehicle, and back.
+r"""Conversion between shortest common supersequences of binary words and guided path tours.
 
 A word becomes a chain: the hub at 2, the place of its first letter, the hub, the place of its second
 letter, …, the hub. The letters are at 1 and 3, on both sides of the hub, and the start is at 0. Two
 letters of one chain are separated by the hub, so each sequence of services away from the hub is one
-letter of a common supersequence, and costs 2. The shortest tour is therefore :math:`2\,s + 4` long, where
-:math:`s` is the length of the shortest common supersequence. The supersequence problem is NP-hard for two
-letters and any number of words. So is the shortest tour for any number of chains, even with only three
-places.
+letter of a common supersequence, and costs 2. The shortest tour is therefore :math:`2\,s + 4` long,
+where :math:`s` is the length of the shortest common supersequence. The supersequence problem is
+NP-hard for two letters and any number of words. So is the shortest tour for any number of chains,
+even with only three places.
 
 Sources: the reduction is ours. K.-J. Räihä, E. Ukkonen, "The shortest common supersequence problem over
 binary alphabet is NP-complete", Theoretical Computer Science 16, 1981.
@@ -104,9 +104,11 @@ def supersequence_of(model: GuidedPathTour, plan: GuidedPathPlan, letters: str =
             f"got {show(min(others, default=float(model.coordinates[0])))}",
             field="coordinates",
         )
-    found = model.verify(required("plan", plan, GuidedPathPlan))
-    if not found.ok:
-        raise InvalidData(f"plan must be valid, it breaks: {found.violated[0].name}", field="plan")
+    verification = model.verify(required("plan", plan, GuidedPathPlan))
+    if not verification.ok:
+        raise InvalidData(
+            f"plan must be valid, it breaks: {verification.violated[0].name}", field="plan"
+        )
     places: Iterable[float] = (float(model.coordinates[customer]) for customer in plan.order)
     runs = (place for place, _ in itertools.groupby(places))
     return "".join(letters[PLACES.index(place)] for place in runs if place != HUB)

@@ -1,8 +1,8 @@
 """Public instances of the Dubins travelling salesman problem with neighbourhoods.
 
-Each line of a file contains the centre and the radius of a disc, ``x y radius``. The third number in
-the file's name is the turning radius, in hundredths. Tours are closed, all discs are at rest, and the
-start is free. Source: https://github.com/comrob/OptimalDTSPN.
+Each line of a file contains the centre and the radius of a disc, ``x y radius``. The third number
+in the file's name is the turning radius, in hundredths. Tours are closed, all discs are at rest,
+and the start is free. Source: https://github.com/comrob/OptimalDTSPN.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ def read_dtspn(
     Raises
     ------
     InvalidData
-        A value is not a finite number, a radius is negative, a line does not have three numbers, the
-        file is empty, or the name contains no turning radius. The message contains file, line and
-        value.
+        A value is not a finite number, a radius is negative, a line does not have three numbers,
+        the file is empty, or the name contains no turning radius. The message contains file, line
+        and value.
     """
     file = as_path(path)
     if turning_radius is None:
-        found = _NAME.fullmatch(file.stem)
-        if found is None:
+        match = _NAME.fullmatch(file.stem)
+        if match is None:
             raise InvalidData(
                 f"{file}: turning_radius must be given, or be in the name in hundredths as in "
                 "dtspn-06-01-025-0.txt",
                 field="turning_radius",
             )
-        turning_radius = int(found[1]) / 100
+        turning_radius = int(match[1]) / 100
     rows = []
     for line, text in enumerate(read_text(file).splitlines(), start=1):
         values = text.split()
@@ -108,8 +108,8 @@ def read_best_known(path: str | os.PathLike[str]) -> dict[str, tuple[float, floa
     Raises
     ------
     InvalidData
-        A column is missing, a value is not a finite number, a name repeats, or a lower bound exceeds
-        the upper one. The message contains file, line and value.
+        A column is missing, a value is not a finite number, a name repeats, or a lower bound
+        exceeds the upper one. The message contains file, line and value.
     """
     file = as_path(path)
     # csv.DictReader yields `restval` for missing cells, and the key None for surplus cells.
@@ -117,17 +117,17 @@ def read_best_known(path: str | os.PathLike[str]) -> dict[str, tuple[float, floa
     for name in ("instance", "LB", "UB"):
         if name not in (reader.fieldnames or ()):
             raise InvalidData(f"{file}, line 1: must have a column {name}", field=name)
-    found: dict[str, tuple[float, float]] = {}
+    bounds: dict[str, tuple[float, float]] = {}
     for row in reader:
         where = f"{file}, line {reader.line_num}"
         name = Path(row["instance"]).stem
         lower, upper = (number(row[key], f"{where}, {key}", key) for key in ("LB", "UB"))
-        if not name or name in found:
+        if not name or name in bounds:
             raise InvalidData(
                 f"{where}: instance must be a name that no other line has, got {show(name)}",
                 field="instance",
             )
         if lower > upper:
             raise InvalidData(f"{where}: LB must be <= UB = {upper!r}, got {lower!r}", field="LB")
-        found[name] = (lower, upper)
-    return found
+        bounds[name] = (lower, upper)
+    return bounds

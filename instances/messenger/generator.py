@@ -21,7 +21,8 @@ __all__ = ["generate"]
 
 #: Maximum number of vehicles: the sparsity takes quadratic time and memory.
 MOST = 10_000
-#: Significant digits of the square's side, and of velocities relative to the UAV's speed: fewer than
+#: Significant digits of the square's side, and of velocities relative to the UAV's speed: fewer
+#: than
 #: the digits on which sums and sines of different machines agree.
 _SIDE, _VELOCITY = 12, 9
 
@@ -39,16 +40,16 @@ def generate(
 ) -> MessengerTour:
     """Return an open tour over vehicles that begin uniformly in a square, with the UAV at its corner.
 
-    The square is scaled to the given sparsity. Headings of vehicles are uniform, and speeds uniform up
-    to `fastest`. The UAV begins at (0, 0) and flies in the direction of y.
+    The square is scaled to the given sparsity. Headings of vehicles are uniform, and speeds uniform
+    up to `fastest`. The UAV begins at (0, 0) and flies in the direction of y.
 
     Parameters
     ----------
     vehicles : int
         Number of vehicles, 2 to 10,000.
     sparsity : float
-        κ_P: mean distance of two vehicles minus twice the radius, divided by the turning radius. It may
-        be negative, as long as the mean distance is positive.
+        κ_P: mean distance of two vehicles minus twice the radius, divided by the turning radius. It
+        may be negative, as long as the mean distance is positive.
     seed : int
         Seed, at least 0. The same seed yields the same vehicles.
     radius : float
@@ -58,7 +59,8 @@ def generate(
     speed : float
         Speed of the UAV, in m/s (paper: v_A).
     fastest : float
-        Strict upper limit on the speed of the vehicles, in m/s, below `speed`; 0 for vehicles at rest.
+        Strict upper limit on the speed of the vehicles, in m/s, below `speed`; 0 for vehicles at
+        rest.
     name : str
         Name of the model.
 
@@ -86,12 +88,12 @@ def generate(
             field="sparsity",
         )
     unit = rng.random((count, 2))
-    side = float(_rounded(mean / pdist(unit).mean(), mean, _SIDE))
+    side = float(_round(mean / pdist(unit).mean(), mean, _SIDE))
     headings, speeds = 2.0 * np.pi * rng.random(count), fastest * rng.random(count)
     velocities = speeds[:, None] * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     data = {
         "positions": side * unit,
-        "velocities": _rounded(velocities, speed, _VELOCITY),
+        "velocities": _round(velocities, speed, _VELOCITY),
         "radius": near,
         "speed": speed,
         "turning_radius": turning,
@@ -99,6 +101,6 @@ def generate(
     return MessengerTour.from_data(data, name=name)
 
 
-def _rounded(value: ArrayLike, size: float, digits: int) -> Any:
+def _round(value: ArrayLike, size: float, digits: int) -> Any:
     """Return `value` rounded to `digits` digits, counted from the first digit of `size`."""
     return np.round(np.asarray(value), digits - 1 - math.floor(math.log10(size)))

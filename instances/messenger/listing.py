@@ -84,7 +84,7 @@ def _special() -> tuple[CatalogueEntry, ...]:
         _entry(
             "gap",
             "A vehicle that slips out of the UAV's turning circle",
-            partial(_given, [[-5.0, 4.4], [-40.0, 30.0]], [[0.0, 0.5], [0.0, -1.0]], 0.0),
+            partial(_explicit, [[-5.0, 4.4], [-40.0, 30.0]], [[0.0, 0.5], [0.0, -1.0]], 0.0),
             f"{_SPECIAL} The first vehicle leaves the left turning circle after 1.2 s, when the UAV has "
             "flown 12 m. The shortest path there drops to 7.9 m at once, but none has 12 m: waiting is "
             "not possible, and the meeting comes later.",
@@ -94,7 +94,7 @@ def _special() -> tuple[CatalogueEntry, ...]:
             "met-at-start",
             "4 vehicles whose discs all hold the start: the optimum is 0 m",
             partial(
-                _given,
+                _explicit,
                 [[1.0, 2.0], [-3.0, 1.0], [0.0, -4.0], [2.0, -2.0]],
                 [[1.0, 0.0], [0.0, 3.0], [-2.0, 2.0], [0.0, 0.0]],
                 5.0,
@@ -122,7 +122,7 @@ def _entry(
     )
 
 
-def _given(
+def _explicit(
     positions: list[list[float]], velocities: list[list[float]], radius: float
 ) -> MessengerTour:
     data = {"positions": positions, "velocities": velocities, "radius": radius}

@@ -1,7 +1,7 @@
 """Our values of the paper's result tables.
 
-The number of runs per cell is that of :class:`~crosstrack.instances.paper.Trials` for up to 10 vehicles,
-half of it for 20 and two fifths for more, because these runs take seconds.
+The number of runs per cell is that of :class:`~crosstrack.instances.paper.Trials` for up to 10
+vehicles, half of it for 20 and two fifths for more, because these runs take seconds.
 """
 
 from __future__ import annotations
@@ -56,10 +56,13 @@ def _length(model: MessengerTour, name: str, trials: Trials) -> float | str:
 
 def _moments(name: str, lengths: Floats) -> dict[str, Any]:
     """Return mean and standard deviation (m) of the runs that have a plan."""
-    kept = lengths[np.isfinite(lengths)]
-    if not kept.size:
+    values = lengths[np.isfinite(lengths)]
+    if not values.size:
         return {name: "no plan", f"{name} std": "no plan"}
-    return {name: float(kept.mean()), f"{name} std": float(kept.std(ddof=min(1, kept.size - 1)))}
+    return {
+        name: float(values.mean()),
+        f"{name} std": float(values.std(ddof=min(1, values.size - 1))),
+    }
 
 
 def _p_value(one: Floats, two: Floats) -> float:
@@ -78,20 +81,20 @@ def _sign(one: Floats, two: Floats) -> int:
 
 def _row(model: MessengerTour, greedy: tuple[str, ...], trials: Trials) -> dict[str, Any]:
     """Return the cells common to Tables III to V."""
-    found = {name: _lengths(model, name, trials) for name in ("MA", "MAR", "VNS")}
+    runs = {name: _lengths(model, name, trials) for name in ("MA", "MAR", "VNS")}
     cells: dict[str, Any] = {}
-    for name, lengths in found.items():
+    for name, lengths in runs.items():
         cells |= _moments(name, lengths)
     cells |= {name: _length(model, name, trials) for name in greedy}
-    signs = [_sign(found["MA"], found[name]) for name in ("MAR", "VNS")]
+    signs = [_sign(runs["MA"], runs[name]) for name in ("MAR", "VNS")]
     (best,) = trials.run(model, "tour-search", runs=1, time_limit=max(LEAST, EACH * model.size))
     return {
         **cells,
         "h": f"({signs[0]},{signs[1]})",
         "tour-search": best.primal_bound,
         "proven bound": best.dual_bound,
-        "runs": len(found["MA"]),
-        "MA without a plan": int(np.isinf(found["MA"]).sum()),
+        "runs": len(runs["MA"]),
+        "MA without a plan": int(np.isinf(runs["MA"]).sum()),
     }
 
 
@@ -124,14 +127,14 @@ def table_5(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
 def table_6(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return our values of one row of Table VI."""
     model = paper_instance(*row)
-    found = {name: _lengths(model, name, trials) for name in ("MA", "MA-T")}
+    runs = {name: _lengths(model, name, trials) for name in ("MA", "MA-T")}
     cells: dict[str, Any] = {
-        "p": _p_value(found["MA"], found["MA-T"]), "runs": len(found["MA"])
+        "p": _p_value(runs["MA"], runs["MA-T"]), "runs": len(runs["MA"])
     }  # fmt: skip
-    for name, lengths in found.items():
-        kept = lengths[np.isfinite(lengths)]
+    for name, lengths in runs.items():
+        values = lengths[np.isfinite(lengths)]
         cells |= _moments(name, lengths)
-        cells |= {f"{name} min": kept.min(), f"{name} max": kept.max()} if kept.size else {}
+        cells |= {f"{name} min": values.min(), f"{name} max": values.max()} if values.size else {}
     return cells
 
 
@@ -147,5 +150,5 @@ def figure_5(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
 def figure_7(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return the lengths after 20 generations with one period of local searches."""
     model = paper_instance(row[0])
-    base, found = (_lengths(model, "MA", trials, period=every) for every in (2, int(row[1])))
-    return {**_moments("MA", found), "p to T_lp = 2": _p_value(base, found), "runs": len(found)}
+    base, result = (_lengths(model, "MA", trials, period=every) for every in (2, int(row[1])))
+    return {**_moments("MA", result), "p to T_lp = 2": _p_value(base, result), "runs": len(result)}

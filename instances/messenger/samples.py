@@ -52,8 +52,8 @@ def write_tour_samples(
     duration = plan.length / model.speed
     times = np.arange(sample_count(duration, rate) + 1) / rate
     times = np.append(times[times < duration * (1 - 1e-9)], duration)
-    found = track(plan, model.turning_radius, times * model.speed)
-    table = zip(times.tolist(), *found.poses.T.tolist(), found.legs.tolist(), strict=True)
+    samples = track(plan, model.turning_radius, times * model.speed)
+    table = zip(times.tolist(), *samples.poses.T.tolist(), samples.legs.tolist(), strict=True)
     lines = [",".join(map(repr, row)) for row in table]
     return write_text(path, "\n".join(["t,x,y,heading,leg", *lines]) + "\n")
 

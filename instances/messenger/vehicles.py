@@ -33,8 +33,8 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``positions`` (m), and ``velocities`` (m/s), ``radius`` (m) and ``ids`` if the file has them: the
-        arguments of :class:`~crosstrack.models.messenger.MessengerTour`.
+        ``positions`` (m), and ``velocities`` (m/s), ``radius`` (m) and ``ids`` if the file has
+        them: the arguments of :class:`~crosstrack.models.messenger.MessengerTour`.
 
     Raises
     ------
@@ -42,30 +42,30 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
         The file is an Excel file, and openpyxl is not installed.
     InvalidData
         A column is missing, repeated or unknown, a row has a wrong length, a value is not a finite
-        number, an id is empty, or the file has no vehicles. The message contains file, line, column and
-        value.
+        number, an id is empty, or the file has no vehicles. The message contains file, line, column
+        and value.
     """
-    table = read_columns(path, _check_header, _converted, what="vehicles", field="positions")
-    found: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}
+    table = read_columns(path, _check_header, _convert, what="vehicles", field="positions")
+    data: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}
     if "vx" in table:
-        found["velocities"] = list(zip(table["vx"], table["vy"], strict=True))
+        data["velocities"] = list(zip(table["vx"], table["vy"], strict=True))
     if "radius" in table:
-        found["radius"] = table["radius"]
+        data["radius"] = table["radius"]
     if "id" in table:
-        found["ids"] = table["id"]
-    return found
+        data["ids"] = table["id"]
+    return data
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     """Return instance data with ``"positions": "file.csv"`` replaced by the content of the file."""
-    found = dict(data)
-    if isinstance(found.get("positions"), str):
-        held = read_vehicles(find(found.pop("positions")))
-        for key in held:
-            if key in found:
+    result = dict(data)
+    if isinstance(result.get("positions"), str):
+        loaded = read_vehicles(find(result.pop("positions")))
+        for key in loaded:
+            if key in result:
                 raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-        found.update(held)
-    return found
+        result.update(loaded)
+    return result
 
 
 def _check_header(names: list[str], where: str) -> None:
@@ -81,7 +81,7 @@ def _check_header(names: list[str], where: str) -> None:
         )
 
 
-def _converted(text: str, where: str, name: str) -> float | str:
+def _convert(text: str, where: str, name: str) -> float | str:
     place = f"{where}, column {name}"
     if name != "id":
         return number(text, place, name)

@@ -1,10 +1,11 @@
 """Mixed-integer program of a tour with arcs between customers, and the order of any two customers.
 
-x_ij = 1 if j is served next after i, where 0 is the start. y_ij = 1 if i is served anywhere before j.
-These orders enforce the relation and exclude subtours: the orders of any three customers are acyclic,
-and consecutive customers have no customer between them. Arcs that violate the relation, or that skip
-an intermediate customer, are omitted. Each gap between places is crossed at least as often as a chain
-of the relation requires. Customers that every tour passes in time are omitted (:mod:`.walks`).
+x_ij = 1 if j is served next after i, where 0 is the start. y_ij = 1 if i is served anywhere before
+j. These orders enforce the relation and exclude subtours: the orders of any three customers are
+acyclic, and consecutive customers have no customer between them. Arcs that violate the relation, or
+that skip an intermediate customer, are omitted. Each gap between places is crossed at least as
+often as a chain of the relation requires. Customers that every tour passes in time are omitted
+(:mod:`.walks`).
 
 Source: S. C. Sarin, H. D. Sherali, A. Bhootra, "New tighter polynomial length formulations for the
 asymmetric traveling salesman problem with and without precedence constraints", Operations Research
@@ -112,8 +113,8 @@ class ArcsFormulation(KeptFormulation):
         arc[tails, heads] = x
         i, j, k = (part.ravel() + 1 for part in np.indices((size - 1,) * 3))
         may = ~kept.closure.T
-        most = (arc[j, i] >= 0).astype(int) + may[i, j] + may[j, k] + may[k, i]
-        i, j, k = np.stack([i, j, k])[:, (i != j) & (j != k) & (k != i) & (most > 2)]
+        count = (arc[j, i] >= 0).astype(int) + may[i, j] + may[j, k] + may[k, i]
+        i, j, k = np.stack([i, j, k])[:, (i != j) & (j != k) & (k != i) & (count > 2)]
         rows = np.arange(i.size)
         back = arc[j, i] >= 0
         orders = [(i, j), (j, k), (k, i)]
@@ -144,14 +145,14 @@ class ArcsFormulation(KeptFormulation):
         return np.concatenate([after[self._arcs], place[first + 1] < place[second + 1]])
 
     def decode(self, point: Floats) -> GuidedPathPlan:
-        """Return the service order along the arcs; available customers are served when they are passed."""
-        held = Array((self.program.size,)).coerce("point", point, {})
-        tails, heads = (ends[held[: ends.size] > 0.5] for ends in self._arcs)
+        """Return the service order along the arcs; available customers are served on the way."""
+        values = Array((self.program.size,)).coerce("point", point, {})
+        tails, heads = (ends[values[: ends.size] > 0.5] for ends in self._arcs)
         follows = dict(zip(tails.tolist(), heads.tolist(), strict=True))
-        numbers, stops, at = self._numbers, list[int](), 0
+        numbers, stops, customer = self._numbers, list[int](), 0
         for _ in numbers:
-            at = follows.get(at, 0)
-            if not at:
+            customer = follows.get(customer, 0)
+            if not customer:
                 break
-            stops.append(numbers[at])
+            stops.append(numbers[customer])
         return GuidedPathPlan(served(self.model, stops))

@@ -52,11 +52,11 @@ def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -
         for before, after in model.pairs
         if before in first and after in first and first[before] >= first[after]
     ]
-    walked, at = 0.0, float(model.coordinates[0])
+    walked, position = 0.0, float(model.coordinates[0])
     for customer in (*plan.order, 0):
         there = float(model.coordinates[customer])
-        walked += abs(there - at)
-        at = there
+        walked += abs(there - position)
+        position = there
     label = model.label
     checks = (
         _count(

@@ -47,7 +47,7 @@ class GuidedPathData(Declared):
                 f"coordinates must be near enough to add up ways of {np.ptp(self.coordinates):g} m",
                 field="coordinates",
             )
-        seen: dict[int, int] = {}
+        chain_of: dict[int, int] = {}
         for k, chain in enumerate(self.chains):
             for place, customer in enumerate(chain):
                 name = f"chains[{k}][{place}]"
@@ -57,10 +57,10 @@ class GuidedPathData(Declared):
                         f"chain), got {customer}",
                         field="chains",
                     )
-                if customer and seen.setdefault(customer, k) != k:
+                if customer and chain_of.setdefault(customer, k) != k:
                     raise InvalidData(
                         f"{name}: customer {customer} must be in one chain only, it is in chains "
-                        f"{seen[customer]} and {k}: state further pairs as precedence",
+                        f"{chain_of[customer]} and {k}: state further pairs as precedence",
                         field="chains",
                     )
                 if chain.index(customer) != place:
@@ -102,9 +102,9 @@ class GuidedPathData(Declared):
     @cached_property
     def closure(self) -> NDArray[np.bool_]:
         """Transitive closure: True if i must precede j, directly or indirectly, shape (size, size)."""
-        found = closure_of(self.size, self.pairs, self.sorted_customers)
-        found.flags.writeable = False
-        return found
+        matrix = closure_of(self.size, self.pairs, self.sorted_customers)
+        matrix.flags.writeable = False
+        return matrix
 
     @cached_property
     def cover(self) -> tuple[tuple[int, ...], ...]:

@@ -80,7 +80,7 @@ def _plain_ticks(axis: Any) -> None:
 
 
 def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> Floats:
-    """Set the limits of the axis of the distance walked; return the stops' positions, shape (stops, 2)."""
+    """Set the limits of the axis of the distance; return the stops' positions, shape (stops, 2)."""
     if over == "walked":
         size, unit = length_unit(float(walk.walked[-1]))
         down, words = walk.walked * size, f"walked ({unit})"

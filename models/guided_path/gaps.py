@@ -1,8 +1,8 @@
 """Gaps between places along the path, and a lower bound on the crossings of each gap.
 
 A tour that visits a chain of customers crosses a gap whenever two consecutive customers are on
-different sides of it. The largest number of crossings over all chains of the relation is a lower bound
-for every tour. A tour is closed, so it crosses each gap to the left as often as to the right.
+different sides of it. The largest number of crossings over all chains of the relation is a lower
+bound for every tour. A tour is closed, so it crosses each gap to the left as often as to the right.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class Gaps:
     def lengths(self) -> NDArray[np.float64]:
         """Length of each gap, in m.
 
-        Coordinates are interpreted as their shortest decimal representation, so the length between 0.1
-        and 0.3 is 0.2. Integer solvers then need few digits.
+        Coordinates are interpreted as their shortest decimal representation, so the length between
+        0.1 and 0.3 is 0.2. Integer solvers then need few digits.
         """
         exact = [Fraction(repr(place)) for place in self.places.tolist()]
         return np.array([float(b - a) for a, b in itertools.pairwise(exact)], float)
@@ -58,17 +58,17 @@ class Gaps:
         before = self.before
         at, size = self.at.tolist(), self.lengths.size
         so_far = np.zeros((self.model.size, size), np.int16)
-        most = np.zeros(size, np.int16)
+        result = np.zeros(size, np.int16)
         for c in self.model.sorted_customers:
-            own = so_far[c]
+            counts = so_far[c]
             for one in before[c]:
-                came = so_far[one].copy()
-                came[at[one] : at[c]] += 1
-                np.maximum(own, came, out=own)
-            home = own.copy()
+                candidate = so_far[one].copy()
+                candidate[at[one] : at[c]] += 1
+                np.maximum(counts, candidate, out=counts)
+            home = counts.copy()
             home[at[c] : at[0]] += 1
-            np.maximum(most, home, out=most)
-        return most.astype(np.int64)
+            np.maximum(result, home, out=result)
+        return result.astype(np.int64)
 
     @property
     def bound(self) -> float:
@@ -87,31 +87,31 @@ class Gaps:
         for c in self.model.sorted_customers:
             best[c] = max((best[one][0] + (right[one] != right[c]), one) for one in before[c])
         c = max(best, key=lambda c: (best[c][0], -c))
-        found: list[int] = []
+        customers: list[int] = []
         while c:
             one = best[c][1]
             if right[one] != right[c]:
-                found.append(c)
+                customers.append(c)
             c = one
-        found.reverse()
+        customers.reverse()
         # The return to the start adds the last crossing.
-        return tuple(found[:-1] if len(found) % 2 == 0 else found)
+        return tuple(customers[:-1] if len(customers) % 2 == 0 else customers)
 
     @cached_property
     def before(self) -> list[list[int]]:
         """Direct predecessors of each customer; [0], the start, if it has none."""
-        found: list[list[int]] = [[] for _ in range(self.model.size)]
+        lists: list[list[int]] = [[] for _ in range(self.model.size)]
         for one, other in self.model.pairs:
-            found[other].append(one)
-        return [one or [0] for one in found]
+            lists[other].append(one)
+        return [one or [0] for one in lists]
 
     @cached_property
     def after(self) -> list[list[int]]:
         """Direct successors of each customer; [0], the start, if it has none."""
-        found: list[list[int]] = [[] for _ in range(self.model.size)]
+        lists: list[list[int]] = [[] for _ in range(self.model.size)]
         for one, other in self.model.pairs:
-            found[one].append(other)
-        return [one or [0] for one in found]
+            lists[one].append(other)
+        return [one or [0] for one in lists]
 
     def between(self, one: int, other: int) -> NDArray[np.bool_]:
         """Return a mask of the gaps between two places."""

@@ -25,21 +25,21 @@ class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
     r"""Shortest tour along a line from the start through all customers and back.
 
     With the coordinates :math:`x_i` and the order :math:`\pi` of service, minimise
-    :math:`|x_{\pi_1} - x_0| + \sum_k |x_{\pi_{k+1}} - x_{\pi_k}| + |x_0 - x_{\pi_n}|` subject to the
-    precedence constraints. The problem is known as the travelling salesman problem on a path with
-    precedence constraints (TSPP-PC). It is strongly NP-hard, by reduction from the shortest common
-    supersequence of binary words.
+    :math:`|x_{\pi_1} - x_0| + \sum_k |x_{\pi_{k+1}} - x_{\pi_k}| + |x_0 - x_{\pi_n}|` subject to
+    the precedence constraints. The problem is known as the travelling salesman problem on a path
+    with precedence constraints (TSPP-PC). It is strongly NP-hard, by reduction from the shortest
+    common supersequence of binary words.
 
     Parameters
     ----------
     coordinates : ndarray, shape (n + 1,)
-        Positions of the start (entry 0) and of the customers 1 … n along the path, in m; of any sign,
-        not necessarily distinct.
+        Positions of the start (entry 0) and of the customers 1 … n along the path, in m; of any
+        sign, not necessarily distinct.
     chains : list of lists of int
         Customers of each chain in their order of service. A customer may be in at most one chain.
     precedence : ndarray of int, shape (p, 2)
-        Additional pairs (i, j): i must be served before j. Any acyclic relation, in addition to chains
-        or instead of them.
+        Additional pairs (i, j): i must be served before j. Any acyclic relation, in addition to
+        chains or instead of them.
     ids : sequence of int or str, optional
         Names of the start and the customers.
 
@@ -70,7 +70,7 @@ class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
 
     @property
     def preferred_backend(self) -> str:
-        """Name of a backend: dynamic programming for two chains, 4 to 6 times faster than A*; else empty."""
+        """Dynamic programming for two chains, 4 to 6 times faster than A*; otherwise empty."""
         pairs = self.pairs
         plain = len(pairs) == len(dict(pairs)) == len({after for _, after in pairs})
         heads = {before for before, _ in pairs} - {after for _, after in pairs}

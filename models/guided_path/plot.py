@@ -44,7 +44,8 @@ Floats = NDArray[np.float64]
 
 #: Largest numbers of customers with names, and with large dots.
 _MOST_NAMES, _MOST_LARGE = 40, 120
-#: Largest numbers of chains with a panel beside the tour, with row labels, and with lines in the tour.
+#: Largest numbers of chains with a panel beside the tour, with row labels, and with lines in the
+#: tour.
 _MOST_BESIDE, _MOST_ROWS, _MOST_LINES = 12, 24, 7
 #: Largest number of pairs that are drawn as lines.
 _MOST_PAIRS = 400
@@ -109,17 +110,17 @@ def draw(
         beside = 0 < len(groups) <= _MOST_BESIDE and check_size(size, _LARGE)[1] >= _LARGE[1]
         shown = _PARTS[:1] if plan is None else _PARTS[not beside :]
     else:
-        asked = check_list("parts", parts, _PARTS.__contains__, "hold some of 'chains', 'tour'")
-        shown = tuple(part for part in _PARTS if part in asked)
+        requested = check_list("parts", parts, _PARTS.__contains__, "hold some of 'chains', 'tour'")
+        shown = tuple(part for part in _PARTS if part in requested)
     if "tour" in shown and plan is None:
         raise UnsupportedOption("parts can contain 'tour' only if plan is given")
     check_option("over", over, over in ("walked", "stops"), "be 'walked' or 'stops'")
     check_flags(**{k: v for k, v in (("lines", lines), ("labels", labels)) if v is not None})
     check_tolerance(tolerance)
-    found = None
+    verification = None
     if plan is not None:
-        found = model.verify(required("plan", plan, GuidedPathPlan), tolerance=tolerance)
-    text = _title(model, found) if title is None else title
+        verification = model.verify(required("plan", plan, GuidedPathPlan), tolerance=tolerance)
+    text = _title(model, verification) if title is None else title
     row = 0.3 + 0.004 * min(max(map(len, groups), default=0), 300)
     high = {"chains": float(np.clip(0.5 + row * (len(groups) + 1), 1.3, 6.0)), "tour": 5.0}
     whole = sum(map(high.__getitem__, shown))
@@ -150,15 +151,15 @@ def draw(
     axes.set_xlabel(f"position ({name})", fontsize=8.5)
     keys += _group_keys(model, groups)
     legend_row(figure, keys, "lower center", (0.5, 0.06 / tall), rows=1 + (len(keys) > 5))
-    headline(figure, text, wrong=found is not None and not found.ok)
+    headline(figure, text, wrong=verification is not None and not verification.ok)
     return figure
 
 
-def _title(model: GuidedPathTour, found: Verification | None) -> str:
+def _title(model: GuidedPathTour, verification: Verification | None) -> str:
     parts = [model.describe()]
-    if found is not None and found.objective is not None:
-        parts.append(f"{number(found.objective)} m")
-    return title_of(model.name, parts, found)
+    if verification is not None and verification.objective is not None:
+        parts.append(f"{number(verification.objective)} m")
+    return title_of(model.name, parts, verification)
 
 
 def _group_keys(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> list[Any]:
@@ -183,11 +184,11 @@ def _owners(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> NDArray[n
 def _mark(axes: Any, customers: NDArray[np.int64], at: Floats, owners: NDArray[np.int64]) -> None:
     """Draw customers at places of the axes, with the marker and colour of their chains."""
     big = 24 if len(customers) <= _MOST_LARGE else 9
-    held = owners[customers]
-    for group in np.unique(held).tolist():
+    groups = owners[customers]
+    for group in np.unique(groups).tolist():
         look = look_of(group)
         dots(
-            axes, at[held == group], look["marker"], look["color"], size=big, edge="white", width=0.5,
+            axes, at[groups == group], look["marker"], look["color"], size=big, edge="white", width=0.5,
             zorder=7, gid="customer",
         )  # fmt: skip
 
@@ -285,7 +286,7 @@ def _draw_names(model: GuidedPathTour, walk: Walk, at: Floats, axes: Any) -> Non
     moved = (np.diff(at[1:-1], axis=0) != 0).any(axis=1)
     runs = np.split(np.arange(1, len(at) - 1), np.flatnonzero(moved) + 1)
     for run in filter(len, runs):
-        held = [model.label(walk.stops[stop]) for stop in run]
-        more = [f"{len(held) - 2} more"] * (len(held) > 4)
-        names[run[0]] = ", ".join(held[: 2 if more else None] + more)
+        labels = [model.label(walk.stops[stop]) for stop in run]
+        more = [f"{len(labels) - 2} more"] * (len(labels) > 4)
+        names[run[0]] = ", ".join(labels[: 2 if more else None] + more)
     write_names(axes, at, names, size=7.0, colour=BLACK)

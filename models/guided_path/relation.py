@@ -30,11 +30,11 @@ class Chains(Spec):
             value = value.tolist()
         if isinstance(value, str | bytes) or not isinstance(value, Sequence):
             raise InvalidData(f"{name} must be a list of chains, got {show(value)}", field=name)
-        found = []
+        chains = []
         for k, chain in enumerate(value):
             members = Array(("members",), int, lower=0).coerce(f"{name}[{k}]", chain, {})
-            found.append(tuple(members.tolist()))
-        return tuple(found)
+            chains.append(tuple(members.tolist()))
+        return tuple(chains)
 
     def encode(self, value: tuple[tuple[int, ...], ...]) -> Any:
         return [list(chain) for chain in value]
@@ -99,12 +99,12 @@ def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]
     after: list[list[int]] = [[] for _ in range(size)]
     for one, other in pairs:
         after[one].append(other)
-    found = np.zeros((size, size), bool)
+    closure = np.zeros((size, size), bool)
     for k in reversed(order):
         for other in after[k]:
-            found[k] |= found[other]
-            found[k, other] = True
-    return found
+            closure[k] |= closure[other]
+            closure[k, other] = True
+    return closure
 
 
 def joined_chains(

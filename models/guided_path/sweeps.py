@@ -1,13 +1,15 @@
-"""Mixed-integer program of a tour as sweeps along the path, alternately to the right and to the left.
+"""Mixed-integer program of a tour as alternating sweeps to the right and to the left.
 
-The tour is a sequence of sweeps 1 … R, odd ones to the right and even ones to the left. The first sweep
-may be empty, and so may all sweeps after the last one needed. P_gr = 1 if the turning point after sweep
-r is right of gap g, so a sweep crosses the gaps for which P changes. Z_cr = 1 if customer c is served by
-the end of sweep r. The sweep must have passed its place, and its predecessors must be served before; in
-the same sweep only if they come earlier on its way. The length is the sum of the gaps crossed, and each
-gap is crossed at least as often as a chain of the relation requires.
+The tour is a sequence of sweeps 1 … R, odd ones to the right and even ones to the left. The first
+sweep may be empty, and so may all sweeps after the last one needed. P_gr = 1 if the turning point
+after sweep r is right of gap g, so a sweep crosses the gaps for which P changes. Z_cr = 1 if
+customer c is served by the end of sweep r. The sweep must have passed its place, and its
+predecessors must be served before; in the same sweep only if they come earlier on its way. The
+length is the sum of the gaps crossed, and each gap is crossed at least as often as a chain of the
+relation requires.
 
-Customers that every tour passes in time are omitted (:mod:`.walks`), as they do not affect the length.
+Customers that every tour passes in time are omitted (:mod:`.walks`), as they do not affect the
+length.
 """
 
 from __future__ import annotations
@@ -96,7 +98,8 @@ class SweepsFormulation(KeptFormulation):
         last, size = self.count, gaps.lengths.size
         sides = np.where(np.arange(1, last + 1) % 2, 1, -1)
         home = (gaps.at[0] > np.arange(size)).astype(float)
-        # The cost of P is signed by the side of the sweep. A turning point ends one sweep and begins the next.
+        # The cost of P is signed by the side of the sweep. A turning point ends one sweep and
+        # begins the next.
         counts = np.zeros(last + 1)
         counts[1:] += sides
         counts[:-1] -= sides
@@ -142,7 +145,8 @@ class SweepsFormulation(KeptFormulation):
             (_count(z[1:]), z[:-1], -1.0), lower=0, template="sweep {0}, customer {1}",
             index=index[customers.size :],
         )  # fmt: skip
-        # Gap that a sweep crosses to reach a place. Customers at the start need no gap in the first sweep.
+        # Gap that a sweep crosses to reach a place. Customers at the start need no gap in the first
+        # sweep.
         gap = np.where(sides[:, None] > 0, at[customers] - 1, at[customers])
         reached = (gap >= 0) & (gap < size)
         sweep, rows = np.nonzero(reached)[0], _count(z)
@@ -174,7 +178,7 @@ class SweepsFormulation(KeptFormulation):
     # -- plans -----------------------------------------------------------------------------------
 
     def _walk(self, plan: GuidedPathPlan) -> tuple[list[int], list[int]]:
-        """Return the places at which sweeps of `plan` end, from the start on, and the sweep of each customer.
+        """Return the ends of the sweeps of `plan`, the start first, and the sweep of each customer.
 
         The walk visits only the relevant customers.
         """
@@ -206,10 +210,10 @@ class SweepsFormulation(KeptFormulation):
         enough = enough_sweeps(self._gaps, objective)
         if self.sweeps is not None or enough >= self.enough:
             return self
-        found = copy(self)
-        found.__dict__.pop("program", None)
-        found.__dict__["enough"] = enough
-        return found
+        formulation = copy(self)
+        formulation.__dict__.pop("program", None)
+        formulation.__dict__["enough"] = enough
+        return formulation
 
     def fitted(self, plan: GuidedPathPlan) -> SweepsFormulation:
         """Return the formulation with at least as many sweeps as `plan` has."""
@@ -235,23 +239,23 @@ class SweepsFormulation(KeptFormulation):
             The walk has more sweeps than the program; use :meth:`fitted` first.
         """
         ends, sweep = self._walk(plan)
-        most = self.count + 1
-        if len(ends) > most:
+        limit = self.count + 1
+        if len(ends) > limit:
             raise InvalidData(
                 f"order must make at most {self.count} sweeps, got {len(ends) - 1}",
                 field="order",
             )
-        ends += [ends[-1]] * (most - len(ends))
+        ends += [ends[-1]] * (limit - len(ends))
         right = np.array(ends)[:, None] > np.arange(self._gaps.lengths.size)
-        done = np.arange(1, most)[:, None] >= np.array(sweep)
+        done = np.arange(1, limit)[:, None] >= np.array(sweep)
         return np.concatenate([right.ravel(), done.ravel()]).astype(float)
 
     def decode(self, point: Floats) -> GuidedPathPlan:
-        """Return the service order along the sweeps; available customers are served when they are passed."""
-        held = Array((self.program.size,)).coerce("point", point, {})
+        """Return the service order along the sweeps; available customers are served on the way."""
+        values = Array((self.program.size,)).coerce("point", point, {})
         numbers, at = self._numbers, self._gaps.at
         size = self._gaps.lengths.size
-        right = held[: (self.count + 1) * size].reshape(self.count + 1, size)
+        right = values[: (self.count + 1) * size].reshape(self.count + 1, size)
         ends = np.rint(right).sum(axis=1)
         # Any customer at a place represents it.
         whose = dict(zip(at.tolist(), numbers, strict=True))

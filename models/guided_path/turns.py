@@ -24,20 +24,20 @@ _ROUNDING = 1e-4
 def turning(gaps: Gaps, side: int) -> Iterator[int]:
     """Yield the customers at which a shortest tour may turn after a sweep to one side.
 
-    Let a tour turn at a place x after a sweep to the right (the left is its mirror image), and let C be
-    the set of customers that it serves there. Between this visit of x and the previous and next ones,
-    the tour is left of x. Serve those members of C without a predecessor served since the previous
-    visit at that visit. Serve the others, if they have no successor served before the next visit, at
-    the next visit. If this serves all of C, the tour can turn before x and becomes shorter. So in a
-    shortest tour some c of C has both
+    Let a tour turn at a place x after a sweep to the right (the left is its mirror image), and let
+    C be the set of customers that it serves there. Between this visit of x and the previous and
+    next ones, the tour is left of x. Serve those members of C without a predecessor served since
+    the previous visit at that visit. Serve the others, if they have no successor served before the
+    next visit, at the next visit. If this serves all of C, the tour can turn before x and becomes
+    shorter. So in a shortest tour some c of C has both
 
     * a predecessor served since the previous visit, therefore left of x, or no previous visit exists;
     * a successor served before the next visit, therefore left of x, or no next visit exists.
 
-    Relations within C transfer these to a member with a direct predecessor left of x, or without any,
-    and a direct successor not right of x, or without any. Before the first visit, and after the last
-    one, the tour is left of x, and so is the start. Each customer is served once, so the turns have
-    distinct customers.
+    Relations within C transfer these to a member with a direct predecessor left of x, or without
+    any, and a direct successor not right of x, or without any. Before the first visit, and after
+    the last one, the tour is left of x, and so is the start. Each customer is served once, so the
+    turns have distinct customers.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
 
     A tour that begins to the left has an empty first sweep to the right.
 
-    With c_g crossings of gap g to the right, and as many to the left, c_p-1 of them reach place p from
-    the left and c_p leave it to the right. Those that do not turn there are common to both. So R turns
-    to the left and L turns to the right satisfy R - L = c_p-1 - c_p; at the start, at which the tour
-    begins and ends, up to one more or less. Each c_g is at least the number that chains require, R and
-    L are at most the number of customers of :func:`turning` at p, and the length of all crossings is at
-    most `length`. A linear program maximises the number of turns.
+    With c_g crossings of gap g to the right, and as many to the left, c_p-1 of them reach place p
+    from the left and c_p leave it to the right. Those that do not turn there are common to both. So
+    R turns to the left and L turns to the right satisfy R - L = c_p-1 - c_p; at the start, at which
+    the tour begins and ends, up to one more or less. Each c_g is at least the number that chains
+    require, R and L are at most the number of customers of :func:`turning` at p, and the length of
+    all crossings is at most `length`. A linear program maximises the number of turns.
 
     Parameters
     ----------
@@ -92,7 +92,9 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
     if not size:
         return 1
     start = int(gaps.at[0])
-    most = [np.bincount(gaps.at[list(turning(gaps, side))], minlength=size + 1) for side in (1, -1)]
+    limits = [
+        np.bincount(gaps.at[list(turning(gaps, side))], minlength=size + 1) for side in (1, -1)
+    ]
     change = diags_array([np.ones(size), -np.ones(size)], offsets=[0, -1], shape=(size + 1, size))
     one = eye_array(size + 1)
     slack = (np.arange(size + 1) == start).astype(float)
@@ -105,17 +107,17 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
         -np.abs(turns), bmat([[rows], [turns[None]], [-turns[None]], [total[None]]]).tocsr(),
         np.concatenate([slack, slack, [1.0, 1.0], [min(length / unit, _FAR) * (1 + 1e-9)]]),
         bounds=[
-            *((int(c), None) for c in gaps.crossings), *((0, int(m)) for m in np.concatenate(most))
+            *((int(c), None) for c in gaps.crossings), *((0, int(m)) for m in np.concatenate(limits))
         ],
     )  # fmt: skip
-    right, left = (int(m.sum()) for m in most)
-    found = -answer.fun if answer.success else np.inf
+    right, left = (int(m.sum()) for m in limits)
+    objective = -answer.fun if answer.success else np.inf
     # The first turn ends the first sweep, which goes left only if a place is left of the start.
     either = [min(2 * right, 2 * left + 1) + 1]
     if start > 0:
         either.append(min(2 * left, 2 * right + 1) + 2)
-        found += 1
-    return int(min(max(either), np.floor(found + 1 + _ROUNDING)))
+        objective += 1
+    return int(min(max(either), np.floor(objective + 1 + _ROUNDING)))
 
 
 def some_length(gaps: Gaps) -> float:
@@ -145,7 +147,7 @@ def some_length(gaps: Gaps) -> float:
     for c in reversed(model.sorted_customers):
         for other in gaps.after[c]:
             onwards[c] = np.maximum(onwards[c], onwards[other] + gaps.between(at[c], at[other]))
-    kept = max(_WORK // size**2, 1)
+    width = max(_WORK // size**2, 1)
     # Per number of customers served: length by place and set of customers served (bit mask).
     levels: list[dict[tuple[int, int], float]] = [{} for _ in range(size)]
     levels[0][int(at[0]), 0] = 0.0
@@ -156,7 +158,7 @@ def some_length(gaps: Gaps) -> float:
             away = np.stack([gaps.between(here, at[c]) for c in ready])
             left = float(lengths @ (away + onwards[ready]).max(axis=0))
             ranked.append((length + left, length, here, done, ready))
-        for _, length, here, done, ready in sorted(ranked)[:kept]:
+        for _, length, here, done, ready in sorted(ranked)[:width]:
             places = {int(at[c]) for c in ready}
             aims = {
                 max((p for p in places if p <= here), default=-1),

@@ -58,7 +58,7 @@ class Chase(NamedTuple):
 
 @kernel
 def excess(kind: int, t: float, c: Chase) -> float:
-    """Return the length flown at time `t` minus the path length, in m: negative before the encounter."""
+    """Return the length flown at `t` minus the path length, in m: negative before the encounter."""
     u, v, flown = c.u + c.du * t, c.v + c.dv * t, c.speed * t
     if kind >= 0:
         first, second, third = word_local(u, v, c.phi, c.sin, c.lift, c.r, c.slack, kind)
@@ -89,15 +89,15 @@ def root(kind: int, low: float, below: float, high: float, above: float, c: Chas
         x = high - above * (high - low) / (above - below)
         if not low < x < high:
             return low if x <= low else high
-        found = excess(kind, x, c)
-        if abs(found) <= ROUNDING * (c.speed * x + c.r):
+        value = excess(kind, x, c)
+        if abs(value) <= ROUNDING * (c.speed * x + c.r):
             return x
-        if (found < 0.0) == (below < 0.0):
-            low, below = x, found
+        if (value < 0.0) == (below < 0.0):
+            low, below = x, value
             above *= 0.5 if last < 0 else 1.0
             last = -1
         else:
-            high, above = x, found
+            high, above = x, value
             below *= 0.5 if last > 0 else 1.0
             last = 1
     return high
@@ -152,21 +152,21 @@ def stepping(
     t = low
     near = max((t - middle + half) * (middle + half - t), 0.0)
     sigma = math.atan2(math.sqrt(near), middle - t)
-    found = excess(kind, t, c)
-    least = (FINEST if kind < 0 else COARSE) * c.r
+    value = excess(kind, t, c)
+    floor = (FINEST if kind < 0 else COARSE) * c.r
     while t < high:
-        if found >= 0.0 and kind < 0:
+        if value >= 0.0 and kind < 0:
             return t
-        distance = abs(found)
+        distance = abs(value)
         if kind >= 0:
             if not distance < math.inf:
                 return math.inf
             distance -= FULL * c.r * math.floor(distance / (FULL * c.r))
             distance = min(distance, FULL * c.r - distance)
-            if abs(found) > math.pi * c.r:  # only a jump can make this a root
+            if abs(value) > math.pi * c.r:  # only a jump can make this a root
                 distance = max(distance, JUMP * c.r)
-        distance = max(distance, least)
-        least *= GROWTH
+        distance = max(distance, floor)
+        floor *= GROWTH
         # Step that can change the excess by at most the distance, and its duration.
         flown = c.speed * half
         change = flown * math.sin(sigma) + rate
@@ -178,15 +178,15 @@ def stepping(
         if not t < following < high or sigma >= math.pi:
             following = high
         after = excess(kind, following, c)
-        if (found < 0.0) != (after < 0.0) and (kind < 0 or abs(after - found) < math.pi * c.r):
-            return root(kind, t, found, following, after, c)
-        t, found = following, after
+        if (value < 0.0) != (after < 0.0) and (kind < 0 or abs(after - value) < math.pi * c.r):
+            return root(kind, t, value, following, after, c)
+        t, value = following, after
     return math.inf
 
 
 @kernel
 def crossings(x: float, y: float, circle: float, c: Chase) -> tuple[float, float]:
-    """Return the two times at which the point is on a circle, (`x`, `y`) from its centre at 0, or inf."""
+    """Return both times at which the point, (`x`, `y`) from the centre at 0, is on a circle, or inf."""
     pace = norm(c.du, c.dv)
     aside = (x * c.dv - y * c.du) / pace
     square = circle * circle - aside * aside

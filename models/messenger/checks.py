@@ -33,7 +33,8 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
     plan : TourPlan
         The tour.
     turning_radius : float
-        Turning radius, in m. With 0, the UAV turns on the spot to the heading of the next primitive.
+        Turning radius, in m. With 0, the UAV turns on the spot to the heading of the next
+        primitive.
 
     Returns
     -------
@@ -41,15 +42,15 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
         x, y (m) and heading (rad), at the start and after each of the k primitives.
     """
     pieces = plan.primitives
-    lengths = np.array([one.length for one in pieces])
-    signs = np.array([SIGNS[one.turn] for one in pieces])
+    lengths = np.array([primitive.length for primitive in pieces])
+    signs = np.array([SIGNS[primitive.turn] for primitive in pieces])
     # Half the angle of each primitive. The chord formula of an arc covers the line as angle 0.
     half = 0.5 * signs * lengths / turning_radius if turning_radius > 0 else np.zeros(len(pieces))
     if turning_radius > 0:
         headings = plan.start[2] + np.concatenate([[0.0], np.cumsum(2.0 * half)])
     else:
-        said = np.array([one.heading for one in pieces])
-        headings = np.append(said, said[-1:] if len(pieces) else plan.start[2:])
+        initial = np.array([primitive.heading for primitive in pieces])
+        headings = np.append(initial, initial[-1:] if len(pieces) else plan.start[2:])
     middle = headings[:-1] + half
     chord = lengths * np.sinc(half / np.pi)
     steps = np.stack([chord * np.cos(middle), chord * np.sin(middle)], axis=1)
@@ -85,23 +86,24 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     for row, vehicle in enumerate(plan.order):
         if not 0 <= vehicle < n:
             raise InvalidData(f"order[{row}] must lie in 0 … {n - 1}, got {vehicle}", field="order")
-    legs = np.array([one.leg for one in plan.primitives], int)
-    lengths = np.array([one.length for one in plan.primitives])
+    legs = np.array([item.leg for item in plan.primitives], int)
+    lengths = np.array([item.length for item in plan.primitives])
     poses = integrated(plan, model.turning_radius)
     flown = np.concatenate([[0.0], np.cumsum(lengths)])
-    # Index of the pose at the end of each leg: after the last primitive with this leg number or a lower one.
+    # Index of the pose at the end of each leg: after the last primitive with this leg number or a
+    # lower one.
     ends = np.searchsorted(legs, np.arange(len(plan.order)), side="right")
     met = np.array(plan.order, int)
     size = _sizes(model)
-    at = poses[ends, :2]
+    positions = poses[ends, :2]
     vehicles = model.positions[met] + model.velocities[met] * plan.times[:, None]
     # The rounding error grows with the coordinates and the length up to the encounter only.
     far = np.maximum.accumulate(np.abs(poses[:, :2]).max(axis=1)) + flown
     lost = DIGITS * (far[ends] + np.abs(model.positions[met]).max(axis=1))
     noise = DIGITS * float(far[-1])
-    apart = np.hypot(*(at - vehicles).T) - model.radius[met]
-    late = np.abs(flown[ends] - model.speed * plan.times)
-    said = np.hypot(*(at - plan.points).T)
+    apart = np.hypot(*(positions - vehicles).T) - model.radius[met]
+    time_error = np.abs(flown[ends] - model.speed * plan.times)
+    point_error = np.hypot(*(positions - plan.points).T)
 
     def worst(
         name: str, values: Floats, unit: str, places: Sequence[str], scale: Floats | float,
@@ -110,7 +112,7 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         """Return the check of the entry with the largest violation relative to its tolerance."""
         if not values.size:
             return Check.scaled(name, "", 0.0, unit, "", tolerance, 0.0, noise=noise)
-        scales, excused = (np.broadcast_to(one, values.shape) for one in (scale, digits))
+        scales, excused = (np.broadcast_to(item, values.shape) for item in (scale, digits))
         share = np.where(values <= 0, 0.0, values) / np.maximum(
             tolerance * scales + excused, 1e-300
         )
@@ -142,8 +144,8 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         worst("lengths at least 0", -lengths, "m", pieces, 0.0),
         *_joined(model, plan, poses, tolerance),
         *_started(model, plan, tolerance, float(size.min())),
-        worst("length flown is speed times time", late, "m", names, size[met], digits=lost),
-        worst("encounter at its point", said, "m", names, size[met], digits=lost),
+        worst("length flown is speed times time", time_error, "m", names, size[met], digits=lost),
+        worst("encounter at its point", point_error, "m", names, size[met], digits=lost),
         worst(
             "encounter within radius", apart, "m", names, size[met], model.radius[met], digits=lost
         ),
@@ -164,7 +166,7 @@ def decidable_length(model: TourData) -> float:
 
 
 def _sizes(model: TourData) -> Floats:
-    """Return the size of each vehicle's position tolerance (m): its radius, or its share of the field."""
+    """Return the position scale of each vehicle (m): its radius, or its share of the field."""
     room = model.extent / model.size
     return np.where(model.radius > 0, model.radius, room)
 
@@ -173,7 +175,7 @@ def _count(name: str, number: float, unit: str, where: str) -> Check:
     return Check(name, "", number, unit, 0.0, where, 0.0)
 
 
-def _turned(angle: Floats | float) -> Floats:
+def _angle_between(angle: Floats | float) -> Floats:
     """Return the absolute difference of headings, in rad, at most π."""
     return np.abs(np.remainder(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi)
 
@@ -181,17 +183,21 @@ def _turned(angle: Floats | float) -> Floats:
 def _joined(model: TourData, plan: TourPlan, poses: Floats, tolerance: float) -> list[Check]:
     """Return the checks of continuous headings and of the curvature limit."""
     if model.turning_radius == 0:
-        turns = [k for k, one in enumerate(plan.primitives) if one.turn != "S" and one.length > 0]
+        turns = [
+            k
+            for k, primitive in enumerate(plan.primitives)
+            if primitive.turn != "S" and primitive.length > 0
+        ]
         where = f"primitive {turns[0]}" if turns else ""
         return [
             _count("straight but for turns on the spot", float(len(turns)), "primitives", where)
         ]
-    said = np.array([one.heading for one in plan.primitives])
-    off = _turned(poses[:-1, 2] - said)
+    initial = np.array([primitive.heading for primitive in plan.primitives])
+    off = _angle_between(poses[:-1, 2] - initial)
     if model.closed:
-        off = np.append(off, _turned(poses[-1, 2] - plan.start[2]))
+        off = np.append(off, _angle_between(poses[-1, 2] - plan.start[2]))
     k = int(np.argmax(np.where(np.isnan(off), np.inf, off))) if off.size else 0
-    where = "" if not off.size else "end" if k == len(said) else f"primitive {k}"
+    where = "" if not off.size else "end" if k == len(initial) else f"primitive {k}"
     worst = float(off[k]) if off.size else 0.0
     noise = DIGITS * float(np.abs(poses[:, 2]).max())
     if noise > CEILING:
@@ -214,7 +220,7 @@ def _started(model: TourData, plan: TourPlan, tolerance: float, size: float) -> 
         )
     # A UAV that turns on the spot can take any heading at once.
     if model.heading is not None and model.turning_radius > 0:
-        turn = float(_turned(plan.start[2] - model.heading))
+        turn = float(_angle_between(plan.start[2] - model.heading))
         checks.append(
             Check.scaled("starts with its heading", "", turn, "rad", "start", tolerance, 1.0)
         )

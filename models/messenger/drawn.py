@@ -29,7 +29,7 @@ class Drawn:
         self.path = outline(plan, model.turning_radius)
         self.met = np.array(plan.order, int)
         self.meetings = model.positions[self.met] + model.velocities[self.met] * plan.times[:, None]
-        self.broken = _broken(self)
+        self.broken = _violation_places(self)
 
     @property
     def everything(self) -> Floats:
@@ -54,21 +54,23 @@ class Drawn:
 
 def _finite(places: Floats) -> Floats:
     """Return the places within the range that can be drawn."""
-    kept: Floats = places[(np.abs(places) < FAR).all(axis=1)]
-    return kept if len(kept) else np.zeros((1, 2))
+    visible: Floats = places[(np.abs(places) < FAR).all(axis=1)]
+    return visible if len(visible) else np.zeros((1, 2))
 
 
-def _broken(tour: Drawn) -> Floats:
+def _violation_places(tour: Drawn) -> Floats:
     """Return the place of the largest violation of each violated check, shape (k, 2)."""
     model, plan = tour.model, tour.plan
     poses = integrated(plan, model.turning_radius)
     places = {"start": poses[0, :2], "end": poses[-1, :2]}
     places |= {f"primitive {k}": pose[:2] for k, pose in enumerate(poses[:-1])}
     for k in range(model.size):
-        at = np.flatnonzero(tour.met == k)
-        places[f"vehicle {model.label(k)}"] = plan.points[at[0]] if at.size else model.positions[k]
-    found = [places[check.where] for check in tour.found.violated if check.where in places]
-    return _finite(np.array(found)) if found else np.empty((0, 2))
+        rows = np.flatnonzero(tour.met == k)
+        places[f"vehicle {model.label(k)}"] = (
+            plan.points[rows[0]] if rows.size else model.positions[k]
+        )
+    violations = [places[check.where] for check in tour.found.violated if check.where in places]
+    return _finite(np.array(violations)) if violations else np.empty((0, 2))
 
 
 def within(places: Floats, least: Floats, most: Floats) -> NDArray[np.bool_]:

@@ -3,11 +3,11 @@
 Coordinates, lengths and the turning radius are in m, headings in rad, counter-clockwise from the x
 axis. A path is a sequence of primitives: a left turn, a straight line or a right turn, each with its
 axis. A path is a sequence of primitives with their lengths: left turn, straight line or right turn.
-The length of a turn is the radius times the angle. With radius 0 a turn has length 0 and leads to any
-heading, so paths are straight lines.
+The length of a turn is the radius times the angle. With radius 0 a turn has length 0 and leads to
+any heading, so paths are straight lines.
 
-If rounding alone decides whether a turn is 0 or a full circle, it is 0. This moves the end of the path
-by at most the rounding error of its coordinates.
+If rounding alone decides whether a turn is 0 or a full circle, it is 0. This moves the end of the
+path by at most the rounding error of its coordinates.
 
 Sources: L. E. Dubins, American Journal of Mathematics 79 (1957) 497-516, for the six words;
 E. J. Cockayne and G. W. C. Hall, SIAM Journal on Control 13 (1975) 197-220, for paths with free
@@ -70,7 +70,7 @@ def norm(x: float, y: float) -> float:
 
 @kernel
 def local(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> Length3:
-    """Return the target's coordinates ahead and to the left of the start, and their rounding error (m)."""
+    """Return the target ahead and to the left of the start, and the rounding error (m)."""
     dx, dy = x1 - x0, y1 - y0
     cos, sin = math.cos(h0), math.sin(h0)
     slack = ROUNDING * (abs(x0) + abs(y0) + abs(x1) + abs(y1) + r)
@@ -127,8 +127,8 @@ def _arcs(
 ) -> Length3:  # fmt: skip
     """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf if LRL does not exist.
 
-    Uses the middle arc of more than half a circle. The shorter middle arc is never part of a shortest
-    path.
+    Uses the middle arc of more than half a circle. The shorter middle arc is never part of a
+    shortest path.
     """
     x, y = u - r * sin, v - r * lift
     d = norm(x, y)
@@ -211,18 +211,18 @@ def shortest(
     phi = h1 - h0
     sin, lift = sine_and_lift(phi)
     best, best_word = (math.inf, math.inf, math.inf), 0
-    least = math.inf
+    best_length = math.inf
     for word in range(6):
-        found = word_local(u, v, phi, sin, lift, r, slack, word, least)
-        length = found[0] + found[1] + found[2]
-        if length < least:
-            least, best, best_word = length, found, word
+        lengths = word_local(u, v, phi, sin, lift, r, slack, word, best_length)
+        length = lengths[0] + lengths[1] + lengths[2]
+        if length < best_length:
+            best_length, best, best_word = length, lengths, word
     return best[0], best[1], best[2], best_word
 
 
 @kernel
 def outside(u: float, v: float, r: float, slack: float) -> float:
-    """Return the length of the tangent from (`u`, `v`) to the left circle; -1 if the point is inside."""
+    """Return the tangent length from (`u`, `v`) to the left circle; -1 if the point is inside."""
     power = u * u + v * v - 2.0 * r * v
     if power < 0.0 and (power < -2.0 * r * slack or r == 0.0):
         return -1.0
@@ -244,7 +244,8 @@ def right_left(u: float, v: float, r: float, major: bool) -> tuple[float, float]
     """Return the angles of RL to (`u`, `v`), `v` >= 0, at most 3 r from the right circle's centre.
 
     `major` selects the second turn of more than half a circle. Without it the point must be ahead
-    and outside the left circle. Uses the triangle of both centres and the point, with sides 2 r and r.
+    and outside the left circle. Uses the triangle of both centres and the point, with sides 2 r and
+    r.
     """
     power = u * u + v * v + 2.0 * r * v  # the third side² minus r²
     area = math.sqrt(max((8.0 * r * r - power) * power, 0.0))
@@ -274,8 +275,8 @@ def relaxed(
 ) -> tuple[float, float, int]:
     """Return the lengths (m) of the shortest path to a point with free final heading, and its word.
 
-    To a point on the left the path is LS. If the point is inside the left turning circle, the path is
-    RL with a second turn of more than half a circle. Points on the right use the mirror image.
+    To a point on the left the path is LS. If the point is inside the left turning circle, the path
+    is RL with a second turn of more than half a circle. Points on the right use the mirror image.
 
     Parameters
     ----------

@@ -2,13 +2,14 @@
 
 The target is at (u, v) in the start's frame with v >= 0, after mirroring if necessary. The *near*
 circle is the left turning circle, the *far* circle the right one. Two families of paths cover all
-attainable lengths. The length is non-decreasing along each family; its slope is 1 minus the cosine of
-the last turn:
+attainable lengths. The length is non-decreasing along each family; its slope is 1 minus the cosine
+of the last turn:
 
 - S(s) L S, and S(s) R S: a straight line of any length s >= 0 before the turn;
 - R(α) L S: a turn by α away from the target before the turn towards it.
 
-The following was derived here and compared with local searches over paths of 16 arcs of any curvature:
+The following was derived here and compared with local searches over paths of 16 arcs of any
+curvature:
 
 1. Outside the near circle and not ahead (u <= 0), or with v >= 2 r, S L S attains every length from
    the shortest one on.
@@ -21,9 +22,9 @@ The following was derived here and compared with local searches over paths of 16
 4. Inside the near circle the shortest path is RL with a turn of more than half a circle, and every
    longer length is attained.
 5. Ahead, outside the near circle and within 3 r of the far circle's centre no path of bounded
-   curvature has a length between ``low`` and ``high``. ``high`` is less than ``far``, so some lengths
-   below ``far`` exist. At the start itself the gap is (0, 2 π r). LR, which turns towards the target
-   first, attains no length beyond ``low``.
+   curvature has a length between ``low`` and ``high``. ``high`` is less than ``far``, so some
+   lengths below ``far`` exist. At the start itself the gap is (0, 2 π r). LR, which turns towards
+   the target first, attains no length beyond ``low``.
 
 Z. Chen, K. Wang and Y. Lu, arXiv 2109.02125, solve the problem with given headings at both ends.
 """
@@ -63,7 +64,7 @@ def left_straight_whole(u: float, v: float, r: float) -> tuple[float, float, flo
 
 @kernel
 def far_turn(u: float, v: float, r: float) -> tuple[float, float, float]:
-    """Return turn, line and cosine of RS to a point with `v` >= 0; the turn is at least half a circle."""
+    """Return turn, line and cosine of RS to a point with `v` >= 0; the turn is at least π."""
     angle, b, cos = left_straight_whole(u, -v, r)
     # An angle of 0 represents a full circle.
     return angle if angle > 1.0 or r == 0.0 else angle + FULL, b, cos
@@ -186,8 +187,8 @@ def elongated(
     x1, y1 : float
         Target (m).
     r : float
-        Turning radius (m), at least 0. With 0 the path is a straight line along the heading, followed
-        by a straight line to the target.
+        Turning radius (m), at least 0. With 0 the path is a straight line along the heading,
+        followed by a straight line to the target.
     d : float
         Length (m).
 
@@ -204,12 +205,12 @@ def elongated(
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     side = L if v >= 0.0 else R
     first, second, word = relaxed_local(u, v, r, slack)
-    least = first + second
+    shortest = first + second
     v = abs(v)
     slight = NO_TURN * (d + r) + slack
-    if not d < math.inf or d < least - slight:
+    if not d < math.inf or d < shortest - slight:
         return 0.0, 0.0, 0.0, S, S, S, False
-    if d <= least + slack:
+    if d <= shortest + slack:
         if word < 2:
             return first, second, 0.0, side, S, S, True
         return first, second, 0.0, -side, side, S, True

@@ -86,7 +86,7 @@ def guessed(
     ahead = goal - place
     heading = math.atan2(ahead[1], ahead[0]) if model.heading is None else model.heading
     start = pose = np.append(place, heading)
-    found: list[tuple[str, tuple[float, ...], float]] = []
+    legs: list[tuple[str, tuple[float, ...], float]] = []
     for row in range(n + model.closed):
         goal, after, rate, end = start[:2], 0.0, np.zeros(2), float(start[2])
         if row < n:
@@ -103,13 +103,13 @@ def guessed(
             word = None if words is None else words[row]
             goal = goal + rate * _delay(model.speed, pose, goal, end, rate, r, word, after)
             leg = _leg(pose, np.append(goal, end), r, word)
-        found.append((*leg, math.atan2(ahead[1], ahead[0])))
+        legs.append((*leg, math.atan2(ahead[1], ahead[0])))
         time += sum(leg[1]) / model.speed
         place, pose = goal, np.append(goal, end)
     return tour(
-        model, met, [word for word, *_ in found], start,
-        np.array([length for _, lengths, _ in found for length in lengths]),
-        np.repeat([way for *_, way in found], [len(lengths) for _, lengths, _ in found]),
+        model, met, [word for word, *_ in legs], start,
+        np.array([length for _, lengths, _ in legs for length in lengths]),
+        np.repeat([way for *_, way in legs], [len(lengths) for _, lengths, _ in legs]),
     )  # fmt: skip
 
 
@@ -132,7 +132,8 @@ def _delay(
     pose : ndarray, shape (3,)
         Pose of the UAV at the start of the leg.
     goal, heading, rate : ndarray of shape (2,), float, ndarray of shape (2,)
-        Encounter of the straight flight (m), heading there (rad), and velocity of the vehicle (m/s).
+        Encounter of the straight flight (m), heading there (rad), and velocity of the vehicle
+        (m/s).
     r, word : float, str or None
         Turning radius (m) and word of the leg.
     after : float
@@ -145,14 +146,14 @@ def _delay(
 
     if not rate.any():
         return 0.0
-    least = early(0.0)
-    if least >= 0.0:
+    surplus = early(0.0)
+    if surplus >= 0.0:
         return 0.0
-    most = -least / speed
-    while early(most) < 0.0:
-        most *= 2.0
+    upper = -surplus / speed
+    while early(upper) < 0.0:
+        upper *= 2.0
     # The length may jump by a full circle. The result is then one side of the jump.
-    return float(brentq(early, 0.0, most, xtol=1e-12 * most))
+    return float(brentq(early, 0.0, upper, xtol=1e-12 * upper))
 
 
 def _leg(a: Floats, b: Floats, r: float, word: str | None) -> tuple[str, tuple[float, ...]]:

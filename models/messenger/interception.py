@@ -1,26 +1,26 @@
 """Earliest interception by a UAV of a point that moves along a line with constant velocity.
 
-The frame is that of the UAV at its start, mirrored so that the point is on the left. Time is divided
-at the moments when the point crosses the line ahead or a circle of radius r or 3 r about the centre of
-a turning circle. Between two of these the point stays in one of three regions (see
+The frame is that of the UAV at its start, mirrored so that the point is on the left. Time is
+divided at the moments when the point crosses the line ahead or a circle of radius r or 3 r about
+the centre of a turning circle. Between two of these the point stays in one of three regions (see
 :mod:`.elongation`):
 
 - Outside the turning circle and without a gap, it is met once LS is short enough. The slope of that
-  length along the point's path is at most the point's speed, so the length flown minus the path length
-  increases: it has at most one root, which is bracketed.
+  length along the point's path is at most the point's speed, so the length flown minus the path
+  length increases: it has at most one root, which is bracketed.
 - With a gap, it is met when LS is short enough, or later at the edges of the gap.
 - Inside the turning circle, it is met when RL is short enough.
 
 The lengths of RL at the edges change by at most √8 r / √(9 r² - D²) times the point's displacement,
-where D is the distance from the far circle's centre. This is unbounded towards D = 3 r. Along σ with
-t = middle - half cos σ, where t runs from one crossing of the circle of radius 3 r to the other, they
-change by at most √8 r dσ. This bounds a step in σ that cannot skip a root, so stepping finds the first
-root. The two families of edges join the shortest length continuously where the point crosses the
-turning circle, so that crossing needs no special case.
+where D is the distance from the far circle's centre. This is unbounded towards D = 3 r. Along σ
+with t = middle - half cos σ, where t runs from one crossing of the circle of radius 3 r to the
+other, they change by at most √8 r dσ. This bounds a step in σ that cannot skip a root, so stepping
+finds the first root. The two families of edges join the shortest length continuously where the
+point crosses the turning circle, so that crossing needs no special case.
 
-With a given final heading the same holds for each of the six words. Between the times at which one of
-its turns is 0, the length of C S C has a slope of at most the point's speed. The length of C C C changes
-by at most 4 r dσ, modulo 2 π r, for σ between crossings of the circle of radius 4 r.
+With a given final heading the same holds for each of the six words. Between the times at which one
+of its turns is 0, the length of C S C has a slope of at most the point's speed. The length of C C C
+changes by at most 4 r dσ, modulo 2 π r, for σ between crossings of the circle of radius 4 r.
 """
 
 from __future__ import annotations
@@ -76,8 +76,9 @@ def intercept(
 ) -> float:
     """Return the earliest time at which the UAV can meet a moving point with any heading.
 
-    A path of length ``speed * (t - t0)`` to the point at time ``t`` exists, and none exists earlier.
-    Exception: the length flown exceeds the edge of a gap by less than 1e-7 r for a short time.
+    A path of length ``speed * (t - t0)`` to the point at time ``t`` exists, and none exists
+    earlier. Exception: the length flown exceeds the edge of a gap by less than 1e-7 r for a short
+    time.
 
     Parameters
     ----------
@@ -122,19 +123,19 @@ def intercept(
         elif has_gap(there_u, there_v, r, slack):
             kind = AHEAD if excess(AHEAD, t, c) < 0.0 else EDGES
         if kind >= AHEAD:
-            found = rising(kind, t, cut, c)
+            root = rising(kind, t, cut, c)
         else:
-            found = stepping(kind, t, cut, c.u, c.v + r, 3.0 * r, rate, c)
-        if found < math.inf and reachable(u + du * found, v + dv * found, r, speed * found, slack):
-            return t0 + found
+            root = stepping(kind, t, cut, c.u, c.v + r, 3.0 * r, rate, c)
+        if root < math.inf and reachable(u + du * root, v + dv * root, r, speed * root, slack):
+            return t0 + root
         # The root is a jump without a path, at which the point passes the start.
-        t = found if t < found < cut else cut
+        t = root if t < root < cut else cut
     return math.inf
 
 
 @kernel
 def next_turn(word: int, t: float, c: Chase) -> float:
-    """Return the next time after `t` at which a turn of a C S C word is 0 or the word's existence changes."""
+    """Return the next time at which a turn of a C S C word is 0 or the word appears or vanishes."""
     mirror = -1.0 if word == 1 or word == 3 else 1.0
     sin, cos = mirror * c.sin, 1.0 - c.lift
     y, dy = mirror * c.v, mirror * c.dv
@@ -155,7 +156,7 @@ def next_turn(word: int, t: float, c: Chase) -> float:
 
 @kernel
 def earliest(word: int, t: float, end: float, c: Chase) -> float:
-    """Return the first time in [`t`, `end`] at which the word is as long as the length flown, or inf."""
+    """Return the first time in [`t`, `end`] at which word and flight are equally long, or inf."""
     if word >= 4:
         mirror = 1.0 if word == 4 else -1.0
         x, y = c.u + mirror * c.r * c.sin, c.v + mirror * c.r * c.lift
@@ -164,13 +165,13 @@ def earliest(word: int, t: float, end: float, c: Chase) -> float:
         if not low < high:
             return math.inf
         return stepping(word, low, high, x, y, 4.0 * c.r, 4.0 * c.r, c)
-    found = math.inf
-    while t < end and not found < math.inf:
+    root = math.inf
+    while t < end and not root < math.inf:
         cut = min(next_turn(word, t, c), end)
         margin = MARGIN * min(cut - t, t + (norm(c.u, c.v) + c.r) / c.speed)
-        found = rising(word, t + margin, cut - margin, c)
+        root = rising(word, t + margin, cut - margin, c)
         t = cut
-    return found
+    return root
 
 
 @kernel(interpretable=True)
@@ -189,9 +190,9 @@ def intercept_heading(
 ) -> tuple[float, int]:
     """Return the earliest time at which the UAV can meet a moving point with a given heading.
 
-    The time is the earliest at which one of the six words is as long as the length flown. The search may
-    miss roots within 1e-9 of the time from a jump of a word's length, and a C C C word that is feasible
-    for less than 0.3 r of the length flown.
+    The time is the earliest at which one of the six words is as long as the length flown. The
+    search may miss roots within 1e-9 of the time from a jump of a word's length, and a C C C word
+    that is feasible for less than 0.3 r of the length flown.
 
     Parameters
     ----------
@@ -203,8 +204,8 @@ def intercept_heading(
     Returns
     -------
     float, int
-        Time (s) and row of ``dubins.WORDS``. The time is inf if the search finds none, or if the point
-        is at least as fast as the UAV.
+        Time (s) and row of ``dubins.WORDS``. The time is inf if the search finds none, or if the
+        point is at least as fast as the UAV.
     """
     u, v, slack = local(x0, y0, h0, px + vx * t0, py + vy * t0, r)
     du, dv, _ = local(0.0, 0.0, h0, vx, vy, 0.0)
@@ -220,11 +221,11 @@ def intercept_heading(
     for word in range(6):
         length = -excess(word, 0.0, c) if close else math.inf
         if pace == 0.0 or length <= slack:
-            found = length / speed
+            root = length / speed
         else:
-            found = earliest(word, begin, best, c)
-            if found < math.inf and abs(excess(word, found, c)) > EXACT * (speed * found + r):
-                found = math.inf
-        if found < best:
-            best, best_word = found, word
+            root = earliest(word, begin, best, c)
+            if root < math.inf and abs(excess(word, root, c)) > EXACT * (speed * root + r):
+                root = math.inf
+        if root < best:
+            best, best_word = root, word
     return t0 + best, best_word

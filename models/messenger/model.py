@@ -31,9 +31,9 @@ class MessengerTour(TourData, Model[TourPlan]):
     closed tour, back to its start. The problem is known as the Dubins travelling salesman problem
     with dynamic neighbourhoods.
 
-    Special cases: with vehicles at rest, the Dubins problem with neighbourhoods; with radii of 0, the
-    problem with moving targets; with a turning radius of 0, the Euclidean problem, in which the UAV
-    turns on the spot.
+    Special cases: with vehicles at rest, the Dubins problem with neighbourhoods; with radii of 0,
+    the problem with moving targets; with a turning radius of 0, the Euclidean problem, in which the
+    UAV turns on the spot.
 
     Parameters
     ----------
@@ -42,15 +42,16 @@ class MessengerTour(TourData, Model[TourPlan]):
     velocities : ndarray, shape (n, 2)
         V_i, in m/s. Default: 0. Each vehicle must be slower than the UAV.
     radius : ndarray, shape (n,)
-        r_i, largest distance at an encounter, in m; a scalar applies to all vehicles (paper: r_com).
+        r_i, largest distance at an encounter, in m; a scalar applies to all vehicles (paper:
+        r_com).
     speed : float
         v, speed of the UAV, in m/s (paper: v_A).
     turning_radius : float
         r_min, in m; 0 if the UAV can turn on the spot.
     start : ndarray, shape (2,) or (3,), optional
-        Start of the path: x, y (m) and the heading (rad, counter-clockwise from the x axis). Without
-        a heading, the heading is free. None leaves the start free, which is allowed only for a closed
-        tour over vehicles at rest.
+        Start of the path: x, y (m) and the heading (rad, counter-clockwise from the x axis).
+        Without a heading, the heading is free. None leaves the start free, which is allowed only
+        for a closed tour over vehicles at rest.
     closed : bool
         Whether the path returns to its initial position and heading.
     ids : sequence of int or str, optional
@@ -59,8 +60,8 @@ class MessengerTour(TourData, Model[TourPlan]):
     Raises
     ------
     InvalidData
-        No vehicle, a vehicle at least as fast as the UAV, a negative radius, NaN, a wrong shape or a
-        repeated id. The message contains field, row and value.
+        No vehicle, a vehicle at least as fast as the UAV, a negative radius, NaN, a wrong shape or
+        a repeated id. The message contains field, row and value.
 
     Examples
     --------
@@ -84,9 +85,10 @@ class MessengerTour(TourData, Model[TourPlan]):
     def verify(self, plan: TourPlan, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the length and the violation of every constraint.
 
-        The poses are integrated from the turns and lengths of the primitives in NumPy, independently of
-        the kernels of the solvers. A position may be off by `tolerance` times the vehicle's radius; for a
-        radius of 0, by `tolerance` times the extent of the field per vehicle.
+        The poses are integrated from the turns and lengths of the primitives in NumPy,
+        independently of the kernels of the solvers. A position may be off by `tolerance` times the
+        vehicle's radius; for a radius of 0, by `tolerance` times the extent of the field per
+        vehicle.
 
         Parameters
         ----------

@@ -1,14 +1,15 @@
 """Equations of motion along a tour, and conversion of primitive lengths to a tour.
 
 The columns are the start, the length of each primitive and the state at each encounter: the offset
-from the vehicle, the heading and the length flown. A leg couples only two states and its own lengths,
-so Jacobian and Hessian are banded. An offset keeps its precision however far apart the vehicles are.
-With the start at the origin, c_i = V_i / v and the offset d_i, vehicle i is met at P_i + c_i s_i + d_i
-after a flight of length s_i. A turn of length l and sign σ advances by 2 r sin(l / 2r) in the direction
-h + σ l / 2r, a straight line by l in the direction h.
+from the vehicle, the heading and the length flown. A leg couples only two states and its own
+lengths, so Jacobian and Hessian are banded. An offset keeps its precision however far apart the
+vehicles are. With the start at the origin, c_i = V_i / v and the offset d_i, vehicle i is met at
+P_i + c_i s_i + d_i after a flight of length s_i. A turn of length l and sign σ advances by 2 r
+sin(l / 2r) in the direction h + σ l / 2r, a straight line by l in the direction h.
 
-With a turning radius of 0, a leg of length l reaches any point within distance l: the surplus is flown
-out and back. The only constraint is |P - Q| <= l, a cone, so the program of an order is convex.
+With a turning radius of 0, a leg of length l reaches any point within distance l: the surplus is
+flown out and back. The only constraint is |P - Q| <= l, a cone, so the program of an order is
+convex.
 """
 
 from __future__ import annotations
@@ -62,11 +63,11 @@ class Layout(NamedTuple):
 
     def split(self, x: Any) -> dict[str, Any]:
         """Return the blocks of a column vector by name."""
-        at, found = 0, {}
+        start, blocks = 0, {}
         for name, size in self.sizes.items():
-            found[name] = x[at : at + size]
-            at += size
-        return found
+            blocks[name] = x[start : start + size]
+            start += size
+        return blocks
 
 
 def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]) -> dict[str, Any]:
@@ -81,18 +82,18 @@ def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]
     signs : sequence
         Sign of every primitive's curvature: numbers, or symbols with the values -1, 0 or 1.
     data : dict
-        Numbers or symbols: ``"place"`` (n, 2), P_i in the order of encounters relative to the start,
-        in m; ``"drift"`` (n, 2), c_i; ``"radius"``, the turning radius in m; ``"winding"``, the number of
-        full circles of a closed tour; ``"blunt"``, the rounding of the tip of the cone of a leg without
-        turns, in m.
+        Numbers or symbols: ``"place"`` (n, 2), P_i in the order of encounters relative to the
+        start, in m; ``"drift"`` (n, 2), c_i; ``"radius"``, the turning radius in m; ``"winding"``,
+        the number of full circles of a closed tour; ``"blunt"``, the rounding of the tip of the
+        cone of a leg without turns, in m.
 
     Returns
     -------
     dict
         ``"length"``, the objective, and lists of rows: ``"motion"``, two per leg, in m, equal to 0;
-        ``"turn"``, one per leg, in rad, equal to 0; with a turning radius of 0 instead ``"straight"``,
-        one per leg, in m, at most 0; ``"flown"``, one per vehicle, in m, equal to 0; ``"apart"``, the
-        squared offset of each vehicle, in m².
+        ``"turn"``, one per leg, in rad, equal to 0; with a turning radius of 0 instead
+        ``"straight"``, one per leg, in m, at most 0; ``"flown"``, one per vehicle, in m, equal to
+        0; ``"apart"``, the squared offset of each vehicle, in m².
     """
     import casadi as ca
 
@@ -178,17 +179,19 @@ def tour(
     """
     letters = "".join(words)
     legs = np.repeat(np.arange(len(words)), [len(word) for word in words])
-    said = np.zeros(len(letters)) if directions is None else directions
+    initial = np.zeros(len(letters)) if directions is None else directions
     pieces = [
         Primitive(int(leg), turn, float(length), float(heading))
-        for leg, turn, length, heading in zip(legs, letters, lengths, said, strict=True)
+        for leg, turn, length, heading in zip(legs, letters, lengths, initial, strict=True)
     ]
     n = len(order)
     bare = TourPlan(tuple(order), np.zeros(n), np.zeros((n, 2)), start, tuple(pieces))
     poses = integrated(bare, model.turning_radius)
     ends = np.searchsorted(legs, np.arange(n), side="right")
     flown = np.concatenate([[0.0], np.cumsum(lengths)])
-    headed = (one._replace(heading=float(h)) for one, h in zip(pieces, poses[:, 2], strict=False))
+    headed = (
+        piece._replace(heading=float(h)) for piece, h in zip(pieces, poses[:, 2], strict=False)
+    )
     return replace(
         bare, times=flown[ends] / model.speed, points=poses[ends, :2], primitives=tuple(headed)
     )
@@ -203,11 +206,11 @@ def words_of(model: MessengerTour, plan: TourPlan) -> tuple[str, ...]:
         The leg number of a primitive is out of range.
     """
     words = [""] * (model.size + model.closed)
-    for row, one in enumerate(plan.primitives):
-        if not 0 <= one.leg < len(words):
+    for row, primitive in enumerate(plan.primitives):
+        if not 0 <= primitive.leg < len(words):
             raise InvalidData(
-                f"primitives[{row}].leg must lie in 0 … {len(words) - 1}, got {one.leg}",
+                f"primitives[{row}].leg must lie in 0 … {len(words) - 1}, got {primitive.leg}",
                 field="primitives",
             )
-        words[one.leg] += one.turn
+        words[primitive.leg] += primitive.turn
     return tuple(words) if model.turning_radius > 0 else ("S",) * len(words)

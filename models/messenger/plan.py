@@ -28,8 +28,8 @@ class Primitive(NamedTuple):
     Parameters
     ----------
     leg : int
-        Leg number: 0 leads to the first vehicle of the order, k to the next k-th vehicle. The last leg
-        of a closed tour leads back.
+        Leg number: 0 leads to the first vehicle of the order, k to the next k-th vehicle. The last
+        leg of a closed tour leads back.
     turn : {"L", "S", "R"}
         Left turn, straight line or right turn.
     length : float
@@ -76,25 +76,25 @@ class TourPlan:
     def __post_init__(self) -> None:
         sizes: dict[str, tuple[int, str]] = {}
         order = Array(("vehicles",), int).coerce("order", self.order, sizes)
-        found = {
+        fields = {
             "order": tuple(order.tolist()),
             "times": Array(("vehicles",)).coerce("times", self.times, sizes),
             "points": Array(("vehicles", 2)).coerce("points", self.points, sizes),
             "start": Array((3,)).coerce("start", self.start, sizes),
             "primitives": _primitives(self.primitives),
         }
-        for name, value in found.items():
+        for name, value in fields.items():
             object.__setattr__(self, name, value)
 
     @property
     def length(self) -> float:
         """Length of the path, in m."""
         # Overflow yields inf, which the verification reports as a violation.
-        return float(sum(one.length for one in self.primitives))
+        return float(sum(primitive.length for primitive in self.primitives))
 
     def leg(self, number: int) -> tuple[Primitive, ...]:
         """Return the primitives of leg `number`."""
-        return tuple(one for one in self.primitives if one.leg == number)
+        return tuple(primitive for primitive in self.primitives if primitive.leg == number)
 
     def to_data(self) -> dict[str, Any]:
         """Return the plan as JSON data."""
@@ -103,7 +103,7 @@ class TourPlan:
             "times": self.times.tolist(),
             "points": self.points.tolist(),
             "start": self.start.tolist(),
-            "primitives": [one._asdict() for one in self.primitives],
+            "primitives": [primitive._asdict() for primitive in self.primitives],
         }
 
     @classmethod
@@ -129,7 +129,7 @@ class TourPlan:
 def _primitives(value: Any) -> tuple[Primitive, ...]:
     if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
         raise InvalidData(f"primitives must be a list, got {show(value)}", field="primitives")
-    found = []
+    primitives = []
     for row, entry in enumerate(value):
         name = f"primitives[{row}]"
         if isinstance(entry, Mapping):
@@ -146,7 +146,7 @@ def _primitives(value: Any) -> tuple[Primitive, ...]:
         leg, turn, length, heading = entry
         if not isinstance(turn, str) or turn not in SIGNS:
             raise InvalidData(f"{name}.turn must be L, S or R, got {show(turn)}", field=name)
-        found.append(
+        primitives.append(
             Primitive(
                 Whole(0, MOST_LEGS).coerce(f"{name}.leg", leg, {}),
                 turn,
@@ -154,4 +154,4 @@ def _primitives(value: Any) -> tuple[Primitive, ...]:
                 Real().coerce(f"{name}.heading", heading, {}),
             )
         )
-    return tuple(found)
+    return tuple(primitives)

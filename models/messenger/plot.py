@@ -43,7 +43,8 @@ Floats = NDArray[np.float64]
 VEHICLE, NAME = axis_style(1)["color"], axis_style(5)["color"]
 #: Indices of the colours of the legs, in cyclic order: all but those of vehicles and of black.
 _LEGS = (0, 2, 3, 4, 5)
-#: Largest numbers of encounters and of vehicles that are all labelled; beyond, every tenth encounter is.
+#: Largest numbers of encounters and of vehicles that are all labelled; beyond, every tenth
+#: encounter is.
 _MOST_NUMBERS, _MOST_NAMES = 45, 25
 #: Share of the map below which the first half of the encounters gets a map of its own.
 _CROWDED = 0.2
@@ -110,10 +111,10 @@ def draw(
     check_option("colour", colour, colour in ("time", "leg"), "be 'time' or 'leg'")
     check_flags(**{k: v for k, v in (("labels", labels), ("zoom", zoom)) if v is not None})
     check_tolerance(tolerance)
-    found, tour = None, None
+    verification, tour = None, None
     if plan is not None:
-        found = model.verify(required("plan", plan, TourPlan), tolerance=tolerance)
-        tour = Drawn(model, plan, found)
+        verification = model.verify(required("plan", plan, TourPlan), tolerance=tolerance)
+        tour = Drawn(model, plan, verification)
     places = _vehicles_alone(model) if tour is None else tour.everything
     box = places.min(axis=0), places.max(axis=0)
     half = None
@@ -122,27 +123,27 @@ def draw(
         small = np.ptp(near, axis=0).max() < _CROWDED * np.ptp(places, axis=0).max()
         half = near if zoom or small else None
     figure = sheet(size, (7.2, 6.4) if half is None else (12.4, 6.2))
-    text = _title(model, found) if title is None else title
+    text = _title(model, verification) if title is None else title
     parts = [box] if half is None else [box, (half.min(axis=0), half.max(axis=0))]
     broad, tall = figure.get_size_inches()
     rows = 2 if half is None else 1
     head = 0.42 + 0.17 * text.count("\n") + 0.2 * (half is not None)
     low, high = (0.64 + 0.17 * rows) / tall, 1 - head / tall
     wide = (broad - (0.95 if tour is not None and colour == "time" else 0.15)) / len(parts) / broad
-    for place, (least, most) in enumerate(parts):
+    for place, (lower, upper) in enumerate(parts):
         left = place * wide + 0.72 / broad
         axes = figure.add_axes((left, low, wide - 0.8 / broad, high - low))
-        scale, unit = length_unit(float((most - least).max()))
-        dress_map(axes, least * scale, most * scale, unit)
+        scale, unit = length_unit(float((upper - lower).max()))
+        dress_map(axes, lower * scale, upper * scale, unit)
         if tour is None:
             _draw_vehicles(model, axes, scale, labels=labels)
             continue
         lines = _draw_tour(tour, axes, scale, colour)
         # Encounters that the second map shows are numbered there.
-        inside = within(tour.plan.points, least, most)
+        inside = within(tour.plan.points, lower, upper)
         if place == 0 and half is not None:
             inside &= ~within(tour.plan.points, *parts[1])
-        _write(tour, axes, scale, labels, inside, within(model.positions, least, most))
+        _write(tour, axes, scale, labels, inside, within(model.positions, lower, upper))
         if place == 0 and colour == "time":
             beside = figure.add_axes((1 - 0.82 / broad, low, 0.14 / broad, high - low))
             bar = figure.colorbar(lines, cax=beside)
@@ -152,16 +153,19 @@ def draw(
         if place:
             axes.set_title("the first half of the encounters", fontsize=8.5, color=DARK, pad=3)
     legend_below(figure, _keys(model, tour), rows=rows)
-    headline(figure, text, wrong=found is not None and not found.ok)
+    headline(figure, text, wrong=verification is not None and not verification.ok)
     return figure
 
 
-def _title(model: MessengerTour, found: Verification | None) -> str:
+def _title(model: MessengerTour, verification: Verification | None) -> str:
     parts = [model.describe()]
-    if found is not None and found.objective is not None:
-        parts = [f"{model.size} vehicle{'s' * (model.size > 1)}", f"{number(found.objective)} m"]
-        parts.append(f"{number(found.objective / model.speed, 5)} s")
-    return title_of(model.name, parts, found)
+    if verification is not None and verification.objective is not None:
+        parts = [
+            f"{model.size} vehicle{'s' * (model.size > 1)}",
+            f"{number(verification.objective)} m",
+        ]
+        parts.append(f"{number(verification.objective / model.speed, 5)} s")
+    return title_of(model.name, parts, verification)
 
 
 def _vehicles_alone(model: MessengerTour) -> Floats:
@@ -232,9 +236,9 @@ def _draw_lines(axes: Any, ends: Floats, **look: Any) -> Any:
     """Draw straight lines, shape (k, 2, 2), and return them; the limits of the axes are unchanged."""
     from matplotlib.collections import LineCollection
 
-    found = LineCollection(list(np.clip(ends, -FAR, FAR)), **look)
-    axes.add_collection(found, autolim=False)
-    return found
+    lines = LineCollection(list(np.clip(ends, -FAR, FAR)), **look)
+    axes.add_collection(lines, autolim=False)
+    return lines
 
 
 def _draw_discs(axes: Any, middles: Floats, radius: Floats) -> None:
@@ -253,8 +257,8 @@ def _draw_discs(axes: Any, middles: Floats, radius: Floats) -> None:
 def _draw_arrows(tour: Drawn, axes: Any, scale: float) -> None:
     """Draw an arrow in the middle of each leg that is long enough."""
     pieces = tour.plan.primitives
-    legs = np.unique([one.leg for one in pieces], return_inverse=True)[1]
-    lengths = np.bincount(legs, [one.length for one in pieces])
+    legs = np.unique([primitive.leg for primitive in pieces], return_inverse=True)[1]
+    lengths = np.bincount(legs, [primitive.length for primitive in pieces])
     ends = np.cumsum(lengths)
     shown = lengths * scale > _LONG * np.ptp(axes.get_xlim())
     middles = track(tour.plan, tour.model.turning_radius, (ends - 0.5 * lengths)[shown]).poses

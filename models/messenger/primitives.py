@@ -30,11 +30,13 @@ Ints = NDArray[np.int64]
 
 #: Largest scaled row violation that is corrected after a solve, and the number of Newton steps.
 MENDED, ROUNDS = 1e-3, 4
-#: Lower bound on the scale of a row, as a share of the leg's length: smaller scales are below rounding.
+#: Lower bound on the scale of a row, as a share of the leg's length: smaller scales are below
+#: rounding.
 FINEST = 1e-3
 #: Scaled slack up to which a row is active, before and after the correction.
 SPARE, LEAST = 1e-6, 1e-11
-#: Rounding of the tip of a cone, as a share of the typical length of a leg: solvers fail to converge to
+#: Rounding of the tip of a cone, as a share of the typical length of a leg: solvers fail to
+#: converge to
 #: a leg of length 0 at a sharp tip.
 BLUNT = 1e-5
 
@@ -65,10 +67,10 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     order : sequence of int, optional
         Order of the vehicles. Default: the vehicle met soonest on a straight line comes next.
     words : sequence of str, optional
-        Turns of each leg, such as ``"LSR"``, of any number of letters. A closed tour has one leg more
-        than vehicles. Default: the words of the shortest paths, with each heading halfway between the
-        directions of the leg before and the leg after. If the turning radius is 0, every word is
-        ``"S"``.
+        Turns of each leg, such as ``"LSR"``, of any number of letters. A closed tour has one leg
+        more than vehicles. Default: the words of the shortest paths, with each heading halfway
+        between the directions of the leg before and the leg after. If the turning radius is 0,
+        every word is ``"S"``.
 
     Raises
     ------
@@ -85,7 +87,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     summary = "lengths of the turns and lines of a given order, as a nonlinear program"
     program_type = NonlinearProgram
     relaxes = False
-    # The tolerance of a position is relative to the radius, and a row of squares doubles the violation.
+    # The tolerance of a position is relative to the radius, and a row of squares doubles the
+    # violation.
     precision = 0.1
 
     def __post_init__(self) -> None:
@@ -167,10 +170,10 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
             "winding": self.winding,
             "blunt": BLUNT * self.reach,
         }
-        found = equations(x, self.layout, [SIGNS[one] for one in "".join(self.turns)], data)
-        rows = self._rows(found)
-        f = ca.SX(found["length"])
-        g = ca.vertcat(*(one for row in rows for one in row.entries))
+        expressions = equations(x, self.layout, [SIGNS[item] for item in "".join(self.turns)], data)
+        rows = self._rows(expressions)
+        f = ca.SX(expressions["length"])
+        g = ca.vertcat(*(item for row in rows for item in row.entries))
         lam_f, lam_g = ca.SX.sym("lam_f"), ca.SX.sym("lam_g", g.shape[0])
         hess = ca.triu(ca.hessian(lam_f * f + ca.dot(lam_g, g), x)[0])
         first = [ca.gradient(f, x), ca.jacobian(g, x)]
@@ -198,24 +201,24 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
             name=f"{model.name or model.kind}, {self.name}",
         )
 
-    def _rows(self, found: dict[str, Any]) -> list[_Rows]:
+    def _rows(self, expressions: dict[str, Any]) -> list[_Rows]:
         """Return the non-empty blocks of rows."""
         legs = np.arange(len(self.turns))[:, None]
         met = np.array(self.guess.order)
         radius = self.model.radius[met]
         discs = np.flatnonzero(radius > 0)
-        apart = [found["apart"][k] / radius[k] ** 2 for k in discs]
+        apart = [expressions["apart"][k] / radius[k] ** 2 for k in discs]
         # The scale of a position is the vehicle's radius, bounded from below because of rounding.
         fine = np.maximum(radius, FINEST * self.reach)
-        least = np.append(fine, fine.min())[: len(legs)]
+        scales = np.append(fine, fine.min())[: len(legs)]
         axes = np.column_stack([np.repeat(legs, 2), [0, 1] * len(legs)])
-        inf, one = math.inf, np.ones(len(legs))
+        inf, ones = math.inf, np.ones(len(legs))
         blocks = [
-            _Rows("motion", found["motion"], least.repeat(2), 0.0, 0.0, "on leg {0}, axis {1}", axes),
-            _Rows("turn", found["turn"], one, 0.0, 0.0, "on leg {0}", legs, "rad"),
-            _Rows("straight", found["straight"], least, -inf, 0.0, "on leg {0}", legs),
-            _Rows("flown", found["flown"], fine, 0.0, 0.0, "to vehicle {0}", met[:, None]),
-            _Rows("within radius", apart, one[: discs.size], -inf, 1.0, "of vehicle {0}",
+            _Rows("motion", expressions["motion"], scales.repeat(2), 0.0, 0.0, "on leg {0}, axis {1}", axes),
+            _Rows("turn", expressions["turn"], ones, 0.0, 0.0, "on leg {0}", legs, "rad"),
+            _Rows("straight", expressions["straight"], scales, -inf, 0.0, "on leg {0}", legs),
+            _Rows("flown", expressions["flown"], fine, 0.0, 0.0, "to vehicle {0}", met[:, None]),
+            _Rows("within radius", apart, ones[: discs.size], -inf, 1.0, "of vehicle {0}",
                   met[discs][:, None], ""),
         ]  # fmt: skip
         return [row._replace(scale=row.scale[: len(row.entries)]) for row in blocks if row.entries]
@@ -235,12 +238,12 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
             "heading": ("at vehicle {0}", met),
             "flown": ("at vehicle {0}", met),
         }
-        at = 0
+        start = 0
         for name, size in self.layout.sizes.items():
             if size:
                 unit = {"heading": "rad", "start": ""}.get(name, "m")
-                yield Block(name, "", at, size, *places[name], unit)
-            at += size
+                yield Block(name, "", start, size, *places[name], unit)
+            start += size
 
     @cached_property
     def _turning(self) -> NDArray[np.bool_]:
@@ -256,15 +259,17 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         low, high = layout.split(lower), layout.split(upper)
         low["length"][:] = low["flown"][:] = 0.0
         # A turn of more than a full circle never shortens a tour, and solvers diverge there.
-        own = layout.split(self.encode(self.guess))["length"][self._turning]
-        high["length"][self._turning] = np.maximum(2.0 * math.pi * model.turning_radius, own)
+        guess_lengths = layout.split(self.encode(self.guess))["length"][self._turning]
+        high["length"][self._turning] = np.maximum(
+            2.0 * math.pi * model.turning_radius, guess_lengths
+        )
         if model.start is not None:
             low["start"][:2] = high["start"][:2] = 0.0
         if model.heading is not None or not layout.turning:
             # Without turns the heading has no effect.
             low["start"][2] = high["start"][2] = model.heading or 0.0
-        most = np.where(model.radius[list(self.guess.order)] > 0, np.inf, 0.0).repeat(2)
-        low["offset"][:], high["offset"][:] = -most, most
+        limits = np.where(model.radius[list(self.guess.order)] > 0, np.inf, 0.0).repeat(2)
+        low["offset"][:], high["offset"][:] = -limits, limits
         return lower, upper
 
     @cached_property
@@ -283,9 +288,9 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
 
     def fitted(self, plan: TourPlan) -> Self:
         """Return the formulation with the order and the turns of `plan`; its guess is `plan`."""
-        found = replace(self, order=plan.order, words=words_of(self.model, plan))
-        object.__setattr__(found, "near", plan)
-        return found
+        formulation = replace(self, order=plan.order, words=words_of(self.model, plan))
+        object.__setattr__(formulation, "near", plan)
+        return formulation
 
     def encode(self, plan: TourPlan) -> Floats:
         """Return the columns of `plan`.
@@ -295,7 +300,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         Parameters
         ----------
         plan : TourPlan
-            Plan with the order of the formulation. The turns of each leg must be a subsequence of its word.
+            Plan with the order of the formulation. The turns of each leg must be a subsequence of
+            its word.
 
         Returns
         -------
@@ -314,8 +320,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
                 field="order",
             )
         poses = integrated(plan, model.turning_radius)
-        lengths = np.array([one.length for one in plan.primitives])
-        legs = [one.leg for one in plan.primitives]
+        lengths = np.array([primitive.length for primitive in plan.primitives])
+        legs = [primitive.leg for primitive in plan.primitives]
         ends = np.searchsorted(legs, np.arange(model.size), side="right")
         flown = np.concatenate([[0.0], np.cumsum(lengths)])[ends]
         met = list(plan.order)
@@ -324,7 +330,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         part = layout.split(x)
         part["start"][:2] = plan.start[:2] - self._origin
         # With a turning radius of 0, all lines of a leg share one column.
-        np.add.at(part["length"], self._embedded(plan) if layout.turning else legs, lengths)
+        np.add.at(part["length"], self._match_primitives(plan) if layout.turning else legs, lengths)
         part["offset"][:] = (poses[ends, :2] - vehicles).ravel()
         part["flown"][:] = flown
         part["start"][2] = model.heading or 0.0
@@ -337,35 +343,36 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
             part["heading"][:] = poses[ends, 2] + 2 * math.pi * round(circles)
         return x
 
-    def _embedded(self, plan: TourPlan) -> Ints:
+    def _match_primitives(self, plan: TourPlan) -> Ints:
         """Return the index of each primitive of `plan` among the primitives of the formulation."""
-        found, first = [], 0
-        for leg, (word, wanted) in enumerate(
+        indices, first = [], 0
+        for leg, (word, target) in enumerate(
             zip(words_of(self.model, plan), self.turns, strict=True)
         ):
-            at = -1
+            position = -1
             for letter in word:
-                at = wanted.find(letter, at + 1)
-                if at < 0:
+                position = target.find(letter, position + 1)
+                if position < 0:
                     raise InvalidData(
-                        f"primitives: leg {leg} turns {word!r}, the formulation's word is {wanted!r}",
+                        f"primitives: leg {leg} turns {word!r}, the formulation's word is {target!r}",
                         field="primitives",
                     )
-                found.append(first + at)
-            first += len(wanted)
-        return np.array(found, int)
+                indices.append(first + position)
+            first += len(target)
+        return np.array(indices, int)
 
     def decode(self, point: Floats) -> TourPlan:
         """Return the tour with the lengths of `point`, flown from the start.
 
-        Rows hold only up to the tolerance of a solver, and their residuals add up along the tour. If the
-        tour is not feasible up to rounding, the nearest columns that satisfy the rows are used.
+        Rows hold only up to the tolerance of a solver, and their residuals add up along the tour.
+        If the tour is not feasible up to rounding, the nearest columns that satisfy the rows are
+        used.
         """
         point = np.asarray(point, float)
         plan = self._tour(point, SPARE)
         if self.model.verify(plan, tolerance=ROUNDING).ok:
             return plan
-        return self._tour(self._mended(point), LEAST)
+        return self._tour(self._correct(point), LEAST)
 
     def _tour(self, point: Floats, least: float) -> TourPlan:
         """Return the tour with the lengths of `point`.
@@ -395,7 +402,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
             np.repeat(lengths / turns, turns), np.repeat(towards, turns) + signs * np.repeat(bent, turns),
         )  # fmt: skip
 
-    def _mended(self, point: Floats) -> Floats:
+    def _correct(self, point: Floats) -> Floats:
         """Return the nearest point at which the active rows hold up to rounding, by Newton's method."""
         program, x = self.program, point.copy()
         assert isinstance(program, NonlinearProgram)
@@ -403,12 +410,12 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         scale = program.column_scale[free]
         for _ in range(ROUNDS):
             off = (program.values(x)[1] - program.row_upper) / program.row_scale
-            held = np.flatnonzero((program.row_lower == program.row_upper) | (off > -SPARE))
-            off = off[held]
+            active = np.flatnonzero((program.row_lower == program.row_upper) | (off > -SPARE))
+            off = off[active]
             if not np.abs(off).max(initial=0.0) <= MENDED:
                 return point
-            slopes = program.jacobian(x).toarray()[np.ix_(held, free)]
-            slopes *= scale / program.row_scale[held][:, None]
+            slopes = program.jacobian(x).toarray()[np.ix_(active, free)]
+            slopes *= scale / program.row_scale[active][:, None]
             x[free] -= scale * np.linalg.lstsq(slopes, off, rcond=None)[0]
             x = np.clip(x, program.column_lower, program.column_upper)
         return x

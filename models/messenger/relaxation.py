@@ -1,7 +1,8 @@
 """Euclidean relaxation of a tour for a given order: a second-order cone program.
 
-Without the limit on curvature, a tour that meets the vehicles in a given order is a sequence of legs,
-each at least as long as the distance between its ends. With the length flown s = v t in place of the
+Without the limit on curvature, a tour that meets the vehicles in a given order is a sequence of
+legs, each at least as long as the distance between its ends. With the length flown s = v t in place
+of the
 time, and W = V / v, the program is::
 
     minimise    s_L
@@ -115,8 +116,8 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
     InvalidData
         `order` is empty, contains an unknown vehicle, or repeats one.
     """
-    met = [int(one) for one in order]
-    if not met or len(set(met)) < len(met) or not all(0 <= one < model.size for one in met):
+    met = [int(index) for index in order]
+    if not met or len(set(met)) < len(met) or not all(0 <= index < model.size for index in met):
         raise InvalidData(
             f"order must name vehicles 0 … {model.size - 1}, at least one and each once, "
             f"got {list(order)}",
@@ -127,7 +128,7 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
     legs, count = len(stops) - 1, len(met)
     # Position in the order of the vehicle at each end of a leg; -1 for the start, which is fixed.
     place = {vehicle: k for k, vehicle in enumerate(met)}
-    own = np.array([place.get(int(stop), -1) for stop in stops])
+    rank = np.array([place.get(int(stop), -1) for stop in stops])
     builder = ProgramBuilder()
     offset = builder.columns("offset", 2 * count, lower=-np.inf).reshape(-1, 2)
     flown = builder.columns("flown", legs, lower=0.0, cost=np.eye(legs)[-1] * field.unit)
@@ -139,7 +140,7 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
     for axis in range(2):
         row = 3 * leg + 1 + axis
         for end, sign in ((1, 1.0), (0, -1.0)):
-            stop, vehicle = stops[end:][:legs], own[end:][:legs]
+            stop, vehicle = stops[end:][:legs], rank[end:][:legs]
             driven = leg + end - 1
             moves = driven >= 0
             terms.append(
@@ -152,10 +153,10 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
         "legs", ConeKind.SECOND_ORDER, legs, 3, *terms, offset=steps,
         template="leg {0}", index=leg,
     )  # fmt: skip
-    one = np.arange(count)
+    index = np.arange(count)
     builder.cones(
         "within radius", ConeKind.SECOND_ORDER, count, 3,
-        *((3 * one + 1 + axis, offset[:, axis], 1.0) for axis in range(2)),
+        *((3 * index + 1 + axis, offset[:, axis], 1.0) for axis in range(2)),
         offset=np.tile([1.0, 0.0, 0.0], (count, 1)), template="vehicle {0}", index=np.array(met),
     )  # fmt: skip
     return builder.build_conic(name=f"{model.name} in order" if model.name else "")

@@ -54,12 +54,12 @@ def track(plan: TourPlan, turning_radius: float, flown: ArrayLike) -> Track:
     Track
         One pose per length.
     """
-    lengths = np.array([one.length for one in plan.primitives])
+    lengths = np.array([primitive.length for primitive in plan.primitives])
     ends = np.cumsum(lengths)
-    at = np.clip(np.asarray(flown, float), 0.0, ends[-1] if ends.size else 0.0)
-    piece = np.minimum(np.searchsorted(ends, at), ends.size - 1)
-    rest = at - (ends - lengths)[piece] if ends.size else at
-    return Track(at, *_advanced(plan, turning_radius, piece, rest))
+    distance = np.clip(np.asarray(flown, float), 0.0, ends[-1] if ends.size else 0.0)
+    piece = np.minimum(np.searchsorted(ends, distance), ends.size - 1)
+    rest = distance - (ends - lengths)[piece] if ends.size else distance
+    return Track(distance, *_advance(plan, turning_radius, piece, rest))
 
 
 def outline(plan: TourPlan, turning_radius: float) -> Track:
@@ -79,23 +79,25 @@ def outline(plan: TourPlan, turning_radius: float) -> Track:
     """
     around = 2 * math.pi * turning_radius
     parts, pieces = [np.zeros(1)], [0]
-    for k, one in enumerate(plan.primitives):
-        steps, length = np.array([one.length]), abs(one.length)
-        if one.turn != "S" and around > 0 and length > 0:
+    for k, primitive in enumerate(plan.primitives):
+        steps, length = np.array([primitive.length]), abs(primitive.length)
+        if primitive.turn != "S" and around > 0 and length > 0:
             # Full circles between the first and the last coincide with these.
             drawn = length if length <= 2 * around else around + math.fmod(length, around)
             count = math.ceil(drawn / turning_radius / _TURN)
             fine = drawn * np.arange(1, count + 1) / count
-            steps = np.sign(one.length) * np.where(fine > around, fine + (length - drawn), fine)
+            steps = np.sign(primitive.length) * np.where(
+                fine > around, fine + (length - drawn), fine
+            )
         parts.append(steps)
         pieces += [k] * len(steps)
     rest, piece = np.concatenate(parts), np.array(pieces)
-    lengths = np.array([0.0, *(one.length for one in plan.primitives)])
+    lengths = np.array([0.0, *(primitive.length for primitive in plan.primitives)])
     flown = np.cumsum(lengths)[piece] + rest
-    return Track(flown, *_advanced(plan, turning_radius, piece, rest))
+    return Track(flown, *_advance(plan, turning_radius, piece, rest))
 
 
-def _advanced(
+def _advance(
     plan: TourPlan, turning_radius: float, piece: NDArray[np.int64], rest: Floats
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return poses and legs at the lengths `rest` after the start of each primitive."""
@@ -103,9 +105,9 @@ def _advanced(
     if not plan.primitives:
         return np.repeat(poses, rest.size, axis=0), np.zeros(rest.size, np.int64)
     begin = poses[piece]
-    signs = np.array([SIGNS[one.turn] for one in plan.primitives])[piece]
+    signs = np.array([SIGNS[primitive.turn] for primitive in plan.primitives])[piece]
     angle = signs * rest / turning_radius if turning_radius > 0 else np.zeros(rest.size)
     # Chord of a part of an arc; a straight line is the case of angle 0.
     chord, middle = rest * np.sinc(0.5 * angle / np.pi), begin[:, 2] + 0.5 * angle
-    found = begin + np.column_stack([chord * np.cos(middle), chord * np.sin(middle), angle])
-    return found, np.array([one.leg for one in plan.primitives])[piece]
+    result = begin + np.column_stack([chord * np.cos(middle), chord * np.sin(middle), angle])
+    return result, np.array([primitive.leg for primitive in plan.primitives])[piece]

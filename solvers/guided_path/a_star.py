@@ -1,10 +1,10 @@
 """``a-star``: exact search for tours along a path, with a proven gap if a limit ends it.
 
 Serving an available customer when passing it is always optimal. A state is therefore a position and
-the number of customers served in each chain, and it has at most two successors: the nearest available
-customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in buckets. A
-beam search with the same bound provides the first incumbent, and wider beams improve it from time to
-time.
+the number of customers served in each chain, and it has at most two successors: the nearest
+available customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in
+buckets. A beam search with the same bound provides the first incumbent, and wider beams improve it
+from time to time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ FEW = 8192
 BUCKETS = 1 << 14
 #: Growth factor of the capacity.
 GROWTH = 4
-#: Maximum number of sample states whose bounds the shares raise, drawn from the best tenth of open states.
+#: Maximum number of sample states whose bounds the shares raise, drawn from the best tenth of open
+#: states.
 SAMPLES, TENTH = 24, 10
 #: Expansions before the shares of the chains are computed and the search restarts; no limit.
 EARLY, FOREVER = 150_000, 1 << 62
@@ -134,14 +135,14 @@ class _Search:
             tables.needed, tables.fields, shares.groups, shares.members, shares.weighted,
             shares.rests, shares.times, shares.over,
         )  # fmt: skip
-        counts, most = (
+        counts, scratch = (
             np.zeros(tables.first.size - 1, np.int64),
             np.empty(tables.length.size, np.int16),
         )
         self.root = int(
             least_rest(
                 counts, int(tables.place[-1]), tables.first, tables.place, tables.at, tables.length,
-                tables.crossings, *self.shared[8:], most,
+                tables.crossings, *self.shared[8:], scratch,
             )
         )  # fmt: skip
 
@@ -254,39 +255,39 @@ class _Search:
         Returns counts and places of some open states with low bounds.
         """
         words = self.tables.words
-        most = self.request.options["states"] or MEMORY // (8 * words + 40)
-        room = min(FEW, most)
+        limit = self.request.options["states"] or MEMORY // (8 * words + 40)
+        room = min(FEW, limit)
         keys, costs = np.empty((room, words), np.int64), np.empty((room, 2), np.int64)
         parents, links = np.empty(room, np.int32), np.empty((room, 2), np.int32)
         table = np.empty(1 << (2 * room - 1).bit_length(), np.int32)
         width = (self.best - self.root) // BUCKETS + 1
         buckets = np.empty((self.best - self.root) // width + 1, np.int32)
-        came = None
-        while not self.over and (came is None or self.info[kernels.EXPANDED] < steps):
-            if came == kernels.FULL:
-                if room == most:
+        status = None
+        while not self.over and (status is None or self.info[kernels.EXPANDED] < steps):
+            if status == kernels.FULL:
+                if room == limit:
                     self.limit = Limit.MEMORY
                     break
-                room = min(GROWTH * room, most)
-                for one in (keys, costs, parents, links):
-                    one.resize((room, *one.shape[1:]), refcheck=False)
+                room = min(GROWTH * room, limit)
+                for array in (keys, costs, parents, links):
+                    array.resize((room, *array.shape[1:]), refcheck=False)
                 table = np.empty(1 << (2 * room - 1).bit_length(), np.int32)
                 kernels.rehash(keys, int(self.info[kernels.COUNT]), table)
             shared = (
                 *self.shared, keys, costs, parents, links, table, buckets, self.root, width, self.info,
             )  # fmt: skip
             flag = self.control.flag
-            if came is None:
-                came = kernels.search_anew(*shared, self.best, CHUNK, flag)
+            if status is None:
+                status = kernels.search_anew(*shared, self.best, CHUNK, flag)
             else:
                 self.info[kernels.BEST] = min(self.info[kernels.BEST], self.best)
-                came = kernels.search_on(*shared, CHUNK, flag)
+                status = kernels.search_on(*shared, CHUNK, flag)
             if self.info[kernels.BEST] < self.best:
                 self.best = int(self.info[kernels.BEST])
                 self.walk(
                     int(self.info[kernels.GOAL]), parents, lambda state: self._place(keys[state])
                 )
-            if came == kernels.DONE:
+            if status == kernels.DONE:
                 self.least, self.ended = self.best, True
             else:
                 least = self.root + int(self.info[kernels.LOWEST]) * width
@@ -294,19 +295,19 @@ class _Search:
             self.control.bound = self.bound
             beamed = self.width * WIDER * len(self.kept)
             behind = SHARE * beamed <= self.info[kernels.EXPANDED]
-            if came == kernels.PAUSED and behind and not self.over:
+            if status == kernels.PAUSED and behind and not self.over:
                 self.look()
-        return self._some_open(keys, costs, links)
+        return self._sample_open(keys, costs, links)
 
-    def _some_open(self, keys: Ints, costs: Ints, links: Links) -> Ints:
-        known = int(self.info[kernels.COUNT])
-        some = np.flatnonzero(links[:known, 1] != kernels.CLOSED)
+    def _sample_open(self, keys: Ints, costs: Ints, links: Links) -> Ints:
+        count = int(self.info[kernels.COUNT])
+        some = np.flatnonzero(links[:count, 1] != kernels.CLOSED)
         some = some[np.argsort(costs[some, 1], kind="stable")]
         some = some[: max(len(some) // TENTH, min(SAMPLES, len(some)))]
         some = some[np.linspace(0, len(some) - 1, min(SAMPLES, len(some))).astype(int)]
         word, shift, mask = self.tables.fields.T
-        found: Ints = keys[some][:, word] >> shift & mask
-        return found
+        counts: Ints = keys[some][:, word] >> shift & mask
+        return counts
 
     def _place(self, key: Ints) -> int:
         word, shift, mask = self.tables.fields[-1]

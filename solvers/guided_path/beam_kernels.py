@@ -26,7 +26,7 @@ def _distinct(head: int, keys: Ints, costs: Ints, after: Links, table: Links, fr
     """Remove duplicates from a list, keeping the shortest path to each state; return its new head."""
     for slot in range(table.size):
         table[slot] = -1
-    mask, kept, state = table.size - 1, -1, head
+    mask, result, state = table.size - 1, -1, head
     while state >= 0:
         following = int(after[state])
         slot = hashed(keys[state]) & mask
@@ -42,8 +42,8 @@ def _distinct(head: int, keys: Ints, costs: Ints, after: Links, table: Links, fr
             slot = (slot + 1) & mask
         if twin < 0:
             table[slot] = state
-            after[state] = kept
-            kept = state
+            after[state] = result
+            result = state
         else:
             if costs[state, 0] < costs[twin, 0]:
                 for column in range(costs.shape[1]):
@@ -51,14 +51,14 @@ def _distinct(head: int, keys: Ints, costs: Ints, after: Links, table: Links, fr
             free[0] += 1
             free[free[0]] = state
         state = following
-    return kept
+    return result
 
 
 @kernel
 def _limit(
     head: int, costs: Ints, after: Links, width: int, tally: Ints
 ) -> tuple[int, int, int, int]:
-    """Return least rank, class width, the class that fills `width`, and the number of its states that fit."""
+    """Return least rank, class width, the class that fills `width`, and its number of states."""
     low, high, count, state = 0, 0, 0, head
     while state >= 0:
         rank = costs[state, 1]
@@ -68,17 +68,17 @@ def _limit(
     step = (high - low) // tally.size + 1
     if count <= width:
         return low, step, int(tally.size), 0
-    for one in range(tally.size):
-        tally[one] = 0
+    for index in range(tally.size):
+        tally[index] = 0
     state = head
     while state >= 0:
         tally[(costs[state, 1] - low) // step] += 1
         state = int(after[state])
-    one = 0
-    while tally[one] < width:
-        width -= tally[one]
-        one += 1
-    return low, step, one, width
+    index = 0
+    while tally[index] < width:
+        width -= tally[index]
+        index += 1
+    return low, step, index, width
 
 
 @kernel(interpretable=True)
@@ -125,23 +125,23 @@ def beam(
     """
     chains, total = first.size - 1, first[first.size - 1]
     counts, then = np.zeros(chains, np.int64), np.empty(chains, np.int64)
-    most = np.empty(length.size, np.int16)
+    scratch = np.empty(length.size, np.int16)
     tally = np.empty(CLASSES, np.int64)
-    for one in range(heads.size):
-        heads[one] = -1
-    for one in range(len(keys)):
-        free[one + 1] = one
+    for index in range(heads.size):
+        heads[index] = -1
+    for index in range(len(keys)):
+        free[index + 1] = index
     free[0] = len(keys) - 1
     here = place[place.size - 1]
-    begun = serve(counts, here, first, place, needs, needed)
+    served = serve(counts, here, first, place, needs, needed)
     root = int(free[free[0] + 1])
     pack(counts, here, fields, keys[root])
     for column in range(3):
         costs[root, column] = 0
-    after[root], heads[begun] = -1, root
+    after[root], heads[served] = -1, root
     trace[0, 0], trace[0, 1] = -1, here
     entries, last, left = 1, -1, 0
-    for layer in range(begun, total):
+    for layer in range(served, total):
         if flag[0] != 0:
             return best, last, left + 1
         head = _distinct(int(heads[layer]), keys, costs, after, table, free)
@@ -171,7 +171,7 @@ def beam(
                 farther = way + abs(at[there] - at[here])
                 rest = least_rest(
                     then, there, first, place, at, length, crossings, groups, members,
-                    weighted, rests, times, over, most,
+                    weighted, rests, times, over, scratch,
                 )  # fmt: skip
                 if farther + rest >= best:
                     continue

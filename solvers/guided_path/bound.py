@@ -1,12 +1,12 @@
 """Lower bound on the remaining length of a tour along a path, and the tables of its search states.
 
-A state is a position and the number of customers served in each chain of the minimum chain cover. A gap
-is the interval between two neighbouring places. Each remaining path of the relation crosses a gap some
-number of times before it ends at the start, and the tour crosses it at least as often. So the sum over
-gaps of length times the largest remaining number of crossings is a lower bound. All paths from one
-position cross a gap an odd number of times, or all an even number. The crossings from the position to
-the first customer therefore need no table: the largest number is rounded up to the right parity. The
-bound is consistent: it decreases by at most the distance walked.
+A state is a position and the number of customers served in each chain of the minimum chain cover. A
+gap is the interval between two neighbouring places. Each remaining path of the relation crosses a
+gap some number of times before it ends at the start, and the tour crosses it at least as often. So
+the sum over gaps of length times the largest remaining number of crossings is a lower bound. All
+paths from one position cross a gap an odd number of times, or all an even number. The crossings
+from the position to the first customer therefore need no table: the largest number is rounded up to
+the right parity. The bound is consistent: it decreases by at most the distance walked.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ __all__ = ["Tables", "whole_lengths"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Binary digits of the largest coordinate difference, so that the sum of 5000 of them is an exact integer.
+#: Binary digits of the largest coordinate difference, so that the sum of 5000 of them is an exact
+#: integer.
 DIGITS = 44
 #: Bits used in a word of a state's key, without the sign and one spare bit.
 WORD = 62
@@ -33,8 +34,8 @@ WORD = 62
 def whole_lengths(places: Floats) -> tuple[Ints, float, bool]:
     """Return the gaps between sorted places as integers, their unit, and whether this is exact.
 
-    If no unit divides all gaps, the range is divided into 2^43 … 2^44 units and the gaps are rounded
-    down, so that integer lengths never exceed true lengths.
+    If no unit divides all gaps, the range is divided into 2^43 … 2^44 units and the gaps are
+    rounded down, so that integer lengths never exceed true lengths.
 
     Parameters
     ----------
@@ -76,7 +77,8 @@ class Tables:
     at : ndarray of int, shape (places,)
         Cumulative sums of `length`.
     crossings : ndarray of int16, shape (n, places - 1)
-        Largest number of crossings of each gap on a path of the relation from a customer to the start.
+        Largest number of crossings of each gap on a path of the relation from a customer to the
+        start.
     needs : ndarray of int, shape (n + 1,)
         Index of the first row of each customer in `needed`, and the number of rows.
     needed : ndarray of int, shape (m, 2)
@@ -124,8 +126,8 @@ class Tables:
 
     def root(self) -> int:
         """Return the lower bound on the length of every tour, in units."""
-        most = self.crossings.max(axis=0, initial=0).astype(np.int64)
-        return int(self.length @ (most + most % 2))
+        limits = self.crossings.max(axis=0, initial=0).astype(np.int64)
+        return int(self.length @ (limits + limits % 2))
 
 
 def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints]:
@@ -165,13 +167,13 @@ def _crossings(model: GuidedPathData, number: Ints, place: Ints, gaps: int) -> N
     after: list[list[int]] = [[] for _ in range(model.size)]
     for one, other in model.pairs:
         after[one].append(int(number[other]))
-    found = np.zeros((model.size - 1, gaps), np.int16)
+    crossings = np.zeros((model.size - 1, gaps), np.int16)
     for c in reversed(model.sorted_customers):
-        row = found[number[c]]
+        row = crossings[number[c]]
         here = int(place[number[c]])
         for other in (*after[c], -1):
             # The start has the last index, and no crossings follow it.
-            way = found[other].copy() if other >= 0 else np.zeros(gaps, np.int16)
+            way = crossings[other].copy() if other >= 0 else np.zeros(gaps, np.int16)
             way[slice(*sorted((here, int(place[other]))))] += 1
             np.maximum(row, way, out=row)
-    return found
+    return crossings

@@ -50,9 +50,9 @@ def _relation(model: GuidedPathData) -> Finding:
     width = len(model.cover)
     text = (
         f"at most {width} customers are in no order among themselves; the longest chain has "
-        f"{len(chain)}: {_named(model, chain)}"
+        f"{len(chain)}: {_join_labels(model, chain)}"
         if width > 1
-        else f"there is only one order: {_named(model, chain)}"
+        else f"there is only one order: {_join_labels(model, chain)}"
     )
     return Finding(text, "", "precedence", {"width": width, "longest": list(chain)})
 
@@ -77,24 +77,24 @@ def _stretches(gaps: Gaps) -> Iterator[Finding]:
     for _ in range(_STRETCHES):
         if not open_.any():
             return
-        most = np.where(open_, gaps.crossings, 0)
-        gap = int(np.lexsort((gaps.lengths, most))[-1])
+        counts = np.where(open_, gaps.crossings, 0)
+        gap = int(np.lexsort((gaps.lengths, counts))[-1])
         forcing = gaps.forcing(gap)
         # The result is the same for all gaps between the innermost of these customers.
-        at = gaps.at[[0, *forcing]]
-        first, last = int(at[at <= gap].max()), int(at[at > gap].min())
+        places = gaps.at[[0, *forcing]]
+        first, last = int(places[places <= gap].max()), int(places[places > gap].min())
         open_[first:last] &= gaps.crossings[first:last] > gaps.crossings[gap]
         low, high = (float(gaps.places[place]) for place in (first, last))
         times = 2 * int(gaps.crossings[gap])
         yield Finding(
             f"between {low:.10g} m and {high:.10g} m every tour passes at least {times} times: "
-            f"customers {_named(model, forcing)} are on its two sides in turn",
+            f"customers {_join_labels(model, forcing)} are on its two sides in turn",
             where=f"{low:.10g} … {high:.10g} m",
             data={"from": low, "to": high, "crossings": times, "customers": list(forcing)},
         )
 
 
-def _named(model: GuidedPathData, customers: Iterable[int]) -> str:
+def _join_labels(model: GuidedPathData, customers: Iterable[int]) -> str:
     """Return the labels of a chain of customers, abbreviated if it is long."""
     labels = [model.label(c) for c in customers]
     more = len(labels) - _NAMED

@@ -1,9 +1,9 @@
-"""``dynamic-programming``: the paper's Algorithm 3, over the number of customers served in each chain.
+"""``dynamic-programming``: the paper's Algorithm 3, over the customers served per chain.
 
 Source: "Exact and Heuristic Algorithms for Routing AGV on Path with Precedence Constraints",
-Mathematical Problems in Engineering 2016, article 5040513: f*(t, S) is the length of the shortest path
-from the start through the customers of S that ends at the last one of chain t. With k chains of l_1, …,
-l_k customers the table has k · Π (l_i + 1) entries, each the minimum of at most k sums.
+Mathematical Problems in Engineering 2016, article 5040513: f*(t, S) is the length of the shortest
+path from the start through the customers of S that ends at the last one of chain t. With k chains
+of l_1, …, l_k customers the table has k · Π (l_i + 1) entries, each the minimum of at most k sums.
 
 A general relation is covered by the fewest chains, and each entry checks the pairs between chains.
 Property 1 of the paper, and its generalisation (:func:`.walks.reduced`), is applied first.
@@ -36,7 +36,8 @@ Ints = NDArray[np.int64]
 
 #: Maximum number of entries of the table, 0.8 GB: nine chains of five customers have 91 million.
 MOST_ENTRIES = 100_000_000
-#: Number of entries above which a run with a time limit starts with the paper's Algorithm 6 and a bound:
+#: Number of entries above which a run with a time limit starts with the paper's Algorithm 6 and a
+#: bound:
 #: a compiled loop fills 10 million of them per second.
 LARGE = 100_000
 

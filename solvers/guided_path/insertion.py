@@ -1,12 +1,13 @@
 """``insert-nearest``, ``insert-index`` and ``greedy``: the paper's heuristics.
 
 Source: "Exact and Heuristic Algorithms for Routing AGV on Path with Precedence Constraints",
-Mathematical Problems in Engineering 2016, article 5040513. Algorithm 6 treats the tour so far as one chain and
-merges the next chain into it by the dynamic program for two chains, so each merge is optimal. The greedy insertion
-of section 5 visits the nearest available customer.
+Mathematical Problems in Engineering 2016, article 5040513. Algorithm 6 treats the tour so far as
+one chain and merges the next chain into it by the dynamic program for two chains, so each merge is
+optimal. The greedy insertion of section 5 visits the nearest available customer.
 
-A general relation is covered by the fewest chains. No merge violates the pairs between them: the tour so far and the
-chain satisfy the relation and its closure, and an order that satisfies all pairs always exists.
+A general relation is covered by the fewest chains. No merge violates the pairs between them: the
+tour so far and the chain satisfy the relation and its closure, and an order that satisfies all
+pairs always exists.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ Ints = NDArray[np.int64]
 def ordered_chains(
     model: GuidedPathData, numbers: tuple[int, ...], chains: tuple[tuple[int, ...], ...]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return chains sorted by the index of the model's chain of their first customer, then by its number.
+    """Return chains sorted by the model's chain of their first customer, then by its number.
 
     Parameters
     ----------
@@ -77,8 +78,8 @@ class ChainBackend(Backend):
     def loop(self) -> Callable[..., bool]:
         """Return the kernel that fills in the order and returns whether it finished.
 
-        Its arguments are the coordinates, the closure, the customers chain after chain, the first position
-        of each chain among them, the order to fill in, and the stop flag.
+        Its arguments are the coordinates, the closure, the customers chain after chain, the first
+        position of each chain among them, the order to fill in, and the stop flag.
         """
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
@@ -89,12 +90,12 @@ class ChainBackend(Backend):
         members = np.array([c for chain in chains for c in chain], np.int64)
         starts = np.cumsum([0, *map(len, chains)])
         order = np.zeros(len(members), np.int64)
-        done = self.loop()(
+        finished = self.loop()(
             small.coordinates, small.closure, members, starts, order, request.control.flag
         )
         plan = None
         counts: Mapping[str, float | int | str] = {"chains": len(chains)}
-        if done:
+        if finished:
             stops = [numbers[c] for c in order.tolist()]
             walk = served if request.options["passing"] else passed
             plan = GuidedPathPlan(walk(problem, stops))

@@ -24,7 +24,7 @@ def merge_nearest(
     x: Floats, closure: NDArray[np.bool_], members: Ints, starts: Ints, order: Ints,
     flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
-    """Merge the chains into the tour; the next chain is the one whose first customer is nearest to its end.
+    """Merge the chains into the tour, next the one whose first customer is nearest to its end.
 
     Parameters
     ----------
@@ -99,7 +99,8 @@ def _merge(
         both[j] = members[begin + j - n]
     for i in range(size):
         places[i] = x[both[i]]
-    # The customers of one chain that must precede a customer of the other form a prefix of that chain.
+    # The customers of one chain that must precede a customer of the other form a prefix of that
+    # chain.
     for j in range(n, size):
         for i in range(n):
             if closure[both[i], both[j]]:

@@ -1,7 +1,7 @@
 """Kernels of A* over the states of a tour along a path, with a hash table and buckets.
 
-States are numbered in the order of their discovery. An open state is in the doubly linked list of its
-bucket.
+States are numbered in the order of their discovery. An open state is in the doubly linked list of
+its bucket.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ Links = NDArray[np.int32]
 
 #: Return values of a search: exhausted, out of room, or paused.
 DONE, FULL, PAUSED = 0, 1, 2
-#: Entries of `info`: number of states, lowest bucket that may be non-empty, length of the best tour, its
+#: Entries of `info`: number of states, lowest bucket that may be non-empty, length of the best
+#: tour, its
 #: last state (-1 if the tour is not from this search), number of expansions.
 COUNT, LOWEST, BEST, GOAL, EXPANDED = 0, 1, 2, 3, 4
 #: Link of a state that is not open.
@@ -32,8 +33,8 @@ CLOSED = -2
 @kernel
 def _slot(key: Ints, keys: Ints, table: Links) -> int:
     """Return the slot of a key in the hash table, or the free slot for it."""
-    most = table.size - 1
-    slot = hashed(key) & most
+    mask = table.size - 1
+    slot = hashed(key) & mask
     while True:
         state = table[slot]
         if state < 0:
@@ -45,7 +46,7 @@ def _slot(key: Ints, keys: Ints, table: Links) -> int:
                 break
         if same:
             return slot
-        slot = (slot + 1) & most
+        slot = (slot + 1) & mask
 
 
 @kernel
@@ -119,7 +120,7 @@ def search_on(
     """
     chains, room = first.size - 1, len(keys)
     counts, after = np.empty(chains, np.int64), np.empty(chains, np.int64)
-    key, most = np.empty(keys.shape[1], np.int64), np.empty(length.size, np.int16)
+    key, scratch = np.empty(keys.shape[1], np.int64), np.empty(length.size, np.int16)
     total = first[chains]
     for _ in range(steps):
         if flag[0] != 0:
@@ -160,7 +161,7 @@ def search_on(
             else:
                 rest = least_rest(
                     after, there, first, place, at, length, crossings, groups, members,
-                    weighted, rests, times, over, most,
+                    weighted, rests, times, over, scratch,
                 )  # fmt: skip
             if way + rest >= info[BEST]:
                 continue
@@ -196,7 +197,7 @@ def search_anew(
     for bucket in range(buckets.size):
         buckets[bucket] = -1
     counts = np.zeros(first.size - 1, np.int64)
-    most = np.empty(length.size, np.int16)
+    scratch = np.empty(length.size, np.int16)
     here = place[place.size - 1]
     serve(counts, here, first, place, needs, needed)
     pack(counts, here, fields, keys[0])
@@ -204,7 +205,7 @@ def search_anew(
     costs[0, 0] = 0
     costs[0, 1] = least_rest(
         counts, here, first, place, at, length, crossings, groups, members,
-        weighted, rests, times, over, most,
+        weighted, rests, times, over, scratch,
     )  # fmt: skip
     parents[0] = -1
     _link(0, (costs[0, 1] - lowest) // width, buckets, links)

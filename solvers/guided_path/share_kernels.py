@@ -1,7 +1,8 @@
 """Kernels for shortest tours of a few chains with modified gap lengths.
 
-``rests[s * g + i]``, with the counts of g chains encoded as one number s, is the length of the shortest
-path from the next customer of chain i through all remaining customers of these chains to the start.
+``rests[s * g + i]``, with the counts of g chains encoded as one number s, is the length of the
+shortest path from the next customer of chain i through all remaining customers of these chains to
+the start.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ def fill_rests(heads: Ints, sizes: Ints, rests: Links, flag: NDArray[np.int8]) -
             if counts[i] == sizes[i]:
                 rests[s * g + i] = FAR
             ways[i] = rests[s * g + i]
-        # The value of a customer follows from the current counts, and is stored at the counts before it.
+        # The value of a customer follows from the current counts, and is stored at the counts
+        # before it.
         for i in range(g):
             if counts[i] > 0:
                 here, least = heads[i, counts[i] - 1], FAR
@@ -77,7 +79,7 @@ def walk_alone(
     heads: Ints, sizes: Ints, rests: Links, places: Ints, begun: Ints, starts: Ints, weighted: Ints,
     crossed: Ints,
 ) -> int:  # fmt: skip
-    """Return the total length of the shortest paths back from several states, and count their crossings.
+    """Return the total length of the shortest paths from several states; count their crossings.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
 """Stronger bound on tours along a path: groups of chains, each with a share of every gap's length.
 
-A tour of all chains serves each group. If the length of every gap is shared among the groups, the sum of
-the shortest tours of the groups, each with its own lengths, is at most the length of the shortest tour.
-The shares increase for a group whose tour crosses a gap more often than those of the others: the
-Lagrangian decomposition of M. Guignard and S. Kim, "Lagrangean decomposition: a model yielding stronger
-Lagrangean bounds", Mathematical Programming 39, 1987, with the step length of B. T. Polyak, "Minimization
-of unsmooth functionals", USSR Computational Mathematics and Mathematical Physics 9, 1969. The final
-tables bound every state, see :func:`.share_kernels.rest_of_shares`.
+A tour of all chains serves each group. If the length of every gap is shared among the groups, the
+sum of the shortest tours of the groups, each with its own lengths, is at most the length of the
+shortest tour. The shares increase for a group whose tour crosses a gap more often than those of the
+others: the Lagrangian decomposition of M. Guignard and S. Kim, "Lagrangean decomposition: a model
+yielding stronger Lagrangean bounds", Mathematical Programming 39, 1987, with the step length of B.
+T. Polyak, "Minimization of unsmooth functionals", USSR Computational Mathematics and Mathematical
+Physics 9, 1969. The final tables bound every state, see :func:`.share_kernels.rest_of_shares`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ LONG = 1 << 29
 MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
 #: Maximum number of ascent steps; minimum number with the final groups; work limit of these steps.
 FIRST, LEAST, WORK = 400, 2, 3e8
-#: Initial target for the relative increase of the bound, and number of steps without progress before it
+#: Initial target for the relative increase of the bound, and number of steps without progress
+#: before it
 #: is reduced, for small and for final groups; relative target at which the ascent ends.
 AIM, PATIENCE, END = (0.1, 0.02), (12, 3), 1e-4
 
@@ -84,7 +85,7 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
     Shares or None
         The groups and their tables.
     """
-    groups = _grouped(np.diff(tables.first))
+    groups = _group_chains(np.diff(tables.first))
     parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]
     ascent = _Ascent(tables, parts, best, samples, flag)
     lengths = np.tile(tables.length / len(parts), (len(parts), 1))
@@ -99,7 +100,7 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
     return None if flag[0] != 0 else ascent.shares()
 
 
-def _grouped(sizes: Ints) -> list[Ints]:
+def _group_chains(sizes: Ints) -> list[Ints]:
     """Return groups of chains as large as the table limits allow, with long and short chains mixed."""
     order = np.argsort(-sizes, kind="stable")
     for count in range(1, sizes.size + 1):
@@ -107,7 +108,7 @@ def _grouped(sizes: Ints) -> list[Ints]:
         turns = np.arange(sizes.size) % (2 * count)
         owner = np.minimum(turns, 2 * count - 1 - turns)
         groups = [order[owner == g] for g in range(count)]
-        entries = [float(np.prod(sizes[one] + 1.0)) * one.size for one in groups]
+        entries = [float(np.prod(sizes[group] + 1.0)) * group.size for group in groups]
         if max(entries) <= ENTRIES and sum(entries) <= ALL_ENTRIES and len(groups[0]) <= MOST:
             return groups
     return [order[g : g + 1] for g in range(sizes.size)]
@@ -128,8 +129,8 @@ class _Ascent:
         for group in groups:
             places = np.full((group.size + 1, longest + 1), tables.place[-1])
             for i, k in enumerate(group.tolist()):
-                own = tables.place[tables.first[k] : tables.first[k + 1]]
-                places[i, : own.size] = own
+                row = tables.place[tables.first[k] : tables.first[k + 1]]
+                places[i, : row.size] = row
             self.places.append(places)
         self.times, self.over = max(best // LONG, 1), max(LONG // max(best, 1), 1)
         self.rests, self.kept = (np.empty(self.ends[-1], np.int32) for _ in range(2))
@@ -156,7 +157,7 @@ class _Ascent:
 
     def climb(self, lengths: Floats, steps: int, hope: float, patience: int) -> Floats:
         """Return the shares with the greatest bound found in `steps` steps from `lengths`."""
-        found, aim, stale = lengths, 0.0, 0
+        best_lengths, aim, stale = lengths, 0.0, 0
         before = np.zeros(lengths.shape)
         for step in range(steps):
             former = self.best
@@ -165,18 +166,18 @@ class _Ascent:
                 break
             aim = aim or hope * value
             if value > former:
-                found = lengths
+                best_lengths = lengths
             stale = 0 if value > former + 0.1 * aim else stale + 1
             if stale > patience:
-                lengths, aim, stale = found, aim * 0.6, 0
+                lengths, aim, stale = best_lengths, aim * 0.6, 0
             slope = crossed - crossed.mean(axis=0)
             before = slope if step == 0 else 0.5 * slope + 0.5 * before
             steep = float((before**2).sum())
             if steep == 0.0 or aim < END * self.best:
                 break
             way = (self.best + aim - value) / steep * (self.times / self.over)
-            lengths = _shared(lengths + way * before, self.tables.length)
-        return found
+            lengths = _project(lengths + way * before, self.tables.length)
+        return best_lengths
 
     def shares(self) -> Shares:
         """Return the shares with the greatest bound."""
@@ -189,7 +190,7 @@ class _Ascent:
         )  # fmt: skip
 
 
-def _shared(lengths: Floats, whole: Ints) -> Floats:
+def _project(lengths: Floats, whole: Ints) -> Floats:
     """Return the nearest non-negative shares whose sum is the length of each gap.
 
     Source: M. Held, P. Wolfe and H. P. Crowder, "Validation of subgradient optimization",
@@ -199,5 +200,5 @@ def _shared(lengths: Floats, whole: Ints) -> Floats:
     down = -np.sort(-lengths, axis=0)
     cut = (np.cumsum(down, axis=0) - whole) / np.arange(1, count + 1)[:, None]
     last = (down > cut).sum(axis=0).clip(1) - 1
-    found: Floats = np.maximum(lengths - cut[last, np.arange(whole.size)], 0.0)
-    return found
+    result: Floats = np.maximum(lengths - cut[last, np.arange(whole.size)], 0.0)
+    return result

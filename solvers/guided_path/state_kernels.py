@@ -1,4 +1,4 @@
-"""Kernels on single states of the searches for tours along a path; see :mod:`.bound` for the tables.
+"""Kernels on single search states of tours along a path; see :mod:`.bound` for the tables.
 
 The counts of a state are the numbers of customers served in each chain. Its key packs them and the
 place into words.
@@ -45,17 +45,17 @@ def pack(counts: Ints, place: int, fields: Ints, key: Ints) -> None:
 @kernel
 def hashed(key: Ints) -> int:
     """Return a 31-bit hash of a key."""
-    found = HALF
+    value = HALF
     for word in range(key.size):
         for half in ((key[word] >> 31) & HALF, key[word] & HALF):
-            found = (found ^ half) * MIX
-            found = (found ^ (found >> 33)) & HALF
-    found = found * STIR
-    return (found ^ (found >> 29)) & HALF
+            value = (value ^ half) * MIX
+            value = (value ^ (value >> 33)) & HALF
+    value = value * STIR
+    return (value ^ (value >> 29)) & HALF
 
 
 @kernel
-def _open(customer: int, counts: Ints, needs: Ints, needed: Ints) -> bool:
+def _is_available(customer: int, counts: Ints, needs: Ints, needed: Ints) -> bool:
     """Return whether all predecessors of a customer in other chains are served."""
     for row in range(needs[customer], needs[customer + 1]):
         if counts[needed[row, 0]] < needed[row, 1]:
@@ -74,7 +74,7 @@ def neighbours(
         if customer < first[k + 1]:
             there = place[customer]
             if (there < here and there > left) or (there > here and (right < 0 or there < right)):
-                if _open(customer, counts, needs, needed):
+                if _is_available(customer, counts, needs, needed):
                     if there < here:
                         left = there
                     else:
@@ -84,7 +84,7 @@ def neighbours(
 
 @kernel
 def serve(counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints) -> int:
-    """Serve all customers available at a place, also those that become available; return their number."""
+    """Serve all customers that are or become available at a place; return their number."""
     served, again = 0, True
     while again:
         again = False
@@ -93,7 +93,7 @@ def serve(counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed
             while (
                 customer < first[k + 1]
                 and place[customer] == here
-                and _open(customer, counts, needs, needed)
+                and _is_available(customer, counts, needs, needed)
             ):
                 customer += 1
                 counts[k] += 1

@@ -1,7 +1,7 @@
-"""Kernels for the table of shortest lengths f*(t, S); S is the number of customers served in each chain.
+"""Kernels for the table of shortest lengths f*(t, S), with S the customers served per chain.
 
-State S has the number Σ c_t · strides[t], with c_t customers of chain t served. All customers are in
-one list, chain after chain: those of chain t from ``starts[t]`` on, up to ``starts[t + 1]``.
+State S has the number Σ c_t · strides[t], with c_t customers of chain t served. All customers are
+in one list, chain after chain: those of chain t from ``starts[t]`` on, up to ``starts[t + 1]``.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def _turn_start(
 
 
 @kernel
-def _amplified(
+def _amplify(
     order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, times: Floats, speed: float,
     growth: Floats,
 ) -> None:  # fmt: skip
@@ -139,21 +139,21 @@ def recreate(
     # Insert either the vehicle with the largest gap, or a random one.
     farthest = draw.random() < 0.5
     while value < math.inf and not flag[0]:
-        found, chosen, extreme = 0, 0, 0.0
+        missing, chosen, extreme = 0, 0, 0.0
         size = trace(order, count, closed, nodes, poses, times, speed, r, pieces)
         for i in range(n):
             if not member[i]:
                 rim = freedom[i] == RIM and nodes[i, 4] > 0.0
                 if not passed(nodes[i], pieces, size, rim, speed, r, legs, hints, gaps):
-                    missed[found] = i
-                    if found == 0 or gaps[0] > extreme:
-                        chosen, extreme = found, gaps[0]
-                    found += 1
-        if found == 0:
+                    missed[missing] = i
+                    if missing == 0 or gaps[0] > extreme:
+                        chosen, extreme = missing, gaps[0]
+                    missing += 1
+        if missing == 0:
             return count, value
-        i = missed[chosen if farthest else int(draw.integers(0, found))]
+        i = missed[chosen if farthest else int(draw.integers(0, missing))]
         passed(nodes[i], pieces, size, False, speed, r, legs, hints, gaps)
-        _amplified(order, count, closed, nodes, poses, times, speed, growth)
+        _amplify(order, count, closed, nodes, poses, times, speed, growth)
         best, place_at = math.inf, -1
         for c in range(CLOSEST + 1):
             if c < CLOSEST:
@@ -214,20 +214,20 @@ def _ruin(order: Ints, count: int, draw: Generator) -> tuple[int, int]:
     """Remove a random string of stops; return the number of remaining stops and the string's index."""
     if count < 2:
         return count, 1
-    most = min(STRING, count - 1)
-    size = 1 + int(draw.random() ** 2 * most)
+    limit = min(STRING, count - 1)
+    size = 1 + int(draw.random() ** 2 * limit)
     begin = int(draw.integers(1, count - size + 1))
     keep = 0
     if size > 2 and draw.random() < 0.3:
         # Keep one stop of the string.
         keep = order[begin + int(draw.integers(0, size))]
     shift = size
-    at = begin
+    position = begin
     if keep:
-        order[at] = keep
-        at += 1
+        order[position] = keep
+        position += 1
         shift -= 1
-    for k in range(at, count - shift):
+    for k in range(position, count - shift):
         order[k] = order[k + shift]
     return count - shift, begin
 
@@ -301,10 +301,10 @@ def anneal(
             begin = min(p, q)
         else:
             size, begin = _ruin(new, count, draw)
-        found = fly(
+        candidate = fly(
             new, size, max(begin, 1), closed, nodes, new_poses, speed, r, 2.0 * ceiling, new_times
         )
-        if not found < math.inf:
+        if not candidate < math.inf:
             continue
         if begin == 1 and size > 1 and freedom[new[0]] != FIXED:
             _turn_start(
@@ -337,12 +337,12 @@ def anneal(
                 trial,
                 draw,
             )
-        found = fly(
+        candidate = fly(
             new, size, max(begin - 1, 1), closed, nodes, new_poses, speed, r, ceiling, new_times
         )
-        if not found < math.inf:
+        if not candidate < math.inf:
             continue
-        size, found = recreate(
+        size, candidate = recreate(
             new,
             size,
             closed,
@@ -352,14 +352,14 @@ def anneal(
             speed,
             r,
             new_times,
-            found,
+            candidate,
             ceiling,
             pieces,
             draw,
             flag,
         )
-        if found <= ceiling:
-            value, count = found, size
+        if candidate <= ceiling:
+            value, count = candidate, size
             _copy(new, new_poses, new_times, order, poses, times)
             if value < best:
                 best, best_count = value, count

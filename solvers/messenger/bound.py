@@ -21,8 +21,8 @@ ROUNDING = 1e-8
 class EuclideanBound(Backend):
     """Lower bound: the shortest tour without curvature limit, by branch and bound over the orders.
 
-    If a limit ends the search, the bound proven so far is valid. With a turning radius of 0 the tour
-    is an optimal plan.
+    If a limit ends the search, the bound proven so far is valid. With a turning radius of 0 the
+    tour is an optimal plan.
     """
 
     name = "euclidean-bound"
@@ -84,9 +84,9 @@ class CurvatureBound(EuclideanBound):
     """Lower bound that includes the least turning of any tour, for free headings.
 
     See :mod:`.bound_kernels` for the proof. The bound of an order is at least the one without
-    curvature. It equals the length of the shortest tour if legs are long, or if vehicles at rest are
-    met at points that are far apart. It is weak if discs overlap, because their vehicles may be met
-    at once, and if the UAV must turn by more than half a circle.
+    curvature. It equals the length of the shortest tour if legs are long, or if vehicles at rest
+    are met at points that are far apart. It is weak if discs overlap, because their vehicles may be
+    met at once, and if the UAV must turn by more than half a circle.
     """
 
     name = "curvature-bound"

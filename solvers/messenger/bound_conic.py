@@ -95,11 +95,11 @@ class Chains:
         cost = np.zeros(matrix.shape[1])
         cost[legs - 1] = 1.0
         cones = [self._clarabel.SecondOrderConeT(3)] * (2 * legs + 1)
-        found = self._clarabel.DefaultSolver(
+        solution = self._clarabel.DefaultSolver(
             sp.csc_matrix((len(cost), len(cost))), cost, matrix, right, cones, self._settings
         ).solve()
-        x = np.array(found.x, float)
-        pull = np.array(found.z[: 3 * legs], float).reshape(-1, 3)
+        x = np.array(solution.x, float)
+        pull = np.array(solution.z[: 3 * legs], float).reshape(-1, 3)
         if not (np.isfinite(x).all() and np.isfinite(pull).all()):
             # Any directions prove a valid bound, so a failed solve needs no special case.
             x, pull = np.nan_to_num(x), np.nan_to_num(pull)
@@ -112,15 +112,15 @@ class Chains:
         points = centres + velocities * times[:, None] + radii[:, None] * offsets
         bound = self.prove(stops, directions)
         if self.curved:
-            bound, directions = self._ascended(stops, directions)
-            bound = max(bound, self._thinned(bound, stops, directions))
+            bound, directions = self._ascend(stops, directions)
+            bound = max(bound, self._omit_stops(bound, stops, directions))
         return Path(bound, directions, points, times)
 
-    def _ascended(self, stops: Indices, directions: Floats) -> tuple[float, Floats]:
-        found = np.empty_like(directions)
-        return float(ascended(*self.data, stops, directions, found)), found
+    def _ascend(self, stops: Indices, directions: Floats) -> tuple[float, Floats]:
+        result = np.empty_like(directions)
+        return float(ascended(*self.data, stops, directions, result)), result
 
-    def _thinned(self, bound: float, stops: Indices, directions: Floats) -> float:
+    def _omit_stops(self, bound: float, stops: Indices, directions: Floats) -> float:
         """Return the best bound after greedily omitting stops, as long as this increases the bound."""
         while len(stops) > 2:
             bounds = np.empty(len(directions))
@@ -132,17 +132,17 @@ class Chains:
                 second = self._gaps[stops[k + 1], stops[k + 2]]
             stops = np.delete(stops, k + 1)
             fewer = np.delete(directions, k + int(first >= second >= 0), axis=0)
-            found, directions = self._ascended(stops, fewer)
-            if not found > bound:
+            candidate, directions = self._ascend(stops, fewer)
+            if not candidate > bound:
                 break
-            bound = found
+            bound = candidate
         return bound
 
     def _shape(self, legs: int) -> tuple[Any, Indices, Floats]:
         """Return the matrix of a path with `legs` legs, and the source and sign of each entry.
 
-        Columns are s of all stops but the first, then the offsets of all stops. Rows are those of the
-        legs, then those of the discs. Values are 1, the velocities, and the radii twice.
+        Columns are s of all stops but the first, then the offsets of all stops. Rows are those of
+        the legs, then those of the discs. Values are 1, the velocities, and the radii twice.
         """
         if legs in self._shapes:
             shape: tuple[Any, Indices, Floats] = self._shapes[legs]
@@ -180,14 +180,14 @@ class Chains:
 def _gaps(field: Field) -> Floats:
     """Return the least length of a flight between any two stops, shape (n + 1, n + 1).
 
-    During a flight of length L after the first encounter, at whatever time, the second stop moves by
-    at most |W| L.
+    During a flight of length L after the first encounter, at whatever time, the second stop moves
+    by at most |W| L.
     """
     apart = field.centres[None] - field.centres[:, None]
     drift = field.velocities[None] - field.velocities[:, None]
     speed = (drift**2).sum(axis=2)
     nearest = np.maximum(-(apart * drift).sum(axis=2) / np.where(speed > 0, speed, 1.0), 0.0)
-    least = np.hypot(*np.moveaxis(apart + drift * nearest[:, :, None], 2, 0))
-    free = least - field.radii[:, None] - field.radii[None]
+    distance = np.hypot(*np.moveaxis(apart + drift * nearest[:, :, None], 2, 0))
+    free = distance - field.radii[:, None] - field.radii[None]
     gaps: Floats = np.maximum(free, 0.0) / (1 + np.hypot(*field.velocities.T)) * (1 - 1e-12)
     return gaps

@@ -1,14 +1,15 @@
 """Kernels of the bounds: the bound that given leg directions prove, and the cost of another stop.
 
-The dual of the relaxation for a given order (see :mod:`...models.messenger.relaxation`) has one vector
+The dual of the relaxation for a given order (see :mod:`...models.messenger.relaxation`) has one
+vector
 u_k per leg. With g_k = u_k - u_{k+1} (u_{L+1} = 0), the Lagrangian is bounded from below if::
 
     lambda_L = 1 + g_L . W_L,   lambda_k = lambda_{k+1} + g_k . W_k,   |u_k| <= lambda_k
 
 Then ``sum g_k . P_k - |g_k| r_k`` is a lower bound on every path's length. With u_k = lambda_k d_k
-the conditions become ``lambda_k (1 - d_k . W_k) = lambda_{k+1} (1 - d_{k+1} . W_k)`` and |d_k| <= 1.
-Vehicles are slower than the UAV, so any directions d_k in the unit disc prove a bound. The directions
-of the legs of a shortest path prove its length.
+the conditions become ``lambda_k (1 - d_k . W_k) = lambda_{k+1} (1 - d_{k+1} . W_k)`` and |d_k| <=
+1. Vehicles are slower than the UAV, so any directions d_k in the unit disc prove a bound. The
+directions of the legs of a shortest path prove its length.
 
 :mod:`.turn_kernels` derives the additional terms of the curvature limit.
 """
@@ -55,11 +56,11 @@ def proven(
     gaps : ndarray, shape (n + 1, n + 1)
         Least lengths of legs between stops.
     turn : ndarray, shape (3,)
-        Turning radius in the field's unit, or 0 to ignore the curvature limit; 1 if the heading at the
-        start is fixed, otherwise 0; that heading, in rad.
+        Turning radius in the field's unit, or 0 to ignore the curvature limit; 1 if the heading at
+        the start is fixed, otherwise 0; that heading, in rad.
     stops : ndarray of int64, shape (L + 1,)
-        Start, stops and end of the path. If the path starts and ends at the same vehicle, both are one
-        stop at one point.
+        Start, stops and end of the path. If the path starts and ends at the same vehicle, both are
+        one stop at one point.
     directions : ndarray, shape (L, 2)
         d_k; vectors longer than 1 are normalised.
 
@@ -224,8 +225,8 @@ def omissions(
     centres, velocities, radii, gaps, turn, stops, directions
         As in :func:`proven`.
     bounds : ndarray, shape (L,)
-        Overwritten; entry k belongs to stop k + 1. If the path begins and ends at one place, the last
-        stop cannot be omitted, and its entry is 0.
+        Overwritten; entry k belongs to stop k + 1. If the path begins and ends at one place, the
+        last stop cannot be omitted, and its entry is 0.
     """
     legs = stops.size - 1
     table = np.empty((legs, 6))
@@ -275,7 +276,8 @@ def ascended(
     legs = stops.size - 1
     for k in range(legs):
         found[k, 0], found[k, 1] = directions[k, 0], directions[k, 1]
-    # Per direction: one step to either side, then the maximum of the parabola through the three values.
+    # Per direction: one step to either side, then the maximum of the parabola through the three
+    # values.
     table, tried = np.empty((legs, 6)), np.empty((1, 2))
     tabulated(centres, velocities, radii, gaps, turn, stops, found, table)
     step = 0.2

@@ -1,10 +1,10 @@
 """Branch and bound by insertion: the shortest tour without curvature, over all orders.
 
 A node is an order of some of the vehicles. The length of the shortest path that meets these in this
-order is a lower bound for every tour that also meets the others in between. The search branches on a
-vehicle that this path misses: one child per place in the order. A path that misses none is a tour. The
-initial bound of a child is proven by its parent's directions with those of two legs replaced. A child
-is solved only when it has the smallest bound of the open nodes.
+order is a lower bound for every tour that also meets the others in between. The search branches on
+a vehicle that this path misses: one child per place in the order. A path that misses none is a
+tour. The initial bound of a child is proven by its parent's directions with those of two legs
+replaced. A child is solved only when it has the smallest bound of the open nodes.
 """
 
 from __future__ import annotations
@@ -121,7 +121,8 @@ class OrderSearch:
         self.tours: dict[tuple[int, ...], Ordered] = {}
         self.orders: list[tuple[float, tuple[int, ...]]] = []
         self.made = self.expanded = 0
-        # The reverse of a closed tour at rest has the same length, but another heading at its start.
+        # The reverse of a closed tour at rest has the same length, but another heading at its
+        # start.
         headed = self.chains.curved and model.heading is not None
         self._mirrored = model.closed and model.at_rest and not headed
         self._cutoff = cutoff / self.field.unit
@@ -135,8 +136,8 @@ class OrderSearch:
     @property
     def bound(self) -> float:
         """Lower bound proven so far, in m."""
-        least = self._open[0].bound if self._open else math.inf
-        return min(least, self._settled, self._cutoff) * self.field.unit
+        lower = self._open[0].bound if self._open else math.inf
+        return min(lower, self._settled, self._cutoff) * self.field.unit
 
     @property
     def best(self) -> Ordered | None:
@@ -172,7 +173,7 @@ class OrderSearch:
             if self.bound >= min(self._cutoff, self._settled * (1 - gap)) * self.field.unit:
                 return True
             if node.path is None:
-                heapq.heapreplace(self._open, self._solved(node))
+                heapq.heapreplace(self._open, self._solve_node(node))
                 continue
             heapq.heappop(self._open)
             children = self._children(node)
@@ -181,20 +182,20 @@ class OrderSearch:
                     break
                 node = heapq.heappop(children)
                 if node.path is None:
-                    heapq.heappush(children, self._solved(node))
+                    heapq.heappush(children, self._solve_node(node))
                     continue
                 # A dive expands this node next; its siblings stay open.
-                for one in children:
-                    heapq.heappush(self._open, one)
+                for child in children:
+                    heapq.heappush(self._open, child)
                 children = self._children(node)
             if dive <= 0:
                 dive = self._dive_every
             dive -= 1
-            for one in children:
-                heapq.heappush(self._open, one)
+            for child in children:
+                heapq.heappush(self._open, child)
         return True
 
-    def _solved(self, node: _Node) -> _Node:
+    def _solve_node(self, node: _Node) -> _Node:
         path = self.chains.solve(self.field.chain(node.order))
         bound = max(node.bound, path.bound)
         return _Node(bound, node.lacking, node.number, node.order, path)
@@ -208,7 +209,8 @@ class OrderSearch:
         data = self.chains.data
         misses(*data[:3], path.points, path.times, missed, where)
         missed[list(node.order)] = -math.inf
-        # With the curvature limit, vehicles on the path also add turns, so every vehicle is inserted.
+        # With the curvature limit, vehicles on the path also add turns, so every vehicle is
+        # inserted.
         near = -math.inf if self.chains.curved else NEAR
         left = np.flatnonzero(missed > near * (field.radii[:n] + 1.0))
         left = left[np.argsort(-missed[left], kind="stable")[:CANDIDATES]]
@@ -229,16 +231,16 @@ class OrderSearch:
             bounds = np.empty(places)
             insertions(*data, stops, path.directions, path.points, path.times, vehicle, bounds)
             bounds = np.maximum(bounds, node.bound)
-            found = (float(bounds.min()), float(missed[vehicle]))
-            if found > score:
-                chosen, score, worst = vehicle, found, bounds
+            candidate = (float(bounds.min()), float(missed[vehicle]))
+            if candidate > score:
+                chosen, score, worst = vehicle, candidate, bounds
         children = []
         # Without a fixed start, the first vehicle of the order stays first.
         shift = int(field.free)
         for place, bound in enumerate(worst.tolist()):
             self.made += 1
-            at = place + shift
-            order = (*node.order[:at], chosen, *node.order[at:])
+            position = place + shift
+            order = (*node.order[:position], chosen, *node.order[position:])
             if bound < self._cutoff:
                 children.append(_Node(bound, node.lacking - 1, self.made, order))
             else:
@@ -346,16 +348,16 @@ def best_orders(
     """
     search = OrderSearch(model)
     search.run(lambda: stopped(search), lambda bound: None, gap)
-    found = sorted(search.tours.values(), key=lambda one: one.length)
-    return [(one.order, one.length) for one in found[:most]]
+    tours = sorted(search.tours.values(), key=lambda ordered: ordered.length)
+    return [(ordered.order, ordered.length) for ordered in tours[:most]]
 
 
 def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
     """Return poses at which a flight in a given order nearly attains its bound.
 
-    The encounter is on the boundary of the disc, opposite to the dual force, and its heading bisects
-    the directions of the legs. The result is exact if the bound is exact; otherwise it is an initial
-    guess for a search.
+    The encounter is on the boundary of the disc, opposite to the dual force, and its heading
+    bisects the directions of the legs. The result is exact if the bound is exact; otherwise it is
+    an initial guess for a search.
 
     Parameters
     ----------

@@ -50,11 +50,13 @@ Ints = NDArray[np.int64]
 
 #: Weight of a violation in eq. 8 (paper: κ, much larger than a tour).
 KAPPA = 1e9
-#: Termination tolerance of Algorithm 1, relative to the time of a straight flight (paper: ε_b, not given).
+#: Termination tolerance of Algorithm 1, relative to the time of a straight flight (paper: ε_b, not
+#: given).
 CLOSE = 1e-9
 #: Relative error of the length of a leg after Algorithm 1.
 ROUNDING = 1e-8
-#: Maximum steps of Algorithm 1 and of the repair (paper, Table I: 1 / ε_r for the repair, ε_r not given).
+#: Maximum steps of Algorithm 1 and of the repair (paper, Table I: 1 / ε_r for the repair, ε_r not
+#: given).
 STEPS, REPAIRS = 100, 100
 #: Relative interval of the difference quotient in eq. 9 (paper: η), and step size of eq. 10 (η_t).
 ETA, RATE = 1e-6, 1.0
@@ -76,9 +78,9 @@ def violation(
 ) -> tuple[float, float]:
     """Return the constraint violation of a leg of length `d`, and the heading at its end.
 
-    The violation c of eq. 7 (m) is positive if the shortest path is longer than `d` + `margin`, negative
-    if `d` is in the gap of lengths that no path has, and 0 if the leg is feasible. An infeasible leg
-    ends with the heading of the shortest path.
+    The violation c of eq. 7 (m) is positive if the shortest path is longer than `d` + `margin`,
+    negative if `d` is in the gap of lengths that no path has, and 0 if the leg is feasible. An
+    infeasible leg ends with the heading of the shortest path.
     """
     a, b, code = relaxed(x, y, h, qx, qy, r)
     c = a + b - d
@@ -101,10 +103,10 @@ def bisect(
 ) -> float:  # fmt: skip
     """Return the time (s) that the UAV needs from `t` on to meet a moving point: Algorithm 1.
 
-    The bisection finds a root of δ(τ) = D_min / v - τ between the bounds of Lemma 1. Correction: D_min
-    jumps, so the signs of δ at these bounds can be wrong. Then the lower bound becomes 0, or the upper
-    bound is doubled. At a jump the printed bisection does not terminate; the result is then that of
-    :func:`~crosstrack.models.messenger.interception.intercept`.
+    The bisection finds a root of δ(τ) = D_min / v - τ between the bounds of Lemma 1. Correction:
+    D_min jumps, so the signs of δ at these bounds can be wrong. Then the lower bound becomes 0, or
+    the upper bound is doubled. At a jump the printed bisection does not terminate; the result is
+    then that of :func:`~crosstrack.models.messenger.interception.intercept`.
 
     Parameters
     ----------
@@ -256,7 +258,7 @@ def follow(
 def _fly(
     poses: Floats, legs: Floats, k: int, qx: float, qy: float, d: float, r: float, noise: float
 ) -> float:
-    """Fill in leg `k` and the pose after it with a path of length `d` to a point; return its length (m).
+    """Fill in leg `k` and its end pose with a path of length `d` to a point; return its length (m).
 
     The length differs from `d` by at most `noise`; it is inf if no path exists.
     """
@@ -284,9 +286,9 @@ def trace(
 ) -> float:
     """Fill in the path of an individual exactly, without the margin ε; return its end (s).
 
-    An interval equal to the shortest time up to ε is replaced by the exact shortest time. If D_min jumps
-    there, it is replaced by the time of the first interception. The end is inf if rounding leaves no
-    path.
+    An interval equal to the shortest time up to ε is replaced by the exact shortest time. If D_min
+    jumps there, it is replaced by the time of the first interception. The end is inf if rounding
+    leaves no path.
     """
     speed, r = craft[3], craft[4]
     for k in range(len(order)):
@@ -297,9 +299,9 @@ def trace(
         noise = 1e-13 * (abs(x) + abs(y) + r + speed * t + math.hypot(px - x, py - y))
         noise += 1e-10 * fleet[i, 4]
         high = genes[i, 1]
-        least = relaxed_length(x, y, h, px + vx * high, py + vy * high, r)
-        short = abs(least - speed * high)
-        if noise < short <= craft[5] + ROUNDING * least:
+        shortest = relaxed_length(x, y, h, px + vx * high, py + vy * high, r)
+        short = abs(shortest - speed * high)
+        if noise < short <= craft[5] + ROUNDING * shortest:
             more = 2.0 * short / (speed - math.hypot(vx, vy))
             low, high = max(high - more, 0.0), high + more
             for _ in range(60):

@@ -96,8 +96,8 @@ class Chain:
                 passed(self.nodes[i], pieces, size, False, speed, r, legs, hints, gaps)
                 stops[i] = float(hints[0, 3]) * speed
                 if self.freedom[i] == RIM and problem.radius[i] > 0.0:
-                    found = cross_boundary(problem, i, pieces[:size], stops[i])
-                    stops[i] = stops[i] if found is None else found
+                    crossing = cross_boundary(problem, i, pieces[:size], stops[i])
+                    stops[i] = stops[i] if crossing is None else crossing
         return cut(problem, start, primitives, stops)
 
 
@@ -118,7 +118,8 @@ def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float
     Returns
     -------
     float or None
-        Length flown (m) at a crossing close to `inside`; None if all ends of pieces are in the disc.
+        Length flown (m) at a crossing close to `inside`; None if all ends of pieces are in the
+        disc.
     """
     from scipy.optimize import brentq
 
@@ -137,7 +138,7 @@ def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float
         return inside
     last = pieces[-1]
     ends = [*(pieces[:, 3] * speed).tolist(), float(last[3] + last[4]) * speed]
-    for length in sorted(ends, key=lambda one: abs(one - inside)):
+    for length in sorted(ends, key=lambda end: abs(end - inside)):
         if gap(length) >= 0.0:
             low, high = sorted((length, inside))
             return float(brentq(gap, low, high, xtol=1e-15 * max(high, radius)))
@@ -145,30 +146,40 @@ def cross_boundary(problem: MessengerTour, i: int, pieces: Floats, inside: float
 
 
 def move_to_boundary(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
-    """Return the same path with every vehicle met on its disc's boundary; None if this is impossible."""
+    """Return the same path with encounters on the boundaries; None if this is impossible."""
     poses = integrated(plan, problem.turning_radius)
     flown, pieces = 0.0, []
-    for pose, one in zip(poses, plan.primitives, strict=False):
+    for pose, primitive in zip(poses, plan.primitives, strict=False):
         pieces.append(
-            [*pose, flown / problem.speed, one.length / problem.speed, SIGNS[one.turn], 0.0]
+            [
+                *pose,
+                flown / problem.speed,
+                primitive.length / problem.speed,
+                SIGNS[primitive.turn],
+                0.0,
+            ]
         )
-        flown += one.length
+        flown += primitive.length
     if not pieces:
         return plan if all(problem.radius == 0.0) else None
     stops = {}
     for k, i in enumerate(plan.order):
         inside = float(plan.times[k]) * problem.speed
-        found = (
+        crossing = (
             cross_boundary(problem, i, np.array(pieces), inside)
             if problem.radius[i] > 0
             else inside
         )
-        if found is None:
+        if crossing is None:
             return None
-        stops[i] = found
+        stops[i] = crossing
     path = [
-        (int(SIGNS[one.turn]), one.length, one.heading if problem.turning_radius == 0 else None)
-        for one in plan.primitives
+        (
+            int(SIGNS[primitive.turn]),
+            primitive.length,
+            primitive.heading if problem.turning_radius == 0 else None,
+        )
+        for primitive in plan.primitives
     ]
     return cut(problem, tuple(plan.start.tolist()), path, stops)
 
@@ -188,8 +199,8 @@ def cut(
     start : tuple of 3 float
         x, y (m), heading (rad).
     path : iterable of (int, float, float)
-        Sign of the curvature and length (m) of each primitive, and its heading (rad) if the UAV turns
-        on the spot.
+        Sign of the curvature and length (m) of each primitive, and its heading (rad) if the UAV
+        turns on the spot.
     stops : dict of int to float
         Length flown (m) at the encounter with each vehicle. An open tour ends at the last one.
 
@@ -205,7 +216,8 @@ def cut(
     points, primitives, number, flown = [], [], 0, 0.0
     for sign, length, towards in path:
         h = h if towards is None else towards
-        # Subtracting from the rest of the primitive avoids the cancellation of differences of `flown`.
+        # Subtracting from the rest of the primitive avoids the cancellation of differences of
+        # `flown`.
         rest, end = length, flown + length
         while number < len(order) and stops[order[number]] < end:
             step = min(max(stops[order[number]] - flown, 0.0), rest)

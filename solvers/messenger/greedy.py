@@ -33,13 +33,13 @@ class GreedyCentre(Rival):
         """Build the order and fly it."""
         from .greedy_kernels import build
 
-        own, n = request.options, flight.problem.size
+        options, n = request.options, flight.problem.size
         order, genes = np.arange(n), np.zeros((n, 2))
         fleet = flight.fleet.copy()
-        if "samples" not in own:
+        if "samples" not in options:
             flight.fleet[:, 4] = 0.0
         build(
-            order, genes, flight.fleet, flight.craft, own["horizon"], own.get("samples", 1),
+            order, genes, flight.fleet, flight.craft, options["horizon"], options.get("samples", 1),
             flight.poses,
         )  # fmt: skip
         flight.offer(order, genes)

@@ -20,8 +20,8 @@ Ints = NDArray[np.int64]
 def next_vehicle(order: Ints, k: int, x: float, y: float, fleet: Floats, horizon: int) -> int:
     """Return the index in `order`, at least `k`, of the first vehicle of the best horizon.
 
-    The best horizon is the shortest polyline from (x, y) over the centres at time 0 of `horizon` (1 or
-    2) of the vehicles from index `k` on.
+    The best horizon is the shortest polyline from (x, y) over the centres at time 0 of `horizon` (1
+    or 2) of the vehicles from index `k` on.
     """
     n = len(order)
     shortest, best = math.inf, k

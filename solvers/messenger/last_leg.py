@@ -1,13 +1,13 @@
 """Last leg of an open tour: its final heading is free, and it ends on the boundary of the disc.
 
-The boundary of the region that a vehicle of bounded curvature reaches after a given length consists of
-ends of an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control 13,
-1975). The first contact with the disc is therefore the end of such a path.
+The boundary of the region that a vehicle of bounded curvature reaches after a given length consists
+of ends of an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control
+13, 1975). The first contact with the disc is therefore the end of such a path.
 
 - A line ends with the disc's centre straight ahead. Consider the times between those at which the centre
-  is ahead of the pose, or at which its distance to the turning circle equals the radius. Between them
-  the length of arc and line changes at most as fast as the disc moves, which is slower than the UAV:
-  at most one root exists, and it is bracketed.
+  is ahead of the pose, or at which its distance to the turning circle equals the radius. Between
+  them the length of arc and line changes at most as fast as the disc moves, which is slower than
+  the UAV: at most one root exists, and it is bracketed.
 - The ends of two arcs of a given length form a cardioid, whose critical points are roots of a quartic.
   Its distance to the centre changes by at most the sum of both displacements, so a step of the
   remaining distance cannot skip the first contact.
@@ -59,21 +59,21 @@ def shorten_last_leg(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
     if problem.closed or problem.turning_radius == 0 or not plan.order:
         return None
     last = len(plan.order) - 1
-    before = [one for one in plan.primitives if one.leg < last]
-    flown = float(sum(one.length for one in before))
+    before = [primitive for primitive in plan.primitives if primitive.leg < last]
+    flown = float(sum(primitive.length for primitive in before))
     pose = (float(plan.start[0]), float(plan.start[1]), float(plan.start[2]))
-    for one in before:
-        pose = advance(*pose, one.length, int(SIGNS[one.turn]), problem.turning_radius)
+    for primitive in before:
+        pose = advance(*pose, primitive.length, int(SIGNS[primitive.turn]), problem.turning_radius)
     vehicle = plan.order[last]
     place = problem.where(vehicle, flown / problem.speed)
     radius = float(problem.radius[vehicle]) * (1.0 - MARGIN)
     px, py = place.tolist()
     vx, vy = problem.velocities[vehicle].tolist()
     disc = Disc(px, py, vx, vy, radius)
-    most = plan.length - flown
-    path = shortest_to_disc(pose, disc, problem.speed, problem.turning_radius, most)
+    limit = plan.length - flown
+    path = shortest_to_disc(pose, disc, problem.speed, problem.turning_radius, limit)
     length = sum(part for _, part in path or ())
-    if path is None or length >= most - GAIN * plan.length:
+    if path is None or length >= limit - GAIN * plan.length:
         return None
     pieces, (x, y, heading) = list(before), pose
     for sign, part in path:
@@ -128,7 +128,7 @@ def shortest_to_disc(
 
 
 def _lines(q: complex, w: complex, reach: float, most: float) -> Iterator[Path]:
-    """Yield the paths of an arc and a line to a disc at `q` that moves by `w` per unit of length flown."""
+    """Yield the arc-line paths to a disc at `q` that moves by `w` per unit of length flown."""
     from scipy.optimize import brentq
 
     for sign in (1, -1):
@@ -141,13 +141,13 @@ def _lines(q: complex, w: complex, reach: float, most: float) -> Iterator[Path]:
             half = math.sqrt(max(1.0 + reach**2 - aside, 0.0) / square)
             cuts += [middle - half, middle + half]
         for low, high in pairwise(sorted(min(max(cut, 0.0), most) for cut in cuts)):
-            at = p + v * 0.5 * (low + high)
-            if low == high or abs(at - 1j) ** 2 < 1.0 + reach**2:
+            point = p + v * 0.5 * (low + high)
+            if low == high or abs(point - 1j) ** 2 < 1.0 + reach**2:
                 continue
-            data = (p, v, reach, at.imag >= 0.0)
+            data = (p, v, reach, point.imag >= 0.0)
             if _excess(low, *data) >= 0.0 >= _excess(high, *data):
                 root = brentq(_excess, low, high, args=data, xtol=1e-300, rtol=1e-15)
-                arc, ahead = _tangent(p + v * root, at.imag >= 0.0)
+                arc, ahead = _tangent(p + v * root, point.imag >= 0.0)
                 yield [(sign, arc), (0, max(ahead - reach, 0.0))]
                 break
 
@@ -196,7 +196,8 @@ def _nearest(q: complex, length: float) -> tuple[float, int, float]:
     """Return the distance from `q` to the ends of two-arc paths of a length, and the nearest path.
 
     Relative to the centre of the first circle, the ends are -2 z + k z² up to a factor i, with
-    z = exp(i arc) and k = exp(-i length). The distance is stationary at roots of a quartic polynomial.
+    z = exp(i arc) and k = exp(-i length). The distance is stationary at roots of a quartic
+    polynomial.
     """
     best = (math.inf, 0, 0.0)
     k = cmath.exp(-1j * length)

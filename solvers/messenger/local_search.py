@@ -57,8 +57,8 @@ def descend(
 ) -> float:  # fmt: skip
     """GS: move the angle of vehicle `i` against the gradient while the tour gets shorter; return f.
 
-    Equation 11 prints the negative gradient, which eq. 12 subtracts, so the printed step ascends. This
-    implementation descends. It takes at most 2 π / ρ_l steps (paper: section IV-H).
+    Equation 11 prints the negative gradient, which eq. 12 subtracts, so the printed step ascends.
+    This implementation descends. It takes at most 2 π / ρ_l steps (paper: section IV-H).
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def resample(
 ) -> float:  # fmt: skip
     """SS: try equally spaced angles for the k-th vehicle of the order and keep the best; return f.
 
-    Its interval is then given by Algorithm 1. The parameters are those of :func:`descend`; `samples` is
-    the number of angles (paper: N_s).
+    Its interval is then given by Algorithm 1. The parameters are those of :func:`descend`;
+    `samples` is the number of angles (paper: N_s).
     """
     i = order[k]
     start, trial = genes.copy(), genes.copy()

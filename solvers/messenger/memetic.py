@@ -1,4 +1,4 @@
-"""The paper's memetic algorithm, its variant without transformation, and that for vehicles at rest."""
+"""The paper's memetic algorithm, and its variants without transformation and for rest."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ __all__ = ["Memetic", "MemeticRelaxed", "MemeticUntransformed"]
 class Memetic(RandomRival):
     """MA: Algorithm 3 of the paper as printed, with the parameters of its Table II.
 
-    Individuals may violate their constraints, with a penalty (eq. 8). If the best individual violates
-    them by more than the margin, the run returns no plan.
+    Individuals may violate their constraints, with a penalty (eq. 8). If the best individual
+    violates them by more than the margin, the run returns no plan.
     """
 
     name = "memetic"
@@ -44,23 +44,23 @@ class Memetic(RandomRival):
         from .decoding import KAPPA
         from .memetic_kernels import evolve
 
-        own, n = request.options, flight.problem.size
-        size = own["population"] * n
+        options, n = request.options, flight.problem.size
+        size = options["population"] * n
         orders, genes = np.zeros((size, n), np.int64), np.zeros((size, n, 2))
         costs, best, value = np.empty(size), np.inf, np.inf
-        flight.craft[5] = own.get("margin", 0.0)
-        for number in range(own["generations"] + 1):
+        flight.craft[5] = options.get("margin", 0.0)
+        for number in range(options["generations"] + 1):
             if number and request.control.stopped:
                 break
             k = evolve(
-                number, orders, genes, costs, flight.fleet, flight.craft, own["mutation"],
-                self.timed, self.transformed, own["period"], own["step"], own.get("samples", 0),
+                number, orders, genes, costs, flight.fleet, flight.craft, options["mutation"],
+                self.timed, self.transformed, options["period"], options["step"], options.get("samples", 0),
                 flight.rng, flight.flag, flight.poses,
             )  # fmt: skip
             if costs[k] < value:
                 value = costs[k]
                 # The penalty of an infeasible individual exceeds the margin times κ.
-                if value < KAPPA * own.get("margin", np.inf) or not self.timed:
+                if value < KAPPA * options.get("margin", np.inf) or not self.timed:
                     best = min(best, flight.offer(orders[k], genes[k]))
         return float(best)
 

@@ -32,8 +32,8 @@ def _populate(
             i = orders[p, k]
             genes[p, i, 0] = 2.0 * math.pi * rng.random()
             if timed:
-                most = upper_bound(poses, k, i, genes[p, i, 0], fleet, craft)
-                genes[p, i, 1] = rng.random() * most
+                upper = upper_bound(poses, k, i, genes[p, i, 0], fleet, craft)
+                genes[p, i, 1] = rng.random() * upper
                 meet(poses, k, i, genes[p, i, 0], genes[p, i, 1], fleet, craft)
         if timed:
             end, off = assess(orders[p], genes[p], fleet, craft, 0, False, poses)
@@ -75,20 +75,20 @@ def evolve(
         _populate(orders, genes, costs, fleet, craft, timed, rng, poses)
         return int(np.argmin(costs))
     size, n = orders.shape
-    child, own, sources = np.empty(n, np.int64), np.empty((n, 2)), np.empty(n, np.int64)
+    child, child_genes, sources = np.empty(n, np.int64), np.empty((n, 2)), np.empty(n, np.int64)
     for p in range(size):
         if flag[0] != 0:
             break
         q = other(p, size, rng)
         for k in range(n):
             sources[k] = 1 + int(2.0 * rng.random())
-        cross(sources, orders[p], genes[p], orders[q], genes[q], child, own)
+        cross(sources, orders[p], genes[p], orders[q], genes[q], child, child_genes)
         if rng.random() < rate:
             kind = 1 + int((3.0 if timed else 2.0) * rng.random())
-            mutate(kind, child, own, fleet, craft, rng, poses)
-        value = settle(child, own, fleet, craft, timed, transformed, poses)
+            mutate(kind, child, child_genes, fleet, craft, rng, poses)
+        value = settle(child, child_genes, fleet, craft, timed, transformed, poses)
         if value < costs[p]:
-            orders[p], genes[p], costs[p] = child, own, value
+            orders[p], genes[p], costs[p] = child, child_genes, value
     if number % period == 0:
         half = np.argsort(costs)[: max(size // 2, 1)]
         for _ in range(number // period):

@@ -19,9 +19,9 @@ class VariableNeighbourhood(RandomRival):
 
     After R. Pěnička, J. Faigl, M. Saska and P. Váňa, "Data collection planning with non-zero sensing
     distance for a budget and curvature constrained unmanned aerial vehicle", Autonomous Robots 43 (2019)
-    1937-1956. Shaking moves a stretch of the order or exchanges two stretches. The local search then
-    tries N² changes: it moves one vehicle, exchanges two, or draws an angle. The paper does not print a
-    termination criterion.
+    1937-1956. Shaking moves a stretch of the order or exchanges two stretches. The local search
+    then tries N² changes: it moves one vehicle, exchanges two, or draws an angle. The paper does
+    not print a termination criterion.
     """
 
     name = "variable-neighbourhood"
@@ -37,20 +37,20 @@ class VariableNeighbourhood(RandomRival):
         from .greedy_kernels import build
         from .neighbourhood_kernels import improve, shake
 
-        own, n, rng = request.options, flight.problem.size, flight.rng
+        options, n, rng = request.options, flight.problem.size, flight.rng
         fleet, craft, poses, flag = flight.fleet, flight.craft, flight.poses, flight.flag
         order, genes = np.arange(n), np.zeros((n, 2))
-        build(order, genes, fleet, craft, own["horizon"], own["samples"], poses)
+        build(order, genes, fleet, craft, options["horizon"], options["samples"], poses)
         best = flight.offer(order, genes)
         end = improve(order, genes, fleet, craft, n * n, rng, flag, poses)
         best = min(best, flight.offer(order, genes))
         idle = 0
-        while idle < own["iterations"] and not request.control.stopped:
-            trial, kept = order.copy(), genes.copy()
+        while idle < options["iterations"] and not request.control.stopped:
+            trial, trial_genes = order.copy(), genes.copy()
             shake(trial, idle % 2, rng)
-            there = improve(trial, kept, fleet, craft, n * n, rng, flag, poses)
+            there = improve(trial, trial_genes, fleet, craft, n * n, rng, flag, poses)
             idle += 1
             if there < end:
-                order, genes, end, idle = trial, kept, there, 0
+                order, genes, end, idle = trial, trial_genes, there, 0
                 best = min(best, flight.offer(order, genes))
         return best

@@ -53,7 +53,7 @@ def improve(
     """
     n = len(order)
     end = follow(order, genes, fleet, craft, 0, math.inf, poses)
-    trial, own, spot = order.copy(), genes.copy(), poses.copy()
+    trial, trial_genes, spot = order.copy(), genes.copy(), poses.copy()
     for _ in range(trials):
         if flag[0] != 0:
             break
@@ -66,12 +66,12 @@ def improve(
         elif kind == 1:
             trial[a], trial[b] = trial[b], trial[a]
         else:
-            own[order[a], 0] = 2.0 * math.pi * rng.random()
+            trial_genes[order[a], 0] = 2.0 * math.pi * rng.random()
         spot[first] = poses[first]
-        there = follow(trial, own, fleet, craft, first, end, spot)
+        there = follow(trial, trial_genes, fleet, craft, first, end, spot)
         if there < end:
-            end, order[:], genes[:] = there, trial, own
+            end, order[:], genes[:] = there, trial, trial_genes
             poses[first:] = spot[first:]
         else:
-            trial[:], own[:] = order, genes
+            trial[:], trial_genes[:] = order, genes
     return end

@@ -1,10 +1,11 @@
 """Structured interior-point method for the lengths of a tour's primitives.
 
 The program is that of :mod:`crosstrack.models.messenger.motion`: non-negative lengths u of three
-primitives per leg lead from one state (x, y, heading, length flown) to the next, and vehicles are met
-within their radii. As an optimal control problem, each leg is a stage. A Newton step then takes one
-backward and one forward pass over the legs (a Riccati recursion) instead of a sparse factorization.
-With D the displacement of a leg, J a quarter turn and κ_k the curvature of primitive k,
+primitives per leg lead from one state (x, y, heading, length flown) to the next, and vehicles are
+met within their radii. As an optimal control problem, each leg is a stage. A Newton step then takes
+one backward and one forward pass over the legs (a Riccati recursion) instead of a sparse
+factorization. With D the displacement of a leg, J a quarter turn and κ_k the curvature of primitive
+k,
 
     ∂D/∂h = J D,  ∂²D/∂h² = -D,  ∂²D/∂h∂u_m = J ∂D/∂u_m,  ∂²D/∂u_k∂u_m = κ_k J ∂D/∂u_m for k <= m,
 
@@ -39,7 +40,7 @@ PATIENT = 3
 
 @kernel
 def factor(a: Floats, m: int) -> bool:
-    """Overwrite the lower triangle of `a` (m, m) with its Cholesky factor; return False if none exists."""
+    """Overwrite the lower triangle of `a` (m, m) with its Cholesky factor; False if none exists."""
     for i in range(m):
         for j in range(i + 1):
             rest = a[i, j]
@@ -75,7 +76,7 @@ def backward(
 ) -> bool:  # fmt: skip
     """Fill in value functions (curve, tilt) and gains; return False if a leg's step is not unique."""
     legs, n, m = len(u), len(place), curve.shape[1]
-    own, mixed, seen, col = np.zeros((3, 3)), np.zeros((3, m)), np.zeros((3, m)), np.zeros(3)
+    block, mixed, products, col = np.zeros((3, 3)), np.zeros((3, m)), np.zeros((3, m)), np.zeros(3)
     for i in range(m):
         tilt[legs, i] = 1.0 if i == 3 else 0.0
         for p in range(m):
@@ -89,7 +90,7 @@ def backward(
         for i in range(m):
             # Product of the later Hessian with the slopes of each primitive.
             for k in range(3):
-                seen[k, i] = (
+                products[k, i] = (
                     later[i, 0] * ways[j, k, 0]
                     + later[i, 1] * ways[j, k, 1]
                     + later[i, 2] * bend[j, k]
@@ -104,28 +105,28 @@ def backward(
                 total += slope * q[i]
             col[k] = total - mu / u[j, k]
             for p in range(k, 3):
-                found = (
-                    seen[k, 0] * ways[j, p, 0]
-                    + seen[k, 1] * ways[j, p, 1]
-                    + seen[k, 2] * bend[j, p]
-                    + seen[k, 3]
+                value = (
+                    products[k, 0] * ways[j, p, 0]
+                    + products[k, 1] * ways[j, p, 1]
+                    + products[k, 2] * bend[j, p]
+                    + products[k, 3]
                 )
                 turned = ly * ways[j, p, 0] - lx * ways[j, p, 1]
-                own[p, k] = found + bend[j, k] * turned
-            own[k, k] += z[j, k] / u[j, k] + damp * (1.0 + bend[j, k] ** 2)
+                block[p, k] = value + bend[j, k] * turned
+            block[k, k] += z[j, k] / u[j, k] + damp * (1.0 + bend[j, k] ** 2)
             for i in range(m):
-                mixed[k, i] = seen[k, i]
-            mixed[k, 2] += seen[k, 0] * swing[j, 0] + seen[k, 1] * swing[j, 1]
+                mixed[k, i] = products[k, i]
+            mixed[k, 2] += products[k, 0] * swing[j, 0] + products[k, 1] * swing[j, 1]
             mixed[k, 2] += ly * ways[j, k, 0] - lx * ways[j, k, 1]
-        if not factor(own, 3):
+        if not factor(block, 3):
             return False
         for i in range(m):
             for k in range(3):
                 gain[j, i, k] = mixed[k, i]
-            solved(own, 3, gain[j, i])
+            solved(block, 3, gain[j, i])
         for k in range(3):
             shift[j, k] = col[k]
-        solved(own, 3, shift[j])
+        solved(block, 3, shift[j])
         # Value function at the start of the leg.
         now, v = curve[j], tilt[j]
         for i in range(m):
@@ -169,7 +170,8 @@ def improve(
     Parameters
     ----------
     y : ndarray, shape (k + 1, 4)
-        x, y, heading and length flown at the start and at the end of each of the k legs; overwritten.
+        x, y, heading and length flown at the start and at the end of each of the k legs;
+        overwritten.
     u : ndarray, shape (k, 3)
         Lengths, positive; overwritten.
     bend : ndarray, shape (k, 3)
@@ -200,7 +202,7 @@ def improve(
     price = np.zeros((legs, 3))
     dy, du, dt = np.zeros((legs + 1, m)), np.zeros((legs, 3)), np.zeros(n)
     t, nu, z = np.ones(n), np.zeros(n), np.zeros((legs, 3))
-    own, col, by = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 2))
+    block, col, by = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 2))
     trial_y, trial_u, trial_t = np.zeros((legs + 1, 4)), np.zeros((legs, 3)), np.zeros(n)
     weight = np.ones(3)
     for j in range(n):
@@ -232,16 +234,16 @@ def improve(
                 for i in range(3):
                     col[i] = -free[i] * (tilt[0, i] + (tilt[0, i + 4] if m > 4 else 0.0))
                     for p in range(3):
-                        found = curve[0, i, p]
+                        value = curve[0, i, p]
                         if m > 4:
-                            found += (
+                            value += (
                                 curve[0, i + 4, p] + curve[0, i, p + 4] + curve[0, i + 4, p + 4]
                             )
-                        own[i, p] = free[i] * free[p] * found
-                    own[i, i] += 1.0 - free[i] + damp + 1e-9
-                fine = factor(own, 3)
+                        block[i, p] = free[i] * free[p] * value
+                    block[i, i] += 1.0 - free[i] + damp + 1e-9
+                fine = factor(block, 3)
             if fine:
-                solved(own, 3, col)
+                solved(block, 3, col)
                 break
             damp = 8.0 * damp if damp > 0.0 else max(last / 3.0, 1e-7)
             if damp > 1e12:
@@ -284,10 +286,10 @@ def improve(
             if abs(dy[j + 1, 2]) * ahead > 1.0:
                 ahead = 1.0 / abs(dy[j + 1, 2])
             for i in range(4):
-                found = tilt[j + 1, i]
+                value = tilt[j + 1, i]
                 for p in range(m):
-                    found += curve[j + 1, i, p] * dy[j + 1, p]
-                weight[0] = max(weight[0], 1.5 * abs(found))
+                    value += curve[j + 1, i, p] * dy[j + 1, p]
+                weight[0] = max(weight[0], 1.5 * abs(value))
             if j < n and radius[j] > 0.0:
                 r = radius[j]
                 ax = (y[j + 1, 0] - place[j, 0] - drift[j, 0] * y[j + 1, 3]) / r
@@ -309,8 +311,8 @@ def improve(
         slope += dy[legs, 3]
         before, off, _ = merit(y, u, t, bend, place, drift, radius, turn, mu, weight, by)
         slope -= off
-        # Line search on the merit function, with a tolerance for rounding. Near an optimum, full steps that
-        # increase it once or twice reduce it more in the end than short steps.
+        # Line search on the merit function, with a tolerance for rounding. Near an optimum, full
+        # steps that increase it once or twice reduce it more in the end than short steps.
         for _ in range(12):
             moved(y, u, t, dy, du, dt, ahead, trial_y, trial_u, trial_t)
             after, _, left = merit(
@@ -326,10 +328,10 @@ def improve(
             for k in range(3):
                 z[j, k] += dual * (mu / u[j, k] - z[j, k] - z[j, k] / u[j, k] * du[j, k])
             for i in range(4):
-                found = tilt[j + 1, i]
+                value = tilt[j + 1, i]
                 for p in range(m):
-                    found += curve[j + 1, i, p] * dy[j + 1, p]
-                lam[j + 1, i] += ahead * (found - lam[j + 1, i])
+                    value += curve[j + 1, i, p] * dy[j + 1, p]
+                lam[j + 1, i] += ahead * (value - lam[j + 1, i])
             if j == n:
                 for i in range(3):
                     off = y[j + 1, i] - y[0, i] - (turn if i == 2 else 0.0)

@@ -40,8 +40,8 @@ def cross(
 ) -> None:  # fmt: skip
     """Fill in a child by the auxiliary vector `sources` of 1 and 2 (paper: section IV-C).
 
-    Each element takes the first remaining gene of parent `one` (1) or `two` (2), and removes the vehicle
-    from both.
+    Each element takes the first remaining gene of parent `one` (1) or `two` (2), and removes the
+    vehicle from both.
     """
     taken = np.zeros(len(one), np.bool_)
     p = q = 0

@@ -20,7 +20,8 @@ Ints = NDArray[np.int64]
 CUT = 0.6
 #: Distance of an arc of that angle from its chord, relative to its radius.
 BULGE = 1.0 - math.cos(0.5 * CUT)
-#: Number of columns of a piece: x, y, heading and time at its beginning, duration, sign of the curvature,
+#: Number of columns of a piece: x, y, heading and time at its beginning, duration, sign of the
+#: curvature,
 #: leg, and x and y at its end.
 PIECE = 9
 #: Maximum number of pieces of a leg: a straight line and two arcs.
@@ -65,7 +66,7 @@ def trace(
     pieces[0, 0], pieces[0, 1], pieces[0, 2] = where(nodes[order[0]], poses[order[0]], 0.0)
     pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
     pieces[0, 7], pieces[0, 8] = pieces[0, 0], pieces[0, 1]
-    found = 1
+    size = 1
     for k in range(1, count + closed):
         i = order[k - 1]
         x, y, h = where(nodes[i], poses[i], times[k - 1])
@@ -73,8 +74,8 @@ def trace(
         # Closed tours return only to a start at rest.
         ex, ey, eh = where(nodes[j], poses[j], times[k] if k < count else 0.0)
         length = speed * (times[k] - times[k - 1]) if k < count else 0.0
-        found = _cut(x, y, h, times[k - 1], ex, ey, eh, k, speed, r, length, pieces, found)
-    return found
+        size = _cut(x, y, h, times[k - 1], ex, ey, eh, k, speed, r, length, pieces, size)
+    return size
 
 
 @kernel
@@ -89,8 +90,8 @@ def passed(
     rim : bool
         Whether the encounter must be on the boundary.
     legs, hints, gaps : ndarray, shapes (3,), (3, 4), (3,)
-        Filled with the nearest legs in order: their numbers; the pose of the UAV relative to the node
-        and the time; the distance minus the radius (m), inf for unused entries.
+        Filled with the nearest legs in order: their numbers; the pose of the UAV relative to the
+        node and the time; the distance minus the radius (m), inf for unused entries.
     """
     for j in range(CLOSEST):
         gaps[j], legs[j] = math.inf, 0

@@ -76,8 +76,8 @@ def polish(
     problem : MessengerTour
         The problem.
     plan : TourPlan
-        A verified tour. If a leg has more than three primitives after merging equal neighbours, or if
-        the turning radius is 0, Ipopt optimises the lengths for the given words.
+        A verified tour. If a leg has more than three primitives after merging equal neighbours, or
+        if the turning radius is 0, Ipopt optimises the lengths for the given words.
     request : Request
         The run that provides clock and stop flag.
     seconds : float, optional
@@ -91,25 +91,25 @@ def polish(
     words = _three(problem, plan) if problem.turning_radius > 0 else None
     if words is None:
         return _by_program(problem, plan, request, seconds)
-    limits = [one for one in (request.left(), seconds) if one is not None]
+    limits = [limit for limit in (request.left(), seconds) if limit is not None]
     end = time.perf_counter() + min(limits, default=math.inf)
     field = _Field(problem, plan)
     point = field.point(words)
-    found = field.solved(point) or field.solved(point, near=True)
-    if found is None:
+    optimum = field.solved(point) or field.solved(point, near=True)
+    if optimum is None:
         return plan
-    better = [found]
-    while len(better) <= ROUNDS:
-        for point in _other(better[-1], problem.turning_radius):
+    optima = [optimum]
+    while len(optima) <= ROUNDS:
+        for point in _other(optima[-1], problem.turning_radius):
             if time.perf_counter() > end or request.control.stopped:
-                return field.best(better)
-            found = field.solved(point)
-            if found is not None and found.length < better[-1].length * (1.0 - GAIN):
-                better.append(found)
+                return field.best(optima)
+            optimum = field.solved(point)
+            if optimum is not None and optimum.length < optima[-1].length * (1.0 - GAIN):
+                optima.append(optimum)
                 break
         else:
             break
-    return field.best(better)
+    return field.best(optima)
 
 
 def _three(problem: MessengerTour, plan: TourPlan) -> Floats | None:
@@ -118,9 +118,11 @@ def _three(problem: MessengerTour, plan: TourPlan) -> Floats | None:
     Shorter words are extended so that a turn may continue beyond the encounter.
     """
     words: list[list[float]] = [[] for _ in range(problem.size + problem.closed)]
-    for one in plan.primitives:
-        if one.length > 0.0 and (not words[one.leg] or words[one.leg][-1] != SIGNS[one.turn]):
-            words[one.leg].append(SIGNS[one.turn])
+    for primitive in plan.primitives:
+        if primitive.length > 0.0 and (
+            not words[primitive.leg] or words[primitive.leg][-1] != SIGNS[primitive.turn]
+        ):
+            words[primitive.leg].append(SIGNS[primitive.turn])
     if max(map(len, words)) > 3:
         return None
     full = np.zeros((len(words), 3))
@@ -141,16 +143,16 @@ def _three(problem: MessengerTour, plan: TourPlan) -> Floats | None:
     return full
 
 
-def _embedded(plan: TourPlan, signs: Floats) -> Floats:
+def _assign_lengths(plan: TourPlan, signs: Floats) -> Floats:
     """Return the lengths of `plan` assigned to the primitives with `signs`, shape (k, 3)."""
-    lengths, at, leg = np.zeros(signs.shape), 0, -1
-    for one in plan.primitives:
-        if one.leg != leg:
-            leg, at = one.leg, 0
-        same = np.flatnonzero(signs[leg, at:] == SIGNS[one.turn])
-        if one.length > 0.0 and same.size:
-            at += int(same[0])
-            lengths[leg, at] += one.length
+    lengths, position, leg = np.zeros(signs.shape), 0, -1
+    for primitive in plan.primitives:
+        if primitive.leg != leg:
+            leg, position = primitive.leg, 0
+        same = np.flatnonzero(signs[leg, position:] == SIGNS[primitive.turn])
+        if primitive.length > 0.0 and same.size:
+            position += int(same[0])
+            lengths[leg, position] += primitive.length
     return lengths
 
 
@@ -170,8 +172,8 @@ class _Field:
         self.heading = float(plan.start[2]) if problem.heading is None else problem.heading
         room = np.where(self.radius > 0.0, self.radius, problem.extent / n / self.unit)
         self.exact = max(EXACT * float(room.min()), 1e-13)
-        # Small discs allow only short steps. The first stage therefore meets these vehicles at their
-        # centres until the lengths converge.
+        # Small discs allow only short steps. The first stage therefore meets these vehicles at
+        # their centres until the lengths converge.
         self.stages = [(self.radius, MU, LEAST)]
         fine = float(self.radius.min(where=self.radius > 0.0, initial=1.0))
         if fine < FINE:
@@ -183,17 +185,20 @@ class _Field:
         """Return the plan as an iterate; `signs` must contain the turns of its primitives."""
         plan = self.plan
         poses = integrated(plan, self.problem.turning_radius)
-        tags = [one.leg for one in plan.primitives]
+        tags = [primitive.leg for primitive in plan.primitives]
         ends = np.searchsorted(tags, np.arange(-1, len(signs)), side="right")
-        flown = np.concatenate([[0.0], np.cumsum([one.length for one in plan.primitives])])
+        flown = np.concatenate(
+            [[0.0], np.cumsum([primitive.length for primitive in plan.primitives])]
+        )
         places = poses[ends, :2] - plan.start[:2]
         states = np.column_stack([places, np.zeros(len(ends)), flown[ends]])
-        return _Point(states, signs, _embedded(plan, signs))
+        return _Point(states, signs, _assign_lengths(plan, signs))
 
     def solved(self, point: _Point, *, near: bool = False) -> _Point | None:
         """Return the local optimum near `point`, with more and smaller steps if `near`; None on failure."""
         r, unit, signs = self.problem.turning_radius, self.unit, point.signs
-        # Headings follow from the lengths. Reversing a turn changes all later headings by a full circle.
+        # Headings follow from the lengths. Reversing a turn changes all later headings by a full
+        # circle.
         states = point.states / [unit, unit, 1.0, unit]
         turns = (signs * point.lengths).sum(axis=1) / r
         states[:, 2] = self.heading + np.append(0.0, np.cumsum(turns))
@@ -221,9 +226,12 @@ class _Field:
         for point in reversed(points):
             start = np.array([*(self.plan.start[:2] + point.states[0, :2]), point.states[0, 2]])
             words = ["".join("RSL"[int(sign) + 1] for sign in row) for row in point.signs]
-            made = tour(self.problem, self.plan.order, words, start, point.lengths.ravel())
-            if made.length <= self.plan.length and self.problem.verify(made, tolerance=ROUNDING).ok:
-                return made
+            candidate = tour(self.problem, self.plan.order, words, start, point.lengths.ravel())
+            if (
+                candidate.length <= self.plan.length
+                and self.problem.verify(candidate, tolerance=ROUNDING).ok
+            ):
+                return candidate
         return self.plan
 
 
@@ -231,8 +239,8 @@ def _costs(states: Floats, lengths: Floats, bend: Floats, costates: Floats, tigh
     """Return the derivative of the tour's length if a primitive were R, S or L: shape (k, 3, 3).
 
     A primitive of curvature κ that begins in the direction e changes the length by
-    λ · (e + κ J (D - D_k)) + λ_h κ + λ_s per unit of its length, where D - D_k is the displacement of
-    the rest of the leg.
+    λ · (e + κ J (D - D_k)) + λ_h κ + λ_s per unit of its length, where D - D_k is the displacement
+    of the rest of the leg.
     """
     half = 0.5 * bend * lengths
     ahead = states[:-1, 2:3] + np.cumsum(2.0 * half, axis=1)
@@ -245,31 +253,31 @@ def _costs(states: Floats, lengths: Floats, bend: Floats, costates: Floats, tigh
     return np.stack([even - odd, even, even + odd], axis=-1)
 
 
-def _other(found: _Point, r: float) -> Iterator[_Point]:
+def _other(optimum: _Point, r: float) -> Iterator[_Point]:
     """Yield candidates: turns changed according to the multipliers, then reversed long turns."""
-    signs, lengths, costs = found.signs, found.lengths, found.costs
+    signs, lengths, costs = optimum.signs, optimum.lengths, optimum.costs
     assert costs is not None
-    none = lengths < NONE * np.where(signs == 0.0, lengths.mean(), r)
-    least = costs.min(axis=-1)
-    wanted = np.where(none & (least < -WORTH), costs.argmin(axis=-1) - 1.0, signs)
-    changed = np.argwhere(wanted != signs)
+    absent = lengths < NONE * np.where(signs == 0.0, lengths.mean(), r)
+    lowest = costs.min(axis=-1)
+    target = np.where(absent & (lowest < -WORTH), costs.argmin(axis=-1) - 1.0, signs)
+    changed = np.argwhere(target != signs)
     if len(changed):
-        yield found._replace(signs=wanted)
+        yield optimum._replace(signs=target)
     if len(changed) > 1:
-        row, k = changed[np.argmin(least[tuple(changed.T)])]
-        one = signs.copy()
-        one[row, k] = wanted[row, k]
-        yield found._replace(signs=one)
+        row, k = changed[np.argmin(lowest[tuple(changed.T)])]
+        candidate = signs.copy()
+        candidate[row, k] = target[row, k]
+        yield optimum._replace(signs=candidate)
     # Consecutive equal turns, also across an encounter, with a total of more than half a circle.
-    flown = np.flatnonzero(~none)
+    flown = np.flatnonzero(~absent)
     for run in np.split(flown, np.flatnonzero(np.diff(signs.ravel()[flown])) + 1):
         angle = float((np.abs(signs) * lengths).ravel()[run].sum()) / r
         if angle > math.pi:
-            one, rest = signs.copy(), lengths.copy()
+            candidate, rest = signs.copy(), lengths.copy()
             if angle < 2.0 * math.pi:
-                one.ravel()[run] *= -1.0
+                candidate.ravel()[run] *= -1.0
             rest.ravel()[run] *= abs(2.0 * math.pi - angle) / angle
-            yield found._replace(signs=one, lengths=rest)
+            yield optimum._replace(signs=candidate, lengths=rest)
 
 
 def _by_program(
@@ -286,6 +294,6 @@ def _by_program(
     )  # fmt: skip
     if answer.point is None:
         return plan
-    found: TourPlan = fitted.decode(answer.point)
-    better = found.length < plan.length
-    return found if better and problem.verify(found, tolerance=ROUNDING).ok else plan
+    result: TourPlan = fitted.decode(answer.point)
+    better = result.length < plan.length
+    return result if better and problem.verify(result, tolerance=ROUNDING).ok else plan

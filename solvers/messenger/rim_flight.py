@@ -22,7 +22,8 @@ __all__ = ["fly_to_rims"]
 
 #: Margin inside the boundary, as a share of the radius.
 MARGIN = 1e-6
-#: Number of places per radius at which a primitive is checked for vehicles that it passes, and its limit.
+#: Number of places per radius at which a primitive is checked for vehicles that it passes, and its
+#: limit.
 DENSITY, PLACES = 4.0, 50
 #: Upper bound, in turning radii, on the length flown before the pursuit on a line, with a reserve.
 TURNS = 30.0

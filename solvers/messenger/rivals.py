@@ -52,13 +52,13 @@ class Flight:
     length: float = field(init=False, default=math.inf)
 
     def __post_init__(self) -> None:
-        one = self.problem
-        assert one.start is not None
-        radius = one.radius * (1.0 - MARGIN)
-        self.fleet = np.column_stack([one.positions, one.velocities, radius]).astype(float)
-        self.craft = np.array([*one.start, one.speed, one.turning_radius, 0.0])
-        self.poses = np.zeros((one.size + 1, 4))
-        self.poses[0, :3] = one.start
+        problem = self.problem
+        assert problem.start is not None
+        radius = problem.radius * (1.0 - MARGIN)
+        self.fleet = np.column_stack([problem.positions, problem.velocities, radius]).astype(float)
+        self.craft = np.array([*problem.start, problem.speed, problem.turning_radius, 0.0])
+        self.poses = np.zeros((problem.size + 1, 4))
+        self.poses[0, :3] = problem.start
         self.rng = np.random.default_rng(self.request.seed or 0)
 
     @property
@@ -75,12 +75,12 @@ class Flight:
             trace(order, genes, self.fleet, self.craft, self.poses, legs) * self.problem.speed
         )
         if length < self.length * (1.0 - GAIN):
-            self.plan = self._planned(order, legs)
+            self.plan = self._build_plan(order, legs)
             self.length = self.plan.length
             self.request.control.incumbent(self.length, self.plan)
         return length
 
-    def _planned(self, order: Ints, legs: Floats) -> TourPlan:
+    def _build_plan(self, order: Ints, legs: Floats) -> TourPlan:
         """Return the plan of the path in `poses` and `legs`; its times follow from the lengths."""
         from ...models.messenger.plan import Primitive, TourPlan
 
@@ -131,15 +131,15 @@ class Rival(Backend):
         limit = None
         if request.control.stopped:
             limit = request.control.reason or Limit.INTERRUPTED
-        found = flight.plan is not None
+        has_plan = flight.plan is not None
         return Answer(
-            Termination.FEASIBLE if found else Termination.NO_SOLUTION,
+            Termination.FEASIBLE if has_plan else Termination.NO_SOLUTION,
             limit,
             flight.plan,
-            flight.length if found else None,
+            flight.length if has_plan else None,
             seconds={"solve": clock() - begin},
             statistics=dict(statistics),
-            message="" if found else "the best individual cannot be flown: a leg is too short",
+            message="" if has_plan else "the best individual cannot be flown: a leg is too short",
         )
 
 

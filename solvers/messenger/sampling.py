@@ -41,11 +41,11 @@ class DirectSampling(Rival):
         """Search all orders."""
         from .sampling_kernels import search_samples
 
-        own, ceiling = request.options, math.inf
+        options, ceiling = request.options, math.inf
         for permutation in itertools.permutations(range(flight.problem.size)):
             order, genes = np.array(permutation), np.zeros((len(permutation), 2))
             end = search_samples(
-                order, genes, flight.fleet, flight.craft, own["samples"], own["step"], ceiling,
+                order, genes, flight.fleet, flight.craft, options["samples"], options["step"], ceiling,
                 flight.flag, flight.poses,
             )  # fmt: skip
             if end < ceiling:

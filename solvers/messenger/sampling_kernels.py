@@ -20,7 +20,8 @@ Ints = NDArray[np.int64]
 def _soonest(poses: Floats, k: int, i: int, fleet: Floats, craft: Floats, t: float) -> float:
     """Return a lower bound (s) on the time at which a UAV at row `k` of `poses` meets vehicle `i`.
 
-    The bound is the time of a straight flight from time `t` on, with the vehicle heading for the UAV.
+    The bound is the time of a straight flight from time `t` on, with the vehicle heading for the
+    UAV.
     """
     dx = fleet[i, 0] + fleet[i, 2] * t - poses[k, 0]
     dy = fleet[i, 1] + fleet[i, 3] * t - poses[k, 1]
@@ -36,9 +37,9 @@ def search_samples(
 ) -> float:  # fmt: skip
     """Fill `genes` with the best samples for `order`; return the end of the tour (s).
 
-    Depth-first search: each level is an encounter. Its nodes are the times in multiples of `step` and the
-    `samples` angles of the boundary that the UAV can reach exactly at these times. A node is pruned if a
-    straight flight from it cannot end before the best tour so far.
+    Depth-first search: each level is an encounter. Its nodes are the times in multiples of `step`
+    and the `samples` angles of the boundary that the UAV can reach exactly at these times. A node
+    is pruned if a straight flight from it cannot end before the best tour so far.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Kernels of the bounds: replacement of a leg of a path in constant time.
 
 A bound (see :mod:`.bound_kernels`) is a sum with one part per leg and one per stop. If a leg is
-replaced, the later parts are unchanged, and the earlier ones change by a common factor of the weights.
+replaced, the later parts are unchanged, and the earlier ones change by a common factor of the
+weights.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ HEAVY = 1e3
 
 
 @kernel
-def _clipped(x: float, y: float) -> tuple[float, float]:
+def _clip(x: float, y: float) -> tuple[float, float]:
     """Return a direction, normalised if it is longer than 1."""
     long = math.sqrt(x * x + y * y) * (1.0 + 1e-15)
     if not long <= 1.0:
@@ -33,7 +34,7 @@ def _clipped(x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def _met(
+def _stop_terms(
     ux: float, uy: float, before: float, first: float, vx: float, vy: float, after: float,
     second: float, radius: float, turn: float,
 ) -> float:  # fmt: skip
@@ -45,15 +46,15 @@ def _met(
 
 
 @kernel
-def _ended(
+def _end_terms(
     radii: Floats, turn: Floats, begin: int, end: int, ux: float, uy: float, first: float,
     vx: float, vy: float, last: float,
 ) -> float:  # fmt: skip
-    """Return the contribution of a path's ends to the bound; u belongs to its first leg, v to its last."""
+    """Return the contribution of a path's ends to the bound; u is of the first leg, v of the last."""
     before, after = math.sqrt(vx * vx + vy * vy), math.sqrt(ux * ux + uy * uy)
     headed = turn[0] > 0.0 and turn[1] > 0.0
     if begin == end and not headed:
-        return _met(vx, vy, before, last, ux, uy, after, first, radii[begin], turn[0])
+        return _stop_terms(vx, vy, before, last, ux, uy, after, first, radii[begin], turn[0])
     value = 0.0
     if begin != end:
         value -= radii[end] * before
@@ -72,15 +73,15 @@ def tabulated(
 ) -> float:  # fmt: skip
     """Fill `table` with the parts of the bound that `directions` prove; return the sum of their sizes.
 
-    Columns, with one row per leg: direction (2); weight lambda; half its least length divided by the
-    turning radius; sum of the parts of this and all later legs; sum of those of this and all earlier
-    legs.
+    Columns, with one row per leg: direction (2); weight lambda; half its least length divided by
+    the turning radius; sum of the parts of this and all later legs; sum of those of this and all
+    earlier legs.
     """
     legs = stops.size - 1
     size, weight = 0.0, 1.0
     for k in range(legs - 1, -1, -1):
         a, b = stops[k], stops[k + 1]
-        dx, dy = _clipped(directions[k, 0], directions[k, 1])
+        dx, dy = _clip(directions[k, 0], directions[k, 1])
         if k + 1 < legs:
             weight *= 1.0 - table[k + 1, 0] * velocities[b, 0] - table[k + 1, 1] * velocities[b, 1]
         weight /= 1.0 - dx * velocities[b, 0] - dy * velocities[b, 1]
@@ -99,7 +100,7 @@ def tabulated(
         table[k, 4] = along
         if k + 1 < legs:
             vx, vy = table[k + 1, 2] * table[k + 1, 0], table[k + 1, 2] * table[k + 1, 1]
-            table[k, 4] += _met(
+            table[k, 4] += _stop_terms(
                 ux, uy, math.sqrt(ux * ux + uy * uy), table[k, 3],
                 vx, vy, math.sqrt(vx * vx + vy * vy), table[k + 1, 3], radii[b], turn[0],
             )  # fmt: skip
@@ -116,8 +117,8 @@ def spliced(
 ) -> float:  # fmt: skip
     """Return the bound with the legs from `place` to before `until` replaced, up to rounding.
 
-    The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs are
-    unchanged, and their parts change by a common factor.
+    The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs
+    are unchanged, and their parts change by a common factor.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def spliced(
     for row in range(more.size - 2, -2, -1):
         if row >= 0:
             b, a = more[row + 1], more[row]
-            x, y = _clipped(tried[row, 0], tried[row, 1])
+            x, y = _clip(tried[row, 0], tried[row, 1])
             half = 0.5 * gaps[a, b] / turn[0] if turn[0] > 0.0 else 0.0
         elif place > 0:
             b, a = stops[place], stops[place - 1]
@@ -166,7 +167,7 @@ def spliced(
             ends = False
         else:
             nw = math.sqrt(nx * nx + ny * ny)
-            value += _met(ux, uy, uw, half, nx, ny, nw, nhalf, radii[b], turn[0])
+            value += _stop_terms(ux, uy, uw, half, nx, ny, nw, nhalf, radii[b], turn[0])
         if row >= 0:
             value += ux * (centres[b, 0] - centres[a, 0]) + uy * (centres[b, 1] - centres[a, 1])
         dx, dy, nx, ny, nhalf = x, y, ux, uy, half
@@ -179,4 +180,4 @@ def spliced(
         ny = factor * table[0, 2] * table[0, 1]
         nhalf = table[0, 3]
     end = more[-1] if until == legs else stops[legs]
-    return value + _ended(radii, turn, stops[0], end, nx, ny, nhalf, lastx, lasty, last)
+    return value + _end_terms(radii, turn, stops[0], end, nx, ny, nhalf, lastx, lasty, last)

@@ -19,7 +19,7 @@ STIFF = 1e8
 
 @kernel
 def flight(h: float, u: Floats, bend: Floats, by: Floats) -> tuple[float, float, float]:
-    """Return displacement (2) and turn of a leg; fill `by` (3, 2) with the derivatives by its lengths."""
+    """Return displacement and turn of a leg; fill `by` (3, 2) with derivatives by its lengths."""
     x, y, a = 0.0, 0.0, h
     for k in range(3):
         half = 0.5 * bend[k] * u[k]

@@ -22,8 +22,8 @@ LATER = 1e-3
 def catches_up(poses: Floats, k: int, i: int, genes: Floats, fleet: Floats, craft: Floats) -> bool:
     """Return whether leg `k` ends in the catch-up pattern (paper: Definition 1).
 
-    In this pattern, the shortest path to the access point of vehicle `i` at the encounter is at most
-    as long as that to the access point an interval ε_t later.
+    In this pattern, the shortest path to the access point of vehicle `i` at the encounter is at
+    most as long as that to the access point an interval ε_t later.
     """
     x, y, h, t = poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3] + genes[i, 1]
     qx, qy = access(fleet, i, genes[i, 0], t)
@@ -34,13 +34,13 @@ def catches_up(poses: Floats, k: int, i: int, genes: Floats, fleet: Floats, craf
 
 @kernel
 def transform(order: Ints, genes: Floats, fleet: Floats, craft: Floats, poses: Floats) -> int:
-    """Reset the interval before each vehicle that the UAV catches up with; return the number of changes.
+    """Reset the interval before each vehicle that is caught up with; return the number of changes.
 
     Parameters
     ----------
     order, genes, fleet, craft, poses : ndarray
-        Individual and its decoded poses (see :mod:`.decoding`). Both are updated, the poses up to the
-        second-to-last vehicle.
+        Individual and its decoded poses (see :mod:`.decoding`). Both are updated, the poses up to
+        the second-to-last vehicle.
     """
     changed = 0
     for k in range(len(order) - 1):

@@ -1,10 +1,11 @@
-"""Kernels of the bounds: additional length of a curvature-limited flight due to changes of direction.
+"""Kernels of the bounds: additional length due to turns of a curvature-limited flight.
 
 For a flight of length L_k from stop to stop, with headings theta(s),
 ``lambda_k L_k = u_k . (Q_k - Q_{k-1}) + integral of lambda_k - u_k . e(theta(s)) ds``. The dual of
-:mod:`.bound_kernels` bounds the sum of the first terms, and uses only the sign of the integrals. These
-are at least ``lambda_k |d_k|`` times the integral of 1 - cos of the angle between theta(s) and d_k.
-Headings change by at most s / r_min over a length s. If the angle is a at one end of the leg, and the
+:mod:`.bound_kernels` bounds the sum of the first terms, and uses only the sign of the integrals.
+These are at least ``lambda_k |d_k|`` times the integral of 1 - cos of the angle between theta(s)
+and d_k. Headings change by at most s / r_min over a length s. If the angle is a at one end of the
+leg, and the
 leg is at least l long, the integral over its half at that end is at least, in units of r_min::
 
     f(a) = integral of 1 - cos(max(0, a - s)) for s from 0 to l / 2
@@ -13,8 +14,8 @@ leg is at least l long, the integral over its half at that end is at least, in u
 At a stop, the two angles between its heading and the directions before and after sum up to at least
 the angle between these directions. f is increasing, so the least sum over all headings is the least
 sum over all divisions of this angle. The bound therefore needs no headings, and it holds for moving
-vehicles. It is exact for a flight of long legs between fixed points, if each leg is straight except for
-a turn of at most half a circle at either end.
+vehicles. It is exact for a flight of long legs between fixed points, if each leg is straight except
+for a turn of at most half a circle at either end.
 """
 
 from __future__ import annotations
@@ -72,7 +73,8 @@ def corner(angle: float, before: float, first: float, after: float, second: floa
         value = before * turned(low, first) + after * turned(angle - low, second)
         return max(value - abs(slope) * angle, 0.0)
     if angle > 0.5 * (math.pi + min(first, second)):
-        # f is concave beyond this angle. Minimise over cells, with a lower bound of both parts per cell.
+        # f is concave beyond this angle. Minimise over cells, with a lower bound of both parts per
+        # cell.
         cells = 128
         least = math.inf
         for k in range(cells):

@@ -43,7 +43,7 @@ def best(model):
 
 
 def prefix_lengths(model):
-    """Return the shortest length from the start through each downward closed set to each last customer."""
+    """Return the least length from the start through each closed set to each last customer."""
     found = {}
     for order in extensions(model).tolist():
         way = 0.0

@@ -172,7 +172,7 @@ def test_shares_are_the_nearest_that_add_up():
     for _ in range(20):
         given = rng.normal(size=(6, 4)) * 10
         whole = rng.integers(0, 9, 4)
-        found = shares_module._shared(given, whole)
+        found = shares_module._project(given, whole)
         assert (found >= 0).all()
         assert found.sum(axis=0) == pytest.approx(whole, abs=1e-12)
         # Optimality condition of the projection.
@@ -182,12 +182,12 @@ def test_shares_are_the_nearest_that_add_up():
 
 def test_many_chains_are_grouped_as_far_as_tables_may_grow():
     for sizes in ([1], [3] * 44, [21, 17, 19, 23, 21, 21, 15, 21, 19, 19], [300], [50] * 100):
-        groups = shares_module._grouped(np.array(sizes))
+        groups = shares_module._group_chains(np.array(sizes))
         assert sorted(np.concatenate(groups).tolist()) == list(range(len(sizes)))
         entries = [float(np.prod(np.array(sizes)[one] + 1.0)) * len(one) for one in groups]
         assert max(entries) <= shares_module.ENTRIES
         assert sum(entries) <= shares_module.ALL_ENTRIES
-    assert len(shares_module._grouped(np.array([20] * 10))) == 2
+    assert len(shares_module._group_chains(np.array([20] * 10))) == 2
 
 
 @pytest.mark.parametrize("dense", [50_000, 0])

@@ -193,7 +193,7 @@ def test_rejects_bad_options(five, options, message):
 
 
 def test_a_tour_needs_a_plan(five):
-    with pytest.raises(UnsupportedOption, match="only where there is a plan"):
+    with pytest.raises(UnsupportedOption, match="only if plan is given"):
         ct.plot(five[0], parts=["tour"])
 
 

@@ -69,7 +69,7 @@ def test_tours_are_verified_and_no_shorter_than_the_shortest(backend):
         assert (
             plain.primal_bound >= left.primal_bound - close(model) >= best(model) - 2 * close(model)
         )
-        if backend is Greedy:  # there is no available customer before the nearest one
+        if backend is Greedy:  # it always visits the nearest available customer
             assert abs(plain.primal_bound - left.primal_bound) <= close(model)
 
 

@@ -13,7 +13,8 @@ from crosstrack.models import MessengerTour, Primitive, TourPlan
 DIGITS = 1e-13
 #: Turning radius and speed, with the turning radius as unit of length.
 TURN, SPEED = 0.1, 10.0
-#: Start, heading and tolerance. The tolerance is as small as the rounding error far from the origin.
+#: Start, heading and tolerance. The tolerance is as small as the rounding error far from the
+#: origin.
 NEAR, FAR = (1 + 2j, 0.7, 1e-6), (-400 - 300j, -40.0, 1e-10)
 QUARTER = 0.5 * math.pi
 #: A rectangle with round corners: leg, turn, and the length of a line or the angle of a turn.

@@ -184,7 +184,8 @@ def test_a_bound_with_legs_replaced_is_that_of_the_whole_path(seed):
 
 def test_a_guide_is_the_flight_where_the_bound_is_exact():
     corners = np.array([[0, 20], [20, 20], [20, 0], [0, 0]])
-    # Around a square of discs, the flight is that around their outermost points; with and without start.
+    # Around a square of discs, the flight is that around their outermost points; with and without
+    # start.
     inner = corners + 2 * np.sqrt(0.5) * np.sign(10 - corners)
     for where in ({"start": None}, {"start": [0, -1e-9, -0.75 * math.pi]}):
         model = MessengerTour(inner, radius=2, turning_radius=1, closed=True, **where)

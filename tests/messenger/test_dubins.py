@@ -41,7 +41,7 @@ np.save(sys.argv[1], found)
 """
 
 
-@njit  # not kept on disk, where it would outlive changes of what it calls
+@njit  # not cached: a cache would be stale after changes of the callees
 def ends(rows, radius, off, turned):
     """Fill in distance and angle between the target and the end of each word and of the relaxed path."""
     for i in range(len(rows)):

@@ -13,7 +13,7 @@ from crosstrack.models.messenger.dubins import advance, relaxed_length
 from crosstrack.models.messenger.elongation import elongated, gap
 
 
-@njit  # not kept on disk, where it would outlive changes of what it calls
+@njit  # not cached: a cache would be stale after changes of the callees
 def limits(rows, radius, found):
     """Fill in the shortest length and the gap."""
     for i in range(len(rows)):

@@ -18,7 +18,7 @@ X, Y, H, T0, PX, PY, VX, VY, SPEED, RADIUS, H1 = range(11)
 LENGTHS = [X, Y, PX, PY, VX, VY, SPEED, RADIUS]
 
 
-@njit  # not kept on disk, where it would outlive changes of what it calls
+@njit  # not cached: a cache would be stale after changes of the callees
 def meetings(cases, times, ok):
     """Fill in the times of interception, whether a path exists then, and whether one has that length."""
     for i in range(len(cases)):
@@ -79,7 +79,7 @@ def drawn(rng, count, wild):
 
 
 def reachable(u, v, length, r):
-    """Return a mask of the cases for which a path of a length exists, by trigonometry; arrays broadcast."""
+    """Return a mask of the cases with a path of the length, by trigonometry; arrays broadcast."""
     v = np.abs(v)
     far = np.hypot(u, v + r)
     line = np.sqrt(np.maximum(u * u + v * v - 2 * v * r, 0))

@@ -27,7 +27,8 @@ def drawn(seed, n=6, side=150.0, pace=3.5, **how):
 
 #: With an adaptive barrier parameter, Ipopt fails on one program in ten.
 MONOTONE = {"mu_strategy": "monotone"}
-#: More extreme than the paper: ratios of 1e6, targets without a radius, discs that cover everything.
+#: More extreme than the paper: ratios of 1e6, targets without a radius, discs that cover
+#: everything.
 WILD = {
     "paper": {},
     "closed": {"closed": True},
@@ -176,7 +177,7 @@ def test_options_are_checked(options, words):
 
 def test_lines_have_no_turns():
     model = drawn(1, n=3, turning_radius=0.0)
-    with pytest.raises(UnsupportedOption, match="'S' each"):
+    with pytest.raises(UnsupportedOption, match="must all be 'S'"):
         model.formulate("primitives", words=["LSR", "S", "S"])
 
 
@@ -258,7 +259,8 @@ def test_a_polished_tour_is_verified_and_no_longer(name):
         assert model.verify(again, tolerance=1e-9).ok
         if name in ("wide turns", "turns beyond all"):
             continue  # circles lie so near that the same start leads to another local optimum
-        # From the same start, the polished tour is at most as long as the program's with fixed turns.
+        # From the same start, the polished tour is at most as long as the program's with fixed
+        # turns.
         fitted = model.formulate("primitives").fitted(start)
         own = ct.solve(
             model, "ipopt", formulation="primitives",

@@ -181,8 +181,8 @@ def test_algorithm_4_shortens_the_way_to_a_vehicle_whose_successor_is_caught_up_
 def test_equations_11_and_12_descend_by_the_printed_step() -> None:
     """One vehicle at rest 50 m ahead: the access point at θ is (50 + 5 cos θ, 5 sin θ).
 
-    The path is a left turn and a line. The derivative of its length is the motion of the access point
-    along the final heading.
+    The path is a left turn and a line. The derivative of its length is the motion of the access
+    point along the final heading.
     """
 
     def flown(theta: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""``tour-search``: plans that keep what the model asks, whatever the case; and the best on small ones."""
+"""``tour-search``: feasible plans for all cases, and optimal plans for small ones."""
 
 import itertools
 import math
@@ -94,7 +94,7 @@ def legs_are_possible(model, plan):
         least = dubins_length(poses[at[0]], poses[at[-1] + 1], model.turning_radius)
         size = lengths[at].sum() + np.abs(poses[:, :2]).max()
         if model.turning_radius > 0:
-            # A turn of nothing may be a full circle where an end is off by its last digit.
+            # Because of rounding, a turn of angle 0 may become a full circle.
             off = (least - lengths[at].sum()) / (2 * np.pi * model.turning_radius)
             assert off < 1e-6 or abs(off - round(off)) < 1e-6
         else:
