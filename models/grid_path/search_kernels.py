@@ -238,7 +238,17 @@ def before(walls: Bytes, width: int, steps: Ints, left: Ints, cell: int) -> int:
 
 @kernel(interpretable=True)
 def trace(walls: Bytes, width: int, left: Ints, goal: int, diagonal: bool) -> Ints:
-    """Return the cells of a shortest path to `goal` from the remainders of :func:`sweep`."""
+    """Return the cells of a shortest path to `goal`, shape (k,), from the start.
+
+    Parameters
+    ----------
+    walls, width, diagonal
+        See :func:`sweep`.
+    left : ndarray of int64, shape (cells,)
+        Remainders that :func:`sweep` returned.
+    goal : int
+        Number of a cell that the search reached.
+    """
     steps = steps_of(width, diagonal)
     count, cell = 1, goal
     while left[cell] != CEILING:

@@ -48,7 +48,15 @@ def _pinched(blocked: Truths, turned: bool, major: int, minor: int) -> bool:
 
 @kernel
 def free_at(blocked: Truths, x: float, y: float) -> bool:
-    """Return whether a point is in a free cell or on its border, except between two blocked cells."""
+    """Return whether a point is in a free cell or on its border, except between two blocked cells.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        Padded map.
+    x, y : float
+        Point in cells of the padded map.
+    """
     columns, rows = blocked.shape[1], blocked.shape[0]
     if not (1.0 <= x <= columns - 1.0 and 1.0 <= y <= rows - 1.0):
         return False

@@ -86,7 +86,17 @@ class Walk(NamedTuple):
 
 
 def walk_of(model: UnknownGridNavigation, plan: NavigationRuns, scene: int) -> Walk:
-    """Return the walk of the run of `scene`: positions, collisions and cells seen."""
+    """Return the positions, collisions and cells seen of a run.
+
+    Parameters
+    ----------
+    model : UnknownGridNavigation
+        Model with its true maps.
+    plan : NavigationRuns
+        Plan with one run per scene.
+    scene : int
+        Index of the scene.
+    """
     actions = plan.actions[scene]
     row, column = model.starts[scene].tolist()
     positions, collided = replay(model.blocked[scene], (row, column), actions)
@@ -110,7 +120,13 @@ def check_scene(model: UnknownGridNavigation, scene: Any) -> int:
 
 
 def paint(blocked: Truths, seen: Truths) -> NDArray[np.uint8]:
-    """Return an image of cells, shape (rows, columns, 4)."""
+    """Return an RGBA image of cells, shape (rows, columns, 4).
+
+    Parameters
+    ----------
+    blocked, seen : ndarray of bool, shape (rows, columns)
+        True for blocked cells, and for cells that the UAV has shown.
+    """
     return np.take(_SHADES, blocked | (~seen).view(np.uint8) << 1, axis=0)
 
 

@@ -22,7 +22,15 @@ _BROAD = 1.35
 
 
 class Place(NamedTuple):
-    """Rectangle on a sheet, from its upper left corner, inches."""
+    """Rectangle on a sheet.
+
+    Parameters
+    ----------
+    left, top : float
+        Distances of the upper left corner from the sheet's left and upper edges, inches.
+    broad, tall : float
+        Width and height, inches.
+    """
 
     left: float
     top: float
@@ -36,7 +44,19 @@ class Place(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Size of a sheet, inches, and the rectangles on it."""
+    """Size of a sheet and the rectangles on it.
+
+    Parameters
+    ----------
+    size : (float, float)
+        Width and height of the sheet, inches.
+    map : Place
+        Rectangle of the map.
+    moments : list of Place
+        Rectangles of the moments.
+    panel : Place or None
+        Rectangle of the panel of scenes.
+    """
 
     size: tuple[float, float]
     map: Place

@@ -188,7 +188,17 @@ def jump(
 
 @kernel(interpretable=True)
 def unroll(parents: Ints, width: int, goal: int) -> Ints:
-    """Return all cells from the start to `goal`, including the cells between jump points."""
+    """Return all cells from the start to `goal`, including the cells between jump points.
+
+    Parameters
+    ----------
+    parents : ndarray of int64, shape (cells,)
+        Previous jump points that :func:`jump` returned.
+    width : int
+        Number of cells per row, including the frame.
+    goal : int
+        Number of a cell that the search reached.
+    """
     count, cell = 1, goal
     while parents[cell] != cell:
         before = parents[cell]

@@ -70,7 +70,21 @@ def smooth(grid: GridMap, path: ArrayLike, how: How = "visibility") -> Floats:
 def straighten(
     sight: Sight, corners: NDArray[np.int8], path: Floats, how: How, flag: NDArray[np.int8]
 ) -> Floats:
-    """Smooth a path in cells of the padded map, see :func:`smooth`. A nonzero `flag` stops it."""
+    """Smooth a path in cells of the padded map, see :func:`smooth`.
+
+    Parameters
+    ----------
+    sight : Sight
+        Map.
+    corners : ndarray of int8, shape (rows + 2, columns + 2)
+        Kinds of corners, see :func:`~crosstrack.models.grid_path.sight.convex_corners`.
+    path : ndarray, shape (k, 2)
+        Points x, y in cells of the padded map.
+    how : {"visibility", "greedy"}
+        Method.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the method, which then returns a valid path.
+    """
     from .smoothing_kernels import farthest, first_hidden, shortest
 
     hidden = int(first_hidden(sight.blocked, path, sight.slack))

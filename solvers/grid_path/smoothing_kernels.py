@@ -34,7 +34,19 @@ def first_hidden(blocked: Truths, path: Floats, slack: float) -> int:
 
 @kernel(interpretable=True)
 def farthest(blocked: Truths, path: Floats, slack: float, flag: Flag) -> Ints:
-    """Return the indices of points that remain if each connects to its farthest visible point."""
+    """Return the indices of points that remain if each connects to its farthest visible point.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        Padded map.
+    path : ndarray, shape (n, 2)
+        Points x, y of a path through free cells.
+    slack : float
+        Distance, in cells, below which a segment passes through a corner.
+    flag : ndarray of int8, shape (1,)
+        If nonzero, the remaining points stay.
+    """
     n = len(path)
     chosen = np.empty(n, np.int64)
     size, here = 1, 0
@@ -55,6 +67,15 @@ def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
     """Return the indices of a shortest path from first to last point along forward lines of sight.
 
     The result is empty if `flag` stopped the search.
+
+    Parameters
+    ----------
+    blocked, slack
+        See :func:`farthest`.
+    points : ndarray, shape (n, 2)
+        Points x, y in the order of the path.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
     """
     n = len(points)
     length = np.full(n, np.inf)

@@ -139,7 +139,15 @@ def weighted(
 
 @kernel(interpretable=True)
 def back(parents: Ints, goal: int) -> Ints:
-    """Return the cells from the start to `goal`."""
+    """Return the cells from the start to `goal`, shape (k,).
+
+    Parameters
+    ----------
+    parents : ndarray of int64, shape (cells,)
+        Predecessors that :func:`weighted` returned.
+    goal : int
+        Number of a cell that the search reached.
+    """
     count, cell = 1, goal
     while parents[cell] != cell:
         cell = parents[cell]

@@ -47,7 +47,13 @@ NEVER = 2**30
 
 
 class Task(NamedTuple):
-    """Shape of the maps and of the views of a task, numbers of rows and columns."""
+    """Task of the paper.
+
+    Parameters
+    ----------
+    shape, view : tuple of int
+        Numbers of rows and columns of the maps and of the views.
+    """
 
     shape: tuple[int, int]
     view: tuple[int, int]
@@ -58,7 +64,15 @@ TASKS = (Task((17, 17), (11, 11)), Task((17, 17), (9, 9)), Task((15, 15), (9, 9)
 
 
 class Scenes(NamedTuple):
-    """Random scenes: maps (true if blocked), shape (n, rows, columns); starts and targets, shape (n, 2)."""
+    """Random scenes.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (n, rows, columns)
+        Maps, true if blocked.
+    starts, targets : ndarray of int, shape (n, 2)
+        Row and column in each scene.
+    """
 
     blocked: Truths
     starts: Ints
@@ -73,7 +87,28 @@ def draw_scenes(
     examples: Examples | None, law: str, shape: tuple[int, int], obstacles: Any, scenes: int,
     generator: np.random.Generator,
 ) -> Scenes:  # fmt: skip
-    """Return scenes from `examples`; raise ``InvalidData`` if it is None."""
+    """Return random scenes.
+
+    Parameters
+    ----------
+    examples : callable or None
+        Function that draws solvable scenes.
+    law : str
+        Law of the scenes.
+    shape : tuple of int
+        Numbers of rows and columns.
+    obstacles : int or (int, int)
+        Number of obstacles, or its limits.
+    scenes : int
+        Number of scenes.
+    generator : numpy.random.Generator
+        Source of random numbers.
+
+    Raises
+    ------
+    InvalidData
+        `examples` is None.
+    """
     if examples is None:
         raise InvalidData(
             "examples must be a function that draws scenes, such as "
@@ -112,7 +147,15 @@ def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
 
 
 def best_actions(ways: Lengths, positions: Ints) -> Truths:
-    """Return whether each action begins a shortest path, shape (n, 4); all false without a path."""
+    """Return whether each action begins a shortest path, shape (n, 4); all false without a path.
+
+    Parameters
+    ----------
+    ways : ndarray of int32, shape (n, rows, columns)
+        Steps to the target, see :func:`shortest_ways`.
+    positions : ndarray of int, shape (n, 2)
+        Row and column of the vehicles.
+    """
     rows, columns = ways.shape[1:]
     cells = positions[:, None] + _MOVES
     inside = ((cells >= 0) & (cells < (rows, columns))).all(axis=2)
@@ -206,6 +249,11 @@ def choose_actions(logits: Any) -> tuple[Ints, Ints]:
 
     Non-finite logits are ignored. Ties go to up, down, left, right in this order. If no logit is finite,
     the action is up.
+
+    Parameters
+    ----------
+    logits : ndarray, shape (n, 4)
+        Logits of the actions.
     """
     wrong = ~np.isfinite(logits)
     return np.where(wrong, -np.inf, logits).argmax(axis=1), wrong.sum(axis=1)
@@ -236,6 +284,21 @@ def judge_network(
     ``ratio`` the mean ratio of steps to fewest steps. The `count` scenes of each task depend only on `seed` and are
     disjoint from the training scenes. The network may have a state, see :mod:`~.networks`. If `part` is 1 or 2, the
     network decides only before or after the target was in the view, on O_g or O_p, and the expert decides the rest.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+        Network in evaluation mode.
+    examples : callable
+        Function that draws solvable scenes.
+    law : str
+        Law of the scenes.
+    seed : int
+        Seed of the scenes.
+    count : int, default 128
+        Number of scenes per task.
+    part : {0, 1, 2}, default 0
+        Part of the runs in which the network decides; 0 is the whole run.
     """
     reached, collisions, ratios = [], [], []
     for number, task in enumerate(TASKS):

@@ -34,7 +34,13 @@ ARCHITECTURE: dict[str, Any] = {
 
 
 def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
-    """Return the reason to refuse maps of a shape, or ``""``."""
+    """Return the reason to refuse maps of a shape, or ``""``.
+
+    Parameters
+    ----------
+    shape, view : tuple of int
+        Numbers of rows and columns of the maps and of the view.
+    """
     side = ARCHITECTURE["side"]
     if max(shape) > side:
         return f"maps must have at most {side} × {side} cells, got {shape[0]} × {shape[1]}"

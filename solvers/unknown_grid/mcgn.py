@@ -38,7 +38,13 @@ class Second:
 
 
 def combine(first: torch.nn.Module, second: torch.nn.Module) -> torch.nn.Module:
-    """Return the network that uses `first` until the target was seen, and `second` afterwards."""
+    """Return the network that uses `first` until the target was seen, and `second` afterwards.
+
+    Parameters
+    ----------
+    first, second : torch.nn.Module
+        MCGN-I and MCGN-II with their weights.
+    """
     import torch
     from torch import nn
 

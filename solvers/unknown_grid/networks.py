@@ -34,7 +34,13 @@ __all__ = ["load_network", "shipped_weights"]
 
 
 def shipped_weights(name: str) -> Path:
-    """Return the path of the shipped weights of a network."""
+    """Return the path of the shipped weights of a network.
+
+    Parameters
+    ----------
+    name : str
+        Kind of the weights, such as "macn".
+    """
     return Path(__file__).parent / "weights" / f"{name}.npz"
 
 

@@ -37,7 +37,13 @@ _ROUND = 8
 
 
 def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
-    """Return the reason to refuse maps of a shape, or ``""``."""
+    """Return the reason to refuse maps of a shape, or ``""``.
+
+    Parameters
+    ----------
+    shape, view : tuple of int
+        Numbers of rows and columns of the maps and of the view.
+    """
     if shape[0] * shape[1] > LARGEST:
         return f"maps must have at most {LARGEST} cells, got {shape[0]} × {shape[1]}"
     return ""
