@@ -1,4 +1,4 @@
-"""The demonstration of grid paths: across a map of 28 polygons, or one from a file."""
+"""Demonstration of grid paths: a path across a map of 28 polygons, or on a map from a file."""
 
 from __future__ import annotations
 

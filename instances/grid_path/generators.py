@@ -1,7 +1,7 @@
-"""Seeded maps: irregular polygons and nodes in the paper's manner, mazes, rooms, random cells.
+"""Seeded random maps: irregular polygons and nodes as in the paper, mazes, rooms, random cells.
 
-Only ``Generator.random`` and ``Generator.integers`` are drawn from, and what is computed of it is
-rounded, so that a seed means the same map wherever it is used.
+The functions use only ``Generator.random`` and ``Generator.integers`` and round computed coordinates, so
+that a seed yields the same map on every platform.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ __all__ = ["maze", "random_cells", "random_nodes", "random_polygons", "rooms"]
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
-#: Polygons that are drawn at the most.
+#: Maximum number of polygons.
 MOST_POLYGONS = 100_000
-#: Radii of the circles around polygons, by the side of a square in which each has its share of the
-#: area.
+#: Limits on the radii of circles around polygons, relative to the side of a square with a polygon's share
+#: of the area.
 _SIZES = (0.21, 0.48)
-#: Corners of a polygon, and how far they lie from its middle by the circle's radius.
+#: Limits on the number of corners, and on their distance from the centre, relative to the circle's radius.
 _CORNERS, _REACH = (5, 9), (0.35, 1.0)
-#: Places that are tried for a polygon before there is said to be no room.
+#: Maximum number of positions per polygon.
 _TRIES = 1000
-#: Digits of corners, counted from the first of the map's size.
+#: Significant digits of corners, relative to the map's size.
 _DIGITS = 9
 
 
-@np.errstate(all="ignore")  # what overflows leaves no room
+@np.errstate(all="ignore")  # an overflow ends in the error about missing room
 def random_polygons(
     count: int = 28,
     seed: int = 0,
@@ -44,27 +44,32 @@ def random_polygons(
     gap: float = 0.0,
     size: float = 1.0,
 ) -> tuple[Polygon, ...]:
-    """Return irregular polygons apart from each other, most of them not convex.
+    """Return disjoint irregular polygons, most of them non-convex.
 
     Parameters
     ----------
-    count : int
-        Their number (paper: 28).
-    seed : int
-        Same seed, same polygons.
-    bounds : array-like, shape (4,)
-        Least x and y, greatest x and y, m.
-    keep : array-like, shape (k, 2)
-        Points, such as depots, that stay out of the polygons, x, y (m).
-    gap : float
-        The least distance between polygons, and to those points, m.
-    size : float
-        Factor on the size of polygons, which otherwise cover about 15 % of the map.
+    count : int, default 28
+        Number of polygons (28 in the paper), at most 100,000.
+    seed : int, default 0
+        Seed of the polygons.
+    bounds : array-like, shape (4,), default (0, 0, 200, 200)
+        Lowest x and y, greatest x and y, m.
+    keep : array-like, shape (k, 2), default ()
+        Points x, y outside all polygons, such as depots, m.
+    gap : float, default 0
+        Minimum distance between polygons, and between polygons and those points, m.
+    size : float, default 1
+        Factor on the size of polygons. With 1 they cover about 15 % of the map.
+
+    Returns
+    -------
+    tuple of Polygon
+        Polygons, the largest first.
 
     Raises
     ------
     InvalidData
-        There is no room for so many of this size.
+        An argument is invalid, or the bounds have no room for the polygons.
     """
     count = Whole(0, MOST_POLYGONS).coerce("count", count, {})
     rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
@@ -81,15 +86,15 @@ def random_polygons(
     share = factor * math.sqrt(float(extent.prod()) / max(count, 1))
     digits = _DIGITS - 1 - math.floor(math.log10(max(np.abs(corners).max(), extent.max())))
     middles, radii = np.empty((count, 2)), np.empty(count)
-    found = []
+    polygons = []
     for k in range(count):
-        # Large ones first, as those find no room among many.
+        # Large polygons come first, because the room for them shrinks fastest.
         radius = share * (_SIZES[1] - (_SIZES[1] - _SIZES[0]) * k / max(count - 1, 1))
         for _ in range(_TRIES):
             middle = low + radius + rng.random(2) * (extent - 2 * radius)
             apart = np.hypot(*(middles[:k] - middle).T) - radii[:k]
-            kept = np.hypot(*(points - middle).T)
-            free = np.concatenate([apart, kept]).min(initial=math.inf) > radius + gap
+            away = np.hypot(*(points - middle).T)
+            free = np.concatenate([apart, away]).min(initial=math.inf) > radius + gap
             if free and 2 * radius < extent.min():
                 break
         else:
@@ -99,43 +104,43 @@ def random_polygons(
                 field="count",
             )
         middles[k], radii[k] = middle, radius
-        found.append(Polygon(np.round(_star(rng, middle, radius), digits)))
-    return tuple(found)
+        polygons.append(Polygon(np.round(_star(rng, middle, radius), digits)))
+    return tuple(polygons)
 
 
 def _star(rng: np.random.Generator, middle: Floats, radius: float) -> Floats:
-    """Return corners around `middle`, in the order of their directions."""
+    """Return the corners of a star-shaped polygon around `middle`, in the order of their directions."""
     number = int(rng.integers(_CORNERS[0], _CORNERS[1] + 1))
-    # Directions less than half a turn apart, so that the ring cannot cross itself.
+    # Consecutive directions differ by less than pi, so the ring cannot cross itself.
     turn = 2 * np.pi * (np.arange(number) + 0.7 * rng.random(number)) / number
-    # Not quite the whole radius: what is rounded stays within the circle.
+    # Slightly less than the radius, so that rounded corners stay within the circle.
     reach = 0.999 * radius * (_REACH[0] + (_REACH[1] - _REACH[0]) * rng.random(number))
     return np.asarray(middle + reach[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
 
 
 def random_nodes(grid: GridMap, depot: ArrayLike, count: int = 75, seed: int = 0) -> Floats:
-    """Return the centres of different cells that can be reached from a depot.
+    """Return the centres of distinct random cells that are reachable from a depot.
 
     Parameters
     ----------
     grid : GridMap
-        The map.
+        Map of free and blocked cells.
     depot : array-like, shape (2,)
-        x, y (m), in a free cell, which holds no node.
-    count : int
-        Number of nodes (paper: 75).
-    seed : int
-        Same seed, same nodes.
+        Point x, y in a free cell, m. This cell is excluded.
+    count : int, default 75
+        Number of nodes (75 in the paper).
+    seed : int, default 0
+        Seed of the nodes.
 
     Returns
     -------
     ndarray, shape (count, 2)
-        x, y (m).
+        Points x, y, m.
 
     Raises
     ------
     InvalidData
-        The depot is in no free cell, or too few cells can be reached.
+        The depot is not in a free cell, or fewer than `count` cells are reachable.
     """
     from scipy.ndimage import label
 
@@ -148,7 +153,7 @@ def random_nodes(grid: GridMap, depot: ArrayLike, count: int = 75, seed: int = 0
         raise InvalidData(
             f"depot must lie in a free cell, got {show(place.tolist())}", field="depot"
         )
-    # What can be reached by diagonal steps that cut no corner can be reached without.
+    # Diagonal steps without cutting corners reach no further cells, so four neighbours suffice.
     regions, _ = label(~grid.blocked)
     reached = regions == regions[row, column]
     reached[row, column] = False
@@ -163,17 +168,27 @@ def random_nodes(grid: GridMap, depot: ArrayLike, count: int = 75, seed: int = 0
 
 
 def maze(rows: int, columns: int, seed: int = 0, *, corridor: int = 1) -> GridMap:
-    """Return a maze with exactly one way between any two places.
+    """Return a maze with exactly one path between any two cells.
 
     Parameters
     ----------
     rows, columns : int
-        Numbers of cells, at least `corridor` + 2. Walls have the width of one cell; what is left over
-        beside the last wall is blocked.
-    seed : int
-        Same seed, same maze.
-    corridor : int
-        Width of the corridors, in cells.
+        Numbers of cells, at least `corridor` + 2. Walls are one cell thick. Cells after the last full
+        corridor are blocked.
+    seed : int, default 0
+        Seed of the maze.
+    corridor : int, default 1
+        Width of the corridors, cells.
+
+    Returns
+    -------
+    GridMap
+        Map with cells of 1 m.
+
+    Raises
+    ------
+    InvalidData
+        An argument is outside its allowed range.
     """
     corridor = Whole(1).coerce("corridor", corridor, {})
     rows, columns = _sides(rows, columns, corridor + 2)
@@ -182,18 +197,28 @@ def maze(rows: int, columns: int, seed: int = 0, *, corridor: int = 1) -> GridMa
 
 
 def rooms(rows: int, columns: int, seed: int = 0, *, size: int = 7, doors: float = 0.6) -> GridMap:
-    """Return square rooms with doors of one cell, at random places of their walls.
+    """Return square rooms with doors of one cell at random positions in their walls.
 
     Parameters
     ----------
     rows, columns : int
-        Numbers of cells, at least `size` + 2, as for :func:`maze`.
-    seed : int
-        Same seed, same rooms.
-    size : int
-        Side of a room within, in cells.
-    doors : float
-        Share of the walls with a door, beside those without which a room would be cut off; 0 to 1.
+        Numbers of cells, at least `size` + 2, see :func:`maze`.
+    seed : int, default 0
+        Seed of the rooms.
+    size : int, default 7
+        Inner side of a room, cells.
+    doors : float, default 0.6
+        Probability of a door in each wall, 0 to 1, in addition to the doors that connect all rooms.
+
+    Returns
+    -------
+    GridMap
+        Map with cells of 1 m.
+
+    Raises
+    ------
+    InvalidData
+        An argument is outside its allowed range.
     """
     size = Whole(1).coerce("size", size, {})
     share = Real(0, 1).coerce("doors", doors, {})
@@ -206,20 +231,34 @@ def rooms(rows: int, columns: int, seed: int = 0, *, size: int = 7, doors: float
     for doorways, step in ((right, (0, 1)), (down, (1, 0))):
         places = np.argwhere(doorways)
         along = rng.integers(0, size, len(places))
-        # The wall after a room, and along it.
-        at = places * (size + 1) + 1 + np.multiply(step, size)
-        at += along[:, None] * np.array(step[::-1])
-        blocked[at[:, 0], at[:, 1]] = False
+        # First cell of the wall after a room, then the position along the wall.
+        cells = places * (size + 1) + 1 + np.multiply(step, size)
+        cells += along[:, None] * np.array(step[::-1])
+        blocked[cells[:, 0], cells[:, 1]] = False
     return GridMap(blocked)
 
 
 def random_cells(rows: int, columns: int, density: float, seed: int = 0) -> GridMap:
-    """Return a map whose cells are blocked with the probability `density`, each by itself.
+    """Return a map with independent random cells.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Numbers of cells, at least 1.
+    density : float
+        Probability that a cell is blocked, 0 to 1.
+    seed : int, default 0
+        Seed of the map.
+
+    Returns
+    -------
+    GridMap
+        Map with cells of 1 m.
 
     Raises
     ------
     InvalidData
-        No cell is left free.
+        No cell is free, or an argument is outside its allowed range.
     """
     share = Real(0, 1).coerce("density", density, {})
     rows, columns = _sides(rows, columns, 1)
@@ -227,11 +266,11 @@ def random_cells(rows: int, columns: int, density: float, seed: int = 0) -> Grid
     return GridMap(rng.random((rows, columns)) < share)
 
 
-def _sides(rows: int, columns: int, least: int) -> tuple[int, int]:
-    """Return the numbers of cells, checked."""
+def _sides(rows: int, columns: int, lower: int) -> tuple[int, int]:
+    """Return the numbers of cells after validation."""
     sides = (
-        Whole(least, MOST).coerce("rows", rows, {}),
-        Whole(least, MOST).coerce("columns", columns, {}),
+        Whole(lower, MOST).coerce("rows", rows, {}),
+        Whole(lower, MOST).coerce("columns", columns, {}),
     )
     if sides[0] * sides[1] > MOST:
         raise InvalidData(
@@ -241,7 +280,7 @@ def _sides(rows: int, columns: int, least: int) -> tuple[int, int]:
 
 
 def _tree(rows: int, columns: int, size: int, rng: np.random.Generator) -> tuple[Truths, Truths]:
-    """Return which rooms are joined to the one at their right, and to the one below, by a random tree."""
+    """Return whether a random spanning tree connects each room to the right, and downwards."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import minimum_spanning_tree
 
@@ -249,13 +288,13 @@ def _tree(rows: int, columns: int, size: int, rng: np.random.Generator) -> tuple
     number = np.arange(shape[0] * shape[1]).reshape(shape)
     tails = np.concatenate([number[:, :-1].ravel(), number[:-1].ravel()])
     heads = np.concatenate([number[:, 1:].ravel(), number[1:].ravel()])
-    # No weight is 0, which would mean that there is no edge.
+    # Weights are at least 1, because SciPy treats 0 as a missing edge.
     weights = 1.0 + rng.random(len(tails))
     graph = coo_array((weights, (tails, heads)), (number.size, number.size))
     tree = minimum_spanning_tree(graph.tocsr()).tocoo()
     low, high = np.minimum(tree.row, tree.col), np.maximum(tree.row, tree.col)
     right, down = np.zeros(shape, bool), np.zeros(shape, bool)
-    # In maps of one column of rooms the next room is the one below.
+    # With one column of rooms, the next number is the room below.
     beside = (high - low == 1) & (low // shape[1] == high // shape[1])
     right.ravel()[low[beside]] = True
     down.ravel()[low[~beside]] = True
@@ -263,7 +302,7 @@ def _tree(rows: int, columns: int, size: int, rng: np.random.Generator) -> tuple
 
 
 def _walled(rows: int, columns: int, size: int, right: Truths, down: Truths) -> Truths:
-    """Return the cells of square rooms, where the walls between joined ones are left out."""
+    """Return the cells of square rooms without walls between connected rooms."""
     blocked = np.ones((rows, columns), bool)
     across = (right.shape[0], right.shape[1] + 1)
     step = size + 1

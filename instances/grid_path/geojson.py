@@ -1,7 +1,7 @@
-"""Polygons in GeoJSON (RFC 7946).
+"""Reader and writer of polygons in GeoJSON (RFC 7946).
 
-Coordinates are metres in the map's plane: longitudes and latitudes, which the standard prescribes, are
-neither recognised nor converted. Project them before.
+Coordinates are metres in the map's plane. The standard prescribes longitudes and latitudes, which must
+be projected before reading.
 """
 
 from __future__ import annotations
@@ -26,28 +26,39 @@ _TYPES = ("FeatureCollection", "Feature", "MultiPolygon", "Polygon")
 def read_geojson_polygons(path: str | os.PathLike[str]) -> tuple[Polygon, ...]:
     """Return the polygons in a GeoJSON file, with their holes.
 
-    Read are Polygon, MultiPolygon, Feature and FeatureCollection; properties are left out, and so are
-    heights. Coordinates are taken as metres.
+    The reader supports Polygon, MultiPolygon, Feature and FeatureCollection. It ignores properties and
+    heights. Coordinates are metres.
+
+    Parameters
+    ----------
+    path : path-like
+        Path of the file.
+
+    Returns
+    -------
+    tuple of Polygon
+        Polygons in the order of the file.
 
     Raises
     ------
     InvalidData
-        Naming file and place: no GeoJSON, another geometry, rings that are no polygon.
+        The file is not valid GeoJSON, or a geometry or polygon is invalid. The message names file and
+        location.
     """
     file = as_path(path)
     text = read_text(file)
     try:
-        found = dict(_polygons(parse_json(text), ""))
+        polygons = dict(_polygons(parse_json(text), ""))
         try:
-            return tuple(Polygons().coerce("polygons", list(found.values()), {}))
+            return tuple(Polygons().coerce("polygons", list(polygons.values()), {}))
         except InvalidData as error:
-            raise InvalidData(_placed(str(error), list(found)), field="polygons") from None
+            raise InvalidData(_placed(str(error), list(polygons)), field="polygons") from None
     except InvalidData as error:
         raise InvalidData(f"{file}: {error}", field=error.field) from None
 
 
 def _placed(message: str, places: list[str]) -> str:
-    """Return a message about ``polygons[k]`` with the place that the polygon has in its file."""
+    """Return a message about ``polygons[k]`` with the polygon's location in its file."""
     number = message.removeprefix("polygons[").partition("]")[0]
     if not number.isdigit():
         return message
@@ -55,7 +66,7 @@ def _placed(message: str, places: list[str]) -> str:
 
 
 def _polygons(value: Any, place: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the place and the rings of every polygon."""
+    """Yield the location and the rings of every polygon."""
     kind = value.get("type") if isinstance(value, Mapping) else None
     if kind not in _TYPES:
         raise InvalidData(
@@ -99,14 +110,24 @@ def _rings(value: Any, place: str) -> tuple[str, dict[str, Any]]:
 
 
 def write_geojson_polygons(polygons: Any, path: str | os.PathLike[str]) -> Path:
-    """Write polygons as a FeatureCollection, in one step; return the path.
+    """Write polygons as a FeatureCollection, atomically.
 
     Parameters
     ----------
     polygons : list
-        In any form that :class:`~crosstrack.models.grid_path.Polygons` takes, m.
+        Polygons in any form that :class:`~crosstrack.models.grid_path.Polygons` accepts, m.
     path : path-like
-        The file.
+        Path of the file.
+
+    Returns
+    -------
+    pathlib.Path
+        Path of the file.
+
+    Raises
+    ------
+    InvalidData
+        A polygon is invalid, or the file cannot be written.
     """
     features = [
         {
@@ -115,16 +136,16 @@ def write_geojson_polygons(polygons: Any, path: str | os.PathLike[str]) -> Path:
             "geometry": {
                 "type": "Polygon",
                 "coordinates": [
-                    [*ring.tolist(), ring[0].tolist()] for ring in (one.shell, *one.holes)
+                    [*ring.tolist(), ring[0].tolist()] for ring in (polygon.shell, *polygon.holes)
                 ],
             },
         }
-        for k, one in enumerate(Polygons().coerce("polygons", polygons, {}))
+        for k, polygon in enumerate(Polygons().coerce("polygons", polygons, {}))
     ]
     return write_text(path, collection(features))
 
 
 def collection(features: list[dict[str, Any]]) -> str:
-    """Return a FeatureCollection as text, a line a feature."""
-    lines = ",\n".join(json.dumps(one, allow_nan=False) for one in features)
+    """Return a FeatureCollection as text with one line per feature."""
+    lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'

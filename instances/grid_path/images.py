@@ -1,4 +1,4 @@
-"""Maps in images, a pixel a cell: no more is decoded than a map may hold."""
+"""Reader of maps in images with one pixel per cell and a limit on the decoded size."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from ...models.records import Member
 
 __all__ = ["SUFFIXES", "read_image"]
 
-#: What Pillow decodes by itself; others, such as EPS, it hands to further programs.
+#: Formats that Pillow decodes itself. It passes others, such as EPS, to external programs.
 _FORMATS = ("PNG", "BMP", "GIF", "JPEG", "PPM", "WEBP")
-#: Brightness of a cell that no sensor has seen, in maps of ROS (``map_saver``).
+#: Brightness of unknown cells in maps of ROS (``map_saver``).
 UNKNOWN = 205 / 255
-#: What names of such files end in.
+#: Suffixes of image files.
 SUFFIXES = (".png", ".bmp", ".gif", ".jpg", ".jpeg", ".pgm", ".pbm", ".ppm", ".webp")
 
 
 class Unknown(StrEnum):
-    """State of cells that no sensor has seen."""
+    """State of unknown cells."""
 
-    BLOCKED = "blocked"  #: paths keep away from them
-    FREE = "free"  #: paths may cross them
+    BLOCKED = "blocked"  #: Unknown cells are blocked, so paths avoid them.
+    FREE = "free"  #: Unknown cells are free, so paths may cross them.
 
 
 def read_image(
@@ -46,31 +46,35 @@ def read_image(
 ) -> GridMap:
     """Return the map in an image: dark pixels are blocked cells.
 
-    The map savers of ROS write cells that no sensor has seen with the gray 205. These cells are
-    blocked as well, unless `unknown` says otherwise.
+    The map savers of ROS write unknown cells as gray 205. By default, these cells are blocked as well.
 
     Parameters
     ----------
     path : path-like
-        A PNG, BMP, GIF, JPEG, PPM or WebP file; of several pictures in it the first is read. What is
-        transparent counts as white.
-    cell : float
+        PNG, BMP, GIF, JPEG, PPM or WebP file. If it has several frames, the first is read. Transparent
+        pixels are white.
+    cell : float, default 1
         Side of a pixel, m.
-    origin : array-like, shape (2,)
-        As of :class:`~crosstrack.models.grid_path.GridMap`: the corner of the least x and y.
-    upward : bool
-        Whether y grows upward: then the lowest line of pixels is row 0, else the highest.
-    threshold : float
-        Brightness below which a pixel is blocked: 0 is black, 1 white.
-    unknown : {"blocked", "free"}
-        State of pixels of the gray 205 of 255 in images of 8 bits.
+    origin : array-like, shape (2,), default (0, 0)
+        Corner of the map with the lowest x and y, m.
+    upward : bool, default False
+        Whether y points upward. If true, row 0 is the bottom line of pixels, otherwise the top line.
+    threshold : float, default 0.5
+        Brightness below which a pixel is blocked, from 0 (black) to 1 (white).
+    unknown : {"blocked", "free"}, default "blocked"
+        State of pixels with gray 205 of 255 in images of 8 bits.
+
+    Returns
+    -------
+    GridMap
+        Map with one cell per pixel.
 
     Raises
     ------
     BackendMissing
         Pillow is not installed.
     InvalidData
-        The file is no such image, has more pixels than a map may have cells, or no bright pixel.
+        The file is not a readable image, has more than 2**26 pixels, or no pixel is bright enough.
     """
     try:
         from PIL import Image
@@ -85,7 +89,7 @@ def read_image(
     raw = _bytes(file)
     try:
         with warnings.catch_warnings():
-            # Of sizes that are refused below anyway, and of damage that the pixels do not show.
+            # Pillow warns about sizes that are rejected below, and about harmless damage.
             warnings.simplefilter("ignore")
             with Image.open(io.BytesIO(raw), formats=_FORMATS) as image:
                 if image.width * image.height > MOST:
@@ -96,7 +100,7 @@ def read_image(
                 bright = _brightness(image)
     except InvalidData:
         raise
-    except Exception as error:  # Pillow raises whatever a damaged file makes it trip over
+    except Exception as error:  # a damaged file may raise any exception in Pillow
         raise InvalidData(
             f"{file}: cannot be read as an image: {type(error).__name__}: {error}", field="map"
         ) from None
@@ -113,7 +117,7 @@ def read_image(
 
 
 def _brightness(image: Any) -> NDArray[np.float64]:
-    """Return how bright the pixels are, from 0 to 1."""
+    """Return the brightness of the pixels, from 0 to 1, shape (rows, columns)."""
     if image.mode.startswith("I"):  # gray in 16 bits
         return np.asarray(image, float) / 65535
     if "A" in image.mode or "transparency" in image.info:

@@ -1,4 +1,4 @@
-"""What the catalogue holds of grid paths: a map in the paper's manner, and cases of other kinds."""
+"""Catalogue of grid paths: a map similar to the paper's, and further cases."""
 
 from __future__ import annotations
 
@@ -19,28 +19,33 @@ PAPER = (
     "Environment, Wireless Communications and Mobile Computing, 2021"
 )
 
-#: Bounds (m) of the map in the paper's manner, its seed, and a point in no obstacle where robots begin.
+#: Bounds (m) and seed of the map similar to the paper's, and a depot outside all obstacles (m).
 BOUNDS, SEED, DEPOT = (0.0, 0.0, 200.0, 200.0), 28, (100.0, 100.0)
 
 _OURS = "Ours: the paper has no such instance."
 
 
 def paper_map(cell: float = 2.5, radius: float = 1.0) -> GridMap:
-    """Return the map of 28 irregular polygons on 200 m × 200 m, around a depot in the middle.
+    """Return the map of 28 irregular polygons on 200 m × 200 m around a depot in the middle.
 
     Parameters
     ----------
-    cell : float
+    cell : float, default 2.5
         Side of a cell, m.
-    radius : float
-        Of the robot, m.
+    radius : float, default 1
+        Radius of the robot, m.
+
+    Returns
+    -------
+    GridMap
+        Map with the lower left corner at (0, 0).
     """
     polygons = random_polygons(28, SEED, BOUNDS, keep=[DEPOT], gap=6.0)
     return GridMap.from_polygons(polygons, BOUNDS, cell, radius)
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances."""
+    """Return the catalogue entries of grid paths."""
     seeded, ours = Provenance.SEEDED, Provenance.OURS
     return (
         _entry(

@@ -1,4 +1,4 @@
-"""Maps in files of any kind, and instances that refer to them."""
+"""Readers of map files in all formats, and of instances that refer to map files."""
 
 from __future__ import annotations
 
@@ -29,23 +29,29 @@ def read_text_map(
     origin: ArrayLike = (0.0, 0.0),
     upward: bool = False,
 ) -> GridMap:
-    """Return the map in a text file, a character a cell.
+    """Return the map in a text file with one character per cell.
 
     Parameters
     ----------
     path : path-like
-        The file: ``.`` and ``G`` are free, ``@``, ``O``, ``T``, ``W`` and ``#`` blocked.
-    cell : float
+        File with ``.`` and ``G`` for free cells, ``@``, ``O``, ``T``, ``W`` and ``#`` for blocked cells.
+    cell : float, default 1
         Side of a cell, m.
-    origin : array-like, shape (2,)
-        As of :class:`~crosstrack.models.grid_path.GridMap`: the corner of the least x and y.
-    upward : bool
-        Whether y grows upward: then the last line is row 0, else the first.
+    origin : array-like, shape (2,), default (0, 0)
+        Corner of the map with the lowest x and y, m.
+    upward : bool, default False
+        Whether y points upward. If true, row 0 is the last line, otherwise the first line.
+
+    Returns
+    -------
+    GridMap
+        Map in the file.
 
     Raises
     ------
     InvalidData
-        Naming file, line and column: unknown characters, lines of different lengths, no free cell.
+        A character is unknown, the lengths of lines differ, or no cell is free. The message names file,
+        line and column.
     """
     file = as_path(path)
     lines = read_text(file).splitlines()
@@ -58,7 +64,25 @@ def read_text_map(
 
 
 def write_text_map(grid: GridMap, path: str | os.PathLike[str]) -> Path:
-    """Write the cells of a map as text, as pictures show them, in one step; return the path."""
+    """Write the cells of a map as text in the orientation of plots, atomically.
+
+    Parameters
+    ----------
+    grid : GridMap
+        Map to write.
+    path : path-like
+        Path of the file.
+
+    Returns
+    -------
+    pathlib.Path
+        Path of the file.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be written.
+    """
     lines = required("grid", grid, GridMap).data()["blocked"]
     return write_text(path, "\n".join(lines[::-1] if grid.upward else lines) + "\n")
 
@@ -68,12 +92,27 @@ def read_polygon_map(
 ) -> GridMap:
     """Return the map of the polygons in a GeoJSON file.
 
-    The parameters are those of :meth:`~crosstrack.models.grid_path.GridMap.from_polygons`.
+    Parameters
+    ----------
+    path : path-like
+        Path of the file.
+    bounds, cell, radius
+        See :meth:`~crosstrack.models.grid_path.GridMap.from_polygons`.
+
+    Returns
+    -------
+    GridMap
+        Map of the polygons within the bounds.
+
+    Raises
+    ------
+    InvalidData
+        The file or an argument is invalid.
     """
     return GridMap.from_polygons(read_geojson_polygons(path), bounds, cell, radius)
 
 
-#: How each kind of file is read, by what its name ends in.
+#: Reader of each file format by suffix.
 _READERS: dict[str, Callable[..., GridMap]] = {
     ".map": read_map,
     ".txt": read_text_map,
@@ -84,20 +123,25 @@ _READERS: dict[str, Callable[..., GridMap]] = {
 
 
 def read_grid(path: str | os.PathLike[str], /, **options: Any) -> GridMap:
-    """Return the map in a file, read by what its name ends in.
+    """Return the map in a file. The suffix selects the reader.
 
     Parameters
     ----------
     path : path-like
         ``.map`` (MovingAI), ``.txt``, ``.geojson`` or ``.json`` (polygons), ``.png`` or another image.
     **options
-        Those of the reader: :func:`read_map`, :func:`read_text_map`, :func:`read_polygon_map`,
+        Options of the reader: :func:`read_map`, :func:`read_text_map`, :func:`read_polygon_map` or
         :func:`read_image`.
+
+    Returns
+    -------
+    GridMap
+        Map in the file.
 
     Raises
     ------
     InvalidData
-        Another suffix, an option that the reader does not have or lacks, a file that it refuses.
+        The suffix or an option is unknown, a required option is missing, or the file is invalid.
     """
     file = as_path(path)
     suffix = file.suffix.casefold()
@@ -123,18 +167,18 @@ def read_grid(path: str | os.PathLike[str], /, **options: Any) -> GridMap:
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return `data` of an instance with the map that it names read from its file.
+    """Return the data of an instance after replacing a reference to a map file by the map.
 
-    ``"map": "rooms.map"`` names a file; ``"map": {"file": "walls.geojson", "bounds": […], "cell": 1}``
-    gives options of :func:`read_grid` as well.
+    ``"map": "rooms.map"`` names a file. ``"map": {"file": "walls.geojson", "bounds": […], "cell": 1}``
+    also passes options of :func:`read_grid`.
     """
-    found = dict(data)
-    held = found.get("map")
-    options = {"file": held} if isinstance(held, str) else held
+    result = dict(data)
+    entry = result.get("map")
+    options = {"file": entry} if isinstance(entry, str) else entry
     if isinstance(options, Mapping) and "file" in options:
         options = dict(options)
         name = options.pop("file")
         if not isinstance(name, str):
             raise InvalidData(f"map.file must name a file, got {show(name)}", field="map")
-        found["map"] = read_grid(find(name), **options)
-    return found
+        result["map"] = read_grid(find(name), **options)
+    return result

@@ -1,8 +1,7 @@
 """Maps and scenarios of the benchmark sets of MovingAI (https://movingai.com/benchmarks/formats.html).
 
-A map has four lines of header, then a letter a cell; the first line of letters is row 0. A scenario
-is a start and a goal, with the length of the shortest path by steps to eight neighbours that cut no
-corners.
+A map has four header lines and one letter per cell; the first line of letters is row 0. A scenario is a
+start and a goal with the length of the shortest path along eight neighbours without cutting corners.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from ..storage import number
 
 __all__ = ["Scenario", "read_map", "read_scenarios", "write_map"]
 
-#: Free cells; a swamp (S) may be entered as any other.
+#: Letters of free cells. Swamp (S) is treated as free.
 _FREE = ".GS"
 _HEADER = ("type octile", "height", "width", "map")
 #: Columns of a scenario: the start and the goal are x (column) and y (row).
@@ -33,31 +32,44 @@ _WHOLE = re.compile("[0-9]{1,9}")
 
 
 def read_map(path: str | os.PathLike[str], *, cell: float = 1.0) -> GridMap:
-    """Return the map in a ``.map`` file; its cells have the side `cell` (m).
+    """Return the map in a ``.map`` file.
 
-    ``.``, ``G`` and ``S`` are free, ``@``, ``O``, ``T`` and ``W`` blocked.
+    ``.``, ``G`` and ``S`` are free, ``@``, ``O``, ``T`` and ``W`` are blocked.
+
+    Parameters
+    ----------
+    path : path-like
+        Path of the file.
+    cell : float, default 1
+        Side of a cell, m.
+
+    Returns
+    -------
+    GridMap
+        Map in the file.
 
     Raises
     ------
     InvalidData
-        Naming file, line and column: another header, too few or too many lines, unknown letters.
+        The header is wrong, the number of lines is wrong, or a letter is unknown. The message names file,
+        line and column.
     """
     file = as_path(path)
     lines = read_text(file).splitlines()
     while lines and not lines[-1].strip():
         lines.pop()
     sizes = []
-    for place, wanted in enumerate(_HEADER):
+    for place, entry in enumerate(_HEADER):
         words = lines[place].split() if place < len(lines) else []
-        sized = wanted in ("height", "width")
-        good = len(words) == 2 and words[0] == wanted if sized else " ".join(words) == wanted
-        if not good or (sized and not _WHOLE.fullmatch(words[1])):
+        has_size = entry in ("height", "width")
+        good = len(words) == 2 and words[0] == entry if has_size else " ".join(words) == entry
+        if not good or (has_size and not _WHOLE.fullmatch(words[1])):
             raise InvalidData(
-                f"{file}, line {place + 1}: must be {wanted}{' and a number' * sized}, got "
+                f"{file}, line {place + 1}: must be {entry}{' and a number' * has_size}, got "
                 f"{show(' '.join(words))}",
                 field="map",
             )
-        if sized:
+        if has_size:
             sizes.append(int(words[1]))
     rows = lines[len(_HEADER) :]
     if len(rows) != sizes[0]:
@@ -76,7 +88,7 @@ def read_map(path: str | os.PathLike[str], *, cell: float = 1.0) -> GridMap:
 
 
 def _made(file: Path, blocked: Any, **options: Any) -> GridMap:
-    """Return the map of cells that `file` holds."""
+    """Return the map of the cells in `file`."""
     try:
         return GridMap(blocked, **options)
     except InvalidData as error:
@@ -86,9 +98,24 @@ def _made(file: Path, blocked: Any, **options: Any) -> GridMap:
 
 
 def write_map(grid: GridMap, path: str | os.PathLike[str]) -> Path:
-    """Write a map as a ``.map`` file, in one step; return the path.
+    """Write a map as a ``.map`` file, atomically. The size of cells and the origin are lost.
 
-    The file holds the cells alone: not their size, nor where the map lies.
+    Parameters
+    ----------
+    grid : GridMap
+        Map to write.
+    path : path-like
+        Path of the file.
+
+    Returns
+    -------
+    pathlib.Path
+        Path of the file.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be written.
     """
     rows, columns = required("grid", grid, GridMap).shape
     head = ["type octile", f"height {rows}", f"width {columns}", "map"]
@@ -96,17 +123,17 @@ def write_map(grid: GridMap, path: str | os.PathLike[str]) -> Path:
 
 
 class Scenario(NamedTuple):
-    """A question about a map, and the answer that its authors give.
+    """Start and goal on a map with the published length of the shortest path.
 
     Attributes
     ----------
     start, goal : tuple of int
         Row and column.
     optimum : float
-        Length of the shortest path by steps to eight neighbours without cutting corners, m; files
-        print from five to nine digits behind the point of its cells.
+        Length of the shortest path along eight neighbours without cutting corners, m. Files print five to
+        nine decimals of the length in cells.
     bucket : int
-        Group of the scenario: in most files, a quarter of the optimum in cells.
+        Group of the scenario. In most files, it is a quarter of the optimum in cells.
     """
 
     start: tuple[int, int]
@@ -115,7 +142,7 @@ class Scenario(NamedTuple):
     bucket: int
 
     def pose(self, grid: GridMap, **options: Any) -> GridPath:
-        """Return the model on `grid`; `options` are further fields of it."""
+        """Return the model on `grid`; `options` are further fields of the model."""
         data = {"map": grid, "start": self.start, "goals": self.goal, **options}
         return GridPath.from_data(data)
 
@@ -128,21 +155,26 @@ def read_scenarios(
     Parameters
     ----------
     path : path-like
-        The file.
+        Path of the file.
     grid : GridMap
-        The map that it is about; the name of a map in the file is not followed.
+        Map of the scenarios. The name of the map in the file is ignored.
     bucket : int, optional
-        The only one that is wanted.
+        Group to select. None returns all scenarios.
+
+    Returns
+    -------
+    list of Scenario
+        Scenarios in the order of the file.
 
     Raises
     ------
     InvalidData
-        Naming file, line and column: another number of columns, what is no number, a map of another
-        size, ends off the map or blocked.
+        The number of columns is wrong, a value is not a number, the size of the map differs, or a start or
+        goal is not free. The message names file, line and column.
     """
     file = as_path(path)
     rows, columns = required("grid", grid, GridMap).shape
-    found = []
+    scenarios = []
     lines = read_text(file).splitlines()
     if not lines or not re.fullmatch(r"version 1(\.0)?", lines[0].strip()):
         got = show(lines[0] if lines else "")
@@ -159,16 +191,16 @@ def read_scenarios(
                 f"{len(values)}: {show(text)}",
                 field="line",
             )
-        held = dict(zip(_COLUMNS, values, strict=True))
+        entry = dict(zip(_COLUMNS, values, strict=True))
         whole = {}
         for name in _COLUMNS[:1] + _COLUMNS[2:8]:
-            if not _WHOLE.fullmatch(held[name]):
+            if not _WHOLE.fullmatch(entry[name]):
                 raise InvalidData(
-                    f"{where}, column {name}: must be a whole number >= 0, got {show(held[name])}",
+                    f"{where}, column {name}: must be a whole number >= 0, got {show(entry[name])}",
                     field=name,
                 )
-            whole[name] = int(held[name])
-        optimum = number(held["optimum"], f"{where}, column optimum", "optimum")
+            whole[name] = int(entry[name])
+        optimum = number(entry["optimum"], f"{where}, column optimum", "optimum")
         if optimum < 0:
             raise InvalidData(
                 f"{where}, column optimum: must be >= 0, got {optimum:g}", field="optimum"
@@ -188,5 +220,5 @@ def read_scenarios(
                 )
         if bucket is None or whole["bucket"] == bucket:
             length = optimum * grid.cell
-            found.append(Scenario(ends["start"], ends["goal"], length, whole["bucket"]))
-    return found
+            scenarios.append(Scenario(ends["start"], ends["goal"], length, whole["bucket"]))
+    return scenarios

@@ -1,4 +1,4 @@
-"""Unknown grids: scenes that are drawn from laws, and the paper's tasks."""
+"""Instances of unknown grids: random scenes and the paper's tasks."""
 
 from __future__ import annotations
 

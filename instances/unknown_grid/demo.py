@@ -1,4 +1,4 @@
-"""The demonstration of unknown grids: a pocket between start and target."""
+"""Demonstration of unknown grids: a pocket between start and target."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs on unknown grids as tables."""
+"""Export of runs on unknown grids as tables."""
 
 from __future__ import annotations
 
@@ -19,33 +19,38 @@ _COLUMNS = "scene,step,action,row,column,collided"
 def write_runs_csv(
     plan: NavigationRuns, path: str | os.PathLike[str], *, model: UnknownGridNavigation
 ) -> Path:
-    """Write one row a step as CSV, in one step; return the path.
+    """Write the runs as CSV with one row per step, atomically.
 
-    The columns are the scene, the step from 1, the action (U, D, L or R), row and column after it, all
-    counted from 0, and 1 where it was a collision, else 0. Each scene begins with a row of step 0,
-    which has no action: the start.
+    The columns are the scene (from 0), the step (from 1), the action (U, D, L or R), row and column after
+    the step (from 0), and 1 for a collision or 0. Each scene begins with a row of step 0 without an action:
+    the start.
 
     Parameters
     ----------
     plan : NavigationRuns
-        The runs.
+        Runs of all scenes.
     path : path-like
-        The file.
+        Path of the file.
     model : UnknownGridNavigation
-        What they are for, with its true maps.
+        Model of the runs with its true maps.
+
+    Returns
+    -------
+    pathlib.Path
+        Path of the file.
 
     Raises
     ------
     InvalidData
-        Runs of another number of scenes, or a file that cannot be written.
+        The numbers of runs and scenes differ, or the file cannot be written.
     """
     required("plan", plan, NavigationRuns)
     replays = required("model", model, UnknownGridNavigation).replays(plan)
     lines = [_COLUMNS]
-    for scene, (actions, one) in enumerate(zip(plan.actions, replays, strict=True)):
-        hits = [0, *one.collided.astype(int).tolist()]
+    for scene, (actions, run) in enumerate(zip(plan.actions, replays, strict=True)):
+        hits = [0, *run.collided.astype(int).tolist()]
         for step, (action, (row, column), hit) in enumerate(
-            zip(["", *actions], one.positions.tolist(), hits, strict=True)
+            zip(["", *actions], run.positions.tolist(), hits, strict=True)
         ):
             lines.append(f"{scene},{step},{action},{row},{column},{hit}")
     return write_text(path, "\n".join(lines) + "\n")

@@ -1,8 +1,8 @@
-"""The laws that scenes are drawn from: the paper's, and harder ones of our own.
+"""Distributions (laws) of random scenes: the paper's law, and harder laws.
 
-The paper draws obstacles of different sizes, and start and target at random, and drops scenes without a way; it does not
-print the sizes. Our laws have obstacles of a few forms between a start and a target far from it. All randomness comes
-from ``Generator.integers``, so that a seed means the same scenes wherever it is used.
+The paper draws obstacles of different sizes, and start and target at random, and rejects scenes without a path. It does
+not print the sizes. The other laws place obstacles of a few shapes, with start and target far apart. All random numbers
+come from ``Generator.integers``, so a seed yields the same scenes on every platform.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ __all__ = ["SceneArrays", "SceneLaw", "draw_scene_arrays", "draw_scenes", "train
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
-#: Scenes that are tried for one that is solvable, and places for an obstacle in each.
+#: Maximum number of draws per scene, and of positions per obstacle.
 _TRIES, _PLACES = 1000, 50
-#: The last of the words that streams are seeded with: those of catalogued scenes and of training differ.
+#: Spawn keys that separate the random streams of catalogued scenes and of training.
 _DRAWN, _TRAINING = 0, 1
 
 
 class SceneLaw(StrEnum):
-    """The form of the obstacles; a side is that of the map along which a length lies."""
+    """Shape of the obstacles. A side is the side of the map parallel to the length."""
 
-    #: Straight walls, one cell thick, upright or level, from a quarter to three quarters of the side long.
+    #: Straight walls, one cell thick, vertical or horizontal, 1/4 to 3/4 of the side long.
     WALLS = "walls"
-    #: Two walls that meet in a corner, each from a quarter to a half of the side long.
+    #: Two walls that form a corner, each 1/4 to 1/2 of the side long.
     L_SHAPES = "l-shapes"
-    #: Three walls around a pocket: each from a quarter to a half of the side long, two of them equal.
+    #: Three walls around a pocket, each 1/4 to 1/2 of the side long, two of them equal.
     U_TRAPS = "u-traps"
-    #: Solid blocks, each side from an eighth to a third of that of the map.
+    #: Solid blocks with sides of 1/8 to 1/3 of the map's side.
     RECTANGLES = "rectangles"
-    #: Each obstacle is of one of the forms above, all equally likely.
+    #: Obstacles of the shapes above, with equal probabilities.
     MIXED = "mixed"
-    #: The paper's: blocks of different sizes, each side from one cell to a third of the map's; start and target are
-    #: any two free cells.
+    #: The paper's law: blocks with sides from one cell to 1/3 of the map's side. Start and target are any two free
+    #: cells.
     PAPER = "paper"
 
 
@@ -55,9 +55,9 @@ class SceneArrays(NamedTuple):
     Parameters
     ----------
     blocked : ndarray of bool, shape (k, rows, columns)
-        The maps.
+        Maps, true if blocked.
     starts, targets : ndarray of int, shape (k, 2)
-        Row and column.
+        Row and column in each scene.
     """
 
     blocked: Truths
@@ -65,7 +65,7 @@ class SceneArrays(NamedTuple):
     targets: Ints
 
     def pose(self, **fields: Any) -> UnknownGridNavigation:
-        """Return the model of the scenes; `fields` are its other ones, such as `view`."""
+        """Return the model of the scenes; `fields` are its further fields, such as `view`."""
         shape = np.array(self.blocked.shape[1:])
         return UnknownGridNavigation(self.blocked, self.starts, self.targets, shape, **fields)
 
@@ -80,55 +80,61 @@ def draw_scenes(
     clear: int | None = None,
     **fields: Any,
 ) -> UnknownGridNavigation:
-    """Return scenes that are drawn from a law, all of them solvable.
+    """Return solvable random scenes of a law.
 
-    By the law ``"paper"`` start and target are any two cells. Otherwise they are at least half the sum of both sides
-    apart, in steps on an empty map. Then come the obstacles, one after the other, each anywhere on the map; they may touch and cross. An
-    obstacle that would cover the start, or come within a quarter of the shorter side of the target in rows and in
-    columns, is drawn again, up to 50 times. The whole scene is drawn again where no place or no way is left.
+    In the law ``"paper"``, start and target are any two cells. In the other laws, their Manhattan distance is at least
+    half the sum of both sides. The obstacles follow one after the other at random positions and may touch and cross. An
+    obstacle that would cover the start or the open ground around the target is drawn again, at most 50 times. If no
+    position or no path is left, the whole scene is drawn again.
 
-    Lengths are whole cells, all equally likely; shares of a side are rounded up at the lower end and down at the
-    upper one, the open ground around the target up: on 17 × 17 cells walls are 5 to 12 long, and 5 cells in each
+    Lengths are whole cells with equal probabilities. Shares of a side are rounded up at the lower end and down at the
+    upper end, and the open ground is rounded up. On 17 × 17 cells, walls are 5 to 12 cells long, and 5 cells in each
     direction from the target are free.
 
     Parameters
     ----------
-    law : {"walls", "l-shapes", "u-traps", "rectangles", "mixed", "paper"}
+    law : {"walls", "l-shapes", "u-traps", "rectangles", "mixed", "paper"}, default "walls"
         See :class:`SceneLaw`.
-    shape : array-like of int, shape (2,)
-        Rows and columns.
-    obstacles : int or (int, int)
-        Their number, or its least and greatest, all equally likely.
-    scenes : int
-        Their number. A scene is the same however many are drawn.
-    seed : int
-        Same law, shape, obstacles, clear and seed: same scenes.
+    shape : array-like of int, shape (2,), default (17, 17)
+        Numbers of rows and columns.
+    obstacles : int or (int, int), default 3
+        Number of obstacles per scene, or its minimum and maximum for uniform random numbers.
+    scenes : int, default 400
+        Number of scenes. Every scene is independent of this number.
+    seed : int, default 0
+        Seed. Equal law, shape, obstacles, clear and seed yield equal scenes.
     clear : int, optional
-        Cells of open ground around the target in each direction, by default a quarter of the side, and none by the
-        law ``"paper"``. With less than half the view, a UAV that stays once it has seen the target may stay at a cell without a way to it in
-        sight.
+        Width of the open ground around the target in each direction, cells. The default is a quarter of the shorter
+        side, and 0 in the law ``"paper"``. If it is below half the view, a hovering UAV may not show a path to the
+        target.
     **fields
-        The other fields of the model, such as `view`.
+        Further fields of the model, such as `view`.
+
+    Returns
+    -------
+    UnknownGridNavigation
+        Model with the random scenes.
 
     Raises
     ------
     InvalidData
-        No solvable scene is found, as where obstacles leave no room.
+        No solvable scene exists among the draws, for example because the obstacles leave no room, or an argument is
+        invalid.
 
     Notes
     -----
-    The open ground is there so that the way is in sight when the target comes into a view that reaches no farther than
-    that ground, and a UAV that hovers from then on misses nothing.
+    If the view reaches no farther than the open ground, a path is visible as soon as the target is in the view. A
+    hovering UAV then shows all that the vehicle needs.
     """
     kind, sides, numbers, open_ground = _checked(law, shape, obstacles, clear)
     scenes = Whole(1).coerce("scenes", scenes, {})
     seed = Whole(0).coerce("seed", seed, {})
     words = [list(SceneLaw).index(kind), *sides, *numbers, open_ground, seed]
-    found = []
+    drawn = []
     for k in range(scenes):
         stream = np.random.SeedSequence(words, spawn_key=(_DRAWN, k))
-        found.append(_draw(kind, sides, numbers, open_ground, np.random.default_rng(stream)))
-    return SceneArrays(*map(np.array, zip(*found, strict=True))).pose(**fields)
+        drawn.append(_draw(kind, sides, numbers, open_ground, np.random.default_rng(stream)))
+    return SceneArrays(*map(np.array, zip(*drawn, strict=True))).pose(**fields)
 
 
 def draw_scene_arrays(
@@ -140,19 +146,40 @@ def draw_scene_arrays(
     *,
     clear: int | None = None,
 ) -> SceneArrays:
-    """Return scenes of the same laws as arrays, drawn from a generator, such as :func:`training_generator`.
+    """Return random scenes of a law as arrays.
 
-    The parameters are those of :func:`draw_scenes`.
+    Parameters
+    ----------
+    law, shape, obstacles, scenes, clear
+        See :func:`draw_scenes`.
+    generator : numpy.random.Generator
+        Source of random numbers, such as :func:`training_generator`.
+
+    Returns
+    -------
+    SceneArrays
+        Maps, starts and targets.
+
+    Raises
+    ------
+    InvalidData
+        See :func:`draw_scenes`.
     """
     kind, sides, numbers, open_ground = _checked(law, shape, obstacles, clear)
     required("generator", generator, np.random.Generator)
     scenes = Whole(1).coerce("scenes", scenes, {})
-    found = [_draw(kind, sides, numbers, open_ground, generator) for _ in range(scenes)]
-    return SceneArrays(*map(np.array, zip(*found, strict=True)))
+    drawn = [_draw(kind, sides, numbers, open_ground, generator) for _ in range(scenes)]
+    return SceneArrays(*map(np.array, zip(*drawn, strict=True)))
 
 
 def training_generator(seed: int = 0) -> np.random.Generator:
-    """Return a generator of scenes to learn from, whose stream is none that :func:`draw_scenes` uses."""
+    """Return a generator for training scenes, independent of all streams of :func:`draw_scenes`.
+
+    Parameters
+    ----------
+    seed : int, default 0
+        Seed, from 0 to 2**32 - 1.
+    """
     seed = Whole(0, 2**32 - 1).coerce("seed", seed, {})
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_TRAINING,)))
 
@@ -192,12 +219,14 @@ def _draw(
         apart = abs(r - row) + abs(c - column)
         if apart == 0 or (law is not SceneLaw.PAPER and 2 * apart < sum(sides)):
             continue
-        kept = np.zeros(sides, bool)
-        kept[max(row - clear, 0) : row + clear + 1, max(column - clear, 0) : column + clear + 1] = 1
-        kept[r, c] = True
+        reserved = np.zeros(sides, bool)
+        reserved[
+            max(row - clear, 0) : row + clear + 1, max(column - clear, 0) : column + clear + 1
+        ] = 1
+        reserved[r, c] = True
         blocked = np.zeros(sides, bool)
         number = int(rng.integers(numbers[0], numbers[1] + 1))
-        if not all(_place(law, blocked, kept, rng) for _ in range(number)):
+        if not all(_place(law, blocked, reserved, rng) for _ in range(number)):
             continue
         if has_way(blocked, (r, c), (row, column)):
             return blocked, [r, c], [row, column]
@@ -208,18 +237,21 @@ def _draw(
     )
 
 
-def _place(law: SceneLaw, blocked: Truths, kept: Truths, rng: np.random.Generator) -> bool:
-    """Put an obstacle on a map, off the cells that are `kept`; return whether there was a place."""
+def _place(law: SceneLaw, blocked: Truths, reserved: Truths, rng: np.random.Generator) -> bool:
+    """Place an obstacle on a map outside the cells `reserved`; return whether a position was found."""
     sides = blocked.shape
     for _ in range(_PLACES):
         form = law
         if law is SceneLaw.MIXED:
             form = list(SceneLaw)[rng.integers(0, 4)]
         cells = _FORMS[form](sides, rng)
-        at = rng.integers(0, np.subtract(sides, cells.shape) + 1).tolist()
-        here = slice(at[0], at[0] + cells.shape[0]), slice(at[1], at[1] + cells.shape[1])
-        if not (kept[here] & cells).any():
-            blocked[here] |= cells
+        corner = rng.integers(0, np.subtract(sides, cells.shape) + 1).tolist()
+        window = (
+            slice(corner[0], corner[0] + cells.shape[0]),
+            slice(corner[1], corner[1] + cells.shape[1]),
+        )
+        if not (reserved[window] & cells).any():
+            blocked[window] |= cells
             return True
     return False
 
@@ -227,9 +259,9 @@ def _place(law: SceneLaw, blocked: Truths, kept: Truths, rng: np.random.Generato
 def _length(
     side: int, low: tuple[int, int], high: tuple[int, int], rng: np.random.Generator
 ) -> int:
-    """Return a whole number of cells between two shares of a side, which are fractions."""
-    least = -(-low[0] * side // low[1])
-    return int(rng.integers(least, max(high[0] * side // high[1], least) + 1))
+    """Return a random number of cells between the fractions `low` and `high` of a side."""
+    shortest = -(-low[0] * side // low[1])
+    return int(rng.integers(shortest, max(high[0] * side // high[1], shortest) + 1))
 
 
 def _wall(sides: tuple[int, ...], rng: np.random.Generator) -> Truths:

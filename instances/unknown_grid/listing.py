@@ -1,4 +1,4 @@
-"""What the catalogue holds of unknown grids: the paper's tasks, other laws of scenes, and wilder ones."""
+"""Catalogue of unknown grids: the paper's tasks, other laws of scenes, and extreme cases."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAPER = (
     "Motion Planning for Heterogeneous Unmanned Systems under Partial Observation from UAV, IROS 2020, "
     "doi 10.1109/IROS45743.2020.9341326"
 )
-#: Scenes of a task, for intervals of about 2 points (the paper has 100), and of other entries that are drawn.
+#: Scenes per task, for intervals of about 2 points (the paper has 100), and per other random entry.
 SCENES, FEW = 400, 20
 
 _LAW = (
@@ -30,10 +30,10 @@ _DRAWN = (
     f"{_OURS} {FEW} scenes that crosstrack.instances.unknown_grid.draw_scenes draws with seed 0; it draws as many "
     "as are asked for, these first."
 )
-#: Instances that are not drawn.
+#: Instances without random numbers.
 _BY_FORMULA = ("u-trap", "spiral", "no-way")
 
-#: A pocket that opens to the start, with the target behind it.
+#: Pocket that is open towards the start, with the target behind it.
 _POCKET = (
     "...............",
     "....@@@@@@@@...",
@@ -50,7 +50,7 @@ Builder = Callable[[], UnknownGridNavigation]
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances."""
+    """Return the catalogue entries of unknown grids."""
     return (*_tasks(), *_laws(), *_wild())
 
 
@@ -71,7 +71,7 @@ def _tasks() -> list[CatalogueEntry]:
 
 
 def _laws() -> list[CatalogueEntry]:
-    """Return scenes of each other law, in the size of task 2."""
+    """Return the entries of the other laws, with the sizes of task 2."""
     drawn = partial(draw_scenes, obstacles=4, scenes=FEW, view=(9, 9), steps=STEPS)
     others: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
         ("l-shapes", "4 L-shaped walls", {"law": SceneLaw.L_SHAPES}),
@@ -85,8 +85,8 @@ def _laws() -> list[CatalogueEntry]:
         ),
     )  # fmt: skip
     return [
-        _entry(name, f"{title}, 17 × 17 cells, view 9 × 9", partial(drawn, **asked), _DRAWN)
-        for name, title, asked in others
+        _entry(name, f"{title}, 17 × 17 cells, view 9 × 9", partial(drawn, **options), _DRAWN)
+        for name, title, options in others
     ]
 
 

@@ -14,7 +14,7 @@ _CAMERA = "models.unknown_grid.camera:Pinhole"
 _BASELINES = "solvers.unknown_grid.baselines"
 _PICTURE = "the map is only in the picture"
 
-#: Policies that are compared: backend and options by the name in the table.
+#: Policies of the comparison: name in the table, backend and options.
 POLICIES: dict[str, tuple[str, dict[str, object]]] = {
     "oracle": ("oracle", {}),
     "d-star-lite": ("d-star-lite", {}),

@@ -1,4 +1,4 @@
-"""Our values of the paper's result tables."""
+"""Computation of this project's values in the paper's result tables."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .settings import OBSTACLES, STEPS, TASKS
 
 __all__ = ["figure_8", "policies", "table_6", "times"]
 
-#: Scenes of one block, as many as the paper has per cell.
+#: Scenes per block, equal to the paper's scenes per table cell.
 _BLOCK = 100
 
 
 @cache
 def _scenes(task: int, blocks: int) -> UnknownGridNavigation:
-    """Return the scenes of a task, `blocks` times 100 for each number of obstacles, one after the other."""
+    """Return the scenes of a task: `blocks` times 100 for each number of obstacles in turn."""
     side, view = TASKS[task]
     parts = [
         draw_scenes(
@@ -31,18 +31,20 @@ def _scenes(task: int, blocks: int) -> UnknownGridNavigation:
         )
         for number in OBSTACLES
     ]
-    arrays = (np.concatenate([getattr(one, name) for one in parts]) for name in SceneArrays._fields)
+    arrays = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in SceneArrays._fields
+    )
     return SceneArrays(*arrays).pose(view=(view, view), steps=STEPS, name=f"task {task}")
 
 
 def _successes(run: Run) -> Any:
-    """Return the targets reached in each block of 100 scenes, in percent, shape (obstacles, blocks)."""
+    """Return the share of targets reached in each block of 100 scenes, percent, shape (obstacles, blocks)."""
     reached = np.array([outcome == "reached" for outcome in run.plan.outcomes])
     return 100.0 * reached.reshape(len(OBSTACLES), -1, _BLOCK).mean(axis=2)
 
 
 def table_6(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return successes of a method in a task; every run covers all scenes of the task."""
+    """Return the success rates of a method in all scenes of a task, percent."""
     task, method = int(row[0]), row[1].lower()
     model = _scenes(task, 2)
     (run,) = trials.run(model, method, runs=1)
@@ -50,19 +52,22 @@ def table_6(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         return {f"{number} obstacles": run.message for number in OBSTACLES}
     blocks = _successes(run)
     return {
-        **{f"{n} obstacles": float(one.mean()) for n, one in zip(OBSTACLES, blocks, strict=True)},
+        **{
+            f"{n} obstacles": float(block.mean())
+            for n, block in zip(OBSTACLES, blocks, strict=True)
+        },
         "deviation": float(blocks.std(axis=1, ddof=1).mean()),
         "reachable in 40": 100.0 * float(np.mean(model.fewest_steps() <= STEPS)),
     }
 
 
 def figure_8(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return why the runs of a scene cannot be repeated."""
+    """Return the reason why the runs of a scene cannot be repeated."""
     return dict.fromkeys(("MCGN", "MACN"), "map only in the picture")
 
 
 def times(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return seconds per image or per command of one vehicle alone."""
+    """Return the seconds per image or per command of a single vehicle."""
     side, view = TASKS[1]
     camera = Camera() if row[0].startswith("GMGN") else None
     model = draw_scenes(
@@ -78,7 +83,7 @@ def times(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
 
 
 def policies(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return what a policy does in the scenes of Task 2."""
+    """Return the performance of a policy in the scenes of Task 2."""
     backend, options = POLICIES[row[0]]
     model = _scenes(2, 1)
     (run,) = trials.run(model, backend, runs=1, options=options)

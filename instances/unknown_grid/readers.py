@@ -1,4 +1,4 @@
-"""Scenes in files: drawings in text, and maps of MovingAI with ends that are given."""
+"""Readers of scenes: drawings in text files, and maps of MovingAI with starts and targets."""
 
 from __future__ import annotations
 
@@ -21,26 +21,32 @@ from .laws import SceneArrays
 
 __all__ = ["read_map_scenes", "read_scenes", "resolve_references"]
 
-#: What ends of ways are drawn as.
+#: Letters of start and target in drawings.
 _ENDS = {"S": "start", "T": "target"}
 
 
 def read_scenes(path: str | os.PathLike[str], **fields: Any) -> UnknownGridNavigation:
-    """Return the scenes that are drawn in a text file, a character a cell.
+    """Return the scenes drawn in a text file with one character per cell.
 
     Parameters
     ----------
     path : path-like
-        The file: ``.`` and ``G`` are free, ``@``, ``O``, ``W`` and ``#`` blocked, one ``S`` is the start and
-        one ``T`` the target. Empty lines stand between drawings, which have the same rows and columns.
+        File in which ``.`` and ``G`` are free, ``@``, ``O``, ``W`` and ``#`` are blocked, one ``S`` per
+        drawing is the start and one ``T`` the target. Empty lines separate the drawings, which have equal
+        numbers of rows and columns.
     **fields
-        The other fields of the model, such as `view`.
+        Further fields of the model, such as `view`.
+
+    Returns
+    -------
+    UnknownGridNavigation
+        Model with one scene per drawing.
 
     Raises
     ------
     InvalidData
-        Naming file, line and column: other characters, lines or drawings of different sizes, no start or
-        target or several.
+        A character is unknown, the sizes of lines or drawings differ, or a drawing has not exactly one start
+        and one target. The message names file, line and column.
     """
     return _read_drawings(as_path(path)).pose(**fields)
 
@@ -53,16 +59,22 @@ def read_map_scenes(
     Parameters
     ----------
     path : path-like
-        The file, see :func:`~crosstrack.instances.grid_path.read_map`.
+        File, see :func:`~crosstrack.instances.grid_path.read_map`.
     starts, targets : array-like of int, shape (k, 2)
-        Row and column of each scene.
+        Row and column in each scene.
     **fields
-        The other fields of the model.
+        Further fields of the model.
+
+    Returns
+    -------
+    UnknownGridNavigation
+        Model with k scenes on the same map.
 
     Raises
     ------
     InvalidData
-        Naming file, line and column of what is no map; an end that is blocked or off the map.
+        The file is not a valid map (the message names file, line and column), or a start or target is blocked
+        or outside the map.
     """
     blocked = read_map(path).blocked
     sizes: dict[str, tuple[int, str]] = {}
@@ -80,31 +92,31 @@ def _read_drawings(file: Path) -> SceneArrays:
     for first, drawing in _split(lines):
         where = f"{file}, line {first}"
         for letter, word in _ENDS.items():
-            found = [
+            cells = [
                 (r, c) for r, line in enumerate(drawing) for c, x in enumerate(line) if x == letter
             ]
-            if not found:
+            if not cells:
                 raise InvalidData(
                     f"{where}: the drawing that begins here must have one {letter} ({word}), got none",
                     field=f"{word}s",
                 )
-            if len(found) > 1:
-                row, column = found[1]
+            if len(cells) > 1:
+                row, column = cells[1]
                 raise InvalidData(
                     f"{file}, line {first + row}, column {column + 1}: must not be a second {letter} "
                     f"({word}) in the drawing that begins in line {first}",
                     field=f"{word}s",
                 )
-            ends[letter].append(found[0])
+            ends[letter].append(cells[0])
         plain = [line.replace("S", ".").replace("T", ".") for line in drawing]
-        cells = read_cells(plain, str(file), (first, 1))
-        if blocked and cells.shape != blocked[0].shape:
+        drawn = read_cells(plain, str(file), (first, 1))
+        if blocked and drawn.shape != blocked[0].shape:
             raise InvalidData(
                 f"{where}: the drawing that begins here must have {_size(blocked[0].shape)} cells as the "
-                f"first, got {_size(cells.shape)}",
+                f"first, got {_size(drawn.shape)}",
                 field="blocked",
             )
-        blocked.append(cells)
+        blocked.append(drawn)
     if not blocked:
         raise InvalidData(f"{file}: must hold at least one drawing, got none", field="blocked")
     return SceneArrays(np.array(blocked), np.array(ends["S"]), np.array(ends["T"]))
@@ -112,15 +124,15 @@ def _read_drawings(file: Path) -> SceneArrays:
 
 def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
     """Return the drawings between empty lines, each with the number of its first line."""
-    found: list[tuple[int, list[str]]] = []
+    drawings: list[tuple[int, list[str]]] = []
     open_drawing = False
     for number, line in enumerate(lines, start=1):
         if line and not open_drawing:
-            found.append((number, []))
+            drawings.append((number, []))
         if line:
-            found[-1][1].append(line)
+            drawings[-1][1].append(line)
         open_drawing = bool(line)
-    return found
+    return drawings
 
 
 def _size(shape: tuple[int, ...]) -> str:
@@ -128,16 +140,16 @@ def _size(shape: tuple[int, ...]) -> str:
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return `data` of an instance with the drawings that it names read: ``"scenes": "traps.txt"``."""
-    found = dict(data)
-    if "scenes" not in found:
-        return found
-    name = found.pop("scenes")
+    """Return the data of an instance after replacing a reference such as ``"scenes": "traps.txt"``."""
+    result = dict(data)
+    if "scenes" not in result:
+        return result
+    name = result.pop("scenes")
     if not isinstance(name, str):
         raise InvalidData(f"scenes must name a file, got {show(name)}", field="scenes")
-    held = _read_drawings(find(name))
-    new = {**held._asdict(), "shape": held.blocked.shape[1:]}
+    scenes = _read_drawings(find(name))
+    new = {**scenes._asdict(), "shape": scenes.blocked.shape[1:]}
     for field in new:
-        if field in found:
+        if field in result:
             raise InvalidData(f"{field} must not be given: the file holds it", field=field)
-    return {**found, **new}
+    return {**result, **new}

@@ -1,4 +1,4 @@
-"""The paper's three tasks: sizes of maps and views, and the numbers of obstacles."""
+"""Tasks of the paper: sizes of maps and views, and numbers of obstacles."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 __all__ = ["OBSTACLES", "STEPS", "TASKS", "Task"]
 
-#: Obstacles of a scene, one column of Table VI each.
+#: Numbers of obstacles per scene, one per column of Table VI.
 OBSTACLES = (2, 3, 4, 5)
-#: Actions after which a run has failed.
+#: Maximum number of actions per run.
 STEPS = 40
 
 
 class Task(NamedTuple):
-    """A task of Table V.
+    """Task of Table V.
 
     Parameters
     ----------
     side, view : int
-        Rows and columns of the map (global scale), and of the UAV's view (observation range).
+        Side of the map (global scale) and of the UAV's view (observation range), cells.
     """
 
     side: int
@@ -26,9 +26,9 @@ class Task(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        """The observation ratio: view by map."""
+        """Observation ratio: side of the view divided by side of the map."""
         return self.view / self.side
 
 
-#: The tasks by number.
+#: Tasks by number.
 TASKS = {1: Task(17, 11), 2: Task(17, 9), 3: Task(15, 9)}

@@ -1,4 +1,4 @@
-"""Scenes wilder than the paper's: mazes, spirals, clutter, targets that cannot be reached."""
+"""Extreme scenes: mazes, spirals, clutter and unreachable targets."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ Truths = NDArray[np.bool_]
 
 
 def maze(rows: int = 17, columns: int = 17, seed: int = 0, **fields: Any) -> UnknownGridNavigation:
-    """Return a maze with one way between any two places, from its first cell to its last.
+    """Return a maze with exactly one path between any two cells, from its first cell to its last.
 
     Parameters
     ----------
-    rows, columns : int
+    rows, columns : int, default 17
         Numbers of cells, at least 3, and one of them at least 5.
-    seed : int
-        Same seed, same maze.
+    seed : int, default 0
+        Seed of the maze.
     **fields
-        The other fields of the model. There are as many steps as cells unless it is given.
+        Further fields of the model. The default of `steps` is the number of cells.
     """
     blocked = draw_maze(rows, columns, seed).blocked
     row, column = np.argwhere(~blocked)[-1].tolist()
@@ -35,29 +35,29 @@ def maze(rows: int = 17, columns: int = 17, seed: int = 0, **fields: Any) -> Unk
 
 
 def spiral(size: int = 17, **fields: Any) -> UnknownGridNavigation:
-    """Return a corridor that winds from a corner of a square map to its middle, where the target lies.
+    """Return a spiral corridor from a corner of a square map to the target in its middle.
 
     Parameters
     ----------
-    size : int
-        Rows and columns, at least 5.
+    size : int, default 17
+        Number of rows and of columns, at least 5.
     **fields
-        As for :func:`maze`.
+        See :func:`maze`.
     """
     size = Whole(5, 8192).coerce("size", size, {})
     blocked = np.ones((size, size), bool)
-    at, step = np.zeros(2, int), np.array([0, 1])
+    cell, step = np.zeros(2, int), np.array([0, 1])
     blocked[0, 0] = False
-    # Legs of the lengths n - 1, n - 1, n - 1, n - 3, n - 3, n - 5, …; a last one of 1 has no room for its pair.
+    # Lengths n - 1, n - 1, n - 1, n - 3, n - 3, n - 5, …; a last leg of length 1 has no room for its pair.
     legs = [size - 1, *np.repeat(np.arange(size - 1, 0, -2), 2)]
     if size % 2 == 0:
         del legs[-1]
     for leg in legs:
         for _ in range(leg):
-            at = at + step
-            blocked[tuple(at)] = False
+            cell = cell + step
+            blocked[tuple(cell)] = False
         step = np.array([step[1], -step[0]])
-    return _posed(blocked, (0, 0), tuple(at.tolist()), fields)
+    return _posed(blocked, (0, 0), tuple(cell.tolist()), fields)
 
 
 def clutter(
@@ -68,26 +68,26 @@ def clutter(
     way: bool = True,
     **fields: Any,
 ) -> UnknownGridNavigation:
-    """Return a map of single blocked cells anywhere.
+    """Return a map with independent random blocked cells.
 
     Parameters
     ----------
-    shape : array-like of int, shape (2,)
-        Rows and columns.
-    share : float
-        Of the cells that are blocked, 0 to 1, rounded.
-    seed : int
-        Same seed, same map.
-    way : bool
-        Whether the target can be reached: then start and target are the first and the last cell, by the sum of
-        row and column, of the largest part whose cells are joined; else the target is the last cell of all others.
+    shape : array-like of int, shape (2,), default (17, 17)
+        Numbers of rows and columns.
+    share : float, default 0.6
+        Share of blocked cells, 0 to 1. The number of cells is rounded.
+    seed : int, default 0
+        Seed of the map.
+    way : bool, default True
+        Whether the target is reachable. If true, start and target are the first and last cell, by the sum of row
+        and column, of the largest connected part. Otherwise the target is the last cell outside this part.
     **fields
-        As for :func:`maze`.
+        See :func:`maze`.
 
     Raises
     ------
     InvalidData
-        There are no such cells.
+        The map has no free cells for start and target.
     """
     from scipy.ndimage import label
 
@@ -116,16 +116,16 @@ def clutter(
 def enclosed(
     shape: ArrayLike = (17, 17), distance: int = 2, **fields: Any
 ) -> UnknownGridNavigation:
-    """Return a map whose target, in the middle, lies within a closed ring of obstacles.
+    """Return a map with the target in the middle of a closed ring of obstacles.
 
     Parameters
     ----------
-    shape : array-like of int, shape (2,)
-        Rows and columns, at least 2 · `distance` + 2.
-    distance : int
-        From the target to the ring, in cells.
+    shape : array-like of int, shape (2,), default (17, 17)
+        Numbers of rows and columns, at least 2 · `distance` + 2.
+    distance : int, default 2
+        Distance from the target to the ring, cells.
     **fields
-        As for :func:`maze`.
+        See :func:`maze`.
     """
     distance = Whole(1).coerce("distance", distance, {})
     sides = Array((2,), int, lower=2 * distance + 2).coerce("shape", shape, {})
@@ -134,14 +134,14 @@ def enclosed(
         abs(np.arange(sides[0]) - row)[:, None], abs(np.arange(sides[1]) - column)[None]
     )
     blocked = away == distance
-    # The corner that is farthest from the middle lies off the ring.
+    # Cell (0, 0) is outside the ring, because it is the corner farthest from the middle.
     return _posed(blocked, (0, 0), (row, column), fields)
 
 
 def _posed(
     blocked: Truths, start: tuple[int, int], target: tuple[int, int], fields: dict[str, Any]
 ) -> UnknownGridNavigation:
-    """Return the model of one scene, with as many steps as cells unless told."""
+    """Return the model of one scene. The default of `steps` is the number of cells."""
     return UnknownGridNavigation(
         blocked[None],
         np.array([start]),

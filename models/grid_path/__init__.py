@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .sight import Sight as Sight, line_of_sight as line_of_sight
     from .trails import trail as trail
 
-#: Names that modules of other problems import, beside the public ones.
+#: Private names that modules of other problems import.
 SHARED = ("gridmap.read_cells",)
 MODELS = {"grid-path": ".model:GridPath"}
 PICTURES = {"grid-path": ".plot:draw"}

@@ -1,4 +1,4 @@
-"""The independent check of paths on a map: every segment is clipped against the blocked cells."""
+"""Verification of paths on a map: every segment is clipped against the blocked cells."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ __all__ = ["depths", "verify_paths"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-#: Makes the check called so of the worst violation and its place.
+#: Function that makes a check from its name, the largest violation and its location.
 Measure = Callable[[str, float, str], Check]
 
-#: Digits that coordinates leave of a position.
+#: Relative rounding error of a position.
 DIGITS = 1e-13
-#: Segments of a path that are looked at together.
+#: Number of segments per batch.
 MOST = 2**13
 
 
-class Asked(Protocol):
-    """What a model of paths holds."""
+class PathModel(Protocol):
+    """Fields of a model of paths that the checks use."""
 
     @property
     def map(self) -> GridMap: ...
@@ -44,19 +44,21 @@ class Asked(Protocol):
 
 
 def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
-    """Return how deep a polyline enters a blocked cell or leaves the map, in cells.
+    """Return the depth of a polyline in a blocked cell or outside the map.
 
     Parameters
     ----------
     grid : GridMap
-        The map.
+        Map of free and blocked cells.
     path : ndarray, shape (k, 2)
-        x, y in cells: (0, 0) is the map's corner.
+        Points x, y in cells. The map's corner is (0, 0).
 
     Returns
     -------
-    float, int
-        The depth, at most half a cell within the map, and the segment where it is.
+    depth : float
+        Maximum depth in cells, at most 1/2 inside the map.
+    segment : int
+        Index of the segment with this depth.
     """
     rows, columns = grid.shape
     outside = np.maximum(-path, path - [columns, rows]).max(axis=1)
@@ -65,7 +67,7 @@ def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
         return worst, where
     walls = np.pad(grid.blocked, 1, constant_values=True)
     shifted = path + 1.0
-    # Between two blocked cells side by side there is no way either, so they count as one.
+    # The side between two adjacent blocked cells is blocked too, so pairs form larger boxes.
     boxes = (
         (walls, (1, 1)),
         (walls[:, :-1] & walls[:, 1:], (2, 1)),
@@ -74,7 +76,7 @@ def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
     for marked, extent in boxes:
         for segments, cells in _around(marked, shifted):
             a, b = shifted[segments], shifted[segments + 1]
-            # The part of the segment within each box, as shares of its length.
+            # Part of the segment within each box, as shares of its length.
             step = np.where(b - a == 0, 1e-300, b - a)
             first, last = (cells - a) / step, (cells + extent - a) / step
             enter = np.maximum(np.minimum(first, last).max(axis=1), 0.0)
@@ -90,26 +92,26 @@ def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
 def _deepest(
     at: Floats, step: Floats, extent: tuple[int, int], enter: Floats, leave: Floats
 ) -> Floats:
-    """Return how deep each segment ``at + s * step`` is in the box from 0 to `extent`, enter <= s <= leave.
+    """Return the maximum depth of each segment ``at + s * step`` in a box from 0 to `extent`, enter <= s <= leave.
 
-    The depth is the least distance to four sides, each linear in s. So its maximum is at an end or
-    halfway between two sides.
+    The depth is the minimum of the distances to four sides, each linear in s. Its maximum is therefore at an
+    end, or at equal distances to two sides.
     """
     zero, far = at, extent - at
     sides = np.stack([zero[:, 0], zero[:, 1], far[:, 0], far[:, 1]])
     rates = np.stack([step[:, 0], step[:, 1], -step[:, 0], -step[:, 1]])
-    one, other = np.triu_indices(4, 1)
-    turns = rates[one] - rates[other]
-    equal = (sides[other] - sides[one]) / np.where(turns == 0, np.inf, turns)
+    first, other = np.triu_indices(4, 1)
+    turns = rates[first] - rates[other]
+    equal = (sides[other] - sides[first]) / np.where(turns == 0, np.inf, turns)
     shares = np.concatenate([[enter, leave], np.clip(equal, enter, leave)])
-    found: Floats = (sides[:, None] + rates[:, None] * shares).min(axis=0).max(axis=0)
-    return found
+    depths: Floats = (sides[:, None] + rates[:, None] * shares).min(axis=0).max(axis=0)
+    return depths
 
 
 def _around(marked: NDArray[np.bool_], path: Floats) -> Iterator[tuple[Ints, Ints]]:
-    """Yield segments of `path` and, for each, a marked place (x, y) in the box around it.
+    """Yield segments of `path` and, for each, a marked cell (x, y) in its bounding box.
 
-    Short segments come many at once, long ones one by one.
+    Short segments come in batches, long segments one by one.
     """
     size = marked.shape[::-1]
     window = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2)
@@ -120,47 +122,56 @@ def _around(marked: NDArray[np.bool_], path: Floats) -> Iterator[tuple[Ints, Int
         low, high = np.clip(low, 0, size), np.clip(high, 0, size)
         short = (high - low <= 4).all(axis=1)
         places = low[short][:, None] + window
-        held = (places < high[short][:, None]).all(axis=2)
-        held[held] = marked[tuple(places[held][:, ::-1].T)]
-        yield begin + np.flatnonzero(short)[np.nonzero(held)[0]], places[held]
+        mask = (places < high[short][:, None]).all(axis=2)
+        mask[mask] = marked[tuple(places[mask][:, ::-1].T)]
+        yield begin + np.flatnonzero(short)[np.nonzero(mask)[0]], places[mask]
         for k in np.flatnonzero(~short):
             box = marked[low[k, 1] : high[k, 1], low[k, 0] : high[k, 0]]
-            found = np.argwhere(box)[:, ::-1] + low[k]
-            yield np.full(len(found), begin + k), found
+            cells = np.argwhere(box)[:, ::-1] + low[k]
+            yield np.full(len(cells), begin + k), cells
 
 
 def _squeezes(grid: GridMap, path: Floats, accepted: float) -> list[tuple[float, float]]:
     """Return the corners (x, y in cells) between two blocked cells that `path` passes through.
 
-    A path that passes crosses the diagonal of both cells within `accepted` of the corner, the depth up
-    to which it may enter them.
+    Such a path crosses the diagonal of both cells within `accepted` of the corner, the accepted depth.
     """
     padded = np.pad(grid.blocked, 1, constant_values=True)
     around = [padded[:-1, :-1], padded[:-1, 1:], padded[1:, :-1], padded[1:, 1:]]
     rising = around[0] & around[3] & ~around[1] & ~around[2]
     falling = around[1] & around[2] & ~around[0] & ~around[3]
-    found: list[tuple[float, float]] = []
+    corners: list[tuple[float, float]] = []
     for both, slope in ((rising, 1.0), (falling, -1.0)):
         for segments, near in _around(both, path):
             ends = np.stack([path[segments], path[segments + 1]]) - near
-            # Where the ends are across the diagonal, and along it.
+            # Coordinates of the ends across and along the diagonal.
             across = ends[..., 0] - slope * ends[..., 1]
             along = 0.5 * (ends[..., 0] + slope * ends[..., 1])
             change = across[0] - across[1]
             share = across[0] / np.where(change == 0, np.inf, change)
             place = np.abs(along[0] + share * (along[1] - along[0]))
             crosses = (across[0] * across[1] <= 0) & (change != 0) & (place <= accepted)
-            found += [(float(x), float(y)) for x, y in near[crosses]]
-    return found
+            corners += [(float(x), float(y)) for x, y in near[crosses]]
+    return corners
 
 
-def verify_paths(model: Asked, plan: GridPlan, tolerance: float) -> Verification:
-    """Return the cost of `plan` and every constraint of `model`."""
+def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verification:
+    """Return the cost of `plan` in metres and the checks of all constraints of `model`.
+
+    Parameters
+    ----------
+    model : PathModel
+        Model of the paths.
+    plan : GridPlan
+        Paths, valid or not.
+    tolerance : float
+        Largest relative violation accepted.
+    """
     check_tolerance(tolerance)
     required("plan", plan, GridPlan)
     grid = model.map
     each = model.reach == "each"
-    wanted = len(model.goals) if each else 1
+    required_paths = len(model.goals) if each else 1
     noise = DIGITS * float(np.abs(grid.origin).max() + grid.cell * max(grid.shape)) / grid.cell
     paths = [(path - grid.origin) / grid.cell for path in plan.paths]
     start = model.start[::-1] + 0.5
@@ -169,17 +180,17 @@ def verify_paths(model: Asked, plan: GridPlan, tolerance: float) -> Verification
     began = ended = deep = ""
     squeezes: list[str] = []
     for k, path in enumerate(paths):
-        off = float(np.hypot(*(path[0] - start)))
-        if not off <= begin:
-            begin, began = off, f"path {k}"
+        distance = float(np.hypot(*(path[0] - start)))
+        if not distance <= begin:
+            begin, began = distance, f"path {k}"
         apart = np.hypot(*(goals - path[-1]).T)
-        off = float(apart[min(k, len(goals) - 1)] if each else apart.min())
-        if not off <= ends:
-            ends, ended = off, f"path {k}"
-        off, segment = depths(grid, path)
-        if not off <= depth:
-            depth, deep = off, f"path {k}, segment {segment}"
-        passed = _squeezes(grid, path, tolerance + 2.0 * noise) if off < 1.0 else []
+        distance = float(apart[min(k, len(goals) - 1)] if each else apart.min())
+        if not distance <= ends:
+            ends, ended = distance, f"path {k}"
+        distance, segment = depths(grid, path)
+        if not distance <= depth:
+            depth, deep = distance, f"path {k}, segment {segment}"
+        passed = _squeezes(grid, path, tolerance + 2.0 * noise) if distance < 1.0 else []
         squeezes += [f"path {k}, x {x:g}, y {y:g} cells" for x, y in passed]
 
     def lengths(name: str, worst: float, where: str) -> Check:
@@ -191,7 +202,9 @@ def verify_paths(model: Asked, plan: GridPlan, tolerance: float) -> Verification
         return Check(name, "", worst, "", 0.0, where, 0.0)
 
     checks = [
-        count("one path for each goal" if each else "one path", abs(len(paths) - wanted), ""),
+        count(
+            "one path for each goal" if each else "one path", abs(len(paths) - required_paths), ""
+        ),
         lengths("starts at its cell", begin, began),
         lengths("ends at its goal", ends, ended),
         lengths("keeps to free cells", depth, deep),
@@ -204,15 +217,15 @@ def verify_paths(model: Asked, plan: GridPlan, tolerance: float) -> Verification
         steps = np.hypot(*np.diff(path, axis=0).T) * grid.cell
         if model.weights is not None and len(path) > 1:
             rows, columns = grid.shape
-            at = np.clip(np.floor(path).astype(int), 0, [columns - 1, rows - 1])
-            weight = model.weights[at[:, 1], at[:, 0]]
+            cells = np.clip(np.floor(path).astype(int), 0, [columns - 1, rows - 1])
+            weight = model.weights[cells[:, 1], cells[:, 0]]
             steps = steps * 0.5 * (weight[1:] + weight[:-1])
         cost += float(steps.sum())
     return Verification(cost, tuple(checks), scale=0.0)
 
 
-def _steps(model: Asked, paths: list[Floats], lengths: Measure, count: Measure) -> list[Check]:
-    """Return the checks that paths lead from the centres of cells to those of neighbours."""
+def _steps(model: PathModel, paths: list[Floats], lengths: Measure, count: Measure) -> list[Check]:
+    """Return the checks that paths connect the centres of neighbouring cells."""
     off, where, wrong = 0.0, "", []
     for k, path in enumerate(paths):
         cells = np.floor(path)
@@ -225,7 +238,7 @@ def _steps(model: Asked, paths: list[Floats], lengths: Measure, count: Measure) 
         if model.connectivity == "4":
             good = total == 1
         wrong += [f"path {k}, step {int(s)}" for s in np.flatnonzero(~good)]
-        # Both cells beside the corner of a diagonal step; rows are y.
+        # Both cells beside the corner of a diagonal step; the row is y.
         turned = np.flatnonzero(good & (total == 2))
         before, after = cells[turned].astype(int), cells[turned + 1].astype(int)
         free = [

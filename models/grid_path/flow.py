@@ -1,9 +1,9 @@
-"""A minimum-cost flow that is a shortest path: a column for each step between neighbours.
+"""Shortest path as a minimum-cost flow with one column per step between neighbours.
 
-A unit leaves the start for each path that is wanted, and what arrives at a cell leaves it, but for
-what ends there. Rows are those of a network, so that every vertex of the program is whole and no
-column need be integral; where several paths are equally short a point may mix them, and
-:meth:`FlowFormulation.decode` takes a shortest one among the steps that carry flow.
+The start supplies one unit of flow per path. Flow is conserved at every cell, except for the flow that
+ends there. The constraint matrix is a network matrix, so every vertex is integral and no column needs to
+be an integer. If several paths are shortest, a point may mix them, and :meth:`FlowFormulation.decode`
+returns a shortest path among the steps that carry flow.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ __all__ = ["FlowFormulation"]
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
-#: Free cells that a map may have at the most.
+#: Maximum number of free cells of a map.
 MOST = 20_000
-#: Flow that counts as one; a path mixed of many still carries more.
+#: Minimum flow on a step of a path. A mixture of many paths still carries more.
 LEAST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class FlowFormulation(Formulation[GridPath, GridPlan]):
-    """A unit of flow along neighbours for each path.
+    """Minimum-cost flow along neighbours with one unit per path.
 
     Parameters
     ----------
     model : GridPath
-        The model, with connectivity "4" or "8".
+        Model with connectivity "4" or "8" and at most 20,000 free cells.
 
     Raises
     ------
@@ -72,47 +72,47 @@ class FlowFormulation(Formulation[GridPath, GridPlan]):
 
     @cached_property
     def _number(self) -> Ints:
-        """The place of each cell among the free ones, -1 where blocked or in the frame of the map."""
-        found = np.full(np.add(self.model.map.shape, 2), -1)
-        found[tuple((self._free + 1).T)] = np.arange(len(self._free))
-        return found
+        """Index of each cell among the free cells, with a frame; -1 for blocked cells and the frame."""
+        numbers = np.full(np.add(self.model.map.shape, 2), -1)
+        numbers[tuple((self._free + 1).T)] = np.arange(len(self._free))
+        return numbers
 
     @cached_property
     def _arcs(self) -> tuple[Ints, Ints, Floats]:
-        """Tails and heads, among the free cells in order of both, and costs (m) of all steps."""
-        model, at, number = self.model, self._free + 1, self._number
+        """Tails and heads (indices of free cells, sorted) and costs (m) of all steps."""
+        model, cells, number = self.model, self._free + 1, self._number
         tails, heads, costs = [], [], []
-        weights = np.ones(len(at))
+        weights = np.ones(len(cells))
         if model.weights is not None:
             weights = model.weights[tuple(self._free.T)]
         for step in np.argwhere(np.ones((3, 3))) - 1:
             turned = abs(step).sum() == 2
             if not step.any() or (turned and model.connectivity is Connectivity.FOUR):
                 continue
-            to = number[tuple((at + step).T)]
-            beside = [number[tuple((at + step * axis).T)] >= 0 for axis in ((0, 1), (1, 0))]
-            (tail,) = np.nonzero((to >= 0) & beside[0] & beside[1])
+            targets = number[tuple((cells + step).T)]
+            beside = [number[tuple((cells + step * axis).T)] >= 0 for axis in ((0, 1), (1, 0))]
+            (tail,) = np.nonzero((targets >= 0) & beside[0] & beside[1])
             tails.append(tail)
-            heads.append(to[tail])
+            heads.append(targets[tail])
             length = float(np.hypot(*step)) * model.map.cell
-            costs.append(length * 0.5 * (weights[tail] + weights[to[tail]]))
+            costs.append(length * 0.5 * (weights[tail] + weights[targets[tail]]))
         order = np.lexsort((np.concatenate(heads), np.concatenate(tails)))
-        tail, head, cost = (np.concatenate(one)[order] for one in (tails, heads, costs))
+        tail, head, cost = (np.concatenate(parts)[order] for parts in (tails, heads, costs))
         return tail, head, cost
 
     @cached_property
     def _goals(self) -> tuple[Ints, Ints]:
-        """Different goals among the free cells, and how often each is named."""
-        at = self._number[tuple((self.model.goals + 1).T)]
-        found = np.unique(at, return_counts=True)
-        return found[0], found[1]
+        """Distinct goals as indices of free cells, and the number of occurrences of each."""
+        indices = self._number[tuple((self.model.goals + 1).T)]
+        unique = np.unique(indices, return_counts=True)
+        return unique[0], unique[1]
 
     @property
     def _start(self) -> int:
         return int(self._number[tuple(self.model.start + 1)])
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module."""
+        """Return the linear program described in the docstring of this module."""
         free, (tail, head, cost), (goals, times) = self._free, self._arcs, self._goals
         each = self.model.reach is Reach.EACH
         b = ProgramBuilder()
@@ -147,7 +147,7 @@ class FlowFormulation(Formulation[GridPath, GridPlan]):
         return b.build(name=f"{self.model.name}:flow" if self.model.name else "flow")
 
     def encode(self, plan: GridPlan) -> Floats:
-        """Return how many paths take each step and end at each goal."""
+        """Return the number of paths on each step and at each goal, as a point of the program."""
         required("plan", plan, GridPlan)
         (tail, head, _), (goals, _) = self._arcs, self._goals
         flow, ends = np.zeros(len(tail)), np.zeros(len(goals))
@@ -156,8 +156,8 @@ class FlowFormulation(Formulation[GridPath, GridPlan]):
             cells = self.model.map.cells_of(path)
             if not self.model.map.holds(cells).all():
                 raise InvalidData(f"paths[{k}] leaves the free cells", field="paths")
-            at = self._number[tuple((cells + 1).T)]
-            keys = at[:-1] * size + at[1:]
+            indices = self._number[tuple((cells + 1).T)]
+            keys = indices[:-1] * size + indices[1:]
             arcs = np.searchsorted(tail * size + head, keys)
             known = arcs < len(tail)
             known[known] = (tail * size + head)[arcs[known]] == keys[known]
@@ -165,7 +165,7 @@ class FlowFormulation(Formulation[GridPath, GridPlan]):
                 step = int(np.argmin(known))
                 raise InvalidData(f"paths[{k}], step {step} is to no neighbour", field="paths")
             np.add.at(flow, arcs, 1.0)
-            end = np.flatnonzero(goals == at[-1])
+            end = np.flatnonzero(goals == indices[-1])
             if not end.size:
                 raise InvalidData(f"paths[{k}] ends at no goal", field="paths")
             ends[end] += 1.0
@@ -185,13 +185,13 @@ class FlowFormulation(Formulation[GridPath, GridPlan]):
         graph = csr_array((cost[used], (tail[used], head[used])), shape=(size, size))
         far, before = dijkstra(graph, indices=self._start, return_predecessors=True)
         if self.model.reach is Reach.EACH:
-            wanted = self._number[tuple((self.model.goals + 1).T)]
+            ends = self._number[tuple((self.model.goals + 1).T)]
         else:
-            wanted = goals[[int(np.argmin(far[goals]))]]
-        if not np.isfinite(far[wanted]).all():
+            ends = goals[[int(np.argmin(far[goals]))]]
+        if not np.isfinite(far[ends]).all():
             raise InvalidData("the steps that carry flow do not lead to a goal", field="point")
         paths = []
-        for end in wanted.tolist():
+        for end in ends.tolist():
             path = [end]
             while path[-1] != self._start:
                 path.append(int(before[path[-1]]))

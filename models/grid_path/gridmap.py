@@ -1,4 +1,4 @@
-"""A map of free and blocked cells."""
+"""Grid maps of free and blocked cells."""
 
 from __future__ import annotations
 
@@ -21,54 +21,55 @@ __all__ = ["BLOCKED", "FREE", "MOST", "GridMap", "read_cells"]
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
-#: The characters of free and of blocked cells; those of MovingAI's maps that mean the same are read.
+#: Characters of free and blocked cells on output. Input also accepts the equivalents of MovingAI's maps.
 FREE, BLOCKED = ".", "@"
 _FREE, _BLOCKED = ".G", "@OTW#"
-#: Cells that a map may have at the most.
+#: Maximum number of cells of a map.
 MOST = 2**26
 
 
 class Cells(Array):
-    """Truth values, or lines of text with a character a cell; written as lines."""
+    """Field of Boolean cells, also accepted as lines of text with one character per cell; written as lines."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Truths:
         if isinstance(value, str):
             value = value.splitlines()
         if isinstance(value, list | tuple) and value and all(isinstance(x, str) for x in value):
             value = read_cells(value, name)
-        found: Truths = super().coerce(name, value, sizes)
-        return found
+        cells: Truths = super().coerce(name, value, sizes)
+        return cells
 
     def encode(self, value: Truths) -> list[str]:
         letters = np.where(value, BLOCKED, FREE)
-        found: list[str] = letters.view(f"U{value.shape[1]}")[:, 0].tolist()
-        return found
+        lines: list[str] = letters.view(f"U{value.shape[1]}")[:, 0].tolist()
+        return lines
 
 
 def read_cells(
     lines: Sequence[str], where: str = "blocked", first: tuple[int, int] = (0, 0), free: str = _FREE
 ) -> Truths:
-    """Return which cells are blocked in lines of text, a character a cell.
+    """Return the cells of a map in lines of text with one character per cell.
 
     Parameters
     ----------
     lines : sequence of str
-        The rows.
-    where : str
-        What messages call the text, such as a file.
-    first : tuple of int
+        Rows of the map.
+    where : str, default "blocked"
+        Name of the text in messages, such as a file.
+    first : tuple of int, default (0, 0)
         Numbers of the first line and of the first character in messages.
     free : str
-        The characters of free cells.
+        Characters of free cells.
 
     Returns
     -------
     ndarray of bool, shape (rows, columns)
+        True if blocked.
 
     Raises
     ------
     InvalidData
-        Naming line and column: unknown characters, lines of different lengths.
+        A character is unknown, or the lengths of the lines differ. The message names line and column.
     """
     width = len(lines[0]) if lines else 0
     for number, line in enumerate(lines, first[0]):
@@ -100,28 +101,29 @@ def _require_few(where: str, cells: int) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GridMap(Declared):
-    """Square cells, each free or blocked; every position in a free cell is safe.
+    """Map of square cells, each free or blocked. Every position in a free cell is safe.
 
-    The cell in row r and column c covers x from ``origin[0] + c cell`` to one `cell` more, and y from
-    ``origin[1] + r cell`` alike. What lies outside of the map is blocked.
+    The cell in row r and column c covers x from ``origin[0] + c * cell`` to ``origin[0] + (c + 1) * cell``,
+    and y from ``origin[1] + r * cell`` to ``origin[1] + (r + 1) * cell``. The region outside the map is
+    blocked.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows, columns), or lines of text
-        Which cells are blocked. In text ``.`` and ``G`` are free, ``@``, ``O``, ``T``, ``W`` and ``#``
-        blocked, and the first line is row 0.
-    cell : float
+        Cells, true if blocked, at most 2**26. In text, ``.`` and ``G`` are free, ``@``, ``O``, ``T``, ``W``
+        and ``#`` are blocked, and the first line is row 0.
+    cell : float, default 1
         Side of a cell, m.
-    origin : ndarray, shape (2,)
-        The corner of the cell in row 0 and column 0 that has the least x and y, m.
-    upward : bool
-        Whether pictures draw y upward, as for maps of a terrain; else row 0 is drawn at the top, as
-        in text and images.
+    origin : ndarray, shape (2,), default (0, 0)
+        Corner of the cell in row 0 and column 0 with the lowest x and y, m.
+    upward : bool, default False
+        Whether plots draw y upward, as for terrain. Otherwise row 0 is at the top, as in text and images.
 
     Raises
     ------
     InvalidData
-        Naming the field: lines of different lengths, unknown characters, no free cell, NaN.
+        The lengths of lines differ, a character is unknown, no cell is free, the map is too large, or a
+        number is not finite. The message names the field.
     """
 
     blocked: Truths = declared(Cells(("rows", "columns"), bool))
@@ -130,7 +132,7 @@ class GridMap(Declared):
     upward: bool = declared(Flag(), default=False)
 
     def check(self) -> None:
-        """Refuse maps that nobody can move on, or that are too large."""
+        """Raise if no cell is free, or the map is too large or too fine for its coordinates."""
         _require_few("blocked", self.blocked.size)
         if self.blocked.all():
             raise InvalidData(
@@ -153,18 +155,18 @@ class GridMap(Declared):
 
     @cached_property
     def walls(self) -> NDArray[np.uint8]:
-        """The map with a frame of blocked cells, flat, 1 where blocked, as the searches take it."""
+        """Flat map with a frame of blocked cells, 1 if blocked, for the search kernels."""
         framed = np.pad(self.blocked, 1, constant_values=True).astype(np.uint8).ravel()
         framed.flags.writeable = False
         return framed
 
     def numbers_of(self, cells: ArrayLike) -> NDArray[np.int64]:
-        """Return the places in :attr:`walls` of cells, rows and columns of shape (..., 2)."""
-        at = np.asarray(cells, np.int64) + 1
-        return np.asarray(at[..., 0] * (self.shape[1] + 2) + at[..., 1])
+        """Return the indices in :attr:`walls`, shape (...), of cells (row, column), shape (..., 2)."""
+        framed = np.asarray(cells, np.int64) + 1
+        return np.asarray(framed[..., 0] * (self.shape[1] + 2) + framed[..., 1])
 
     def cells_at(self, numbers: ArrayLike) -> NDArray[np.int64]:
-        """Return the rows and columns, shape (..., 2), of places in :attr:`walls`."""
+        """Return the cells (row, column), shape (..., 2), of indices in :attr:`walls`."""
         return np.stack(np.divmod(np.asarray(numbers, np.int64), self.shape[1] + 2), axis=-1) - 1
 
     def centres(self, cells: ArrayLike) -> Floats:
@@ -178,62 +180,67 @@ class GridMap(Declared):
         Returns
         -------
         ndarray, shape (..., 2)
-            x, y (m).
+            Centres x, y, m.
         """
         rows_columns = np.asarray(cells, float)
-        found: Floats = self.origin + (rows_columns[..., ::-1] + 0.5) * self.cell
-        return found
+        points: Floats = self.origin + (rows_columns[..., ::-1] + 0.5) * self.cell
+        return points
 
     def cells_of(self, points: ArrayLike) -> NDArray[np.int64]:
-        """Return rows and columns of the cells that hold points; they may lie outside of the map.
+        """Return the cells that contain points, possibly outside the map.
 
         Parameters
         ----------
         points : array-like, shape (..., 2)
-            x, y (m). A point on an edge belongs to the cell with the greater row or column.
+            Points x, y, m. A point on an edge belongs to the cell with the greater row or column.
 
         Returns
         -------
         ndarray of int, shape (..., 2)
-            Row, column.
+            Rows and columns.
         """
         steps = np.floor((np.asarray(points, float) - self.origin) / self.cell)
         return np.asarray(steps[..., ::-1]).astype(np.int64)
 
     def holds(self, cells: ArrayLike) -> Truths:
-        """Return which of the cells, shape (..., 2), lie on the map and are free."""
-        given = np.asarray(cells, np.int64)
-        inside = np.asarray(((given >= 0) & (given < self.shape)).all(axis=-1))
-        safe = np.where(inside[..., None], given, 0)
+        """Return whether each cell, shape (..., 2), is free and inside the map."""
+        indices = np.asarray(cells, np.int64)
+        inside = np.asarray(((indices >= 0) & (indices < self.shape)).all(axis=-1))
+        safe = np.where(inside[..., None], indices, 0)
         return np.asarray(inside & ~self.blocked[safe[..., 0], safe[..., 1]])
 
     @classmethod
-    @np.errstate(all="ignore")  # what overflows is refused where it counts
+    @np.errstate(all="ignore")  # the checks below reject results of an overflow
     def from_polygons(
         cls, polygons: Any, bounds: ArrayLike, cell: float, radius: float = 0.0
     ) -> GridMap:
-        """Return the map of the cells that polygons leave free.
+        """Return the map of polygonal obstacles within bounds.
 
-        A cell is blocked where one of its points is nearer than `radius` to a polygon, or for a radius
-        of 0 within one, so the whole of a free cell is safe for the robot's centre. Contact does not
-        count: cells are taken as smaller by 1e-9 of their side. A cell that leaves the bounds is
-        blocked; the bounds themselves are where the centre may be, and no walls.
+        A cell is blocked if one of its points is nearer than `radius` to a polygon or, with radius 0, inside
+        a polygon. The robot's centre is therefore safe everywhere in a free cell. Contact does not block a
+        cell, because cells shrink by 1e-9 of their side for the comparison. A cell that extends beyond the
+        bounds is blocked. The bounds limit the robot's centre; they are not walls.
 
         Parameters
         ----------
         polygons : list
-            Obstacles, in any form that :class:`~crosstrack.models.grid_path.Polygons` takes.
+            Obstacles, in any form that :class:`~crosstrack.models.grid_path.Polygons` accepts.
         bounds : array-like, shape (4,)
-            Least x and y, greatest x and y, m.
+            Lowest x and y, greatest x and y, m.
         cell : float
             Side of a cell, m.
-        radius : float
-            Of the robot, m.
+        radius : float, default 0
+            Radius of the robot, m.
+
+        Returns
+        -------
+        GridMap
+            Map with its origin at the lower left corner of the bounds and y drawn upward.
 
         Raises
         ------
         InvalidData
-            A polygon that is none, bounds without an area, too many cells, or none that is free.
+            A polygon is invalid, the bounds have no area, the map has too many cells, or no cell is free.
         """
         import shapely
 
@@ -256,7 +263,7 @@ class GridMap(Declared):
                 field="cell",
             )
         shape = (int(rows), int(columns))
-        # In cells, so that neither the map's place nor its scale costs digits.
+        # Coordinates in cells avoid cancellation by the map's position and scale.
         scaled = shapely.transform(as_shapely(obstacles), lambda xy: (xy - low) / side)
         blocked = rasterise(scaled, shape, reach)
         whole = np.floor(extent + SHRINK).astype(int)
@@ -264,15 +271,25 @@ class GridMap(Declared):
         return cls(blocked, side, low, upward=True)
 
     def inflated(self, radius: float) -> GridMap:
-        """Return the map for a round robot: cells nearer than `radius` (m) to a blocked one are blocked.
+        """Return the map for a circular robot, with cells nearer than `radius` to a blocked cell blocked.
 
-        Distances are those between the nearest points of two cells, so the whole of a free cell is
-        safe for the robot's centre.
+        The distance of two cells is the distance of their nearest points. The robot's centre is therefore
+        safe everywhere in a free cell.
+
+        Parameters
+        ----------
+        radius : float
+            Radius of the robot, m.
+
+        Raises
+        ------
+        InvalidData
+            The radius is invalid, or no cell remains free.
         """
         from scipy.ndimage import distance_transform_edt
 
         reach = Real(lower=0, unit="m").coerce("radius", radius, {}) / self.cell
-        # Nearest points of two cells are corners of both, as cells lie on one lattice.
+        # The nearest points of two cells of the same lattice are corners.
         corners = np.ones(np.add(self.shape, 1), bool)
         for row in (0, 1):
             for column in (0, 1):

@@ -1,4 +1,4 @@
-"""The shortest path of a robot on a map of cells.
+"""Shortest path of a robot on a grid map.
 
 Source: sections 2 and 3.2 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for
 Multirobot in Obstacle Environment", Wireless Communications and Mobile Computing, 2021.
@@ -27,57 +27,60 @@ __all__ = ["Connectivity", "GridPath", "Reach"]
 
 
 class Connectivity(StrEnum):
-    """Where a path may lead from a cell."""
+    """Steps that a path may take."""
 
-    FOUR = "4"  #: to the four neighbours, as in the paper
-    EIGHT = "8"  #: diagonally as well, where both cells beside the corner are free
-    ANY = "any"  #: along any straight line that keeps to free cells
+    FOUR = "4"  #: Steps lead to the four neighbours, as in the paper.
+    #: Steps may also be diagonal if both cells beside the corner are free. Paths are shorter.
+    EIGHT = "8"
+    #: Segments may have any direction within the free cells. Paths are the shortest of the three.
+    ANY = "any"
 
 
 class Reach(StrEnum):
-    """Which goals count."""
+    """Goals that a plan must reach."""
 
-    NEAREST = "nearest"  #: one path, to the goal that is the cheapest to reach
-    EACH = "each"  #: a path to each goal, in their order
+    NEAREST = "nearest"  #: The plan has one path, to the goal with the lowest cost.
+    EACH = "each"  #: The plan has one path per goal, in the order of the goals.
 
 
 class Goals(Array):
-    """Cells, or one cell."""
+    """Field of cells that also accepts a single cell."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        given = self._numbers(name, value)
-        return super().coerce(name, given[None] if given.ndim == 1 and given.size else given, sizes)
+        cells = self._numbers(name, value)
+        return super().coerce(name, cells[None] if cells.ndim == 1 and cells.size else cells, sizes)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GridPath(Model[GridPlan]):
-    """The shortest path from a cell of a map to another.
+    """Shortest path from a cell of a map to one or more goals.
 
-    With four or eight neighbours a path leads from the centre of a cell to that of a neighbour, and
-    eight neighbours never cut corners: a diagonal step needs both cells beside it free. Where any
-    direction is allowed, a path is a polyline through free cells, which may touch blocked ones but
-    never leads between two that touch at a corner.
+    With connectivity "4" or "8", a path connects the centres of neighbouring cells. A diagonal step
+    requires that both cells beside it are free. With connectivity "any", a path is a polyline through
+    free cells. It may touch blocked cells, but not pass between two blocked cells that touch at a
+    corner.
 
     Parameters
     ----------
     map : GridMap
-        Free and blocked cells.
+        Map of free and blocked cells.
     start : ndarray of int, shape (2,)
-        Row and column.
+        Row and column of a free cell.
     goals : ndarray of int, shape (2,) or (k, 2)
-        Rows and columns.
-    connectivity : {"8", "4", "any"}
-        See :class:`Connectivity`.
-    reach : {"nearest", "each"}
-        See :class:`Reach`.
+        Rows and columns of free cells.
+    connectivity : {"8", "4", "any"}, default "8"
+        Allowed steps, see :class:`Connectivity`.
+    reach : {"nearest", "each"}, default "nearest"
+        Goals to reach, see :class:`Reach`.
     weights : ndarray, shape (rows, columns), optional
-        Cost of a metre in each cell, > 0; a step costs its length times the mean of the two cells'
-        weights. Not for connectivity "any".
+        Cost per metre in each cell, > 0. A step costs its length times the mean weight of its two
+        cells. None means 1. Not available with connectivity "any".
 
     Raises
     ------
     InvalidData
-        Naming field, cell and value: a start or goal off the map or blocked, weights that are not > 0.
+        A start or goal is blocked or outside the map, or the weights are invalid. The message names
+        field, cell and value.
 
     Examples
     --------
@@ -103,7 +106,7 @@ class GridPath(Model[GridPlan]):
     default_formulation: ClassVar[str] = "flow"
 
     def check(self) -> None:
-        """Refuse ends where no robot can be, and weights that are none."""
+        """Raise if a start or goal is not a free cell, or the weights are invalid."""
         if not len(self.goals):
             raise InvalidData("goals must hold at least one cell, got none", field="goals")
         ends = [("start", self.start), *((f"goals[{k}]", g) for k, g in enumerate(self.goals))]
@@ -128,9 +131,9 @@ class GridPath(Model[GridPlan]):
                 field="weights",
             )
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow yields NaN, which violates a check
     def verify(self, plan: GridPlan, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the cost of the paths and every constraint, by geometry on the blocked cells."""
+        """Return the cost of the paths in metres and the checks of all constraints."""
         return verify_paths(self, plan, tolerance)
 
     def plan_to_data(self, plan: GridPlan) -> Any:
@@ -142,7 +145,7 @@ class GridPath(Model[GridPlan]):
         return GridPlan.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a short description of the size."""
         rows, columns = self.map.shape
         how = (
             "any direction"

@@ -1,4 +1,4 @@
-"""Paths on a map."""
+"""Plans of paths on a map."""
 
 from __future__ import annotations
 
@@ -19,21 +19,27 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class GridPlan:
-    """Polylines from the start.
+    """Paths from the start to the goals.
 
     Parameters
     ----------
     paths : tuple of ndarray, each of shape (k, 2)
-        The points of each path, x, y (m): one path, or one a goal where each is to be reached.
+        Points x, y of each path, m. The plan has one path, or one per goal if the model's `reach` is
+        "each".
+
+    Raises
+    ------
+    InvalidData
+        The paths are not a list of arrays with at least one point each.
     """
 
     paths: tuple[Floats, ...]
 
     def __post_init__(self) -> None:
-        given = self.paths
-        if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
-            raise InvalidData(f"paths must be a list of paths, got {show(given)}", field="paths")
-        paths = tuple(Array((f"n{k}", 2)).coerce(f"paths[{k}]", p, {}) for k, p in enumerate(given))
+        value = self.paths
+        if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
+            raise InvalidData(f"paths must be a list of paths, got {show(value)}", field="paths")
+        paths = tuple(Array((f"n{k}", 2)).coerce(f"paths[{k}]", p, {}) for k, p in enumerate(value))
         for k, path in enumerate(paths):
             if not len(path):
                 raise InvalidData(f"paths[{k}] must have at least one point", field=f"paths[{k}]")
@@ -41,7 +47,7 @@ class GridPlan:
 
     @property
     def length(self) -> float:
-        """The length of all paths, m."""
+        """Total length of all paths, m."""
         return float(sum(np.hypot(*np.diff(path, axis=0).T).sum() for path in self.paths))
 
     def to_data(self) -> dict[str, Any]:
@@ -50,7 +56,13 @@ class GridPlan:
 
     @classmethod
     def from_data(cls, data: Any) -> GridPlan:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan from the data of :meth:`to_data`.
+
+        Raises
+        ------
+        InvalidData
+            The data is not an object with the key ``paths``, or a path is invalid.
+        """
         if not isinstance(data, Mapping) or set(data) != {"paths"}:
             raise InvalidData(
                 f"a plan must be an object with the key paths, got {show(data)}", field="plan"

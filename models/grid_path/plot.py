@@ -1,4 +1,4 @@
-"""The picture of paths on a map: its cells as an image, with what the paths break."""
+"""Plot of paths on a map, with the cells as an image and the violated constraints."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ __all__ = ["draw", "draw_progress"]
 
 Floats = NDArray[np.float64]
 
-#: Blocked cells, and what lies outside of the map.
+#: Colours of blocked cells and of the region outside the map.
 WALL, OUTSIDE = "#4d4d4d", "#b3b3b3"
 OUTLINE = axis_style(4)["color"]
-#: More cells than this along a side are not told apart by lines, more points no dots.
+#: Maximum number of cells along a side with lines between them, and of corners drawn as dots.
 _MOST_LINES, _MOST_DOTS = 60, 80
-#: Plans that are drawn at the most beside the first.
+#: Maximum number of plans beside the first.
 _MOST_OTHERS = 12
-#: Farther away nothing is drawn: an invalid plan may lead anywhere.
+#: Limit on drawn coordinates, because an invalid plan may have any coordinates.
 _FAR = 1e100
-#: From what ratio of weights on their shades are told apart by their logarithms.
+#: Ratio of weights above which the colour scale is logarithmic.
 _RATIO = 20.0
-#: Letters of a line of the legend on an inch of the figure.
+#: Letters of the legend per inch of the figure's width.
 _LETTERS = 15.0
 _PLACE = re.compile(
     r"path (\d+)(?:, (segment|point|step) (\d+)|, x (\S+), y (\S+) cells)?(?: cuts a corner)?"
 )
 
 
-@np.errstate(all="ignore")  # an invalid plan may lead beyond the range of numbers
+@np.errstate(all="ignore")  # the coordinates of an invalid plan may overflow
 def draw(
     model: GridPath,
     plan: GridPlan | None = None,
@@ -73,60 +73,60 @@ def draw(
     Parameters
     ----------
     model : GridPath
-        The model; weights are shades of free cells.
+        Model. Weights appear as shades of the free cells.
     plan : GridPlan, optional
-        A plan for it, valid or not; the worst place of each rule that it breaks is ringed in red.
+        Plan of the model, valid or not. A red ring marks the largest violation of each violated check.
     others : dict of str to plan, optional
-        Further plans for the same model by what the legend calls them, such as the path before it was
-        smoothed: plans, their JSON data or solutions.
+        At most 12 further plans of the same model, their JSON data or solutions, such as the path before
+        smoothing. The keys are the names in the legend.
     obstacles : list, optional
         Polygons whose outlines are drawn above the cells, in any form that
-        :class:`~crosstrack.models.grid_path.Polygons` takes.
-    tolerance : float
-        Largest violation accepted, relative, for what the title says and what is ringed.
+        :class:`~crosstrack.models.grid_path.Polygons` accepts.
+    tolerance : float, default 1e-6
+        Largest relative violation accepted for the verdict in the title and the rings.
     title : str, optional
-        Instead of the name and the length.
+        Title that replaces the name and the length.
     size : (float, float), optional
-        Width and height (inch).
+        Width and height of the figure, inches.
 
     Returns
     -------
     matplotlib.figure.Figure
-        With one map, and the scale of the weights where there are some.
+        Figure with the map and, if the model has weights, their colour scale.
 
     Raises
     ------
     InvalidData
-        A plan is none of this model, or the obstacles are no polygons.
+        A plan does not fit the model, or the obstacles are not valid polygons.
     UnsupportedOption
-        An option has a value that is not allowed.
+        An option is outside its allowed range.
 
     See Also
     --------
-    draw_progress : How solutions came about.
+    draw_progress : Progress of solutions over time.
     """
     check_tolerance(tolerance)
     named = {} if others is None else others
     good = isinstance(named, Mapping) and all(isinstance(name, str) for name in named)
     few = good and len(named) <= _MOST_OTHERS
     check_option("others", others, few, f"be at most {_MOST_OTHERS} plans by their names")
-    found = None
-    drawn: list[tuple[str, GridPlan, Verification]] = []
+    verification = None
+    entries: list[tuple[str, GridPlan, Verification]] = []
     if plan is not None:
-        found = model.verify(required("plan", plan, GridPlan), tolerance=tolerance)
-        drawn.append(("path", plan, found))
+        verification = model.verify(required("plan", plan, GridPlan), tolerance=tolerance)
+        entries.append(("path", plan, verification))
     for name, other in named.items():
-        held = model.as_plan(other)
-        drawn.append((name, held, model.verify(held, tolerance=tolerance)))
+        entry = model.as_plan(other)
+        entries.append((name, entry, model.verify(entry, tolerance=tolerance)))
     outlines = () if obstacles is None else Polygons().coerce("obstacles", obstacles, {})
-    text = _title(model, found) if title is None else title
-    low, high = _box(model.map, [one for _, one, _ in drawn])
+    text = _title(model, verification) if title is None else title
+    low, high = _box(model.map, [path for _, path, _ in entries])
     span = high - low
     broad, tall = _size(span, weighted=model.weights is not None)
     figure = sheet(size, (broad, tall))
-    keys = _keys(model, drawn, found, outlined=bool(outlines))
+    keys = _keys(model, entries, verification, outlined=bool(outlines))
     broad, tall = figure.get_size_inches()
-    letters = sum(6 + len(one.get_label()) for one in keys)
+    letters = sum(6 + len(handle.get_label()) for handle in keys)
     rows = min(len(keys), 1 + int(letters / (_LETTERS * broad)))
     below, right = 0.6 + 0.17 * rows, (1.0 if model.weights is not None else 0.15)
     head = 0.42 + 0.17 * text.count("\n")
@@ -145,29 +145,29 @@ def draw(
         bar.ax.tick_params(labelsize=8)
         bar.outline.set_visible(False)
     _draw_outlines(outlines, axes, scale)
-    for k in reversed(range(len(drawn))):
-        _draw_paths(model, drawn[k][1], axes, scale, k + (plan is None))
+    for k in reversed(range(len(entries))):
+        _draw_paths(model, entries[k][1], axes, scale, k + (plan is None))
     _draw_ends(model, axes, scale)
-    places = [] if plan is None or found is None else _broken(model, plan, found)
+    places = [] if plan is None or verification is None else _broken(model, plan, verification)
     if len(places):
         dots(
             axes, np.clip(places, -_FAR, _FAR) * scale, "o", "none", size=150, edge=RED, width=1.8,
             zorder=21, gid="worst violation",
         )  # fmt: skip
     legend_below(figure, keys, rows=rows)
-    headline(figure, text, wrong=found is not None and not found.ok)
+    headline(figure, text, wrong=verification is not None and not verification.ok)
     return figure
 
 
-def _title(model: GridPath, found: Verification | None) -> str:
+def _title(model: GridPath, verification: Verification | None) -> str:
     parts = [model.describe()]
-    if found is not None and found.objective is not None:
-        parts.append(f"{number(found.objective)} m")
-    return title_of(model.name, parts, found)
+    if verification is not None and verification.objective is not None:
+        parts.append(f"{number(verification.objective)} m")
+    return title_of(model.name, parts, verification)
 
 
 def _box(grid: GridMap, plans: list[GridPlan]) -> tuple[Floats, Floats]:
-    """Return the corners of what is shown, m: the map, and paths that leave it by less than its size."""
+    """Return the corners of the visible region, m: the map, and paths outside it up to the map's size."""
     low = grid.origin
     high = low + np.array(grid.shape[::-1]) * grid.cell
     points = [path for plan in plans for path in plan.paths]
@@ -176,7 +176,7 @@ def _box(grid: GridMap, plans: list[GridPlan]) -> tuple[Floats, Floats]:
 
 
 def _size(span: Floats, *, weighted: bool) -> tuple[float, float]:
-    """Return width and height (inch) of a figure for a map of this extent."""
+    """Return the width and height of a figure for a map of extent `span`, inches."""
     broad, tall = span * 5.6 / span.max()
     beside = 1.6 if weighted else 0.9
     return max(4.8, broad + beside), max(2.6, tall + 1.3)
@@ -186,12 +186,12 @@ def _size(span: Floats, *, weighted: bool) -> tuple[float, float]:
 
 
 def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
-    """Draw the cells, and return the image."""
+    """Draw the cells and return the image."""
     from matplotlib.colors import ListedColormap, LogNorm, Normalize
 
     grid = model.map
     rows, columns = grid.shape
-    # The image's first line is at the least y, whichever way that is drawn.
+    # The first line of the image is at the lowest y, even if the y axis is inverted.
     left, foot = grid.origin * scale
     side = grid.cell * scale
     where: dict[str, Any] = {
@@ -199,7 +199,7 @@ def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
         "interpolation": "none" if max(rows, columns) <= 500 else "auto", "zorder": 0.5,
         "aspect": "equal", "gid": "cells",
     }  # fmt: skip
-    # Setting an image moves the limits, which are final.
+    # Restore the limits after imshow, which changes them.
     limits = axes.get_xlim(), axes.get_ylim()
     axes.set_facecolor(OUTSIDE)
     if model.weights is None:
@@ -211,13 +211,13 @@ def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
 
         weights = np.clip(model.weights, 1 / _FAR, _FAR)
         free = weights[~grid.blocked]
-        least, most = float(free.min()), float(free.max())
-        norm = LogNorm if most > _RATIO * least else Normalize
-        # What is darker is not told from walls.
+        lowest, highest = float(free.min()), float(free.max())
+        norm = LogNorm if highest > _RATIO * lowest else Normalize
+        # Darker shades would look like walls.
         light = ListedColormap(colormaps["YlOrBr"](np.linspace(0.0, 0.75, 256)))
         shades = light.with_extremes(bad=WALL)
-        shown = np.ma.masked_array(weights, grid.blocked)
-        image = axes.imshow(shown, cmap=shades, norm=norm(least, most), **where)
+        visible = np.ma.masked_array(weights, grid.blocked)
+        image = axes.imshow(visible, cmap=shades, norm=norm(lowest, highest), **where)
     if max(rows, columns) <= _MOST_LINES:
         look: dict[str, Any] = {"color": "#9a9a9a", "lw": 0.35, "zorder": 0.6}
         across = left + side * np.arange(columns + 1)
@@ -230,14 +230,14 @@ def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
 
 
 def _draw_scale(figure: Figure, image: Any, axes: Any) -> Any:
-    """Draw the scale of the weights, and return it."""
+    """Draw the colour scale of the weights and return it."""
     from matplotlib.colors import LogNorm
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
     if not isinstance(image.norm, LogNorm):
         return figure.colorbar(image, cax=axes)
-    least, most = image.get_clim()
-    steps = (1.0, 2.0, 5.0) if most < 1e3 * least else (1.0,)
+    lowest, highest = image.get_clim()
+    steps = (1.0, 2.0, 5.0) if highest < 1e3 * lowest else (1.0,)
     bar = figure.colorbar(image, cax=axes, ticks=LogLocator(subs=steps))
     bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
@@ -247,7 +247,7 @@ def _draw_scale(figure: Figure, image: Any, axes: Any) -> Any:
 def _draw_outlines(outlines: tuple[Polygon, ...], axes: Any, scale: float) -> None:
     from matplotlib.collections import PolyCollection
 
-    rings = [ring * scale for one in outlines for ring in (one.shell, *one.holes)]
+    rings = [ring * scale for polygon in outlines for ring in (polygon.shell, *polygon.holes)]
     if rings:
         axes.add_collection(
             PolyCollection(
@@ -258,7 +258,7 @@ def _draw_outlines(outlines: tuple[Polygon, ...], axes: Any, scale: float) -> No
 
 
 def _draw_paths(model: GridPath, plan: GridPlan, axes: Any, scale: float, place: int) -> None:
-    """Draw the paths of the plan number `place`; the first is the broadest."""
+    """Draw the paths of plan number `place`; the first has the thickest line."""
     look = {**_look(place), "solid_capstyle": "round", "zorder": 6 - 0.1 * place}
     for path in plan.paths:
         points = np.clip(path * scale, -_FAR, _FAR)
@@ -287,12 +287,12 @@ def _draw_ends(model: GridPath, axes: Any, scale: float) -> None:
     dots(axes, start, "o", "white", size=42, edge=BLACK, width=1.2, zorder=9, gid="start")
 
 
-# -- what is broken ------------------------------------------------------------------------------
+# -- violations ----------------------------------------------------------------------------------
 
 
-def _broken(model: GridPath, plan: GridPlan, found: Verification) -> list[Floats]:
-    """Return the worst place of every rule that is broken, x, y (m)."""
-    places = [_place(model.map, plan, check) for check in found.violated]
+def _broken(model: GridPath, plan: GridPlan, verification: Verification) -> list[Floats]:
+    """Return the point of the largest violation of every violated check, x, y (m)."""
+    places = [_place(model.map, plan, check) for check in verification.violated]
     return [place for place in places if place is not None]
 
 
@@ -302,8 +302,8 @@ def _place(grid: GridMap, plan: GridPlan, check: Check) -> Floats | None:
         return None
     path = plan.paths[int(words[1])]
     if words[4]:
-        found: Floats = grid.origin + np.array([float(words[4]), float(words[5])]) * grid.cell
-        return found
+        corner: Floats = grid.origin + np.array([float(words[4]), float(words[5])]) * grid.cell
+        return corner
     if not words[2]:
         return np.asarray(path[-1 if check.name.startswith("ends") else 0])
     k = int(words[3])
@@ -318,7 +318,7 @@ def _place(grid: GridMap, plan: GridPlan, check: Check) -> Floats | None:
 
 
 def _keys(
-    model: GridPath, drawn: list[tuple[str, GridPlan, Verification]], found: Verification | None,
+    model: GridPath, entries: list[tuple[str, GridPlan, Verification]], verification: Verification | None,
     *, outlined: bool,
 ) -> list[Any]:  # fmt: skip
     several = len(model.goals) > 1
@@ -329,11 +329,11 @@ def _keys(
     ]
     if outlined:
         keys.append(key("obstacle", color=OUTLINE, lw=1.0))
-    alone = len(drawn) == 1 and found is not None
-    for k, (name, _, held) in enumerate(drawn):
-        cost = "" if alone or held.objective is None else f", {number(held.objective)} m"
-        wrong = "" if held.ok or alone else ", NOT VALID"
-        keys.append(key(f"{name}{cost}{wrong}", **_look(k + (found is None))))
-    if found is not None and not found.ok:
+    alone = len(entries) == 1 and verification is not None
+    for k, (name, _, checked) in enumerate(entries):
+        cost = "" if alone or checked.objective is None else f", {number(checked.objective)} m"
+        wrong = "" if checked.ok or alone else ", NOT VALID"
+        keys.append(key(f"{name}{cost}{wrong}", **_look(k + (verification is None))))
+    if verification is not None and not verification.ok:
         keys.append(key("worst violation", **RING))
     return keys

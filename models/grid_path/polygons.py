@@ -1,4 +1,4 @@
-"""Obstacles as polygons, with holes where they have some."""
+"""Polygons with holes, for obstacles."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Floats = NDArray[np.float64]
 
 
 class Polygon(NamedTuple):
-    """One polygon; the rings are not closed: the last point differs from the first.
+    """Polygon with open rings: the last point of a ring differs from the first.
 
     Attributes
     ----------
     shell : ndarray, shape (k, 2)
-        x, y (m) of the outer ring, in either direction.
-    holes : tuple of ndarray, each of shape (k, 2)
-        The rings of what is free within.
+        Points x, y of the outer ring in either direction, m.
+    holes : tuple of ndarray, each of shape (k, 2), default ()
+        Rings of the holes, m.
     """
 
     shell: Floats
@@ -34,58 +34,73 @@ class Polygon(NamedTuple):
 
 @dataclass(frozen=True)
 class Polygons(Spec):
-    """Polygons that may touch, overlap and nest, as a tuple of :class:`Polygon`.
+    """Field of polygons that may touch, overlap and nest, as a tuple of :class:`Polygon`.
 
-    Each is an outer ring of shape (k, 2), ``{"shell": ring, "holes": [ring, …]}``, the pair of both,
-    or a polygon of shapely. A ring may be closed or not. Refused are rings with fewer than three
-    different points, that cross or touch themselves, without an area, and holes that leave the shell.
+    Each input is an outer ring of shape (k, 2), ``{"shell": ring, "holes": [ring, …]}``, a pair (shell,
+    holes), or a ``shapely.Polygon``. A ring may be open or closed. A ring must have at least three
+    different points and an area, and must not cross or touch itself. Holes must be inside the shell.
     """
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
         if isinstance(value, str | bytes | Mapping | set) or not isinstance(value, Iterable):
             raise InvalidData(f"{name} must be a list of polygons, got {show(value)}", field=name)
-        found = tuple(_polygon(name, f"{name}[{k}]", one) for k, one in enumerate(value))
-        _check(name, found)
-        return found
+        polygons = tuple(_polygon(name, f"{name}[{k}]", item) for k, item in enumerate(value))
+        _check(name, polygons)
+        return polygons
 
     def encode(self, value: tuple[Polygon, ...]) -> list[Any]:
         return [
-            {"shell": one.shell.tolist(), "holes": [hole.tolist() for hole in one.holes]}
-            if one.holes
-            else one.shell.tolist()
-            for one in value
+            {"shell": polygon.shell.tolist(), "holes": [hole.tolist() for hole in polygon.holes]}
+            if polygon.holes
+            else polygon.shell.tolist()
+            for polygon in value
         ]
 
     def feed(self, value: tuple[Polygon, ...]) -> Iterable[bytes]:
-        yield repr([[len(ring) for ring in (one.shell, *one.holes)] for one in value]).encode()
-        for one in value:
-            for ring in (one.shell, *one.holes):
+        yield repr(
+            [[len(ring) for ring in (polygon.shell, *polygon.holes)] for polygon in value]
+        ).encode()
+        for polygon in value:
+            for ring in (polygon.shell, *polygon.holes):
                 yield ring.tobytes()
 
     def refreeze(self, value: tuple[Polygon, ...]) -> tuple[Polygon, ...]:
-        return tuple(Polygon(frozen(one.shell), tuple(map(frozen, one.holes))) for one in value)
+        return tuple(
+            Polygon(frozen(polygon.shell), tuple(map(frozen, polygon.holes))) for polygon in value
+        )
 
 
 def as_shapely(value: Iterable[Polygon]) -> NDArray[np.object_]:
-    """Return polygons as shapely's, in an array of their number."""
+    """Return polygons as ``shapely.Polygon`` objects.
+
+    Parameters
+    ----------
+    value : iterable of Polygon
+        Polygons, m.
+
+    Returns
+    -------
+    ndarray of shapely.Polygon, shape (n,)
+        Polygons in the same order.
+    """
     import shapely
 
     polygons = tuple(value)
-    rings = _rings(one.shell for one in polygons)
-    found = np.asarray(shapely.polygons(rings), object).reshape(len(polygons))
-    for k, one in enumerate(polygons):
-        if one.holes:
-            found[k] = shapely.polygons(rings[k], _rings(one.holes))
-    return found
+    rings = _rings(polygon.shell for polygon in polygons)
+    shapes = np.asarray(shapely.polygons(rings), object).reshape(len(polygons))
+    for k, polygon in enumerate(polygons):
+        if polygon.holes:
+            shapes[k] = shapely.polygons(rings[k], _rings(polygon.holes))
+    return shapes
 
 
 def _rings(rings: Iterable[Floats]) -> NDArray[np.object_]:
     import shapely
 
-    given = tuple(rings)
-    points = np.concatenate(given) if given else np.empty((0, 2))
-    indices = np.repeat(np.arange(len(given)), [len(ring) for ring in given])
-    return np.asarray(shapely.linearrings(points, indices=indices), object).reshape(len(given))
+    sequence = tuple(rings)
+    points = np.concatenate(sequence) if sequence else np.empty((0, 2))
+    indices = np.repeat(np.arange(len(sequence)), [len(ring) for ring in sequence])
+    return np.asarray(shapely.linearrings(points, indices=indices), object).reshape(len(sequence))
 
 
 def _polygon(field: str, name: str, value: Any) -> Polygon:
@@ -125,22 +140,22 @@ def _ring(field: str, name: str, value: Any) -> Floats:
 
 
 def _check(name: str, polygons: tuple[Polygon, ...]) -> None:
-    """Raise where a polygon has no area, or its rings cross."""
+    """Raise if a polygon has no finite positive area, or its rings cross."""
     import shapely
 
-    found = as_shapely(polygons)
+    shapes = as_shapely(polygons)
     with np.errstate(over="ignore"):
-        hulls = shapely.area(shapely.convex_hull(found))
-    for bad, wanted in ((hulls <= 0, "> 0"), (~np.isfinite(hulls), "that a float can hold")):
+        hulls = shapely.area(shapely.convex_hull(shapes))
+    for bad, allowed in ((hulls <= 0, "> 0"), (~np.isfinite(hulls), "that a float can hold")):
         if bad.any():
             k = int(np.argmax(bad))
             raise InvalidData(
-                f"{name}[{k}] must have an area {wanted}, got {hulls[k]:g} m²", field=name
+                f"{name}[{k}] must have an area {allowed}, got {hulls[k]:g} m²", field=name
             )
-    valid = shapely.is_valid(found)
+    valid = shapely.is_valid(shapes)
     if not valid.all():
         k = int(np.argmin(valid))
-        reason = shapely.is_valid_reason(found[k])
+        reason = shapely.is_valid_reason(shapes[k])
         raise InvalidData(
             f"{name}[{k}] must be a polygon whose rings do not cross, got {reason}", field=name
         )

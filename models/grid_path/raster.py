@@ -1,4 +1,4 @@
-"""Which cells polygons block, by a quadtree."""
+"""Rasterisation of polygons to blocked cells by a quadtree."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 __all__ = ["SHRINK", "rasterise"]
 
-#: By how much of its side a cell is smaller where it is compared with polygons, so that what only
-#: touches it does not block it, whatever the rounding.
+#: Margin by which cells shrink on every side for the comparison with polygons, as a share of their
+#: side. Contact therefore does not block a cell, despite rounding.
 SHRINK = 1e-9
-#: Pairs of a box and a polygon that are compared at once, which bounds the memory.
+#: Number of pairs of a box and a polygon per comparison, which limits the memory.
 _CHUNK = 100_000
 
 Integers = NDArray[np.int64]
@@ -20,36 +20,37 @@ Truths = NDArray[np.bool_]
 def rasterise(
     polygons: NDArray[np.object_], shape: tuple[int, int], radius: float = 0.0
 ) -> NDArray[np.bool_]:
-    """Return which cells are blocked.
+    """Return whether each cell is blocked.
 
-    A cell is blocked where one of its points is nearer to a polygon than `radius`, or for a radius of
-    0 lies within one; cells count as smaller by :data:`SHRINK` on every side.
+    A cell is blocked if one of its points is nearer to a polygon than `radius` or, with radius 0, inside a
+    polygon. Cells are smaller by :data:`SHRINK` on every side.
 
     Parameters
     ----------
     polygons : ndarray of shapely.Polygon, shape (n,)
-        The obstacles, in cells: the cell in row r and column c covers x from c to c + 1, and y from r
+        Obstacles, in cells: the cell in row r and column c covers x from c to c + 1, and y from r
         to r + 1.
     shape : tuple of int
-        Rows and columns.
-    radius : float
-        Of the robot, in cells.
+        Numbers of rows and columns.
+    radius : float, default 0
+        Radius of the robot, cells.
 
     Returns
     -------
     ndarray of bool, shape (rows, columns)
+        True if blocked.
 
     Notes
     -----
-    Pairs of a square box and a polygon are refined together: a box that the polygon fills is done, one
-    that it does not meet is dropped, another is cut into four. So the work grows with the number of
-    cells along the outlines, and with the logarithm of the points of a polygon.
+    The algorithm refines pairs of a square box and a polygon. A box inside the polygon is finished, a box
+    outside is dropped, and any other box is split into four. The time grows with the number of cells along
+    the outlines, and with the logarithm of the number of points of a polygon.
     """
     import shapely
 
     shapely.prepare(polygons)
     bounds = shapely.bounds(polygons) + np.array([-radius, -radius, radius, radius])
-    # No polygon meets more than 2 × 2 boxes of the level at which it comes in.
+    # A polygon meets at most 2 × 2 boxes of its first level.
     extent = np.maximum(bounds[:, 2:] - bounds[:, :2], 1.0).max(axis=1, initial=1.0)
     top = max(max(shape) - 1, 0).bit_length()
     levels = np.minimum(np.ceil(np.log2(extent)), top).astype(int)
@@ -79,26 +80,26 @@ def rasterise(
 def _entering(
     bounds: NDArray[np.float64], side: int, here: tuple[int, int]
 ) -> tuple[Integers, NDArray[np.int64]]:
-    """Return the boxes (row, column) that the bounds of polygons meet, and whose each is."""
+    """Return the boxes (row, column) that the bounds of polygons meet, and the polygon of each."""
     last = np.array(here) - 1
     low = np.clip(np.floor(bounds[:, 1::-1] / side), 0, last + 1).astype(np.int64)
     high = np.clip(np.floor(bounds[:, :1:-1] / side), -1, last).astype(np.int64)
-    found, whose = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
-    most = (high - low).max(axis=0, initial=-1) + 1
-    for row in range(int(most[0])):
-        for column in range(int(most[1])):
+    boxes, whose = [np.empty((0, 2), np.int64)], [np.empty(0, np.int64)]
+    counts = (high - low).max(axis=0, initial=-1) + 1
+    for row in range(int(counts[0])):
+        for column in range(int(counts[1])):
             box: Integers = low + np.array([row, column])
             inside = np.flatnonzero((box <= high).all(axis=1))
-            found.append(box[inside])
+            boxes.append(box[inside])
             whose.append(inside)
-    return np.concatenate(found), np.concatenate(whose)
+    return np.concatenate(boxes), np.concatenate(whose)
 
 
 def _compare(
     polygons: NDArray[np.object_], bounds: NDArray[np.float64], boxes: Integers, owners: Integers,
     side: int, radius: float,
 ) -> tuple[Truths, Truths]:  # fmt: skip
-    """Return which boxes meet their polygons, and which are filled by them."""
+    """Return whether each box meets its polygon, and whether it is inside the polygon."""
     import shapely
 
     met, filled = np.zeros(len(boxes), bool), np.zeros(len(boxes), bool)
@@ -107,16 +108,16 @@ def _compare(
     near = ((low <= bounds[owners, 2:]) & (high >= bounds[owners, :2])).all(axis=1)
     places = np.flatnonzero(near)
     diagonal = np.sqrt(2.0) * side
-    for at in np.split(places, range(_CHUNK, len(places), _CHUNK)):
-        squares = shapely.box(*low[at].T, *high[at].T)
-        whole = polygons[owners[at]]
+    for chunk in np.split(places, range(_CHUNK, len(places), _CHUNK)):
+        squares = shapely.box(*low[chunk].T, *high[chunk].T)
+        whole = polygons[owners[chunk]]
         if radius > 0:
-            met[at] = shapely.dwithin(whole, squares, radius)
+            met[chunk] = shapely.dwithin(whole, squares, radius)
             if radius > diagonal:
-                filled[at] = shapely.dwithin(whole, squares, radius - diagonal)
+                filled[chunk] = shapely.dwithin(whole, squares, radius - diagonal)
         else:
-            met[at] = shapely.intersects(whole, squares)
+            met[chunk] = shapely.intersects(whole, squares)
         if side > 1:
-            rest = met[at] & ~filled[at]
-            filled[at[rest]] = shapely.covers(whole[rest], squares[rest])
+            rest = met[chunk] & ~filled[chunk]
+            filled[chunk[rest]] = shapely.covers(whole[rest], squares[rest])
     return met, filled

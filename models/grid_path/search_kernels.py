@@ -1,13 +1,13 @@
-"""Shortest paths among the neighbours of cells: loops on a flat map with a blocked frame.
+"""Shortest paths along neighbouring cells: kernels on a flat map with a blocked frame.
 
-A step along a row or column costs :data:`STRAIGHT` and a diagonal one :data:`DIAGONAL`, whole numbers
-whose ratio is a convergent of the continued fraction of √2. No fraction with a smaller denominator
-lies between the two, so sums of up to STRAIGHT steps compare as the true lengths do, ties included.
-Divided by STRAIGHT they are the lengths in cells, to the last digit of a float.
+A step along a row or column costs :data:`STRAIGHT` and a diagonal step :data:`DIAGONAL`, integers
+whose ratio is a convergent of the continued fraction of √2. No fraction with a smaller denominator is
+between the ratio and √2, so sums of up to STRAIGHT steps have the same order and ties as the true
+lengths. Divided by STRAIGHT, they equal the lengths in cells to the last digit of a float.
 
-A map is flat, with one blocked cell around it: the cell in row r and column c of the map is number
-``(r + 1) * width + c + 1``, where width is the number of columns plus 2. What is left of
-:data:`CEILING` at a cell stands for its cost, so that 0 means a cell that was never met.
+The map has a frame of blocked cells. The cell in row r and column c has the number
+``(r + 1) * width + c + 1``, where width is the number of columns plus 2. The kernels store the
+remainder :data:`CEILING` minus the cost for each cell, so that 0 marks an unvisited cell.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ __all__ = [
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-#: Costs of a step. Every sum of 2**26 of them, the most that a path has, is exact as a float too.
+#: Costs of a step. A path has at most 2**26 steps, and the sum of their costs is exact as a float, too.
 STRAIGHT, DIAGONAL = 93_222_358, 131_836_323
-#: Above every cost of a path.
+#: Upper limit on the cost of a path.
 CEILING = 2**60
-#: How a search ends.
+#: Status of a search.
 DONE, STOPPED = 1, -1
 
-#: What is kept of a cell beside whether it is blocked.
+#: Bits of the state of a cell.
 _BLOCKED, _WAITING, _GOAL = 1, 2, 4
-#: Costs from one multiple of 2**_SHIFT to the next share a bucket, a third of a cell: less than 2 - √2
-#: cells, by which a step raises a guided cost if at all, so that few cells get cheaper within their
-#: bucket. No step raises it by more than 2 √2 cells, so that _RING buckets hold all that waits.
+#: A bucket holds the costs between two multiples of 2**_SHIFT, a third of a cell. A step raises a guided
+#: cost by 0 or at least 2 - √2 cells, more than a bucket, so few cells improve within their bucket. A
+#: step raises it by at most 2 √2 cells, so _RING buckets suffice for the queue.
 _SHIFT, _RING = 25, 16
 
 
 @kernel
 def ahead(row: int, column: int, box: Ints, diagonal: bool) -> int:
-    """Return the cost from a cell to the nearest of the rectangle `box` were no cell blocked.
+    """Return the cost from a cell to the rectangle `box` on a map without blocked cells.
 
     Parameters
     ----------
     row, column : int
-        The cell, in the frame.
+        Row and column of the cell, including the frame.
     box : ndarray of int64, shape (4,)
-        Least row, most row, least column and most column.
+        First and last row, first and last column.
     diagonal : bool
         Whether steps may be diagonal.
     """
@@ -70,7 +70,7 @@ def ahead(row: int, column: int, box: Ints, diagonal: bool) -> int:
 
 @kernel
 def steps_of(width: int, diagonal: bool) -> Ints:
-    """Return for each step how the number of the cell changes, its cost, its rows and its columns."""
+    """Return the change of the cell number, the cost, the rows and the columns of each step, shape (n, 4)."""
     steps = np.empty((8 if diagonal else 4, 4), np.int64)
     turn = 0
     for parity in range(1, 3 if diagonal else 2):
@@ -86,7 +86,7 @@ def steps_of(width: int, diagonal: bool) -> Ints:
 
 @kernel
 def box_around(numbers: Ints, width: int) -> Ints:
-    """Return least row, most row, least column and most column of cells."""
+    """Return the first and last row, and the first and last column of cells, shape (4,)."""
     box = np.zeros(4, np.int64)
     box[0], box[2] = 2**62, width
     for number in numbers:
@@ -98,12 +98,12 @@ def box_around(numbers: Ints, width: int) -> Ints:
 
 @kernel
 def larger(ring: Ints, sizes: Ints) -> Ints:
-    """Return `ring` with twice the room."""
-    found = np.empty((len(ring), 2 * ring.shape[1]), np.int64)
+    """Return a copy of `ring` with twice the capacity."""
+    copy = np.empty((len(ring), 2 * ring.shape[1]), np.int64)
     for k in range(len(ring)):
         for i in range(sizes[k]):
-            found[k, i] = ring[k, i]
-    return found
+            copy[k, i] = ring[k, i]
+    return copy
 
 
 @kernel(interpretable=True)
@@ -117,29 +117,27 @@ def sweep(
     guided: bool,
     flag: NDArray[np.int8],
 ) -> tuple[int, Ints, int]:
-    """Return what is left of CEILING at each cell, right at the goals and along the ways to them.
+    """Return CEILING minus the cost for each cell, exact at the goals and along the paths to them.
 
-    Cells wait in a ring of buckets and the latest of a bucket leaves first. Within a bucket costs may
-    come in any order, so a cell that gets cheaper waits again; the search ends when no cell that waits
-    can improve a goal.
+    The queue is a ring of buckets, each last in, first out. Costs within a bucket are unordered, so an
+    improved cell enters the queue again. The search ends when no queued cell can improve a goal.
 
     Parameters
     ----------
     walls : ndarray of uint8, shape (cells,)
-        1 where blocked.
+        1 if blocked.
     width : int
-        Cells of a row, the frame included.
+        Number of cells per row, including the frame.
     start : int
         Number of a free cell.
     goals : ndarray of int64
         Numbers of free cells.
     every : bool
-        Whether all goals are wanted, else the nearest.
+        Whether to reach all goals, or only the nearest.
     diagonal : bool
-        Whether steps may be diagonal; they never cut corners.
+        Whether steps may be diagonal, without cutting corners.
     guided : bool
-        Whether cells are ordered by the cost of the way there plus :func:`ahead` (A*), else by the
-        former alone (Dijkstra).
+        Whether to order cells by their cost plus :func:`ahead` (A*), or by their cost (Dijkstra).
     flag : ndarray of int8, shape (1,)
         Nonzero stops the search.
 
@@ -148,9 +146,9 @@ def sweep(
     status : int
         ``DONE`` or ``STOPPED``.
     left : ndarray of int64, shape (cells,)
-        CEILING minus the cost; 0 where no way was found.
+        CEILING minus the cost; 0 for unreached cells.
     expanded : int
-        How often the neighbours of a cell were looked at.
+        Number of expanded cells.
     """
     steps = steps_of(width, diagonal)
     state = walls.copy()
@@ -172,51 +170,51 @@ def sweep(
     left[start] = CEILING
     state[start] |= _WAITING
     waiting, expanded = 1, 0
-    # What is left at the worst of the goals that are wanted: a way that leaves no more is of no use.
-    least = 0
+    # Remainder at the farthest of the goals to reach. Paths with no larger remainder are useless.
+    limit = 0
     while waiting > 0:
         if flag[0] != 0:
             return STOPPED, left, expanded
         while sizes[at % _RING] == 0:
             at += 1
-        if CEILING - (at << _SHIFT) <= least:
+        if CEILING - (at << _SHIFT) <= limit:
             break
         bucket = at % _RING
         sizes[bucket] -= 1
         waiting -= 1
         cell = ring[bucket, sizes[bucket]]
         if state[cell] & _WAITING == 0:
-            continue  # it left before, from a lower bucket
+            continue  # expanded before, from a lower bucket
         here = left[cell]
         order, row, column = here, 0, 0
         if guided:
             row = cell // width
             column = cell - row * width
             order -= ahead(row, column, box, diagonal)
-        if order <= least:
+        if order <= limit:
             continue
         if state[cell] & _GOAL:
             missing -= 1
             if missing <= 0:
-                least = here
+                limit = here
                 for goal in goals:
-                    least = min(least, left[goal]) if every else max(least, left[goal])
+                    limit = min(limit, left[goal]) if every else max(limit, left[goal])
         state[cell] = 0
         expanded += 1
         for turn in range(len(steps)):
             to = cell + steps[turn, 0]
-            then = here - steps[turn, 1]
-            if then <= left[to] or state[to] & _BLOCKED:
+            remainder = here - steps[turn, 1]
+            if remainder <= left[to] or state[to] & _BLOCKED:
                 continue
             down, across = steps[turn, 2], steps[turn, 3]
             if (state[cell + down * width] | state[cell + across]) & _BLOCKED:
                 continue
-            order = then
+            order = remainder
             if guided:
                 order -= ahead(row + down, column + across, box, diagonal)
-            if order <= least:
+            if order <= limit:
                 continue
-            left[to] = then
+            left[to] = remainder
             state[to] |= _WAITING
             bucket = ((CEILING - order) >> _SHIFT) % _RING
             if sizes[bucket] == ring.shape[1]:
@@ -229,7 +227,7 @@ def sweep(
 
 @kernel
 def before(walls: Bytes, width: int, steps: Ints, left: Ints, cell: int) -> int:
-    """Return the cell from which the way to `cell` came."""
+    """Return the predecessor of `cell` on its path."""
     for turn in range(len(steps)):
         other = cell + steps[turn, 0]
         corners = walls[cell + steps[turn, 2] * width] | walls[cell + steps[turn, 3]]
@@ -240,7 +238,17 @@ def before(walls: Bytes, width: int, steps: Ints, left: Ints, cell: int) -> int:
 
 @kernel(interpretable=True)
 def trace(walls: Bytes, width: int, left: Ints, goal: int, diagonal: bool) -> Ints:
-    """Return the cells of a shortest path to `goal`, given what :func:`sweep` left at each cell."""
+    """Return the cells of a shortest path to `goal`, shape (k,), from the start.
+
+    Parameters
+    ----------
+    walls, width, diagonal
+        See :func:`sweep`.
+    left : ndarray of int64, shape (cells,)
+        Remainders that :func:`sweep` returned.
+    goal : int
+        Number of a cell that the search reached.
+    """
     steps = steps_of(width, diagonal)
     count, cell = 1, goal
     while left[cell] != CEILING:

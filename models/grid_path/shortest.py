@@ -1,4 +1,4 @@
-"""True distances between places on a map, along neighbours."""
+"""Shortest paths and their lengths on a map, along neighbouring cells."""
 
 from __future__ import annotations
 
@@ -17,39 +17,37 @@ __all__ = ["distances", "path_between"]
 def distances(grid: GridMap, cells: ArrayLike, *, diagonal: bool = True) -> NDArray[np.float64]:
     """Return the lengths of shortest paths between all pairs of cells, along neighbours.
 
-    From each cell one search reaches all others.
-
     Parameters
     ----------
     grid : GridMap
-        The map.
+        Map of free and blocked cells.
     cells : array-like of int, shape (n, 2)
-        Rows and columns of free cells; some may be the same.
-    diagonal : bool
+        Rows and columns of free cells, possibly with duplicates.
+    diagonal : bool, default True
         Whether steps may be diagonal, without cutting corners.
 
     Returns
     -------
     ndarray, shape (n, n)
-        m, symmetric; infinite where there is no path.
+        Symmetric matrix of lengths, m. The length is infinite if no path exists.
 
     Raises
     ------
     InvalidData
-        Naming the cell: off the map or blocked.
+        A cell is blocked or outside the map. The message names the cell.
     """
     from .search_kernels import CEILING, STRAIGHT, sweep
 
-    at = _free(grid, "cells", cells)
-    places, back = np.unique(grid.numbers_of(at), return_inverse=True)
+    checked = _free(grid, "cells", cells)
+    places, back = np.unique(grid.numbers_of(checked), return_inverse=True)
     left = np.full((places.size, places.size), CEILING)
     for k in range(places.size - 1):
         others = places[k + 1 :]
-        _, found, _ = sweep(
+        _, remainders, _ = sweep(
             grid.walls, grid.shape[1] + 2, places[k], others, True, diagonal, False,
             np.zeros(1, np.int8),
         )  # fmt: skip
-        left[k, k + 1 :] = left[k + 1 :, k] = found[others]
+        left[k, k + 1 :] = left[k + 1 :, k] = remainders[others]
     lengths = np.where(left > 0, (CEILING - left) / STRAIGHT * grid.cell, np.inf)
     return np.asarray(lengths[np.ix_(back, back)])
 
@@ -62,21 +60,21 @@ def path_between(
     Parameters
     ----------
     grid : GridMap
-        The map.
+        Map of free and blocked cells.
     start, goal : array-like of int, shape (2,)
         Row and column of a free cell.
-    diagonal : bool
+    diagonal : bool, default True
         Whether steps may be diagonal, without cutting corners.
 
     Returns
     -------
     ndarray of int, shape (k, 2)
-        Rows and columns from `start` to `goal`; none where there is no path.
+        Rows and columns from `start` to `goal`; k = 0 if no path exists.
 
     Raises
     ------
     InvalidData
-        Naming the cell: off the map or blocked.
+        A cell is blocked or outside the map. The message names the cell.
     """
     from .search_kernels import sweep, trace
 
@@ -92,7 +90,7 @@ def path_between(
 
 
 def _free(grid: GridMap, name: str, cells: Any) -> NDArray[np.int64]:
-    """Return rows and columns, or raise where one is not a free cell."""
+    """Return rows and columns as an array, or raise if a cell is not free."""
     at: NDArray[np.int64] = Array(("n", 2), int).coerce(name, cells, {})
     bad = np.flatnonzero(~grid.holds(at))
     if bad.size:

@@ -1,13 +1,12 @@
-"""Lines of sight on a map: straight segments that keep to free cells.
+"""Lines of sight on a map: straight segments within free cells.
 
-A segment is in sight if each of its points lies in a free cell or on the border of one, and none is
-the point between two blocked cells that touch at a corner. So it may touch blocked cells and run
-along their sides, but not along the side between two of them.
+A segment is a line of sight if each of its points is in a free cell or on its border, and no point is
+the common corner of two diagonal blocked cells. It may touch blocked cells and follow their sides,
+except a side between two blocked cells.
 
-Kernels take coordinates in cells of the *padded* map, which has a ring of blocked cells around it:
-the map's corner is (1, 1). Their answers are exact where coordinates are multiples of 1/2, as those
-of corners and centres of cells, on maps of fewer than 2**26 cells; otherwise a segment that comes
-nearer to a corner than `slack` passes through it.
+Kernels take coordinates in cells of the *padded* map, which has a frame of blocked cells: the map's
+corner is (1, 1). The results are exact for multiples of 1/2, such as corners and centres of cells, on
+maps of fewer than 2**26 cells. Otherwise, a segment closer to a corner than `slack` passes through it.
 """
 
 from __future__ import annotations
@@ -29,19 +28,19 @@ __all__ = ["SLACK", "Sight", "convex_corners", "free_at", "line_of_sight", "sees
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
-#: Distance, in cells, below which a segment passes through a corner; the check of a plan has half.
+#: Distance, in cells, below which a segment passes through a corner. The check of a plan uses half.
 SLACK = 2e-9
 
 
 @kernel
 def _at(blocked: Truths, turned: bool, major: int, minor: int) -> bool:
-    """Return whether a cell is blocked; rows are the major coordinate where the map is turned."""
+    """Return whether a cell is blocked. Rows are the major coordinate if `turned`."""
     return bool(blocked[major, minor] if turned else blocked[minor, major])
 
 
 @kernel
 def _pinched(blocked: Truths, turned: bool, major: int, minor: int) -> bool:
-    """Return whether exactly two cells that touch at a corner of the lattice are blocked."""
+    """Return whether exactly two diagonal cells at a corner of the lattice are blocked."""
     a, b = _at(blocked, turned, major - 1, minor - 1), _at(blocked, turned, major, minor - 1)
     c, d = _at(blocked, turned, major - 1, minor), _at(blocked, turned, major, minor)
     return a == d and b == c and a != b
@@ -49,7 +48,15 @@ def _pinched(blocked: Truths, turned: bool, major: int, minor: int) -> bool:
 
 @kernel
 def free_at(blocked: Truths, x: float, y: float) -> bool:
-    """Return whether a point lies in a free cell or on its border, and not where two blocked touch."""
+    """Return whether a point is in a free cell or on its border, except between two blocked cells.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        Padded map.
+    x, y : float
+        Point in cells of the padded map.
+    """
     columns, rows = blocked.shape[1], blocked.shape[0]
     if not (1.0 <= x <= columns - 1.0 and 1.0 <= y <= rows - 1.0):
         return False
@@ -64,23 +71,23 @@ def free_at(blocked: Truths, x: float, y: float) -> bool:
 
 @kernel
 def _snapped(value: float, slack: float) -> float:
-    """Return the whole number that is as near as `slack`, else `value`."""
+    """Return `value`, rounded to an integer if the difference is at most `slack`."""
     near = float(math.floor(value + 0.5))
     return near if abs(value - near) <= slack else value
 
 
 @kernel(interpretable=True)
 def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: float) -> bool:
-    """Return whether a straight segment keeps to free cells.
+    """Return whether a straight segment stays in free cells.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        The padded map.
+        Padded map.
     ax, ay, bx, by : float
-        The segment's ends, in cells of the padded map.
+        Ends of the segment, in cells of the padded map.
     slack : float
-        See the module's docstring.
+        Distance, in cells, below which the segment passes through a corner.
     """
     rows, columns = float(blocked.shape[0] - 1), float(blocked.shape[1] - 1)
     if not (min(ax, bx) >= 1.0 and max(ax, bx) <= columns):
@@ -94,14 +101,14 @@ def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: flo
         ax, ay, bx, by = ay, ax, by, bx
     if ax > bx:
         ax, ay, bx, by = bx, by, ax, ay
-    # Along the longer coordinate, the segment crosses two cells of a column at the most.
+    # Along the longer coordinate, the segment crosses at most two cells per column.
     left, right, y = ax, ax, ay
     for column in range(math.floor(ax), math.ceil(bx)):
         if left == column and y == math.floor(y) and _pinched(blocked, turned, column, int(y)):
             return False
         right = min(column + 1.0, bx)
-        to = by if right == bx else _snapped(ay + (right - ax) * (by - ay) / (bx - ax), slack)
-        low, high = min(y, to), max(y, to)
+        end = by if right == bx else _snapped(ay + (right - ax) * (by - ay) / (bx - ax), slack)
+        low, high = min(y, end), max(y, end)
         if low == high and low == math.floor(low):  # along a line of the lattice
             row = int(low)
             if _at(blocked, turned, column, row - 1) and _at(blocked, turned, column, row):
@@ -110,7 +117,7 @@ def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: flo
             for row in range(math.floor(low), math.ceil(high)):
                 if _at(blocked, turned, column, row):
                     return False
-        left, y = right, to
+        left, y = right, end
     return not (right == math.floor(right) and y == math.floor(y)) or not _pinched(
         blocked, turned, int(right), int(y)
     )
@@ -122,37 +129,37 @@ def convex_corners(blocked: Truths) -> NDArray[np.int8]:
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        The padded map.
+        Padded map.
 
     Returns
     -------
     ndarray of int8, shape (rows + 2, columns + 2)
-        By y and x: 0 where none is, else 1 + where the only blocked one of the four cells lies: 0 at
-        less x and y, 1 at greater x, 2 at greater y, 3 at greater x and y. Row and column 0 are
-        no corners of the map.
+        Kind of the corner at each y and x. 0 means that the path cannot turn. Otherwise exactly one of
+        the four cells is blocked: 1 at lower x and y, 2 at greater x, 3 at greater y, 4 at greater x and
+        y. Row and column 0 are always 0.
     """
     around = [blocked[:-1, :-1], blocked[:-1, 1:], blocked[1:, :-1], blocked[1:, 1:]]
     kinds = np.zeros(blocked.shape, np.int8)
-    only = sum(one.astype(np.int8) for one in around) == 1
-    for k, one in enumerate(around):
-        kinds[1:, 1:][only & one] = k + 1
+    single = sum(cells.astype(np.int8) for cells in around) == 1
+    for k, cells in enumerate(around):
+        kinds[1:, 1:][single & cells] = k + 1
     return kinds
 
 
 class Sight:
-    """A map prepared for many questions.
+    """Map prepared for many tests of lines of sight.
 
     Parameters
     ----------
     grid : GridMap
-        The map.
+        Map of free and blocked cells.
 
     Attributes
     ----------
     blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        The padded map.
+        Padded map.
     slack : float
-        Distance, in cells, below which points are taken to lie on the lattice.
+        Distance, in cells, below which points are snapped to the lattice.
     """
 
     def __init__(self, grid: GridMap) -> None:
@@ -162,31 +169,36 @@ class Sight:
         self.slack = SLACK + DIGITS * corner / grid.cell
 
     def cells(self, points: ArrayLike) -> Floats:
-        """Return points, x, y (m), in cells of the padded map, multiples of 1/2 where that is meant."""
-        found = (np.asarray(points, float) - self.grid.origin) / self.grid.cell + 1.0
-        halves = np.round(2 * found) / 2
-        return np.where(np.abs(found - halves) <= self.slack, halves, found)
+        """Return points x, y (m) in cells of the padded map, snapped to multiples of 1/2 within `slack`."""
+        exact = (np.asarray(points, float) - self.grid.origin) / self.grid.cell + 1.0
+        halves = np.round(2 * exact) / 2
+        return np.where(np.abs(exact - halves) <= self.slack, halves, exact)
 
     def metres(self, cells: ArrayLike) -> Floats:
-        """Return points in cells of the padded map as x, y (m)."""
-        found: Floats = self.grid.origin + (np.asarray(cells, float) - 1.0) * self.grid.cell
-        return found
+        """Return x, y (m) of points in cells of the padded map, shape (…, 2)."""
+        points: Floats = self.grid.origin + (np.asarray(cells, float) - 1.0) * self.grid.cell
+        return points
 
     def between(self, a: ArrayLike, b: ArrayLike) -> bool:
-        """Return whether the segment between two points, x, y (m), keeps to free cells."""
+        """Return whether the segment between two points x, y (m) stays in free cells."""
         (ax, ay), (bx, by) = self.cells(a).tolist(), self.cells(b).tolist()
         return bool(sees(self.blocked, ax, ay, bx, by, self.slack))
 
 
 def line_of_sight(grid: GridMap, a: ArrayLike, b: ArrayLike) -> bool:
-    """Return whether a straight segment keeps to free cells.
+    """Return whether a straight segment stays in free cells.
 
     Parameters
     ----------
     grid : GridMap
-        The map; who asks more than once uses :class:`Sight`.
+        Map of free and blocked cells. For many segments, :class:`Sight` is faster.
     a, b : array-like, shape (2,)
-        The segment's ends, x, y (m).
+        Ends of the segment, x, y, m.
+
+    Returns
+    -------
+    bool
+        True if the segment may touch, but does not enter, blocked cells.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Ways over a map through several places, as pictures draw them."""
+"""Paths through several points on a map, for plots."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ Floats = NDArray[np.float64]
 
 
 def trail(grid: GridMap, stops: ArrayLike, *, straightened: bool = False) -> Floats:
-    """Return a way that leads through places one after another, along shortest paths on the map.
+    """Return a polyline through points along shortest paths on the map.
 
     Parameters
     ----------
     grid : GridMap
-        The map.
+        Map of free and blocked cells.
     stops : array-like, shape (k, 2)
-        x, y (m). Where a stop is not in a free cell, or there is no path, the way is straight.
-    straightened : bool
-        Whether each path is shortened by lines of sight (Algorithm 4): from each point the way
-        leads to the last one that is seen from there.
+        Points x, y, m. If a point is not in a free cell, or no path exists, the segment is straight.
+    straightened : bool, default False
+        Whether to shorten each path by lines of sight (Algorithm 4): every point connects to the last
+        visible point of the path.
 
     Returns
     -------
     ndarray, shape (n, 2)
-        x, y (m): the stops, and between them the centres of the cells on the way.
+        Points x, y, m: the stops, and between them the centres of the cells of the paths.
     """
     places = np.asarray(stops, float).reshape(-1, 2)
     cells = grid.cells_of(places)
@@ -50,9 +50,9 @@ def trail(grid: GridMap, stops: ArrayLike, *, straightened: bool = False) -> Flo
 
 
 def _straightened(sight: Sight, way: Floats) -> Floats:
-    kept = [0]
-    while kept[-1] < len(way) - 1:
-        here = kept[-1]
-        seen = (k for k in range(len(way) - 1, here + 1, -1) if sight.between(way[here], way[k]))
-        kept.append(next(seen, here + 1))
-    return way[kept]
+    chosen = [0]
+    while chosen[-1] < len(way) - 1:
+        here = chosen[-1]
+        visible = (k for k in range(len(way) - 1, here + 1, -1) if sight.between(way[here], way[k]))
+        chosen.append(next(visible, here + 1))
+    return way[chosen]

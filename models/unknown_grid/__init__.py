@@ -1,4 +1,4 @@
-"""Navigation of a ground vehicle on a grid of which only a view around it is seen."""
+"""Navigation of a ground vehicle on a grid that is visible only in a window around the vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run on an unknown grid in motion: what is known grows as the vehicle goes."""
+"""Animation of a run on an unknown grid."""
 
 from __future__ import annotations
 
@@ -31,46 +31,47 @@ def animate_run(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> FuncAnimation:
-    """Return the run of one scene in motion: vehicle, UAV, its view, and what was seen so far.
+    """Animate the run of one scene: vehicle, UAV, its view, and the cells seen so far.
 
-    Of maps of more than 60 cells along a side the part around the vehicle is shown.
+    If a side of the map has more than 60 cells, only the part around the vehicle is shown.
 
     Parameters
     ----------
     model : UnknownGridNavigation
-        The model, with its true maps.
+        Model with its true maps.
     plan : NavigationRuns or Solution
-        A plan for it, valid or not.
-    scene : int
-        Which scene.
-    frames : int
-        Number of pictures at the most, at least 2; where there are more steps, some are left out.
-    interval : float
-        Time from one to the next, ms.
+        Plan of the model, valid or not.
+    scene : int, default 0
+        Index of the scene.
+    frames : int, default 120
+        Maximum number of frames, at least 2. Longer runs skip steps.
+    interval : float, default 150
+        Time between frames, ms.
     title : str, optional
-        Instead of the name.
+        Title that replaces the name of the model.
     size : (float, float), optional
-        Width and height (inch).
+        Width and height of the figure, inches.
 
     Returns
     -------
     matplotlib.animation.FuncAnimation
-        Tied to no window: ``animate_run(model, plan).save("run.gif", writer="pillow", dpi=80)``;
-        ``to_jshtml()`` returns a page.
+        Animation without a window. Save it with
+        ``animate_run(model, plan).save("run.gif", writer="pillow", dpi=80)``, or call
+        ``to_jshtml()`` for an HTML page.
 
     Raises
     ------
     HiddenData
-        The model is as backends see it, without its true maps.
+        The model is a backend's view, without the true maps.
     InvalidData
-        The plan is none of this model.
+        The plan does not fit the model.
     UnsupportedOption
-        An option has a value that is not allowed.
+        An option is outside its allowed range.
     """
     check_frames(frames, interval)
     scene = check_scene(model, scene)
     runs = required("plan", model.as_plan(plan), NavigationRuns)
-    model.verify(runs)  # raises where there are not as many runs as scenes
+    model.verify(runs)  # raises if the numbers of runs and scenes differ
     walk = walk_of(model, runs, scene)
     steps = np.unique(np.linspace(0, walk.steps, frames).round().astype(int)).tolist()
     box = box_around(model, walk.positions[0])

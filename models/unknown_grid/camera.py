@@ -1,4 +1,4 @@
-"""The camera of the UAV: what of a scene it shows, and where a pixel lies."""
+"""Camera of the UAV, and transformations between pixels, view, map and world."""
 
 from __future__ import annotations
 
@@ -20,27 +20,33 @@ Ints = NDArray[np.int64]
 
 #: Rows and columns of an image.
 PIXELS = 256
-#: Height of the lens in longer sides of the view: a field of view of 28°.
+#: Height of the lens divided by the longer side of the view. The field of view is 28°.
 RISE = 2.0
 
 
 class Rendering(StrEnum):
-    """How scenes look from above."""
+    """Appearance of scenes in images."""
 
-    PLAIN = "plain"  #: obstacles have a colour of their own
-    HARD = "hard"  #: colour alone does not tell obstacles: texture, height and shadow do
+    PLAIN = "plain"  #: Obstacles have a distinct colour, so a threshold on colour detects them.
+    #: Obstacles have the colour of the ground. Detection needs texture, height and shadow.
+    HARD = "hard"
 
 
 @dataclass(frozen=True, eq=False)
 class Camera(Declared):
-    """The camera of the UAV, which looks straight down and shows exactly the view.
+    """Camera of the UAV, which looks straight down. Its image covers exactly the view.
 
     Parameters
     ----------
-    rendering : {"plain", "hard"}
-        See :class:`Rendering`.
-    seed : int
-        Of textures and noise.
+    rendering : {"plain", "hard"}, default "plain"
+        Appearance of the scenes, see :class:`Rendering`.
+    seed : int, default 0
+        Seed of textures and noise, from 0 to 2**32 - 1.
+
+    Raises
+    ------
+    InvalidData
+        A field is outside its allowed range.
     """
 
     rendering: Rendering = declared(Member(Rendering), default=Rendering.PLAIN)
@@ -49,18 +55,17 @@ class Camera(Declared):
 
 @dataclass(frozen=True, eq=False)
 class Pinhole(Declared):
-    """Where points of the world lie in an image, and back.
+    """Pinhole camera: transformations between world, camera, pixels, view and map.
 
-    A pinhole camera above the middle of the view looks straight down, so high that the cells of the
-    view fill the image; pixels are not square where the view is not. Five frames, each with its
-    inverse:
+    The camera looks straight down above the middle of the view. Its height makes the cells of the
+    view fill the image. Pixels are not square if the view is not square. The five frames are:
 
     - world, m: x along the columns of the map, y against its rows, z up from the ground; the origin is
       the outer corner of the map's first cell,
     - camera, m: z down from the lens; x against the columns of the image, y against its rows,
     - pixels: row and column, real; the centre of pixel (i, j) is (i + 1/2, j + 1/2),
     - view: row and column in cells of the view, real; the centre of cell (i, j) is (i + 1/2, j + 1/2),
-    - map: the same in cells of the map.
+    - map: row and column in cells of the map, with the same convention.
 
     World, camera and map are related by the paper's equations 5 to 9; the step from camera to pixels is that of a
     pinhole (R. Hartley, A. Zisserman, "Multiple View Geometry in Computer Vision", 2004, chapter 6).
@@ -70,14 +75,15 @@ class Pinhole(Declared):
     view : ndarray of int, shape (2,)
         Rows and columns of the view.
     corner : ndarray of int, shape (2,)
-        Row and column of the view's first cell in the map, which may lie off it.
-    side : float
+        Row and column of the view's first cell in the map, possibly outside the map.
+    side : float, default 1
         Side of a cell, m.
 
     Notes
     -----
-    The centre of a pixel is never on the border of two cells where the view has odd rows and columns:
-    it is an odd multiple of m/512 cells from the first border. So rounding moves none to another cell.
+    If the view has odd rows and columns, the centre of a pixel is never on the border of two cells:
+    its distance from the first border is an odd multiple of m/512 cells. Rounding therefore never
+    moves a pixel to another cell.
     """
 
     view: Ints = declared(Array((2,), int, lower=1))
@@ -86,26 +92,26 @@ class Pinhole(Declared):
 
     @property
     def height(self) -> float:
-        """The height of the lens above the ground, m."""
+        """Height of the lens above the ground, m."""
         return RISE * float(self.view.max()) * self.side
 
     @property
     def focal(self) -> Floats:
-        """The focal length in pixels of a row and in pixels of a column, shape (2,)."""
+        """Focal length in pixels along rows and along columns, shape (2,)."""
         return np.asarray(PIXELS * self.height / (self.view * self.side), float)
 
     @property
     def lens(self) -> Floats:
-        """The place of the lens in the world, shape (3,), m."""
+        """Position of the lens in the world, shape (3,), m."""
         row, column = self.corner + self.view / 2.0
         return np.array([column * self.side, -row * self.side, self.height])
 
     @property
     def camera_from_world(self) -> Floats:
-        """The pose of equation 6, shape (4, 4): a turn by pi about y, and the world's origin in the camera's frame.
+        """Pose of equation 6, shape (4, 4): rotation by pi about y, and the world's origin in the camera frame.
 
-        The text calls the last column the camera's origin in the world; with that, the lens would have the camera
-        coordinates (0, 2y, 0) and not 0. The symbols name the inverse, which is used here.
+        The paper's text calls the last column the camera's origin in the world. The lens would then have the
+        camera coordinates (0, 2y, 0) instead of 0. The paper's symbols denote the inverse, which is used here.
         """
         pose = np.diag([-1.0, 1.0, -1.0, 1.0])
         pose[:3, 3] = -pose[:3, :3] @ self.lens
@@ -113,7 +119,7 @@ class Pinhole(Declared):
 
     @property
     def map_from_camera(self) -> Floats:
-        """The pose of equation 8, shape (4, 4), m: rows, columns and height by coordinates of the camera."""
+        """Pose of equation 8, shape (4, 4), m: rows, columns and height from camera coordinates."""
         pose = np.zeros((4, 4))
         pose[[0, 1, 2, 3], [1, 0, 2, 3]] = -1.0, -1.0, -1.0, 1.0
         pose[:3, 3] = self.lens[[1, 0, 2]] * (-1.0, 1.0, 1.0)
@@ -121,60 +127,67 @@ class Pinhole(Declared):
 
     @property
     def map_from_world(self) -> Floats:
-        """The product of both poses of equation 9, shape (4, 4), m."""
+        """Product of the two poses in equation 9, shape (4, 4), m."""
         return self.map_from_camera @ self.camera_from_world
 
     def world_to_camera(self, points: ArrayLike) -> Floats:
-        """Return points of the world, shape (…, 3), in the frame of the camera, m: equation 5."""
+        """Return points of the world, shape (…, 3), in the camera frame, m (equation 5)."""
         return (np.asarray(points, float) - self.lens) * (-1.0, 1.0, -1.0)
 
     def camera_to_world(self, points: ArrayLike) -> Floats:
-        """Return points in the frame of the camera, shape (…, 3), in the world, m."""
+        """Return points of the camera frame, shape (…, 3), in the world, m."""
         return np.asarray(points, float) * (-1.0, 1.0, -1.0) + self.lens
 
     def camera_to_pixels(self, points: ArrayLike) -> Floats:
-        """Return rows and columns, shape (…, 2), of points in the frame of the camera, shape (…, 3)."""
+        """Return the pixels, shape (…, 2), of points in the camera frame, shape (…, 3)."""
         points = np.asarray(points, float)
         return np.asarray(PIXELS / 2.0 - self.focal * points[..., 1::-1] / points[..., 2:])
 
     def pixels_to_camera(self, pixels: ArrayLike, depth: float) -> Floats:
-        """Return points `depth` m below the lens, shape (…, 3), by rows and columns, shape (…, 2)."""
+        """Return the points `depth` m below the lens, shape (…, 3), of pixels, shape (…, 2)."""
         away = (PIXELS / 2.0 - np.asarray(pixels, float)) * depth / self.focal
         return np.concatenate([away[..., ::-1], np.full_like(away[..., :1], depth)], axis=-1)
 
     def world_to_map(self, points: ArrayLike) -> Floats:
-        """Return rows and columns of the map, shape (…, 2), of points of the world, shape (…, 3): equation 9."""
+        """Return rows and columns of the map, shape (…, 2), of points of the world, shape (…, 3) (equation 9)."""
         return np.asarray(points, float)[..., 1::-1] * (-1.0, 1.0) / self.side
 
     def map_to_world(self, points: ArrayLike, elevation: float = 0.0) -> Floats:
-        """Return points `elevation` m above the ground, shape (…, 3), by rows and columns of the map."""
+        """Return the points `elevation` m above the ground, shape (…, 3), of rows and columns of the map."""
         flat = np.asarray(points, float)[..., ::-1] * (self.side, -self.side)
         return np.concatenate([flat, np.full_like(flat[..., :1], elevation)], axis=-1)
 
     def map_to_view(self, points: ArrayLike) -> Any:
-        """Return rows and columns of the view, shape (…, 2), by those of the map; cells stay whole."""
+        """Return rows and columns of the view, shape (…, 2), from those of the map, with the same dtype."""
         return np.asarray(points) - self.corner
 
     def view_to_map(self, points: ArrayLike) -> Any:
-        """Return rows and columns of the map, shape (…, 2), by those of the view; cells stay whole."""
+        """Return rows and columns of the map, shape (…, 2), from those of the view, with the same dtype."""
         return np.asarray(points) + self.corner
 
     def pixels_to_view(self, pixels: ArrayLike, elevation: float = 0.0) -> Floats:
-        """Return what of the view a pixel shows, shape (…, 2), `elevation` m above the ground."""
-        seen = self.camera_to_world(self.pixels_to_camera(pixels, self.height - elevation))
-        return np.asarray(self.map_to_view(self.world_to_map(seen)))
+        """Return the points of the view, shape (…, 2), that pixels show `elevation` m above the ground."""
+        points = self.camera_to_world(self.pixels_to_camera(pixels, self.height - elevation))
+        return np.asarray(self.map_to_view(self.world_to_map(points)))
 
     def view_to_pixels(self, points: ArrayLike, elevation: float = 0.0) -> Floats:
-        """Return rows and columns of pixels, shape (…, 2), of what lies `elevation` m above the ground."""
-        place = self.map_to_world(self.view_to_map(points), elevation)
-        return self.camera_to_pixels(self.world_to_camera(place))
+        """Return the pixels, shape (…, 2), of points of the view `elevation` m above the ground."""
+        world = self.map_to_world(self.view_to_map(points), elevation)
+        return self.camera_to_pixels(self.world_to_camera(world))
 
 
 def overlaps(parts: int, pixels: int = PIXELS) -> Floats:
-    """Return which share of each of so many equal parts of an axis every pixel is, shape (parts, pixels).
+    """Return the share of each cell along an axis that every pixel covers, shape (parts, pixels).
 
-    Rows add up to 1, so that ``overlaps(m) @ image @ overlaps(n).T`` is the mean of an image over each
-    cell of a view, also where pixels lie in two cells or are larger than cells.
+    Rows sum to 1, so ``overlaps(m) @ image @ overlaps(n).T`` is the mean of an image over each cell
+    of a view, even if a pixel spans two cells or is larger than a cell.
+
+    Parameters
+    ----------
+    parts : int
+        Number of equal cells along the axis.
+    pixels : int, default 256
+        Number of pixels along the axis.
     """
     borders = np.arange(parts + 1)[:, None] * (pixels / parts)
     edges = np.arange(pixels + 1)

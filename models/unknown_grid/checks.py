@@ -1,4 +1,4 @@
-"""What is measured on runs, from the true maps: they are walked again, cell by cell."""
+"""Verification of runs: replay each run cell by cell on the true map."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ __all__ = ["Replay", "has_way", "replay", "verify_runs"]
 
 Truths = NDArray[np.bool_]
 
-#: Row and column by letter.
+#: Change of row and column per letter.
 _MOVES = {"U": (-1, 0), "D": (1, 0), "L": (0, -1), "R": (0, 1)}
 
 
 class Replay(NamedTuple):
-    """What a run did on the true map.
+    """Replay of a run on the true map.
 
     Parameters
     ----------
     positions : ndarray of int, shape (n + 1, 2)
         Row and column before and after each of n actions.
     collided : ndarray of bool, shape (n,)
-        Which actions led into an obstacle or off the map.
+        True for each action that led into an obstacle or off the map.
     """
 
     positions: NDArray[np.int64]
@@ -35,23 +35,43 @@ class Replay(NamedTuple):
 
 
 def replay(blocked: Truths, start: tuple[int, int], actions: str) -> Replay:
-    """Return what `actions` do on a map, shape (rows, columns), true where blocked."""
+    """Return the positions and collisions that `actions` cause on a map.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns)
+        True map.
+    start : tuple of int
+        Row and column of a free cell.
+    actions : str
+        Letters U, D, L and R.
+    """
     rows, columns = blocked.shape
     row, column = start
     positions, collided = [(row, column)], []
     for letter in actions:
         down, across = _MOVES[letter]
-        to, over = row + down, column + across
-        hit = not (0 <= to < rows and 0 <= over < columns) or bool(blocked[to, over])
+        next_row, next_column = row + down, column + across
+        hit = not (0 <= next_row < rows and 0 <= next_column < columns) or bool(
+            blocked[next_row, next_column]
+        )
         if not hit:
-            row, column = to, over
+            row, column = next_row, next_column
         collided.append(hit)
         positions.append((row, column))
     return Replay(np.array(positions, np.int64), np.array(collided, bool))
 
 
 def has_way(blocked: Truths, start: tuple[int, int], target: tuple[int, int]) -> bool:
-    """Return whether steps between neighbours that are free lead from `start` to `target`."""
+    """Return whether a path over free cells connects two cells.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns)
+        Map, true if blocked.
+    start, target : tuple of int
+        Row and column of free cells.
+    """
     from scipy.ndimage import label
 
     parts, _ = label(~blocked)
@@ -59,33 +79,33 @@ def has_way(blocked: Truths, start: tuple[int, int], target: tuple[int, int]) ->
 
 
 def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verification:
-    """Return the mean cost of the runs, and whether each is what its outcome says.
+    """Return the mean cost of the runs in steps, and one check per kind of outcome.
 
-    A run costs its steps where it reached the target, or rightly said that there is no way; else one
-    step more than allowed.
+    The cost of a run is its number of steps if it reached the target, or if its outcome is
+    ``NO_WAY`` and no path exists. Otherwise it is the limit on the steps plus 1.
     """
     costs: list[int] = []
-    wrong: dict[Outcome, list[int]] = {one: [] for one in Outcome}
-    late: list[int] = []
+    wrong: dict[Outcome, list[int]] = {outcome: [] for outcome in Outcome}
+    overrun: list[int] = []
     longest, at_longest = 0, 0
     for k, (actions, outcome) in enumerate(zip(plan.actions, plan.outcomes, strict=True)):
         start, target = tuple(model.starts[k].tolist()), tuple(model.targets[k].tolist())
-        taken = replay(model.blocked[k], start, actions)
-        there = (taken.positions == model.targets[k]).all(axis=1)
+        run = replay(model.blocked[k], start, actions)
+        there = (run.positions == model.targets[k]).all(axis=1)
         reached = bool(there[-1])
         if there[:-1].any():
-            late.append(k)
+            overrun.append(k)
         if len(actions) > longest:
             longest, at_longest = len(actions), k
-        right = {
+        valid = {
             Outcome.REACHED: reached,
             Outcome.NO_WAY: not reached and not has_way(model.blocked[k], start, target),
             Outcome.GAVE_UP: not reached,
             Outcome.OUT_OF_STEPS: not reached and len(actions) >= model.steps,
         }[outcome]
-        if not right:
+        if not valid:
             wrong[outcome].append(k)
-        done = right and outcome in (Outcome.REACHED, Outcome.NO_WAY)
+        done = valid and outcome in (Outcome.REACHED, Outcome.NO_WAY)
         costs.append(len(actions) if done else model.steps + 1)
 
     def check(name: str, scenes: list[int]) -> Check:
@@ -97,7 +117,7 @@ def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verifi
         Check(
             "at most as many steps as allowed", "", float(over), "", 0.0, f"scene {at_longest}", 0.0
         ),
-        check("a run ends at the target", late),
+        check("a run ends at the target", overrun),
         check("the target is where the run ends", wrong[Outcome.REACHED]),
         check("there is no way", wrong[Outcome.NO_WAY]),
         check(

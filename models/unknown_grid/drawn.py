@@ -1,4 +1,4 @@
-"""What pictures and animations of runs share: the cells as an image, walks, and who stands where."""
+"""Drawing functions shared by plots and animations of runs: cells, walks and markers."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
-#: Free and blocked cells, as they are known and as nobody has seen them yet.
+#: Colours of free and blocked cells, after and before the UAV has shown them.
 SEEN, WALL, HIDDEN, HIDDEN_WALL = "#ffffff", "#4d4d4d", "#dbe0e8", "#a9b3c3"
 _SHADES = np.array(
-    [list(bytes.fromhex(one[1:] + "ff")) for one in (SEEN, WALL, HIDDEN, HIDDEN_WALL)], np.uint8
+    [list(bytes.fromhex(code[1:] + "ff")) for code in (SEEN, WALL, HIDDEN, HIDDEN_WALL)], np.uint8
 )
 #: Colour of the UAV and of the edge of its view.
 UAV = axis_style(1)["color"]
-#: More cells than this along a side are not told apart by lines.
+#: Maximum number of cells along a side with lines between them.
 _MOST_LINES = 60
-#: Cells along a side that a moment shows one by one at the most.
+#: Maximum number of cells along a side that a moment draws one by one.
 _MOST_PIXELS = 400
-#: Cells along a side of the part of a larger map that a moment shows, at the least.
+#: Minimum number of cells along a side of the part of a large map that a moment shows.
 _PART = 41
 
 
 class Walk(NamedTuple):
-    """The run of one scene on its true map.
+    """Run of one scene on its true map.
 
     Parameters
     ----------
@@ -51,13 +51,13 @@ class Walk(NamedTuple):
     hits : ndarray, shape (h, 2)
         Row and column of the edges that the vehicle ran into, in the order of the actions.
     hit_after : ndarray of int, shape (h,)
-        The actions that did, from 1.
+        Number of each of these actions, counted from 1.
     uav : ndarray of int, shape (n + 1, 2)
         Row and column of the UAV.
     seen : ndarray of int, shape (rows, columns)
-        After how many actions each cell was first seen; more than n where it was not.
+        Number of actions before each cell was first seen; n + 1 if it was never seen.
     outcome : Outcome
-        How the plan says that it ended.
+        Outcome that the plan states.
     """
 
     positions: Ints
@@ -69,28 +69,38 @@ class Walk(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """The number of actions."""
+        """Number of actions."""
         return len(self.positions) - 1
 
     @property
     def hovers_after(self) -> int:
-        """After how many actions the UAV stayed behind; more than there are where it never did."""
+        """Number of actions before the UAV stayed behind; `steps` + 1 if it never did."""
         behind = (self.positions != self.uav).any(axis=1)
         return int(behind.argmax()) if behind.any() else len(self.positions)
 
     def describe(self) -> str:
-        """Return how it ended, as in ``"reached after 12 steps, 1 collision"``."""
+        """Return a summary such as ``"reached after 12 steps, 1 collision"``."""
         count = len(self.hits)
         hits = f", {count} collision{'s' if count > 1 else ''}" if count else ""
         return f"{self.outcome} after {self.steps} step{'s' if self.steps != 1 else ''}{hits}"
 
 
 def walk_of(model: UnknownGridNavigation, plan: NavigationRuns, scene: int) -> Walk:
-    """Return what the run of `scene` did and what of the map it showed."""
+    """Return the positions, collisions and cells seen of a run.
+
+    Parameters
+    ----------
+    model : UnknownGridNavigation
+        Model with its true maps.
+    plan : NavigationRuns
+        Plan with one run per scene.
+    scene : int
+        Index of the scene.
+    """
     actions = plan.actions[scene]
     row, column = model.starts[scene].tolist()
     positions, collided = replay(model.blocked[scene], (row, column), actions)
-    moves = np.array([STEPS[ACTIONS.index(one)] for one in actions]).reshape(-1, 2)
+    moves = np.array([STEPS[ACTIONS.index(letter)] for letter in actions]).reshape(-1, 2)
     return Walk(
         positions,
         positions[:-1][collided] + 0.5 * moves[collided],
@@ -102,7 +112,7 @@ def walk_of(model: UnknownGridNavigation, plan: NavigationRuns, scene: int) -> W
 
 
 def check_scene(model: UnknownGridNavigation, scene: Any) -> int:
-    """Return the number of the scene to draw, or raise where there is no such scene."""
+    """Return the index of the scene to draw, or raise if it is out of range."""
     last = model.scenes - 1
     allowed = f"be the number of a scene, from 0 to {last}" if last else "be 0, the only scene"
     check_option("scene", scene, is_whole(scene, 0, last), allowed)
@@ -110,39 +120,53 @@ def check_scene(model: UnknownGridNavigation, scene: Any) -> int:
 
 
 def paint(blocked: Truths, seen: Truths) -> NDArray[np.uint8]:
-    """Return an image of cells, shape (rows, columns, 4)."""
+    """Return an RGBA image of cells, shape (rows, columns, 4).
+
+    Parameters
+    ----------
+    blocked, seen : ndarray of bool, shape (rows, columns)
+        True for blocked cells, and for cells that the UAV has shown.
+    """
     return np.take(_SHADES, blocked | (~seen).view(np.uint8) << 1, axis=0)
 
 
 class Box(NamedTuple):
-    """A part of a map: its first row and column, and how many of them; ndarray of int, shape (2,) each."""
+    """Rectangular part of a map.
+
+    Parameters
+    ----------
+    low : ndarray of int, shape (2,)
+        First row and column.
+    size : ndarray of int, shape (2,)
+        Numbers of rows and columns.
+    """
 
     low: Ints
     size: Ints
 
     @property
     def part(self) -> tuple[slice, slice]:
-        """The same as an index of arrays."""
+        """Index of the part in arrays of the map."""
         (row, column), (rows, columns) = self.low.tolist(), self.size.tolist()
         return slice(row, row + rows), slice(column, column + columns)
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Its sides for an image with row 0 on top: left, right, bottom, top."""
+        """Left, right, bottom and top of an image with row 0 on top."""
         (top, left), (bottom, right) = self.low - 0.5, self.low + self.size - 0.5
         return float(left), float(right), float(bottom), float(top)
 
 
 def box_around(model: UnknownGridNavigation, cell: Ints) -> Box:
-    """Return what is shown of a moment: the map, of a large one the part around the vehicle."""
-    least = np.maximum(_PART, 2 * model.view + 1)
-    size = np.where(model.shape <= _MOST_LINES, model.shape, np.minimum(model.shape, least))
+    """Return the part of the map that a moment shows: all of it, or the surroundings of `cell`."""
+    smallest = np.maximum(_PART, 2 * model.view + 1)
+    size = np.where(model.shape <= _MOST_LINES, model.shape, np.minimum(model.shape, smallest))
     return Box(np.clip(cell - size // 2, 0, model.shape - size), size)
 
 
 def draw_cells(axes: Any, image: NDArray[np.uint8], box: Box) -> Any:
-    """Draw an image of the cells in `box`, row 0 on top, and return it."""
-    drawn = axes.imshow(
+    """Draw an image of the cells in `box`, row 0 on top, and return the artist."""
+    artist = axes.imshow(
         image, extent=box.extent, zorder=0.5, gid="cells", aspect="auto",
         interpolation="none" if max(image.shape) <= 500 else "auto",
     )  # fmt: skip
@@ -150,13 +174,13 @@ def draw_cells(axes: Any, image: NDArray[np.uint8], box: Box) -> Any:
     axes.axis(box.extent)
     for side in axes.spines.values():
         side.set_color("#9a9a9a")
-    return drawn
+    return artist
 
 
 def draw_lines(axes: Any, box: Box) -> None:
-    """Draw lines between the cells in `box`, in place of those before, where they are told apart."""
-    for old in [one for one in axes.collections if one.get_gid() == "lines"]:
-        old.remove()
+    """Replace the lines between the cells in `box`; large boxes get no lines."""
+    for lines in [artist for artist in axes.collections if artist.get_gid() == "lines"]:
+        lines.remove()
     if box.size.max() <= _MOST_LINES:
         left, right, bottom, top = box.extent
         look: dict[str, Any] = {"color": "#9a9a9a", "lw": 0.3, "zorder": 0.6, "gid": "lines"}
@@ -167,7 +191,7 @@ def draw_lines(axes: Any, box: Box) -> None:
 def draw_ends(
     axes: Any, model: UnknownGridNavigation, scene: int, size: float, **look: Any
 ) -> None:
-    """Draw start and target, markers of `size` points; `look` goes to both."""
+    """Draw start and target as markers of `size` points; `look` applies to both."""
     target, start = model.targets[scene][None, ::-1], model.starts[scene][None, ::-1]
     look = {"edge": BLACK, "width": 0.9, **look}
     dots(axes, target, "*", "white", size=(1.5 * size) ** 2, zorder=8, gid="target", **look)
@@ -175,26 +199,26 @@ def draw_ends(
 
 
 def draw_collisions(axes: Any, hits: Floats, size: float, **look: Any) -> Any:
-    """Draw where the vehicle ran into something, and return the markers."""
+    """Draw the collisions and return the artist of their markers."""
     look = {"mec": RED, "mew": 1.5, "ms": 0.8 * size, **look}
     return axes.plot(*hits[:, ::-1].T, "x", zorder=9, gid="collision", **look)[0]
 
 
 class Moment:
-    """What a run has come to: what was seen so far, the way so far, the vehicle and the UAV.
+    """Drawing of one moment of a run: cells seen, path, vehicle and UAV.
 
     Parameters
     ----------
     axes : matplotlib axes
-        Where.
+        Axes to draw on.
     model : UnknownGridNavigation
-        With its true maps.
+        Model with its true maps.
     scene : int
-        Its number.
+        Index of the scene.
     walk : Walk
-        The run.
+        Run of the scene.
     size : float
-        Size of markers (point).
+        Size of the markers, points.
     """
 
     def __init__(
@@ -205,7 +229,7 @@ class Moment:
         self.axes, self.model, self.walk = axes, model, walk
         self._blocked = model.blocked[scene]
         self._image: Any = None
-        # At the edge of the map markers are whole, beyond the part that is shown there are none.
+        # Markers at the edge of the map stay whole; those outside the visible part are clipped.
         part = box_around(model, walk.positions[0]).size
         clip: dict[str, Any] = {"clip_on": bool((part < model.shape).any())}
         draw_ends(axes, model, scene, size, **clip)
@@ -226,13 +250,13 @@ class Moment:
     def show(self, step: int) -> None:
         """Show the run after `step` actions."""
         walk, box = self.walk, box_around(self.model, self.walk.positions[step])
-        # Of so many cells that none is told from its neighbours, some will do.
-        fine = (slice(None, None, 1 + int(box.size.max()) // _MOST_PIXELS),) * 2
-        shown = paint(self._blocked[box.part][fine], walk.seen[box.part][fine] <= step)
+        # A subset of the cells suffices if they are too small to distinguish.
+        stride = (slice(None, None, 1 + int(box.size.max()) // _MOST_PIXELS),) * 2
+        image = paint(self._blocked[box.part][stride], walk.seen[box.part][stride] <= step)
         if self._image is None:
-            self._image = draw_cells(self.axes, shown, box)
+            self._image = draw_cells(self.axes, image, box)
         else:
-            self._image.set(data=shown, extent=box.extent)
+            self._image.set(data=image, extent=box.extent)
             draw_lines(self.axes, box)
             self.axes.axis(box.extent)
         self._way.set_data(*walk.positions[: step + 1, ::-1].T)
@@ -246,7 +270,7 @@ class Moment:
 
 
 def keys_of(walk: Walk | None, *, moving: bool) -> list[Any]:
-    """Return the entries of a legend: what a walk showed, where there is one, and what of it moves."""
+    """Return the legend entries of the cells, of the collisions and, if `moving`, of the vehicles."""
     keys = [
         key("start", marker="s", mfc="white", mec=BLACK, ms=5),
         key("target", marker="*", mfc="white", mec=BLACK, ms=9),

@@ -1,4 +1,4 @@
-"""Where the parts of a picture of runs lie on its sheet."""
+"""Layout of a figure of runs: positions of the map, the moments and the panel of scenes."""
 
 from __future__ import annotations
 
@@ -10,19 +10,27 @@ from .drawn import Box
 
 __all__ = ["Layout", "Place", "arrange", "is_square", "proportion"]
 
-#: Inches: around everything, between moments, for numbers of rows and of columns, for words above a map,
-#: a line of a title or a legend, and the panel over scenes.
+#: Lengths in inches: outer margin, gap between moments, tick labels of rows and of columns, caption above
+#: a map, line of a title or a legend, and height of the panel of scenes.
 _MARGIN, _GAP, _ROWS, _COLUMNS, _WORDS, _LINE, _SCENES = 0.2, 0.12, 0.5, 0.48, 0.24, 0.17, 1.5
-#: Height of the map as a part of the sheet's width.
+#: Height of the map divided by the width of the sheet.
 _MAP = 0.42
-#: Width over height of what is drawn.
+#: Limits on the ratio of width to height of a drawn map.
 _NARROWEST, _BROADEST = 0.2, 12.0
-#: Maps that are broader than so many times their height have moments below.
+#: Ratio of width to height above which the moments are placed below the map.
 _BROAD = 1.35
 
 
 class Place(NamedTuple):
-    """A rectangle on a sheet, its left upper corner first (inch)."""
+    """Rectangle on a sheet.
+
+    Parameters
+    ----------
+    left, top : float
+        Distances of the upper left corner from the sheet's left and upper edges, inches.
+    broad, tall : float
+        Width and height, inches.
+    """
 
     left: float
     top: float
@@ -30,13 +38,25 @@ class Place(NamedTuple):
     tall: float
 
     def share(self, size: tuple[float, float]) -> tuple[float, float, float, float]:
-        """Return it as parts of a sheet of `size`, its left lower corner first."""
+        """Return lower left corner, width and height as fractions of a sheet of `size`."""
         low = 1 - (self.top + self.tall) / size[1]
         return self.left / size[0], low, self.broad / size[0], self.tall / size[1]
 
 
 class Layout(NamedTuple):
-    """A sheet's size (inch), and the places on it."""
+    """Size of a sheet and the rectangles on it.
+
+    Parameters
+    ----------
+    size : (float, float)
+        Width and height of the sheet, inches.
+    map : Place
+        Rectangle of the map.
+    moments : list of Place
+        Rectangles of the moments.
+    panel : Place or None
+        Rectangle of the panel of scenes.
+    """
 
     size: tuple[float, float]
     map: Place
@@ -45,13 +65,13 @@ class Layout(NamedTuple):
 
 
 def proportion(box: Box) -> float:
-    """Return width over height of a part of a map as it is drawn."""
+    """Return the ratio of width to height of a part of a map as drawn."""
     rows, columns = box.size.tolist()
     return float(np.clip(columns / rows, _NARROWEST, _BROADEST))
 
 
 def is_square(box: Box) -> bool:
-    """Return whether the cells of a part of a map are drawn as squares."""
+    """Return whether the cells of a part of a map appear as squares."""
     rows, columns = box.size.tolist()
     return bool(proportion(box) == columns / rows)
 
@@ -60,28 +80,28 @@ def arrange(
     size: tuple[float, float | None], whole: Box, part: Box, count: int, *, head: int, foot: int,
     panel: bool,
 ) -> Layout:  # fmt: skip
-    """Return where the map, its moments, and the panel over scenes lie.
+    """Return the layout of the map, its moments and the panel of scenes.
 
     Parameters
     ----------
-    size : (float, float)
-        Width and height of the sheet (inch); the height that suits, for None.
+    size : (float, float or None)
+        Width and height of the sheet, inches. None computes the height.
     whole, part : Box
-        What the map and what a moment shows.
+        Parts that the map and each moment show.
     count : int
-        How many moments.
+        Number of moments.
     head, foot : int
-        Lines of the title and of the legend.
+        Numbers of lines of the title and of the legend.
     panel : bool
-        Whether there is one over scenes.
+        Whether the sheet has a panel of scenes.
     """
-    broad, given = size
+    broad, limit = size
     words = (broad, head, foot)
-    for share in np.linspace(_MAP, 0.05, 1 if given is None else 40):
-        found = _arranged(words, whole, part, count, share=float(share), panel=panel)
-        if given is None or found.size[1] <= given:
+    for share in np.linspace(_MAP, 0.05, 1 if limit is None else 40):
+        layout = _arranged(words, whole, part, count, share=float(share), panel=panel)
+        if limit is None or layout.size[1] <= limit:
             break
-    return found if given is None else found._replace(size=(broad, given))
+    return layout if limit is None else layout._replace(size=(broad, limit))
 
 
 def _arranged(
@@ -99,27 +119,27 @@ def _arranged(
     if not beside:
         left += (room - wide) / 2
     first = Place(left, top, wide, tall)
-    low = top + tall + _COLUMNS
+    bottom = top + tall + _COLUMNS
     moments: list[Place] = []
     if beside:
         right = left + wide + 0.2
         moments = _tiles(Place(right, top, broad - _MARGIN - right, tall), count, proportion(part))
     elif count:
-        area = Place(_MARGIN, low + _WORDS, broad - 2 * _MARGIN, share * broad)
+        area = Place(_MARGIN, bottom + _WORDS, broad - 2 * _MARGIN, share * broad)
         moments = _tiles(area, count, proportion(part))
     if moments:
-        free = 0.5 * (broad - _MARGIN - max(one.left + one.broad for one in moments))
-        moments = [one._replace(left=one.left + free) for one in moments]
-        first = first._replace(left=first.left + free * beside)
-    low = max([low, *(one.top + one.tall + _GAP for one in moments)])
-    scenes = Place(0.75, low + 0.1, broad - 1.0, _SCENES) if panel else None
+        shift = 0.5 * (broad - _MARGIN - max(tile.left + tile.broad for tile in moments))
+        moments = [tile._replace(left=tile.left + shift) for tile in moments]
+        first = first._replace(left=first.left + shift * beside)
+    bottom = max([bottom, *(tile.top + tile.tall + _GAP for tile in moments)])
+    scenes = Place(0.75, bottom + 0.1, broad - 1.0, _SCENES) if panel else None
     if scenes is not None:
-        low += 0.1 + _SCENES + _COLUMNS
-    return Layout((broad, low + 0.12 + _LINE * foot), first, moments, scenes)
+        bottom += 0.1 + _SCENES + _COLUMNS
+    return Layout((broad, bottom + 0.12 + _LINE * foot), first, moments, scenes)
 
 
 def _tiles(area: Place, count: int, ratio: float) -> list[Place]:
-    """Return places of equal size, as large as they can be, words above each."""
+    """Return rectangles of equal, maximum size, each with a caption above."""
     best = (0.0, 1)
     for columns in range(1, count + 1):
         rows = -(-count // columns)

@@ -32,31 +32,31 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
-#: Cells of all maps together at the most.
+#: Maximum number of cells of all maps together.
 MOST = 2**26
 _FREE, _BLOCKED = ".G", "@OTW#"
 
 
 class Maps(Array):
-    """Truth values, or one list of lines of text a scene; written as lines."""
+    """Field of Boolean maps, also accepted as one list of text lines per scene; written as lines."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Truths:
         if isinstance(value, Sequence) and not isinstance(value, str):
-            value = [_read_lines(f"{name}[{k}]", one) for k, one in enumerate(value)]
-            shapes = [_shape(f"{name}[{k}]", one) for k, one in enumerate(value)]
-            for k, one in enumerate(shapes):
-                if one != shapes[0]:
+            value = [_read_lines(f"{name}[{k}]", text) for k, text in enumerate(value)]
+            shapes = [_shape(f"{name}[{k}]", text) for k, text in enumerate(value)]
+            for k, text in enumerate(shapes):
+                if text != shapes[0]:
                     raise InvalidData(
-                        f"{name}[{k}] must have shape {shapes[0]} as the first map, got {one}",
+                        f"{name}[{k}] must have shape {shapes[0]} as the first map, got {text}",
                         field=name,
                     )
-        found: Truths = super().coerce(name, value, sizes)
-        return found
+        maps: Truths = super().coerce(name, value, sizes)
+        return maps
 
     def encode(self, value: Truths) -> list[list[str]]:
         letters = np.where(value, "@", ".")
-        found: list[list[str]] = letters.view(f"U{value.shape[2]}")[:, :, 0].tolist()
-        return found
+        lines: list[list[str]] = letters.view(f"U{value.shape[2]}")[:, :, 0].tolist()
+        return lines
 
 
 def _shape(name: str, value: Any) -> tuple[int, ...]:
@@ -69,7 +69,7 @@ def _shape(name: str, value: Any) -> tuple[int, ...]:
 
 
 def _read_lines(name: str, value: Any) -> Any:
-    """Return the truth values of lines of text; anything else as it is."""
+    """Return lines of text as Boolean values, and any other value unchanged."""
     if isinstance(value, str):
         value = value.splitlines()
     if not (isinstance(value, list | tuple) and value and all(isinstance(x, str) for x in value)):
@@ -92,16 +92,17 @@ def _read_lines(name: str, value: Any) -> Any:
 
 
 class Score(NamedTuple):
-    """What runs achieved, measured on the true maps.
+    """Performance of runs, measured on the true maps.
 
     Parameters
     ----------
     scenes, reached : int
-        How many there are, and in how many the target was reached.
+        Number of scenes, and number of scenes whose target was reached.
     collisions : int
-        Steps into obstacles or off the map, in all scenes.
+        Number of steps into obstacles or off the map, in all scenes.
     ratio : float
-        Mean of steps taken over fewest steps, where the target was reached; NaN where it never was.
+        Mean ratio of steps taken to fewest steps over the scenes whose target was reached; NaN if
+        no target was reached.
     """
 
     scenes: int
@@ -112,41 +113,42 @@ class Score(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class UnknownGridNavigation(Model[NavigationRuns]):
-    """A vehicle that is led to a target on a map that is not known, in one scene or in many.
+    """Navigation of a vehicle to a target on an unknown map, in one or more scenes.
 
-    The vehicle goes up, down, left or right by a cell a step. It knows the size of the map, where it is
-    and where the target lies, and a UAV shows it the cells of a view around it; so a policy decides
-    step by step. A step into an obstacle or off the map is a collision: the vehicle stays, and the
-    step is used.
+    The vehicle moves up, down, left or right by one cell per step. A policy decides step by step. It
+    has the size of the map, the positions of the vehicle and the target, and the cells of a view that a
+    UAV shows. A step into an obstacle or off the map is a collision: the vehicle does not move, and
+    the step is used.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (k, rows, columns), or k lists of lines of text
-        The true map of each scene. In text ``.`` and ``G`` are free, ``@``, ``O``, ``T``, ``W`` and
-        ``#`` blocked. Hidden from backends.
+        True map of each scene, hidden from backends. In text, ``.`` and ``G`` are free, and ``@``,
+        ``O``, ``T``, ``W`` and ``#`` are blocked.
     starts, targets : ndarray of int, shape (k, 2)
-        Row and column in each scene; free, and not the same.
+        Row and column in each scene. Both cells must be free and differ from each other.
     shape : ndarray of int, shape (2,)
-        Rows and columns of the maps.
-    view : ndarray of int, shape (2,)
-        Rows and columns that the UAV sees, both odd, the vehicle in the middle.
-    steps : int
-        Actions that a run may use, >= 1.
-    uav : {"paper", "follow"}
-        See :class:`Hover`.
+        Numbers of rows and columns of the maps.
+    view : ndarray of int, shape (2,), default (11, 11)
+        Numbers of rows and columns of the view, both odd, with the UAV above its middle.
+    steps : int, default 40
+        Maximum number of actions per run, from 1 to 10**6.
+    uav : {"paper", "follow"}, default "paper"
+        Motion of the UAV after it has seen the target, see :class:`Hover`.
     camera : Camera, optional
-        What shows images instead of cells; the target is not to be seen in them.
+        Camera that returns images instead of cells. The target is invisible in them. None returns
+        cells.
 
     Notes
     -----
-    The objective is the mean over the scenes of the steps that were taken; a run that does not reach
-    the target counts as one step more than allowed, unless it says that there is no way and is right.
+    The objective is the mean number of steps per scene. A run that does not reach the target costs
+    `steps` + 1, unless its outcome is ``NO_WAY`` and no path exists.
 
     Raises
     ------
     InvalidData
-        Naming field, scene and value: a start or target that is blocked or off the map, a view of even
-        size, maps of different shapes.
+        A start or target is blocked or outside the map, the view has an even side, or the shapes of
+        the maps differ. The message names field, scene and value.
 
     Examples
     --------
@@ -170,7 +172,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     plan_type: ClassVar[type] = NavigationRuns
 
     def check(self) -> None:
-        """Refuse scenes that no vehicle can start in, and views without a middle."""
+        """Raise if a start or target is not a free cell, or the view has no middle cell."""
         count = len(self.starts)
         if not count:
             raise InvalidData("starts must hold at least one scene, got none", field="starts")
@@ -212,19 +214,26 @@ class UnknownGridNavigation(Model[NavigationRuns]):
 
     @classmethod
     def drawn(cls, *drawings: str | Sequence[str], **fields: Any) -> Self:
-        """Return the model of scenes that are drawn in text.
+        """Return the model of scenes drawn as text.
 
         Parameters
         ----------
         *drawings : str or list of str
-            Lines of ``.`` (free), ``@`` or ``#`` (blocked), one ``S`` (start) and one ``T`` (target).
+            One drawing per scene: lines of ``.`` (free), ``@`` or ``#`` (blocked), one ``S`` (start)
+            and one ``T`` (target).
         **fields
-            The other fields, such as `view`.
+            Further fields of the model, such as `view`.
+
+        Returns
+        -------
+        UnknownGridNavigation
+            Model with the drawn maps, starts and targets.
 
         Raises
         ------
         InvalidData
-            Naming drawing, line and column: no start or target, or several, and other letters.
+            A drawing has an unknown letter, or not exactly one start and one target. The message
+            names drawing, line and column.
         """
         blocked, starts, targets = [], [], []
         if not drawings:
@@ -237,64 +246,89 @@ class UnknownGridNavigation(Model[NavigationRuns]):
                 )
             ends = []
             for letter, word in (("S", "start"), ("T", "target")):
-                found = [
+                cells = [
                     (r, c)
                     for r, line in enumerate(lines)
                     for c, x in enumerate(line)
                     if x == letter
                 ]
-                if len(found) != 1:
-                    where = f" at {found[:3]}" if found else ""
+                if len(cells) != 1:
+                    where = f" at {cells[:3]}" if cells else ""
                     raise InvalidData(
-                        f"drawing {k} must have one {letter} ({word}), got {len(found)}{where}",
+                        f"drawing {k} must have one {letter} ({word}), got {len(cells)}{where}",
                         field=f"{word}s",
                     )
-                ends.append(found[0])
+                ends.append(cells[0])
             starts.append(ends[0])
             targets.append(ends[1])
             blocked.append([line.replace("S", ".").replace("T", ".") for line in lines])
-        checked = Maps(("k", "rows", "columns"), bool).coerce("blocked", blocked, {})
-        return cls(
-            checked, np.array(starts), np.array(targets), np.array(checked.shape[1:]), **fields
-        )
+        maps = Maps(("k", "rows", "columns"), bool).coerce("blocked", blocked, {})
+        return cls(maps, np.array(starts), np.array(targets), np.array(maps.shape[1:]), **fields)
 
     @property
     def scenes(self) -> int:
-        """The number of scenes."""
+        """Number of scenes."""
         return len(self.starts)
 
     def oracle(self) -> Callable[[Floats], Floats]:
-        """Return the :class:`World` of one run, which answers its questions."""
+        """Return the :class:`World` that simulates the scenes for one solve."""
         return World(self)
 
     def fewest_steps(self) -> Floats:
-        """Return the fewest steps from start to target on the true maps, shape (k,), infinite without a way."""
+        """Return the fewest steps from start to target on the true maps, shape (k,).
+
+        The entry of a scene without a path is infinite.
+        """
         ends = zip(self.blocked, self.starts, self.targets, strict=True)
-        found = [distances(GridMap(one), [a, b], diagonal=False)[0, 1] for one, a, b in ends]
-        return np.array(found)
+        lengths = [distances(GridMap(cells), [a, b], diagonal=False)[0, 1] for cells, a, b in ends]
+        return np.array(lengths)
 
     def replays(self, plan: NavigationRuns | Any) -> tuple[Replay, ...]:
-        """Return what the runs of a plan did on the true maps, one a scene."""
+        """Return the replays of a plan's runs on the true maps, one per scene.
+
+        Parameters
+        ----------
+        plan : NavigationRuns, Solution or JSON data
+            Plan with one run per scene.
+
+        Raises
+        ------
+        InvalidData
+            The numbers of runs and scenes differ.
+        """
         runs = self._checked(self.as_plan(plan)).actions
-        every = zip(self.blocked, self.starts.tolist(), runs, strict=True)
-        return tuple(replay(one, (row, column), run) for one, (row, column), run in every)
+        scenes = zip(self.blocked, self.starts.tolist(), runs, strict=True)
+        return tuple(replay(cells, (row, column), run) for cells, (row, column), run in scenes)
 
     def score(self, plan: NavigationRuns | Any) -> Score:
-        """Return how often the target was reached, collisions, and how long the ways were."""
-        taken = self.replays(plan)
-        there = np.array(
+        """Return the reached scenes, the collisions and the mean ratio of steps to fewest steps.
+
+        Parameters
+        ----------
+        plan : NavigationRuns, Solution or JSON data
+            Plan with one run per scene.
+
+        Raises
+        ------
+        InvalidData
+            The numbers of runs and scenes differ.
+        """
+        replays = self.replays(plan)
+        reached = np.array(
             [
-                bool((one.positions[-1] == t).all())
-                for one, t in zip(taken, self.targets, strict=True)
+                bool((run.positions[-1] == t).all())
+                for run, t in zip(replays, self.targets, strict=True)
             ]
         )
-        steps = np.array([len(one.collided) for one in taken], float)
-        ratio = float((steps[there] / self.fewest_steps()[there]).mean()) if there.any() else np.nan
-        collisions = int(sum(one.collided.sum() for one in taken))
-        return Score(self.scenes, int(there.sum()), collisions, ratio)
+        steps = np.array([len(run.collided) for run in replays], float)
+        ratio = np.nan
+        if reached.any():
+            ratio = float((steps[reached] / self.fewest_steps()[reached]).mean())
+        collisions = int(sum(run.collided.sum() for run in replays))
+        return Score(self.scenes, int(reached.sum()), collisions, ratio)
 
     def verify(self, plan: NavigationRuns, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the mean cost, and whether every run is what its outcome says, on the true maps."""
+        """Return the mean cost in steps, and check each outcome on the true maps."""
         check_tolerance(tolerance)
         return verify_runs(self, self._checked(plan), tolerance)
 
@@ -302,7 +336,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         required("plan", plan, NavigationRuns)
         if len(plan) != self.scenes:
             raise InvalidData(
-                f"actions must have {self.scenes} entries, one a scene, got {len(plan)}",
+                f"actions must have {self.scenes} entries, one per scene, got {len(plan)}",
                 field="actions",
             )
         return plan
@@ -316,7 +350,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         return NavigationRuns.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a short description of the size."""
         scenes = "1 scene" if self.scenes == 1 else f"{self.scenes} scenes"
         rows, columns = self.shape
         camera = "" if self.camera is None else f", {self.camera.rendering} images"

@@ -1,4 +1,4 @@
-"""What vehicles did on unknown grids: one run a scene."""
+"""Plans of unknown grids: one run per scene."""
 
 from __future__ import annotations
 
@@ -12,47 +12,51 @@ from ..fields import show
 
 __all__ = ["ACTIONS", "STEPS", "NavigationRuns", "Outcome"]
 
-#: The letters of the actions up, down, left and right, in the order of their numbers 0 … 3.
+#: Letters of the actions up, down, left and right, in the order of their numbers 0 … 3.
 ACTIONS = "UDLR"
-#: The change of row and column by each action.
+#: Change of row and column per action.
 STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
 
 
 class Outcome(StrEnum):
-    """How a run ended."""
+    """End of a run."""
 
-    REACHED = "reached"  #: at the target
-    NO_WAY = "no way"  #: the policy says that the target cannot be reached; it is checked
-    GAVE_UP = "gave up"  #: the policy had no further action, or was stopped
-    OUT_OF_STEPS = "out of steps"  #: the steps were used up before
+    REACHED = "reached"  #: The run ends at the target. Its cost is its number of steps.
+    #: The policy claims that no path exists. If the check on the true map confirms it, the cost is
+    #: the number of steps; otherwise the plan is invalid.
+    NO_WAY = "no way"
+    #: The policy had no further action, or was stopped. The cost is the limit on the steps plus 1.
+    GAVE_UP = "gave up"
+    #: All steps were used before the target was reached. The cost is the limit on the steps plus 1.
+    OUT_OF_STEPS = "out of steps"
 
 
 @dataclass(frozen=True)
 class NavigationRuns:
-    """The actions of a policy in every scene.
+    """Actions of a policy in every scene.
 
     Parameters
     ----------
     actions : tuple of str
-        One a scene: the letters U, D, L, R for up (to the row before), down, left (to the column
-        before) and right. A step into an obstacle or off the map leaves the vehicle where it is.
+        One string per scene with the letters U (previous row), D (next row), L (previous column) and
+        R (next column). The vehicle does not move if a step leads into an obstacle or off the map.
     outcomes : tuple of Outcome
-        How each run ended.
+        End of each run.
 
     Raises
     ------
     InvalidData
-        Other letters, unknown outcomes, or lists of different lengths.
+        A letter or an outcome is unknown, or the lengths of the lists differ.
     """
 
     actions: tuple[str, ...]
     outcomes: tuple[Outcome, ...]
 
     def __post_init__(self) -> None:
-        for name, given in (("actions", self.actions), ("outcomes", self.outcomes)):
-            if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
+        for name, value in (("actions", self.actions), ("outcomes", self.outcomes)):
+            if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
                 raise InvalidData(
-                    f"{name} must be a list with an entry a scene, got {show(given)}", field=name
+                    f"{name} must be a list with one entry per scene, got {show(value)}", field=name
                 )
         for k, run in enumerate(self.actions):
             if not isinstance(run, str) or run.strip(ACTIONS):
@@ -68,7 +72,7 @@ class NavigationRuns:
                 )
         if len(self.actions) != len(self.outcomes):
             raise InvalidData(
-                f"outcomes has {len(self.outcomes)} entries where actions has {len(self.actions)}",
+                f"outcomes must have {len(self.actions)} entries, as actions, got {len(self.outcomes)}",
                 field="outcomes",
             )
         object.__setattr__(self, "actions", tuple(self.actions))
@@ -76,17 +80,26 @@ class NavigationRuns:
 
     @property
     def success(self) -> float:
-        """The share of scenes whose target was reached, percent."""
-        reached = sum(one is Outcome.REACHED for one in self.outcomes)
+        """Share of the scenes whose target was reached, percent."""
+        reached = sum(outcome is Outcome.REACHED for outcome in self.outcomes)
         return 100.0 * reached / max(len(self.outcomes), 1)
 
     def to_data(self) -> dict[str, Any]:
         """Return the plan as JSON data."""
-        return {"actions": list(self.actions), "outcomes": [str(one) for one in self.outcomes]}
+        return {
+            "actions": list(self.actions),
+            "outcomes": [str(outcome) for outcome in self.outcomes],
+        }
 
     @classmethod
     def from_data(cls, data: Any) -> NavigationRuns:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan from the data of :meth:`to_data`.
+
+        Raises
+        ------
+        InvalidData
+            The data is not an object with the keys ``actions`` and ``outcomes``, or a value is invalid.
+        """
         if not isinstance(data, Mapping) or set(data) != {"actions", "outcomes"}:
             raise InvalidData(
                 f"a plan must be an object with the keys actions and outcomes, got {show(data)}",
@@ -100,10 +113,10 @@ class NavigationRuns:
     def __str__(self) -> str:
         if len(self) == 1:
             run = self.actions[0]
-            shown = run if len(run) <= 60 else f"{run[:60]}…"
+            letters = run if len(run) <= 60 else f"{run[:60]}…"
             return (
-                f"{self.outcomes[0]} after {len(run)} steps: {shown}" if run else self.outcomes[0]
+                f"{self.outcomes[0]} after {len(run)} steps: {letters}" if run else self.outcomes[0]
             )
-        counts = {one: self.outcomes.count(one) for one in Outcome}
-        words = ", ".join(f"{one} {count}" for one, count in counts.items() if count)
+        counts = {outcome: self.outcomes.count(outcome) for outcome in Outcome}
+        words = ", ".join(f"{outcome} {count}" for outcome, count in counts.items() if count)
         return f"{len(self)} scenes: {words}"

@@ -1,4 +1,4 @@
-"""The picture of runs on unknown grids: the walk on the true map, and how it came about step by step."""
+"""Plot of runs on unknown grids: the path on the true map, and moments of the run."""
 
 from __future__ import annotations
 
@@ -48,27 +48,27 @@ __all__ = ["animate_run", "draw"]
 
 Floats = NDArray[np.float64]
 
-#: Plans beside the first at the most, and the colours of all; the second colour is the UAV's.
+#: Maximum number of plans beside the first, and colours of all plans. Colour 1 is the UAV's.
 _MOST_OTHERS = 5
 _COLOURS = (0, 2, 3, 4, 5, 6)
-#: Moments at the most.
+#: Maximum number of moments.
 _MOST_MOMENTS = 24
-#: The shortest ways are drawn where all maps together have at most so many cells.
+#: Maximum number of cells of all maps for which shortest paths are computed.
 _MOST_CELLS = 10**6
-#: Letters of a line of the legend on an inch of the figure.
+#: Letters of the legend per inch of the figure's width.
 _LETTERS = 14.0
-#: Width of the sheet (inch).
+#: Width of the sheet, inches.
 _BROAD = 8.6
 _SHORTEST: dict[str, Any] = {"color": GREY, "lw": 1.2, "ls": ":"}
 
 
 class _Named(NamedTuple):
-    """A plan, its name, how it looks, and its run in the scene that is drawn."""
+    """Plan with its name, style, verification, and walk in the scene drawn."""
 
     name: str
     look: dict[str, Any]
     plan: NavigationRuns
-    found: Verification
+    verification: Verification
     walk: Walk
 
 
@@ -83,30 +83,30 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw the run of one scene on its true map, and what was known of it on the way.
+    """Draw the run of one scene on its true map, and moments of the run with the cells seen so far.
 
-    What the UAV has not shown is tinted; the frame is its view. Of maps of more than 60 cells along a side the
-    moments show the part around the vehicle. Where there are several scenes, a panel tells in how many the
-    target was reached within how many steps.
+    Cells that the UAV has not shown are tinted. A frame marks its view. If a side of the map has more than
+    60 cells, the moments show only the part around the vehicle. If the model has several scenes, a panel
+    shows the share of scenes reached against the number of steps.
 
     Parameters
     ----------
     model : UnknownGridNavigation
-        The model, with its true maps.
+        Model with its true maps.
     plan : NavigationRuns, optional
-        A plan for it, valid or not; None draws the map only.
-    scene : int
-        Which scene.
-    moments : int or list of int
-        How many moments of the run are shown, 0 to 24, or after which numbers of steps.
+        Plan of the model, valid or not. None draws the map only.
+    scene : int, default 0
+        Index of the scene.
+    moments : int or list of int, default 6
+        Number of moments, from 0 to 24, or the numbers of steps after which moments are drawn.
     others : dict of str to plan, optional
-        Up to 5 further plans by what the legend calls them: plans, their JSON data or solutions.
-    tolerance : float
-        Largest violation accepted, relative, for what the title says.
+        At most 5 further plans, their JSON data or solutions. The keys are the names in the legend.
+    tolerance : float, default 1e-6
+        Largest relative violation accepted for the verdict in the title.
     title : str, optional
-        Instead of the name and how the run ended.
+        Title that replaces the name of the model and the outcome of the run.
     size : (float, float), optional
-        Width and height (inch).
+        Width and height of the figure, inches.
 
     Returns
     -------
@@ -116,15 +116,15 @@ def draw(
     Raises
     ------
     HiddenData
-        The model is as backends see it, without its true maps.
+        The model is a backend's view, without the true maps.
     InvalidData
-        A plan is none of this model.
+        A plan does not fit the model.
     UnsupportedOption
-        An option has a value that is not allowed.
+        An option is outside its allowed range.
 
     See Also
     --------
-    animate_run : The same in motion.
+    animate_run : Animation of the same run.
     """
     check_tolerance(tolerance)
     scene = check_scene(model, scene)
@@ -134,12 +134,12 @@ def draw(
     check_option("others", others, few, f"be at most {_MOST_OTHERS} plans by their names")
     runs: list[_Named] = []
     given = [] if plan is None else [("run", plan)]
-    # The first colour is that of the plan, drawn or not.
+    # The first colour is reserved for `plan`.
     colours = _COLOURS if plan is not None else _COLOURS[1:]
     for (name, value), colour in zip([*given, *named.items()], colours, strict=False):
-        one = required("plan", model.as_plan(value), NavigationRuns)
-        found = model.verify(one, tolerance=tolerance)
-        runs.append(_Named(name, axis_style(colour), one, found, walk_of(model, one, scene)))
+        entry = required("plan", model.as_plan(value), NavigationRuns)
+        checked = model.verify(entry, tolerance=tolerance)
+        runs.append(_Named(name, axis_style(colour), entry, checked, walk_of(model, entry, scene)))
     main = None if plan is None else runs[0]
     chosen = _moments(moments, main)
     shortest = model.fewest_steps() if model.blocked.size <= _MOST_CELLS else None
@@ -149,7 +149,7 @@ def draw(
     if several and shortest is not None:
         keys.append(key("shortest ways", **_SHORTEST))
     broad, tall = (_BROAD, None) if size is None else check_size(size, (0, 0))
-    letters = sum(6 + len(one.get_label()) for one in keys)
+    letters = sum(6 + len(entry.get_label()) for entry in keys)
     rows = min(len(keys), 1 + int(letters / (_LETTERS * broad)))
     layout = arrange(
         (broad, tall), Box(model.starts[scene], model.shape), box_around(model, model.starts[scene]),
@@ -162,21 +162,21 @@ def draw(
     if layout.panel is not None:
         _draw_scenes(figure.add_axes(layout.panel.share(layout.size)), model, runs, shortest)
     legend_below(figure, keys, rows=rows)
-    headline(figure, text, wrong=main is not None and not main.found.ok)
+    headline(figure, text, wrong=main is not None and not main.verification.ok)
     return figure
 
 
-def _moments(asked: Any, main: _Named | None) -> list[int]:
-    """Return after how many steps moments are shown, in rising order."""
+def _moments(option: Any, main: _Named | None) -> list[int]:
+    """Return the numbers of steps after which moments are drawn, in ascending order."""
     last = 0 if main is None else main.walk.steps
-    if is_whole(asked, 0, _MOST_MOMENTS):
-        if main is None or not asked:
+    if is_whole(option, 0, _MOST_MOMENTS):
+        if main is None or not option:
             return []
-        found: list[int] = np.unique(np.linspace(0, last, asked).round().astype(int)).tolist()
-        return found
+        steps: list[int] = np.unique(np.linspace(0, last, option).round().astype(int)).tolist()
+        return steps
     allowed = f"be a whole number from 0 to {_MOST_MOMENTS}, or as many different numbers of steps from 0 to {last}"
     listed = check_list(
-        "moments", asked, lambda one: is_whole(one, 0, last), allowed, most=_MOST_MOMENTS
+        "moments", option, lambda step: is_whole(step, 0, last), allowed, most=_MOST_MOMENTS
     )
     return sorted(map(int, listed)) if main is not None else []
 
@@ -188,7 +188,7 @@ def _draw_map(
     axes: Any, model: UnknownGridNavigation, scene: int, runs: Sequence[_Named], main: _Named | None,
     place: Place,
 ) -> None:  # fmt: skip
-    """Draw the true map, and the walks of all runs on it."""
+    """Draw the true map and the paths of all runs."""
     from matplotlib.ticker import MaxNLocator
 
     whole = Box(np.zeros(2, np.int64), model.shape)
@@ -205,12 +205,12 @@ def _draw_map(
     if main is not None:
         axes.set_title("the whole run", fontsize=8, pad=3, color=DARK)
         draw_collisions(axes, main.walk.hits, size, clip_on=False)
-    for k, one in reversed(list(enumerate(runs))):
-        # Ways through the same cells lie beside one another.
+    for k, run in reversed(list(enumerate(runs))):
+        # An offset separates paths through the same cells.
         shift = 0.14 * (-1) ** k * -(-k // 2)
         axes.plot(
-            *(one.walk.positions[:, ::-1].T + shift), lw=max(1.0, 0.22 * size), zorder=6 - 0.1 * k,
-            solid_capstyle="round", gid="other way" if k or main is None else "way", **one.look,
+            *(run.walk.positions[:, ::-1].T + shift), lw=max(1.0, 0.22 * size), zorder=6 - 0.1 * k,
+            solid_capstyle="round", gid="other way" if k or main is None else "way", **run.look,
         )  # fmt: skip
     draw_ends(axes, model, scene, size, clip_on=False)
 
@@ -219,7 +219,7 @@ def _draw_moments(
     figure: Figure, model: UnknownGridNavigation, scene: int, main: _Named | None,
     chosen: Sequence[int], layout: Layout,
 ) -> None:  # fmt: skip
-    """Draw what the first run had come to after some numbers of steps."""
+    """Draw the chosen moments of the first run."""
     if main is None:
         return
     part = box_around(model, model.starts[scene])
@@ -233,27 +233,27 @@ def _draw_moments(
 
 
 def _marker(place: Place, box: Box) -> float:
-    """Return the size of markers (point) that a cell is large enough for."""
+    """Return the size of markers that fits into a cell, points."""
     return float(np.clip(0.62 * 72 * place.tall / float(box.size[0]), 3.5, 8.0))
 
 
 def _draw_scenes(
     axes: Any, model: UnknownGridNavigation, runs: Sequence[_Named], shortest: Floats | None
 ) -> None:
-    """Draw in what share of the scenes the target was reached within how many steps."""
+    """Draw the share of scenes reached within each number of steps."""
     lines = [
         (
-            [len(run) for run, how in zip(one.plan.actions, one.plan.outcomes, strict=True)
-             if how is Outcome.REACHED],
-            {**one.look, "lw": 1.8 if k == 0 else 1.3, "zorder": 6 - 0.1 * k, "gid": "reached"},
+            [len(run) for run, end in zip(entry.plan.actions, entry.plan.outcomes, strict=True)
+             if end is Outcome.REACHED],
+            {**entry.look, "lw": 1.8 if k == 0 else 1.3, "zorder": 6 - 0.1 * k, "gid": "reached"},
         )
-        for k, one in enumerate(runs)
+        for k, entry in enumerate(runs)
     ]  # fmt: skip
     if shortest is not None:
         lines.append((shortest.tolist(), {**_SHORTEST, "gid": "shortest"}))
     last = model.steps
     for counts, look in lines:
-        steps = np.sort([one for one in counts if one <= last])
+        steps = np.sort([count for count in counts if count <= last])
         share = 100.0 * np.arange(len(steps) + 1) / model.scenes
         axes.step(
             np.concatenate([[0], steps, [last]]), np.append(share, share[-1]), where="post", **look
@@ -277,27 +277,27 @@ def _title(
             parts.append(f"here scene {scene}")
         return title_of(model.name, parts, None)
     walk = main.walk
-    told = walk.describe()
+    text = walk.describe()
     if shortest is not None:
         fewest = shortest[scene]
-        told += f", at best {fewest:.0f}" if np.isfinite(fewest) else ", there is no way"
+        text += f", at best {fewest:.0f}" if np.isfinite(fewest) else ", there is no way"
     if model.scenes == 1:
-        return title_of(model.name, [told], main.found)
-    cost = main.found.objective
-    parts = [f"scene {scene} of {model.scenes}: {told}; {number(main.plan.success, 4)} % reached"]
+        return title_of(model.name, [text], main.verification)
+    cost = main.verification.objective
+    parts = [f"scene {scene} of {model.scenes}: {text}; {number(main.plan.success, 4)} % reached"]
     if cost is not None:
         parts.append(f"mean cost {number(cost, 4)} steps")
-    return title_of(model.name, parts, main.found)
+    return title_of(model.name, parts, main.verification)
 
 
 def _keys(runs: Sequence[_Named], main: _Named | None, *, moving: bool, several: bool) -> list[Any]:
-    """Return the entries of the legend: what the map shows, and the runs."""
+    """Return the legend entries of the map and the runs."""
     keys = keys_of(None if main is None else main.walk, moving=moving)
     alone = len(runs) == 1 and main is not None
-    for one in runs:
-        words = one.name if alone else f"{one.name}: {one.walk.describe()}"
+    for run in runs:
+        words = run.name if alone else f"{run.name}: {run.walk.describe()}"
         if several and not alone:
-            words += f"; {number(one.plan.success, 4)} % reached"
-        wrong = "" if alone or one.found.ok else ", NOT VALID"
-        keys.append(key(words + wrong, lw=1.8, **one.look))
+            words += f"; {number(run.plan.success, 4)} % reached"
+        wrong = "" if alone or run.verification.ok else ", NOT VALID"
+        keys.append(key(words + wrong, lw=1.8, **run.look))
     return keys

@@ -1,8 +1,8 @@
-"""Images of scenes from above: boxes on textured ground, seen by a pinhole camera.
+"""Synthetic images of scenes from above: boxes on textured ground through a pinhole camera.
 
-The paper's images come from a simulation platform and are not published; these scenes are ours. All that belongs to
-the world (colours, textures, light) depends only on the seed and the place in the world, so that a cell looks alike in
-every view. Only the noise of the sensor changes from look to look.
+The paper's images come from a simulation platform and are unpublished, so the scenes here are synthetic. Colours,
+textures and light depend only on the seed and the position in the world, so a cell has the same appearance in every
+view. Only the noise of the sensor differs between images.
 """
 
 from __future__ import annotations
@@ -18,44 +18,44 @@ from .camera import PIXELS, Pinhole, Rendering
 __all__ = ["render"]
 
 Floats = NDArray[np.float64]
-#: Of pixels: the noise of the sensor is larger than what their rounding changes.
+#: Type of pixels in single precision, whose rounding is smaller than the noise of the sensor.
 Singles = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
-#: Cells after which textures and colours of cells repeat, and texels of a cell.
+#: Period of textures and colours in cells, and texels along the side of a cell.
 _PERIOD, _TEXELS = 32, 16
-#: Planes between ground and top, in each of which walls and shadows are looked for.
+#: Number of planes between ground and top that sample walls and shadows.
 _PLANES = 6
 #: Colours of the plain law: ground and obstacle.
 _GROUND, _OBSTACLE = (0.55, 0.65, 0.45), (0.45, 0.25, 0.2)
 
 
 class _Look(NamedTuple):
-    """What is drawn once a scene; lengths in cells.
+    """Random appearance of a scene; lengths in cells.
 
     Parameters
     ----------
     height : float
-        Of the boxes.
+        Height of the boxes.
     sun : ndarray, shape (2,)
-        From the end of a shadow to the top that casts it, rows and columns.
+        Vector from the end of a shadow to the top that casts it, rows and columns.
     shade, wall : float
         Brightness in the shadow and of walls.
     ground, top : ndarray, shape (3,)
-        Mean colours, the same in the hard law.
+        Mean colours, equal in the hard law.
     spread, grain : float
-        Deviation of the colours of cells, and of the textures.
+        Standard deviations of the colours of cells and of the textures.
     stripes : ndarray, shape (2,)
-        Cycles a cell along rows and columns of the texture of tops.
+        Cycles per cell along rows and columns in the texture of tops.
     wave : ndarray, shape (2,)
-        The same of the light, which is not even.
+        Cycles per cell along rows and columns in the brightness of the light.
     phases : ndarray, shape (2,)
-        Of stripes and light, rad.
+        Phases of stripes and light, rad.
     offset : ndarray of int, shape (2,)
-        Where in the repeated fields the map begins, cells.
+        Offset of the map in the periodic fields, cells.
     unevenness, noise : float
-        Amplitude of the light and deviation of the sensor's noise.
+        Amplitude of the light and standard deviation of the sensor's noise.
     """
 
     height: float
@@ -87,15 +87,16 @@ def render(
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows, columns)
-        The true map; what lies off it looks like obstacles.
+        True map. Cells outside the map look like obstacles.
     target : ndarray of int, shape (2,)
-        Its cell; it is not to be seen.
+        Cell of the target, which is invisible in the image.
     corner, view : ndarray of int, shape (2,)
-        Row and column of the view's first cell, and rows and columns of the view.
+        Row and column of the view's first cell, and numbers of rows and columns of the view.
     rendering : Rendering
-        The law by which scenes look.
+        Appearance of the scene.
     seed : tuple of int
-        Of the camera, the scene and the look; the first two draw the world, all of them the noise.
+        Seed of the camera, index of the scene, and number of the image. The first two determine the
+        world, all three the noise.
 
     Returns
     -------
@@ -126,7 +127,7 @@ def render(
 
 
 def _draw_look(rendering: Rendering, rng: np.random.Generator) -> _Look:
-    """Return how a scene looks; the same numbers are drawn for each law."""
+    """Draw the appearance of a scene. Both laws consume the same random numbers."""
     hard = rendering == Rendering.HARD
     height, length, azimuth = rng.uniform([0.3, 0.35, 0.0], [0.6, 0.75, 2.0 * np.pi])
     shade, wall = rng.uniform([0.4, 0.5], [0.6, 0.75])
@@ -153,25 +154,25 @@ def _draw_look(rendering: Rendering, rng: np.random.Generator) -> _Look:
 
 
 def _crop(blocked: Truths, corner: Ints, view: Ints) -> Truths:
-    """Return the cells of a view and one around it, blocked off the map."""
-    found = np.ones(view + 2, bool)
+    """Return the cells of a view and a border of one cell; cells outside the map are blocked."""
+    cells = np.ones(view + 2, bool)
     low = np.maximum(corner - 1, 0)
     high = np.minimum(corner + view + 1, blocked.shape)
     if (low < high).all():
         first, last = low - corner + 1, high - corner + 1
         part = blocked[low[0] : high[0], low[1] : high[1]]
-        found[first[0] : last[0], first[1] : last[1]] = part
-    return found
+        cells[first[0] : last[0], first[1] : last[1]] = part
+    return cells
 
 
 def _axes(pinhole: Pinhole, elevation: float) -> Floats:
-    """Return rows and columns of the view that the middles of pixels show, shape (2, 256)."""
+    """Return the rows and columns of the view at the centres of pixels, shape (2, 256)."""
     middles = np.arange(PIXELS) + 0.5
     return pinhole.pixels_to_view(np.column_stack([middles, middles]), elevation).T
 
 
 def _hit(boxes: Truths, axes: Floats) -> Truths:
-    """Return whether boxes stand where pixels look, shape (256, 256); a shadow is shorter than a cell."""
+    """Return whether each pixel hits a box, shape (256, 256). Shadows are shorter than a cell."""
     return _gather(boxes, np.floor(axes).astype(np.int64) + 1)
 
 
@@ -183,7 +184,7 @@ def _paint(mean: Floats, look: _Look, corner: Ints, axes: Floats, texture: Singl
 
 
 def _wave(corner: Ints, axes: Floats, cycles: Floats, phase: float) -> Singles:
-    """Return a plane wave over the world, shape (256, 256), from -1 to 1."""
+    """Return a plane wave over the world, shape (256, 256), values from -1 to 1."""
     down, across = 2.0 * np.pi * cycles[:, None] * (axes + corner[:, None])
     down += phase
     return np.asarray(
@@ -193,7 +194,7 @@ def _wave(corner: Ints, axes: Floats, cycles: Floats, phase: float) -> Singles:
 
 
 def _field(values: Singles, look: _Look, corner: Ints, axes: Floats) -> Singles:
-    """Return the values of a repeated field where pixels look, shape (256, 256, …)."""
+    """Return the values of a periodic field at the pixels, shape (256, 256, …)."""
     places = (axes + (corner + look.offset)[:, None]) * (len(values) // _PERIOD)
     return _gather(values, np.floor(places).astype(np.int64) % len(values))
 
@@ -205,17 +206,17 @@ def _gather(values: NDArray[Any], places: Ints) -> NDArray[Any]:
 
 @cache
 def _grains() -> Singles:
-    """Return the texture of the ground, of deviation 1, without direction."""
+    """Return the isotropic texture of the ground with standard deviation 1."""
     from scipy.ndimage import gaussian_filter
 
-    drawn = np.random.default_rng(0).standard_normal((_PERIOD * _TEXELS, _PERIOD * _TEXELS))
-    smooth = gaussian_filter(drawn, 1.2, mode="wrap")
+    noise = np.random.default_rng(0).standard_normal((_PERIOD * _TEXELS, _PERIOD * _TEXELS))
+    smooth = gaussian_filter(noise, 1.2, mode="wrap")
     return np.asarray(smooth / smooth.std(), np.float32)
 
 
 @cache
 def _patches() -> Floats:
-    """Return how colours of cells deviate from the mean: mostly in brightness, also in hue."""
+    """Return the deviations of cell colours from the mean, mostly in brightness, partly in hue."""
     rng = np.random.default_rng(1)
     grey = rng.standard_normal((_PERIOD, _PERIOD, 1))
     return np.asarray(0.85 * grey + 0.5 * rng.standard_normal((_PERIOD, _PERIOD, 3)))

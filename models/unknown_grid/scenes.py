@@ -1,4 +1,4 @@
-"""What the simulator and the checks read of a model."""
+"""Interface of a model that the simulator and the checks use."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ __all__ = ["Hover", "Scenes"]
 
 
 class Hover(StrEnum):
-    """What the UAV does once it has seen the target."""
+    """Motion of the UAV after it has seen the target."""
 
-    PAPER = "paper"  #: it stays where it is
-    FOLLOW = "follow"  #: it goes on above the vehicle, which is better
+    #: The UAV hovers, as in the paper. The vehicle may leave the view.
+    PAPER = "paper"
+    #: The UAV stays above the vehicle, so the vehicle is always in the middle of the view.
+    FOLLOW = "follow"
 
 
 class Scenes(Protocol):
-    """The fields of :class:`~crosstrack.models.unknown_grid.UnknownGridNavigation`, which explains them."""
+    """Fields of :class:`~crosstrack.models.unknown_grid.UnknownGridNavigation`."""
 
     @property
     def blocked(self) -> NDArray[np.bool_]: ...

@@ -1,4 +1,4 @@
-"""The simulator: it moves the vehicles on the true maps, and says what the UAV sees."""
+"""Simulator that moves the vehicles on the true maps and returns the view of the UAV."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: What a cell of a map or of a view holds.
+#: Values of cells of a map or a view.
 UNKNOWN, FREE, BLOCKED, TARGET = -1, 0, 1, 2
-#: How a run stands.
+#: States of a run.
 GOING, REACHED, OUT_OF_STEPS = 0, 1, 2
-#: Columns of an answer before the view.
+#: Number of columns before the view in an answer.
 _HEAD = 6
-#: The question that only looks.
+#: Action that requests an observation without a step.
 LOOK = -1
 
 
 class Looks(NamedTuple):
-    """What is known after the latest step of some scenes.
+    """Observations of n scenes after their latest steps.
 
     Parameters
     ----------
     scenes : ndarray of int, shape (n,)
-        Their numbers.
+        Indices of the scenes.
     positions : ndarray of int, shape (n, 2)
         Row and column of the vehicle.
     corners : ndarray of int, shape (n, 2)
-        Row and column of the view's first cell, which may lie off the map.
+        Row and column of the view's first cell, possibly outside the map.
     states : ndarray of int, shape (n,)
         :data:`GOING`, :data:`REACHED` or :data:`OUT_OF_STEPS`.
     collisions : ndarray of int, shape (n,)
-        Steps into obstacles or off the map so far.
+        Number of steps into obstacles or off the map so far.
     view : ndarray, shape (n, m, n') or (n, 256, 256, 3)
-        The cells of the view (:data:`FREE`, :data:`BLOCKED`, which is also what lies off the map, or
-        :data:`TARGET`); with a camera its image, red, green and blue from 0 to 1.
+        Cells of the view: :data:`FREE`, :data:`BLOCKED` (also outside the map) or :data:`TARGET`. If
+        the model has a camera, its image with red, green and blue from 0 to 1.
     """
 
     scenes: Ints
@@ -68,7 +68,7 @@ class Looks(NamedTuple):
 
     @classmethod
     def read(cls, problem: Scenes, scenes: Ints, answers: Floats) -> Looks:
-        """Return what the answers of a :class:`World` say."""
+        """Return the observations in the answers of a :class:`World`."""
         head = answers[:, :_HEAD].astype(np.int64)
         size = tuple(problem.view.tolist()) if problem.camera is None else (PIXELS, PIXELS, 3)
         view = answers[:, _HEAD:].reshape(len(answers), *size)
@@ -76,16 +76,16 @@ class Looks(NamedTuple):
 
 
 class World:
-    """The true maps and where the vehicles are on them; made anew for each run.
+    """Simulator of all scenes on their true maps. Every solve uses a new instance.
 
-    A question is a row ``(scene, action)`` with the actions 0 … 3 for up, down, left and right, and -1,
-    which only looks. An answer is a row: row and column of the vehicle, row and column of the view's
-    first cell, state, collisions, and the view (see :class:`Looks`). Nothing else is ever said.
+    A question is a row ``(scene, action)`` with the actions 0 … 3 for up, down, left and right, or -1
+    for an observation without a step. An answer is a row: row and column of the vehicle, row and column
+    of the view's first cell, state, collisions, and the view (see :class:`Looks`).
 
     Parameters
     ----------
     problem : Scenes
-        With its true maps.
+        Model with its true maps.
     """
 
     def __init__(self, problem: Scenes) -> None:
@@ -102,7 +102,13 @@ class World:
         self._columns = int(problem.view.prod()) if problem.camera is None else 3 * PIXELS**2
 
     def __call__(self, questions: Floats) -> Floats:
-        """Return the answers to questions, shape (n, 2), in their order."""
+        """Return the answers to questions, shape (n, 2), in the same order.
+
+        Raises
+        ------
+        InvalidData
+            The shape, a scene or an action is invalid, or the run of the scene has ended.
+        """
         if questions.ndim != 2 or questions.shape[1] != 2:
             raise InvalidData(
                 f"questions must have shape (n, 2), got {questions.shape}", field="actions"
@@ -115,19 +121,19 @@ class World:
                     field="actions",
                 )
             self._act(int(scene), action)
-            self._say(int(scene), answers[row])
+            self._write_answer(int(scene), answers[row])
         return answers
 
     def state(self, scene: int) -> int:
-        """Return how the run of a scene stands."""
+        """Return the state of a scene's run: :data:`GOING`, :data:`REACHED` or :data:`OUT_OF_STEPS`."""
         if (self.positions[scene] == self.problem.targets[scene]).all():
             return REACHED
         return OUT_OF_STEPS if self.taken[scene] >= self.problem.steps else GOING
 
     def contradiction(self, plan: NavigationRuns) -> str:
-        """Return where the actions of `plan` are not those that were taken here, nothing where they are."""
-        for scene, (said, done) in enumerate(zip(plan.actions, self._actions, strict=True)):
-            if said != "".join(done):
+        """Return the first difference between `plan` and the simulated actions, or an empty string."""
+        for scene, (claim, letters) in enumerate(zip(plan.actions, self._actions, strict=True)):
+            if claim != "".join(letters):
                 return f"the actions of scene {scene} are not those that the run took"
         return ""
 
@@ -144,23 +150,23 @@ class World:
             raise InvalidData(f"the run of scene {scene} has ended", field="actions")
         self.taken[scene] += 1
         self._actions[scene].append(ACTIONS[int(action)])
-        to = self.positions[scene] + STEPS[int(action)]
-        inside = (to >= 0).all() and (to < self.problem.shape).all()
-        if not inside or self.problem.blocked[scene, to[0], to[1]]:
+        cell = self.positions[scene] + STEPS[int(action)]
+        inside = (cell >= 0).all() and (cell < self.problem.shape).all()
+        if not inside or self.problem.blocked[scene, cell[0], cell[1]]:
             self.collisions[scene] += 1
             return
-        self.positions[scene] = to
-        self._see(scene)
+        self.positions[scene] = cell
+        self._move_uav(scene)
 
-    def _see(self, scene: int) -> None:
-        """Move the UAV, which stays once it has seen the target where the rule says so."""
+    def _move_uav(self, scene: int) -> None:
+        """Move the UAV above the vehicle, unless it hovers under the rule ``PAPER``."""
         if self._hovers[scene]:
             return
         self._centres[scene] = self.positions[scene]
         away = np.abs(self.problem.targets[scene] - self._centres[scene])
         self._hovers[scene] = self.problem.uav is Hover.PAPER and (away <= self._half).all()
 
-    def _say(self, scene: int, answer: Floats) -> None:
+    def _write_answer(self, scene: int, answer: Floats) -> None:
         problem = self.problem
         corner = self._centres[scene] - self._half
         answer[:2], answer[2:4] = self.positions[scene], corner
@@ -177,14 +183,14 @@ class World:
         ).ravel()  # fmt: skip
 
     def cells(self, scene: int, corner: Ints) -> Floats:
-        """Return the cells of a view whose first cell is `corner`."""
-        found = np.full(tuple(self.problem.view), float(BLOCKED))
+        """Return the cells of the view whose first cell is `corner`, shape of the view."""
+        window = np.full(tuple(self.problem.view), float(BLOCKED))
         low = np.maximum(corner, 0)
         high = np.minimum(corner + self.problem.view, self.problem.shape)
         rows, columns = slice(low[0], high[0]), slice(low[1], high[1])
-        at = low - corner, high - corner
-        found[at[0][0] : at[1][0], at[0][1] : at[1][1]] = self.problem.blocked[scene, rows, columns]
+        first, last = low - corner, high - corner
+        window[first[0] : last[0], first[1] : last[1]] = self.problem.blocked[scene, rows, columns]
         row, column = self.problem.targets[scene] - corner
-        if 0 <= row < len(found) and 0 <= column < found.shape[1]:
-            found[row, column] = TARGET
-        return found
+        if 0 <= row < len(window) and 0 <= column < window.shape[1]:
+            window[row, column] = TARGET
+        return window

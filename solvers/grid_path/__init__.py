@@ -1,6 +1,6 @@
-"""Shortest paths on a grid; the loops are compiled by Numba."""
+"""Solvers of shortest paths on grid maps, with kernels compiled by Numba."""
 
-#: Names that modules of other problems import, beside the public ones.
+#: Private names that modules of other problems import.
 SHARED = ("smoothing.smooth",)
 BACKENDS = {
     "a-star": ".exact:AStar",

@@ -1,4 +1,4 @@
-"""Why no path leads to a goal: how far the free cells around the start reach."""
+"""Diagnosis of unreachable goals by the connected free cells around the start."""
 
 from __future__ import annotations
 
@@ -13,26 +13,30 @@ _METHOD = "the free cells that are joined to the start"
 
 
 def diagnose_path(model: GridPath, time_limit: float | None = None) -> Diagnosis:
-    """Return which goals cannot be reached, and how near a path can come to each.
+    """Return the unreachable goals, with the nearest reachable cell of each.
 
-    Diagonal steps without cutting corners reach no cell that steps along rows and columns do not, and
-    neither does a straight line that keeps to free cells, so one labelling answers for every
-    connectivity.
+    Diagonal steps without cutting corners and straight segments within free cells reach the same cells as
+    steps along rows and columns. One labelling therefore applies to every connectivity.
 
     Parameters
     ----------
     model : GridPath
-        What is asked.
+        Model to diagnose.
     time_limit : float, optional
-        Not needed: the time is that of one pass over the map.
+        Unused, because the diagnosis takes one pass over the map.
+
+    Returns
+    -------
+    Diagnosis
+        A summary, and one finding per unreachable goal, the nearest first.
     """
     from scipy.ndimage import distance_transform_edt, label
 
     grid = model.map
-    joined, count = label(~grid.blocked)
-    own = joined == joined[tuple(model.start)]
-    reached = own[tuple(model.goals.T)]
-    size = f"{np.count_nonzero(own)} of {np.count_nonzero(~grid.blocked)} free cells"
+    parts, count = label(~grid.blocked)
+    reachable = parts == parts[tuple(model.start)]
+    reached = reachable[tuple(model.goals.T)]
+    size = f"{np.count_nonzero(reachable)} of {np.count_nonzero(~grid.blocked)} free cells"
     each = model.reach is Reach.EACH
     if reached.all() or (reached.any() and not each):
         goals = (
@@ -42,7 +46,7 @@ def diagnose_path(model: GridPath, time_limit: float | None = None) -> Diagnosis
         )
         summary = f"a path exists: {goals} can be reached, and {size} in all"
         return Diagnosis(model.name, True, _METHOD, summary)
-    nearest = distance_transform_edt(~own, return_distances=False, return_indices=True)
+    nearest = distance_transform_edt(~reachable, return_distances=False, return_indices=True)
     findings = []
     for k in np.flatnonzero(~reached).tolist():
         goal = model.goals[k]
@@ -54,7 +58,7 @@ def diagnose_path(model: GridPath, time_limit: float | None = None) -> Diagnosis
         )
         data = {"goal": k, "cell": goal.tolist(), "nearest": cell.tolist(), "distance": away}
         findings.append(Finding(text, "", f"goals[{k}]", data))
-    findings.sort(key=lambda one: (one.data or {})["distance"])
+    findings.sort(key=lambda finding: (finding.data or {})["distance"])
     which = f"{len(findings)} of {len(reached)} goals" if len(reached) > 1 else "the goal"
     summary = (
         f"no path: {which} cannot be reached; {size} are joined to the start, and the map falls into "

@@ -1,6 +1,6 @@
-"""A*, Dijkstra's algorithm and jump point search: exact, by costs that are whole numbers.
+"""A*, Dijkstra's algorithm and jump point search, exact by integer costs.
 
-Where cells have weights, costs are floats.
+If cells have weights, costs are floats.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ __all__ = ["AStar", "Dijkstra", "JumpPoint"]
 
 
 class AStar(NeighbourSearch):
-    """A*: cells in the order of their cost plus a lower bound on the rest.
+    """A*: expands cells in the order of their cost plus a lower bound on the remaining cost.
 
     The bound is the cost to the goals' bounding rectangle on a map without blocked cells, times the
-    least weight: Manhattan or octile distance where there is one goal.
+    smallest weight. With one goal, it is the Manhattan or octile distance.
     """
 
     name = "a-star"
@@ -26,7 +26,7 @@ class AStar(NeighbourSearch):
     guided = True
 
     def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
-        """Search by buckets, or by a heap where cells have weights."""
+        """Search with buckets, or with a heap if cells have weights."""
         from ...models.grid_path.search_kernels import CEILING, STOPPED, STRAIGHT, sweep, trace
         from .weighted_kernels import back, weighted
 
@@ -49,7 +49,7 @@ class AStar(NeighbourSearch):
 
 
 class Dijkstra(AStar):
-    """Dijkstra's algorithm: one search in the order of cost, to any number of goals."""
+    """Dijkstra's algorithm: one search in the order of cost for all goals."""
 
     name = "dijkstra"
     summary = "Dijkstra's algorithm, one search for all goals, exact"
@@ -58,13 +58,13 @@ class Dijkstra(AStar):
 
 
 class JumpPoint(NeighbourSearch):
-    """Jump point search without cutting corners: A* over the cells where a path may turn."""
+    """Jump point search without cutting corners: A* over jump points, the cells at which a path may turn."""
 
     name = "jump-point"
     summary = "jump point search for 8 neighbours without weights, exact"
 
     def refuses(self, problem: GridPath) -> str:
-        """Return what runs over cells do not cover."""
+        """Return the feature of a problem that jump point search does not support, or an empty string."""
         if problem.connectivity is Connectivity.FOUR:
             return "connectivity '4': its runs go on diagonally"
         if problem.weights is not None:
@@ -72,7 +72,7 @@ class JumpPoint(NeighbourSearch):
         return super().refuses(problem)
 
     def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
-        """Search for the nearest goal; where every goal is wanted, there is one."""
+        """Search for the nearest goal. If `every`, `goals` has one entry, because `shared` is False."""
         from ...models.grid_path.search_kernels import STOPPED, STRAIGHT
         from .jump_kernels import jump, unroll
 

@@ -1,4 +1,4 @@
-"""What backends for paths in any direction share: the map prepared, the goals, and the answer."""
+"""Base of the backends for paths in any direction: prepared map, goals and answer."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ ROUNDING = 1e-9
 def line_tables(
     blocked: NDArray[np.bool_], corners: NDArray[np.int8]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return runs of cells and next corners, line by line, as :mod:`.any_angle_kernels` says.
+    """Return the runs of cells and the next corners of each line, for :func:`.any_angle_kernels.search`.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows, columns)
-        The padded map.
+        Padded map.
     corners : ndarray of int8, shape (rows, columns)
-        Where shortest paths may turn.
+        Corners at which shortest paths may turn.
 
     Returns
     -------
     runs : ndarray of int32, shape (2, rows, columns + 1)
-        First columns of runs, and those beyond them.
+        First columns of runs, and first columns after them.
     onward : ndarray of int32, shape (rows, columns + 1)
-        The next corner from each column on.
+        Column of the next corner from each column on.
     """
     rows, columns = blocked.shape
     place = np.arange(columns + 1, dtype=np.int32)
@@ -65,15 +65,15 @@ def line_tables(
 
 @dataclass
 class Leg:
-    """What a search for a path to one goal ended with.
+    """Result of a search for a path to one goal.
 
     Parameters
     ----------
     path : ndarray, shape (k, 2), optional
-        x, y in cells of the padded map.
-    bound : float
-        What every path has at the least, in cells; infinite where it is proven that there is none.
-    stopped : bool
+        Points x, y in cells of the padded map. None without a path.
+    bound : float, default 0
+        Lower bound on the length of every path, in cells. Infinite is a proof that no path exists.
+    stopped : bool, default False
         Whether the search was stopped.
     """
 
@@ -83,7 +83,7 @@ class Leg:
 
     @property
     def length(self) -> float:
-        """The length in cells, infinite without a path."""
+        """Length of the path in cells, infinite without a path."""
         if self.path is None:
             return math.inf
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
@@ -91,14 +91,14 @@ class Leg:
 
 @dataclass
 class Ground:
-    """A problem in cells of the padded map.
+    """Problem in cells of the padded map.
 
     Parameters
     ----------
     problem : GridPath
-        With connectivity "any".
+        Model with connectivity "any".
     request : Request
-        Told of better paths.
+        Request whose control receives incumbents.
     """
 
     problem: GridPath
@@ -116,24 +116,24 @@ class Ground:
 
     @cached_property
     def corners(self) -> NDArray[np.int8]:
-        """Where shortest paths may turn."""
+        """Corners at which shortest paths may turn, shape (rows + 2, columns + 2)."""
         from ...models.grid_path.sight import convex_corners
 
         return convex_corners(self.sight.blocked)
 
     @cached_property
     def tables(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Runs of cells and next corners; see :mod:`.any_angle_kernels`."""
+        """Result of :func:`line_tables`."""
         return line_tables(self.sight.blocked, self.corners)
 
     def plan(self, paths: list[Floats]) -> GridPlan:
-        """Return the plan of paths in cells."""
+        """Return the plan of paths given in cells."""
         from ...models.grid_path.plan import GridPlan
 
         return GridPlan(tuple(self.sight.metres(path) for path in paths))
 
     def offer(self, path: Floats) -> None:
-        """Report a path that is the shortest so far, where one path is the whole plan."""
+        """Report a path as the incumbent if it is the shortest so far and the plan has one path."""
         if self.problem.reach == "nearest" or len(self.goals) == 1:
             plan = self.plan([path])
             if plan.length < self.offered:
@@ -141,19 +141,19 @@ class Ground:
                 self.request.control.incumbent(plan.length, plan)
 
     def sees(self, a: Floats, b: Floats) -> bool:
-        """Return whether a segment between centres, in cells, keeps to free cells."""
+        """Return whether a segment between centres, in cells, stays in free cells."""
         from ...models.grid_path.sight import SLACK, sees
 
         (ax, ay), (bx, by) = a.tolist(), b.tolist()
         return bool(sees(self.sight.blocked, ax, ay, bx, by, SLACK))
 
     def count(self, name: str, more: int) -> None:
-        """Add to a statistic."""
+        """Add `more` to the statistic `name`."""
         self.statistics[name] = int(self.statistics.get(name, 0)) + int(more)
 
 
 class AnyDirection(Backend):
-    """Base of the backends for paths in any direction; a subclass searches for one goal."""
+    """Base of the backends for paths in any direction. A subclass implements :meth:`leg`."""
 
     accepts = GridPath
     deterministic = True
@@ -161,19 +161,19 @@ class AnyDirection(Backend):
 
     @abstractmethod
     def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
-        """Search for a path to a goal, x, y in cells, that is shorter than `ceiling` (cells).
+        """Search for a path to a goal (x, y in cells) that is shorter than `ceiling` (cells).
 
-        It is not asked for where the goal is in sight of the start.
+        :meth:`run` calls it only if the start has no line of sight to the goal.
         """
 
     def refuses(self, problem: GridPath) -> str:
-        """Return what is refused: paths along neighbours."""
+        """Return the reason to refuse a problem with paths along neighbours, or an empty string."""
         if problem.connectivity != "any":
             return f"connectivity {str(problem.connectivity)!r}: paths may lead in any direction"
         return ""
 
     def run(self, problem: GridPath, request: Request) -> Answer:
-        """Search for each goal, or for all with the best so far as the ceiling."""
+        """Search for each goal, or for the nearest with the shortest length so far as the ceiling."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
@@ -189,7 +189,7 @@ class AnyDirection(Backend):
                 break
             ceiling = math.inf if each else best
             if straight[k] >= ceiling:
-                break  # the others are further away
+                break  # the remaining goals are farther away
             legs[k] = leg = self._leg(ground, ground.goals[k], ceiling, request)
             bounds[k] = leg.bound
             best = min(best, leg.length)
@@ -215,12 +215,12 @@ class AnyDirection(Backend):
             plan = ground.plan([paths[min(paths, key=lambda k: legs[k].length)]])
         if not exact:
             return Answer(Termination.FEASIBLE, limit, plan, plan.length, **common)
-        if bound >= plan.length * (1.0 - ROUNDING):  # a stop may come when all is done
+        if bound >= plan.length * (1.0 - ROUNDING):  # optimal even if a stop arrived at the end
             return Answer(Termination.OPTIMAL, None, plan, plan.length, plan.length, **common)
         return Answer(Termination.FEASIBLE, limit, plan, plan.length, bound, **common)
 
     def _leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
-        """Go straight where that is possible, else search."""
+        """Return the straight segment if it is a line of sight, otherwise search."""
         if (goal == ground.start).all():
             return Leg(ground.start[None], 0.0)
         if ground.sees(ground.start, goal):

@@ -1,8 +1,8 @@
-"""Jump point search: straight and diagonal runs over cells that need not wait themselves.
+"""Jump point search: straight and diagonal runs over cells that never enter the queue.
 
-Of all shortest paths only those count on which every diagonal step that could come earlier does, so
-most neighbours of a cell are left out, and a run goes on until a cell where a path may turn.
-Without cutting corners a path turns off a straight run only behind a blocked cell.
+The search considers only shortest paths with diagonal steps as early as possible. This prunes most
+neighbours of a cell, and a run continues to the next jump point, a cell at which a path may turn. Without
+cutting corners, a path leaves a straight run only behind a blocked cell.
 
 Source: D. Harabor and A. Grastien, "Online Graph Pruning for Pathfinding on Grid Maps", AAAI 2011,
 and "The JPS Pathfinding System", SoCS 2012, for paths that cut no corners.
@@ -31,24 +31,24 @@ __all__ = ["jump", "unroll"]
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-#: What is kept of a cell.
+#: Bits of the state of a cell.
 _BLOCKED, _GOAL = 1, 2
-#: The eight ways to leave a cell, a bit each, in the order of their angles; even ones are straight.
+#: Bits of the eight directions, in the order of their angles. Even numbers are straight.
 _ALL = 255
 
 
 @kernel
 def along(state: Bytes, cell: int, step: int, side: int) -> int:
-    """Return the first cell on a straight run where a path may turn or end, -1 where there is none.
+    """Return the first cell on a straight run at which a path may turn or end, or -1.
 
     Parameters
     ----------
     state : ndarray of uint8, shape (cells,)
-        Which cells are blocked, and goals.
+        State bits of the cells.
     cell : int
-        Where the run begins.
+        First cell of the run.
     step, side : int
-        How the number of a cell changes along the run and across it.
+        Change of the cell number along the run and across it.
     """
     left, right = state[cell + side] & _BLOCKED, state[cell - side] & _BLOCKED
     while True:
@@ -64,7 +64,7 @@ def along(state: Bytes, cell: int, step: int, side: int) -> int:
 
 @kernel
 def slanted(state: Bytes, cell: int, down: int, across: int, width: int) -> int:
-    """Return the first cell on a diagonal run where a path may turn or end, -1 where there is none."""
+    """Return the first cell on a diagonal run at which a path may turn or end, or -1."""
     step = down + across
     while (state[cell + down] | state[cell + across] | state[cell + step]) & _BLOCKED == 0:
         cell += step
@@ -77,12 +77,12 @@ def slanted(state: Bytes, cell: int, down: int, across: int, width: int) -> int:
 
 @kernel
 def ways_on(state: Bytes, cell: int, way: int, moves: Ints) -> int:
-    """Return the ways, a bit each, in which a path may leave a cell that it comes to by `way`."""
+    """Return the directions, one bit each, to leave a cell after an arrival in direction `way`."""
     if way % 2 == 1:
         return (1 << way) | (1 << (way - 1)) | (1 << ((way + 1) % 8))
     ways = 1 << way
     for turn in (1, 7):
-        # The slanted way, and the one square to the run, on one side.
+        # Diagonal and perpendicular directions on one side.
         side = (way + 2 * turn) % 8
         free = state[cell + moves[side]] & _BLOCKED == 0
         if free and state[cell - moves[way] + moves[side]] & _BLOCKED:
@@ -94,16 +94,16 @@ def ways_on(state: Bytes, cell: int, way: int, moves: Ints) -> int:
 def jump(
     walls: Bytes, width: int, start: int, goals: Ints, flag: NDArray[np.int8]
 ) -> tuple[int, int, int, Ints, int]:
-    """Return the nearest goal, and the cell where a path turned last before it comes to each.
+    """Return the nearest goal, its cost, and the previous jump point of each cell.
 
-    A cell that is met again at the same cost keeps the ways of both, so that no shortest path is lost.
+    A cell reached again at the same cost keeps the directions of both paths, so no shortest path is lost.
 
     Parameters
     ----------
     walls : ndarray of uint8, shape (cells,)
-        1 where blocked; see :mod:`crosstrack.models.grid_path.search_kernels`.
+        1 if blocked; see :mod:`crosstrack.models.grid_path.search_kernels`.
     width : int
-        Cells of a row, the frame included.
+        Number of cells per row, including the frame.
     start : int
         Number of a free cell.
     goals : ndarray of int64
@@ -116,13 +116,13 @@ def jump(
     status : int
         ``DONE`` or ``STOPPED``.
     goal : int
-        The nearest goal; -1 where none can be reached.
+        Number of the nearest goal, -1 if no goal is reachable.
     cost : int
-        Of a path to it.
+        Cost of the path to it.
     parents : ndarray of int64, shape (cells,)
-        The start is its own.
+        Previous jump point of each cell. The start is its own parent.
     expanded : int
-        How often runs began at a cell.
+        Number of expanded cells.
     """
     moves = np.array([1, width + 1, width, width - 1, -1, -width - 1, -width, -width + 1])
     state = walls.copy()
@@ -131,13 +131,13 @@ def jump(
     box = box_around(goals, width)
     left = np.zeros(walls.size, np.int64)
     parents = np.empty(walls.size, np.int64)
-    # Ways that wait to be tried from a cell, and those that were.
+    # Directions queued for a cell, and directions already expanded.
     waiting = np.zeros(walls.size, np.uint8)
     tried = np.zeros(walls.size, np.uint8)
     left[start] = CEILING
     parents[start] = start
     waiting[start] = _ALL
-    # Of equal orders the cell with the greater cost leaves first.
+    # Ties go to the cell with the greater cost.
     heap = [(ahead(start // width, start % width, box, True), CEILING, start)]
     expanded = 0
     while len(heap) > 0:
@@ -188,7 +188,17 @@ def jump(
 
 @kernel(interpretable=True)
 def unroll(parents: Ints, width: int, goal: int) -> Ints:
-    """Return all cells from the start to `goal`, those that a run passes included."""
+    """Return all cells from the start to `goal`, including the cells between jump points.
+
+    Parameters
+    ----------
+    parents : ndarray of int64, shape (cells,)
+        Previous jump points that :func:`jump` returned.
+    width : int
+        Number of cells per row, including the frame.
+    goal : int
+        Number of a cell that the search reached.
+    """
     count, cell = 1, goal
     while parents[cell] != cell:
         before = parents[cell]

@@ -1,4 +1,4 @@
-"""What the exact searches along neighbours share: the map as arrays, and the answer's form."""
+"""Base of the exact searches along neighbours: the map as arrays, and the answer."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Field:
-    """A problem as the kernels want it: numbers of cells on a flat map with a blocked frame.
+    """Arrays of a problem for the kernels: a flat map with a blocked frame, and numbers of cells.
 
     Parameters
     ----------
     problem : GridPath
-        Connectivity "4" or "8".
+        Model with connectivity "4" or "8".
     """
 
     problem: GridPath
 
     @cached_property
     def walls(self) -> NDArray[np.uint8]:
-        """1 where blocked."""
+        """Flat map, 1 if blocked, shape (cells,)."""
         return self.problem.map.walls
 
     @cached_property
     def width(self) -> int:
-        """Cells of a row, the frame included."""
+        """Number of cells per row, including the frame."""
         return self.problem.map.shape[1] + 2
 
     @cached_property
@@ -56,14 +56,14 @@ class Field:
 
     @cached_property
     def weights(self) -> Floats:
-        """Weights, 1 for the frame; those of free cells are at most 1."""
+        """Weights divided by `heaviest`, shape (cells,); 1 for the frame."""
         assert self.problem.weights is not None
         scaled = np.minimum(self.problem.weights / self.heaviest, 1.0)
         return np.pad(scaled, 1, constant_values=1.0).ravel()
 
     @cached_property
     def heaviest(self) -> float:
-        """The largest weight of a free cell."""
+        """Largest weight of a free cell, 1 without weights."""
         weights = self.problem.weights
         return 1.0 if weights is None else float(weights[~self.problem.map.blocked].max())
 
@@ -75,19 +75,19 @@ class Field:
 
 @dataclass(frozen=True)
 class Found:
-    """What one search found.
+    """Result of one search.
 
     Parameters
     ----------
     stopped : bool
-        Whether it was stopped from outside, and the rest means nothing.
+        Whether the flag stopped the search. The other fields are then undefined.
     costs : ndarray, shape (goals,)
-        In cells; infinite where there is no path. Only the least is right where the nearest goal
-        was wanted.
+        Costs in cells, infinite without a path. If the search was for the nearest goal, only the
+        smallest cost is exact.
     path : callable
-        Gives the numbers of the cells to a goal, by its number.
+        Function that returns the cells of the path to a goal; goals and cells are numbers.
     expanded : int
-        How often a cell was expanded.
+        Number of expanded cells.
     """
 
     stopped: bool
@@ -97,9 +97,9 @@ class Found:
 
 
 class NeighbourSearch(Backend):
-    """Base of the exact searches; a subclass only searches.
+    """Base of the exact searches. A subclass implements :meth:`search`.
 
-    They are deterministic, so that every seed gives the same plan, and solve to a gap of zero.
+    The searches are deterministic and solve to a gap of zero.
     """
 
     accepts = GridPath
@@ -107,21 +107,21 @@ class NeighbourSearch(Backend):
     features = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
-    #: Whether one search reaches many goals as fast as one; else each has a search of its own.
+    #: Whether one search serves all goals. Otherwise, each goal has its own search.
     shared = False
 
     @abstractmethod
     def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
-        """Return shortest paths to all of `goals`, or to the nearest."""
+        """Return shortest paths to all of `goals` if `every`, otherwise to the nearest."""
 
     def refuses(self, problem: GridPath) -> str:
-        """Return what no search along neighbours covers."""
+        """Return the feature of a problem that the search does not support, or an empty string."""
         if problem.connectivity is Connectivity.ANY:
             return "connectivity 'any': its paths lead along neighbours"
         return ""
 
     def run(self, problem: GridPath, request: Request) -> Answer:
-        """Search, and answer with the paths or that a goal cannot be reached."""
+        """Return optimal paths, or ``INFEASIBLE`` if a required goal is unreachable."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
@@ -133,21 +133,21 @@ class NeighbourSearch(Backend):
         paths: list[Ints] = []
         expanded = 0
         for goals in groups or [field.goals]:
-            found = self.search(field, goals, every, request.control.flag)
-            expanded += found.expanded
-            if found.stopped:
+            result = self.search(field, goals, every, request.control.flag)
+            expanded += result.expanded
+            if result.stopped:
                 break
-            for k in range(len(goals)) if every else [int(np.argmin(found.costs))]:
-                costs.append(float(found.costs[k]))
+            for k in range(len(goals)) if every else [int(np.argmin(result.costs))]:
+                costs.append(float(result.costs[k]))
                 if np.isfinite(costs[-1]):
-                    paths.append(found.path(int(goals[k])))
+                    paths.append(result.path(int(goals[k])))
             if len(paths) < len(costs):
                 break
         seconds = {"solve": clock() - begin}
         statistics = {"cells expanded": expanded}
         if len(paths) < len(costs):
             return Answer(Termination.INFEASIBLE, seconds=seconds, statistics=statistics)
-        if found.stopped:
+        if result.stopped:
             limit = request.control.reason or Limit.INTERRUPTED
             return Answer(Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics)
         grid = problem.map

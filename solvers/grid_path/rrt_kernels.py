@@ -1,4 +1,4 @@
-"""The loops of RRT*; coordinates are in cells of the padded map."""
+"""Kernels of RRT*, with coordinates in cells of the padded map."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Truths = NDArray[np.bool_]
 
 
 class Tree(NamedTuple):
-    """Points joined with the root.
+    """Tree of points.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2)
-        x, y; the root is the first.
+        Points x, y. The first is the root.
     parents : ndarray of int64, shape (n,)
-        The next point towards the root.
+        Index of the next point towards the root.
     ends : ndarray, shape (n,)
-        Distance to the goal, infinite where that is not in sight.
+        Distance to the goal, infinite without a line of sight.
     """
 
     points: Floats
@@ -43,7 +43,7 @@ def _apart(points: Floats, k: int, x: float, y: float) -> float:
 
 @kernel
 def _length(points: Floats, parents: Ints, k: int) -> float:
-    """Return the length of the tree from the root to a point."""
+    """Return the length of the path from the root to a point, in cells."""
     total = 0.0
     while k > 0:
         before = parents[k]
@@ -54,7 +54,15 @@ def _length(points: Floats, parents: Ints, k: int) -> float:
 
 @kernel
 def trunk(tree: Tree, size: int) -> tuple[Ints, float]:
-    """Return the points from the last one before the goal to the root, and the length of that path."""
+    """Return the points of the shortest path, from the last before the goal to the root, and its length.
+
+    Parameters
+    ----------
+    tree : Tree
+        Tree of points.
+    size : int
+        Number of points in the tree.
+    """
     points, parents, ends = tree.points, tree.parents, tree.ends
     best, last = np.inf, -1
     for k in range(size):
@@ -76,7 +84,33 @@ def grow(
     tree: Tree, size: int, steps: int, blocked: Truths, cells: Ints, goal: Floats, bias: float,
     reach: float, gamma: float, slack: float, rng: np.random.Generator, flag: NDArray[np.int8],
 ) -> int:  # fmt: skip
-    """Draw points, join them with the tree and rewire it; return how many points it has."""
+    """Add random points to the tree and rewire it; return its number of points.
+
+    Parameters
+    ----------
+    tree : Tree
+        Tree, changed in place.
+    size, steps : int
+        Number of points in the tree, and of random points to draw.
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        Padded map.
+    cells : ndarray of int64
+        Flat indices of the free cells.
+    goal : ndarray, shape (2,)
+        Point x, y.
+    bias : float
+        Probability that the random point is the goal.
+    reach : float
+        Longest edge, cells.
+    gamma : float
+        Constant of the radius of rewiring.
+    slack : float
+        Distance, in cells, below which a segment passes through a corner.
+    rng : numpy.random.Generator
+        Source of random numbers.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the growth.
+    """
     points, parents, ends = tree.points, tree.parents, tree.ends
     columns = blocked.shape[1]
     near = np.empty(len(points), np.int64)
@@ -100,7 +134,7 @@ def grow(
             x, y = from_x + (x - from_x) * reach / gap, from_y + (y - from_y) * reach / gap
         if gap == 0.0 or not sees(blocked, from_x, from_y, x, y, slack):
             continue
-        # The neighbours in sight, and of these the best to come from.
+        # Visible neighbours, and the best parent among them.
         radius = min(gamma * math.sqrt(math.log(size + 1.0) / (size + 1.0)), reach)
         count, best = 0, np.inf
         for k in range(size):

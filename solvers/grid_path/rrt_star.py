@@ -1,4 +1,4 @@
-"""``rrt-star``: trees of random points."""
+"""``rrt-star``: random trees with rewiring."""
 
 from __future__ import annotations
 
@@ -16,22 +16,21 @@ __all__ = ["RRTStar"]
 
 Floats = NDArray[np.float64]
 
-#: Steps between reports.
+#: Number of steps between reports.
 BATCH = 500
-#: Share of the map's longer side that an edge may have, unless an option says how long.
+#: Default of the longest edge, as a share of the map's longer side.
 REACH = 0.1
-#: How much more than the least constant of Karaman and Frazzoli the radius of rewiring has.
+#: Factor on the smallest constant of Karaman and Frazzoli for the radius of rewiring.
 MARGIN = 1.1
 
 
 class RRTStar(AnyDirection):
-    """RRT*: a tree of random points in free cells, rewired where that shortens it.
+    """RRT*: tree of random points in free cells with rewiring to shorter paths.
 
     Source: S. Karaman and E. Frazzoli, "Sampling-based algorithms for optimal motion planning",
-    International Journal of Robotics Research 30 (2011) 846-894, Algorithm 6: of n points, those
-    nearer than gamma sqrt(log(n) / n) are rewired, with gamma above
-    2 sqrt(3 / 2) sqrt(free area / pi), and no farther than the longest edge. What sees the goal is
-    joined with it.
+    International Journal of Robotics Research 30 (2011) 846-894, Algorithm 6. With n points, the radius
+    of rewiring is the smaller of gamma sqrt(log(n) / n) and the longest edge, with gamma above
+    2 sqrt(3 / 2) sqrt(free area / pi). Every point with a line of sight to the goal connects to it.
 
     The paper on fleets names RRT (Algorithm 1, line 20) without steps or parameters.
     """
@@ -50,7 +49,7 @@ class RRTStar(AnyDirection):
     summary = "RRT*: a tree of random points, rewired where that shortens it"
 
     def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
-        """Grow a tree from the start, and report paths as they get shorter."""
+        """Grow a tree from the start, and report each shorter path."""
         from .rrt_kernels import Tree, grow, trunk
 
         steps, bias = request.options["steps"], request.options["bias"]
@@ -68,15 +67,15 @@ class RRTStar(AnyDirection):
                 tree, size, min(BATCH, steps - done), blocked, cells, goal, bias, float(reach),
                 gamma, ground.sight.slack, ground.rng, request.control.flag,
             )  # fmt: skip
-            found, total = trunk(tree, size)
+            nodes, total = trunk(tree, size)
             if total < length:
                 length = total
-                path = np.vstack([tree.points[found[::-1]], goal])
+                path = np.vstack([tree.points[nodes[::-1]], goal])
                 ground.offer(path)
             if request.control.stopped:
                 break
         ground.count("points", size)
-        # The last edge may end where the goal is.
+        # The last point of the tree may coincide with the goal.
         if path is not None and len(path) > 1 and (path[-2] == path[-1]).all():
             path = path[:-1]
         return Leg(path)

@@ -34,7 +34,7 @@ class ShortcutGreedy(AnyDirection):
     how: ClassVar[How] = "greedy"
 
     def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
-        """Search along neighbours, and straighten what is found."""
+        """Search along neighbours, and straighten the path."""
         from .exact import AStar
 
         cell = np.floor(goal[::-1]).astype(np.int64) - 1
@@ -49,7 +49,7 @@ class ShortcutGreedy(AnyDirection):
 
 
 class ShortcutVisibility(ShortcutGreedy):
-    """A* along neighbours, then shortest paths over points along its path and corners near it."""
+    """A* along neighbours, then shortest paths over points of its path and nearby corners."""
 
     name = "shortcut-visibility"
     summary = "A* along neighbours, then shortest paths over lines of sight near it; ours"

@@ -1,9 +1,9 @@
-"""Shorter paths from a path along cells, by lines of sight.
+"""Smoothing of a path by lines of sight.
 
 Source: Algorithm 4 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot
 in Obstacle Environment", Wireless Communications and Mobile Computing, 2021. Its inner loop tests
-``end > begin``, but assigns and decreases ``last``. Here ``last`` takes the place of ``end``, so that
-each point is joined to the last later point of the path that it sees.
+``end > begin``, but assigns and decreases ``last``. Here ``last`` replaces ``end``, so that each point
+connects to the last visible point of the path.
 """
 
 from __future__ import annotations
@@ -25,32 +25,37 @@ __all__ = ["How", "smooth", "straighten"]
 Floats = NDArray[np.float64]
 How = Literal["visibility", "greedy"]
 
-#: Points along a path that a round has at the most; they are a cell apart or more.
+#: Limit on the points along a path per round, at distances of at least a cell.
 SAMPLES = 1000
-#: Rounds of shortest paths over points along the path and corners near it, at the most.
+#: Maximum number of rounds of shortest paths over points of the path and nearby corners.
 ROUNDS = 20
-#: Relative gain of a round below which it was the last.
+#: Relative gain of a round below which the method stops.
 GAIN = 1e-9
 
 
 def smooth(grid: GridMap, path: ArrayLike, how: How = "visibility") -> Floats:
-    """Return a polyline with the same ends that is no longer, and keeps to free cells.
+    """Return a polyline through free cells with the same ends and at most the same length.
 
     Parameters
     ----------
     grid : GridMap
-        The map.
+        Map of free and blocked cells.
     path : array-like, shape (k, 2)
-        x, y (m): a polyline through free cells.
-    how : {"visibility", "greedy"}
-        "greedy" joins each point with the farthest later one that it sees (Algorithm 4);
-        "visibility" takes the shortest path over what sees each other of points along the path and
-        corners near it, and again along that, until it gets no shorter.
+        Points x, y of a polyline through free cells, m.
+    how : {"visibility", "greedy"}, default "visibility"
+        "greedy" connects each point with the farthest visible point (Algorithm 4). "visibility" returns
+        the shortest path over lines of sight between points of the path and nearby corners, and repeats
+        this until the path stops getting shorter.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Points x, y, m.
 
     Raises
     ------
     InvalidData
-        A path that leads through blocked cells, or no path.
+        The path is empty or enters a blocked cell.
     """
     points = Array(("n", 2)).coerce("path", path, {})
     if not len(points):
@@ -65,7 +70,21 @@ def smooth(grid: GridMap, path: ArrayLike, how: How = "visibility") -> Floats:
 def straighten(
     sight: Sight, corners: NDArray[np.int8], path: Floats, how: How, flag: NDArray[np.int8]
 ) -> Floats:
-    """Return what :func:`smooth` does, all in cells of the padded map, until `flag` is not 0."""
+    """Smooth a path in cells of the padded map, see :func:`smooth`.
+
+    Parameters
+    ----------
+    sight : Sight
+        Map.
+    corners : ndarray of int8, shape (rows + 2, columns + 2)
+        Kinds of corners, see :func:`~crosstrack.models.grid_path.sight.convex_corners`.
+    path : ndarray, shape (k, 2)
+        Points x, y in cells of the padded map.
+    how : {"visibility", "greedy"}
+        Method.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the method, which then returns a valid path.
+    """
     from .smoothing_kernels import farthest, first_hidden, shortest
 
     hidden = int(first_hidden(sight.blocked, path, sight.slack))
@@ -80,12 +99,12 @@ def straighten(
     length = _length(path)
     for _ in range(ROUNDS):
         points = _around(corners, without_collinear(path))
-        found = points[shortest(sight.blocked, points, sight.slack, flag)]
-        if not len(found):
+        candidate = points[shortest(sight.blocked, points, sight.slack, flag)]
+        if not len(candidate):
             break
-        shorter = _length(found)
+        shorter = _length(candidate)
         if shorter < length:
-            path = found
+            path = candidate
         if shorter >= length * (1.0 - GAIN):
             break
         length = shorter
@@ -97,7 +116,7 @@ def _length(path: Floats) -> float:
 
 
 def without_collinear(path: Floats) -> Floats:
-    """Return a path without the points at which it leads straight on."""
+    """Return a path without duplicate and collinear points."""
     step = np.diff(path, axis=0)
     path = path[np.append(True, step.any(axis=1))]
     step = np.diff(path, axis=0)
@@ -107,12 +126,12 @@ def without_collinear(path: Floats) -> Floats:
 
 
 def _around(corners: NDArray[np.int8], path: Floats) -> Floats:
-    """Return points along a path and the corners near it, in their order."""
+    """Return points of a path and nearby corners, in the order along the path."""
     steps = np.ceil(np.abs(np.diff(path, axis=0)).max(axis=1)).astype(int)
     share = np.concatenate([np.arange(n) / n for n in steps] or [np.zeros(0)])
     part = np.repeat(np.arange(len(steps)), steps)
     along = np.vstack([path[part] + share[:, None] * np.diff(path, axis=0)[part], path[-1]])
-    # Of the lattice around each point, what is a corner; it stands where it is the nearest.
+    # Corners of the lattice around each point. Each belongs to its nearest point.
     reach = np.arange(-1, 3)
     shift = np.stack(np.meshgrid(reach, reach), axis=-1).reshape(-1, 2)
     near = np.floor(along).astype(np.int64)[:, None] + shift
@@ -126,11 +145,11 @@ def _around(corners: NDArray[np.int8], path: Floats) -> Floats:
     first = np.ones(len(near), bool)
     first[1:] = (near[1:] != near[:-1]).any(axis=1)
     near, place = near[first].astype(float), place[first]
-    # Before or after the nearest point, by the direction of the path there.
+    # The direction of the path decides between before and after the nearest point.
     ahead = along[np.minimum(place + 1, len(along) - 1)] - along[np.maximum(place - 1, 0)]
     side = 0.5 * np.sign(((near - along[place]) * ahead).sum(axis=1))
     turns = np.append(share == 0, True)
-    kept = np.flatnonzero(turns | (np.arange(len(along)) % (len(along) // SAMPLES + 1) == 0))
-    points = np.vstack([along[kept], near])
-    order = np.concatenate([kept, np.clip(place + side, 0.25, len(along) - 1.25)])
+    chosen = np.flatnonzero(turns | (np.arange(len(along)) % (len(along) // SAMPLES + 1) == 0))
+    points = np.vstack([along[chosen], near])
+    order = np.concatenate([chosen, np.clip(place + side, 0.25, len(along) - 1.25)])
     return points[np.argsort(order, kind="stable")]

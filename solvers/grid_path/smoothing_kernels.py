@@ -1,4 +1,4 @@
-"""The loops of :mod:`.smoothing`; coordinates are in cells of the padded map."""
+"""Kernels of :mod:`.smoothing`, with coordinates in cells of the padded map."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 Flag = NDArray[np.int8]
 
-#: Relative gain that counts as one.
+#: Minimum relative gain of an improvement.
 GAIN = 1e-12
-#: Points in a row without sight, after which those behind are not looked at.
+#: Number of consecutive hidden points after which the scan stops.
 LOST = 300
 
 
 @kernel(interpretable=True)
 def first_hidden(blocked: Truths, path: Floats, slack: float) -> int:
-    """Return the first segment of `path` that does not keep to free cells, else their number."""
+    """Return the index of the first segment of `path` that enters a blocked cell, or the number of segments."""
     for k in range(len(path) - 1):
         if not sees(blocked, path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1], slack):
             return k
@@ -34,27 +34,48 @@ def first_hidden(blocked: Truths, path: Floats, slack: float) -> int:
 
 @kernel(interpretable=True)
 def farthest(blocked: Truths, path: Floats, slack: float, flag: Flag) -> Ints:
-    """Return the points of `path` that remain where each is joined with the farthest one it sees."""
+    """Return the indices of points that remain if each connects to its farthest visible point.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        Padded map.
+    path : ndarray, shape (n, 2)
+        Points x, y of a path through free cells.
+    slack : float
+        Distance, in cells, below which a segment passes through a corner.
+    flag : ndarray of int8, shape (1,)
+        If nonzero, the remaining points stay.
+    """
     n = len(path)
-    kept = np.empty(n, np.int64)
+    chosen = np.empty(n, np.int64)
     size, here = 1, 0
-    kept[0] = 0
+    chosen[0] = 0
     while here < n - 1:
         x, y = path[here, 0], path[here, 1]
         there = n - 1 if flag[0] == 0 else here + 1
         while there > here + 1 and not sees(blocked, x, y, path[there, 0], path[there, 1], slack):
             there -= 1
         here = there
-        kept[size] = here
+        chosen[size] = here
         size += 1
-    return kept[:size]
+    return chosen[:size]
 
 
 @kernel(interpretable=True)
 def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
-    """Return the shortest path from the first point to the last along lines of sight onwards.
+    """Return the indices of a shortest path from first to last point along forward lines of sight.
 
-    It is empty where `flag` stopped the search.
+    The result is empty if `flag` stopped the search.
+
+    Parameters
+    ----------
+    blocked, slack
+        See :func:`farthest`.
+    points : ndarray, shape (n, 2)
+        Points x, y in the order of the path.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
     """
     n = len(points)
     length = np.full(n, np.inf)
@@ -64,7 +85,7 @@ def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
         if flag[0] != 0:
             return np.empty(0, np.int64)
         x, y = points[here, 0], points[here, 1]
-        lost = 0
+        hidden = 0
         for there in range(here + 1, n):
             tx, ty = points[there, 0], points[there, 1]
             total = length[here] + math.sqrt((tx - x) ** 2 + (ty - y) ** 2)
@@ -72,10 +93,10 @@ def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
                 continue
             if sees(blocked, x, y, tx, ty, slack):
                 length[there], before[there] = total, here
-                lost = 0
+                hidden = 0
             else:
-                lost += 1
-                if lost > LOST:
+                hidden += 1
+                if hidden > LOST:
                     break
     path = np.empty(n, np.int64)
     path[0], size = n - 1, 1

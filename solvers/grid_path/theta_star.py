@@ -1,4 +1,4 @@
-"""``theta-star``: A* along neighbours whose paths skip cells that need no turn."""
+"""``theta-star``: A* along neighbours with any-angle parents."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ Truths = NDArray[np.bool_]
 def theta(
     blocked: Truths, start: int, goal: int, slack: float, flag: NDArray[np.int8]
 ) -> tuple[Ints, int]:
-    """Search from the centre of a cell to that of another.
+    """Search for a path between the centres of two cells.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows, columns)
-        The padded map.
+        Padded map.
     start, goal : int
-        Row times columns, plus column.
+        Cells, as row times columns plus column.
     slack : float
-        See :mod:`crosstrack.models.grid_path.sight`.
+        Distance, in cells, below which a segment passes through a corner.
     flag : ndarray of int8, shape (1,)
         Nonzero stops the search.
 
     Returns
     -------
     path : ndarray of int
-        Cells from the goal to the start; empty where the goal was not reached.
+        Cells from the goal to the start; empty if the goal was not reached.
     expanded : int
-        How many cells were expanded.
+        Number of expanded cells.
     """
     columns = blocked.shape[1]
     cost = np.full(blocked.size, np.inf)
@@ -99,7 +99,8 @@ class ThetaStar(AnyDirection):
     """Theta* on the centres of cells.
 
     Source: A. Nash, K. Daniel, S. Koenig and A. Felner, "Theta*: any-angle path planning on grids",
-    AAAI 2007. A neighbour's parent is that of the cell that is expanded, where it sees it.
+    AAAI 2007. The parent of a neighbour is the parent of the expanded cell if it has a line of sight to the
+    neighbour, otherwise the expanded cell.
     """
 
     name = "theta-star"
@@ -108,7 +109,7 @@ class ThetaStar(AnyDirection):
     summary = "Theta* on the centres of cells"
 
     def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
-        """Search, and walk back from the goal."""
+        """Search, and trace the path back from the goal."""
         blocked, flag = ground.sight.blocked, request.control.flag
         columns = blocked.shape[1]
         start, end = (int(y) * columns + int(x) for x, y in (ground.start, goal))

@@ -1,4 +1,4 @@
-"""Shortest paths among the neighbours of cells that have weights."""
+"""Shortest paths along neighbouring cells with weights."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DIAGONAL = math.sqrt(2.0)
 
 @kernel
 def bound(row: int, column: int, box: Ints, diagonal: bool) -> float:
-    """Return the distance in cells to the nearest of the rectangle `box` were no cell blocked."""
+    """Return the distance, in cells, to the rectangle `box` on a map without blocked cells."""
     down = max(box[0] - row, row - box[1], 0)
     across = max(box[2] - column, column - box[3], 0)
     if not diagonal:
@@ -42,28 +42,28 @@ def weighted(
     guided: bool,
     flag: NDArray[np.int8],
 ) -> tuple[int, Floats, Ints, int]:
-    """Return the cost at each cell, right at the goals, and the cell before it.
+    """Return the cost of each cell, exact at the goals, and its predecessor.
 
-    Of equal orders the cell with the greater cost leaves first, then that with the least number.
+    Ties go to the cell with the greater cost, then to the lower number.
 
     Parameters
     ----------
     walls : ndarray of uint8, shape (cells,)
-        1 where blocked; see :mod:`crosstrack.models.grid_path.search_kernels`.
+        1 if blocked; see :mod:`crosstrack.models.grid_path.search_kernels`.
     weights : ndarray, shape (cells,)
-        A step costs its length in cells times the mean weight of its two cells.
+        Weights. A step costs its length in cells times the mean weight of its two cells.
     width : int
-        Cells of a row, the frame included.
+        Number of cells per row, including the frame.
     start : int
         Number of a free cell.
     goals : ndarray of int64
         Numbers of free cells.
     every : bool
-        Whether all goals are wanted, else the nearest.
+        Whether to reach all goals, or only the nearest.
     diagonal : bool
-        Whether steps may be diagonal; they never cut corners.
+        Whether steps may be diagonal, without cutting corners.
     guided : bool
-        Whether a lower bound on the rest is added to the order.
+        Whether to order cells by their cost plus a lower bound on the remaining cost (A*).
     flag : ndarray of int8, shape (1,)
         Nonzero stops the search.
 
@@ -72,29 +72,29 @@ def weighted(
     status : int
         ``DONE`` or ``STOPPED``.
     costs : ndarray, shape (cells,)
-        Infinite where no way was found.
+        Costs, infinite for unreached cells.
     parents : ndarray of int64, shape (cells,)
-        The start is its own.
+        Predecessor of each cell, -1 for unreached cells. The start is its own parent.
     expanded : int
-        How often the neighbours of a cell were looked at.
+        Number of expansions; a cell may be expanded more than once.
     """
     costs = np.full(walls.size, np.inf)
     parents = np.full(walls.size, -1)
     done = np.zeros(walls.size, np.uint8)
-    wanted = np.zeros(walls.size, np.uint8)
+    is_goal = np.zeros(walls.size, np.uint8)
     box = box_around(goals, width)
     missing = 0
     for goal in goals:
-        missing += 1 - wanted[goal]
-        wanted[goal] = 1
+        missing += 1 - is_goal[goal]
+        is_goal[goal] = 1
     if not every:
         missing = 1
-    least = 0.0
+    lightest = 0.0
     if guided:
-        least = np.inf
+        lightest = np.inf
         for k in range(walls.size):
             if walls[k] == 0:
-                least = min(least, weights[k])
+                lightest = min(lightest, weights[k])
     costs[start] = 0.0
     parents[start] = start
     heap = [(0.0, 0.0, start)]
@@ -107,8 +107,8 @@ def weighted(
         if done[cell] != 0 or -minus > here:
             continue
         done[cell] = 1
-        if wanted[cell] != 0:
-            wanted[cell] = 0
+        if is_goal[cell] != 0:
+            is_goal[cell] = 0
             missing -= 1
             if missing == 0:
                 break
@@ -118,28 +118,36 @@ def weighted(
         for down in range(-1, 2):
             for across in range(-1, 2):
                 turned = down != 0 and across != 0
-                to = cell + down * width + across
-                if walls[to] != 0 or (turned and not diagonal):
+                neighbour = cell + down * width + across
+                if walls[neighbour] != 0 or (turned and not diagonal):
                     continue
                 if turned and (walls[cell + down * width] | walls[cell + across]) != 0:
                     continue
-                step = 0.5 * (weights[cell] + weights[to])
-                then = here + (step * _DIAGONAL if turned else step)
-                if then >= costs[to]:
+                step = 0.5 * (weights[cell] + weights[neighbour])
+                total = here + (step * _DIAGONAL if turned else step)
+                if total >= costs[neighbour]:
                     continue
-                costs[to] = then
-                parents[to] = cell
-                done[to] = 0  # rounding may make the bound a little inconsistent
-                order = then
+                costs[neighbour] = total
+                parents[neighbour] = cell
+                done[neighbour] = 0  # rounding may make the bound a little inconsistent
+                order = total
                 if guided:
-                    order += least * bound(row + down, column + across, box, diagonal)
-                heappush(heap, (order, -then, to))
+                    order += lightest * bound(row + down, column + across, box, diagonal)
+                heappush(heap, (order, -total, neighbour))
     return DONE, costs, parents, expanded
 
 
 @kernel(interpretable=True)
 def back(parents: Ints, goal: int) -> Ints:
-    """Return the cells from the start to `goal`."""
+    """Return the cells from the start to `goal`, shape (k,).
+
+    Parameters
+    ----------
+    parents : ndarray of int64, shape (cells,)
+        Predecessors that :func:`weighted` returned.
+    goal : int
+        Number of a cell that the search reached.
+    """
     count, cell = 1, goal
     while parents[cell] != cell:
         cell = parents[cell]

@@ -1,4 +1,4 @@
-"""Policies that lead a vehicle over a map of which they only see a view."""
+"""Policies that move a vehicle on an unknown map from a view around it."""
 
 BACKENDS = {
     "d-star-lite": ".replanning:DStarLite",

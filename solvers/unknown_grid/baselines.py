@@ -1,14 +1,14 @@
-"""The paper's traditional baselines: to the visible cell nearest the target, again and again.
+"""The paper's traditional baselines: repeated moves to the visible cell nearest the target.
 
-Table III (Traditional Baseline 1) executes whole sequences, Table IV (2) one action at a time. Nearest is by straight
-line, the first in rows and then columns among equals. A* plans within the view and remembers nothing of earlier views.
-The paper does not say whether ``SearchMinDis2Target`` looks only at cells that can be reached: ``baseline-1`` and
-``baseline-2`` choose among all free cells of the view and give up if A* finds no path, the others choose among the cells
-that can be reached. All give up at the nearest cell itself: nothing would change any more.
+Table III (Traditional Baseline 1) executes whole sequences of actions, Table IV (Traditional Baseline 2) one action at
+a time. The distance is Euclidean. Ties go to the lower row, then to the lower column. A* plans within the current view.
+The paper leaves open whether ``SearchMinDis2Target`` considers only reachable cells. ``baseline-1`` and ``baseline-2``
+choose among all free cells of the view and give up if A* finds no path. The other two choose among the reachable
+cells. All give up on the nearest cell itself, because the next decision would be the same.
 
-As printed, Table IV continues from the cell it was heading for, although only one action was executed, and ends when
-the target comes into the view. So it never reaches a target. By default ``baseline-2`` continues from where the
-vehicle is and has the last stage of Table III; its option ``literal`` runs Table IV as printed.
+As printed, Table IV continues from the chosen cell although only one action was executed, and ends when the target
+enters the view, so it never reaches a target. By default, ``baseline-2`` continues from the cell of the vehicle and has
+the last stage of Table III. Its option ``literal`` runs Table IV as printed.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ Ints = NDArray[np.int64]
 
 
 class _Nearest:
-    """The policy in one scene.
+    """Baseline policy in one scene.
 
     Parameters
     ----------
     patient : bool
-        Whether the whole sequence of actions is taken before the next look counts.
+        Whether to execute the whole sequence of actions before the next decision.
     reachable : bool
-        Whether only cells are chosen that can be reached within the view.
+        Whether to choose only among cells that are reachable within the view.
     literal : bool
-        Whether to plan from the latest chosen cell and to give up once the target is in the view (Table IV).
+        Whether to plan from the latest chosen cell and give up once the target is in the view (Table IV).
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class _Nearest:
         reachable: bool,
         literal: bool,
     ) -> None:
-        from scipy.ndimage import label  # here, so that no decision waits for it
+        from scipy.ndimage import label  # here, to keep the import out of timed decisions
 
         self._label = label
         self._target, self._flag = problem.targets[scene], request.control.flag
@@ -61,7 +61,7 @@ class _Nearest:
         self._sequence: Iterator[int] = iter(())
 
     def decide(self, looks: Looks) -> Ints:
-        """Go on with the sequence, or choose the next one."""
+        """Return the next action of the sequence, or of a new sequence if it is exhausted."""
         action = next(self._sequence, GIVE_UP)
         if action == GIVE_UP:
             sequence = self._choose(looks)
@@ -71,7 +71,7 @@ class _Nearest:
         return np.array([action])
 
     def _choose(self, looks: Looks) -> Iterator[int]:
-        """Return the actions that lead to the cell chosen; none where that is not possible."""
+        """Yield the actions to the chosen cell; the sequence ends early if the cell is unreachable."""
         corner = looks.corners[0]
         walls = np.pad(looks.view[0] == BLOCKED, 1, constant_values=True)
         start = looks.positions[0] if self._current is None else self._current
@@ -79,7 +79,7 @@ class _Nearest:
         if self._literal and (looks.view == TARGET).any():
             return
         if not (0 < row < walls.shape[0] - 1 and 0 < column < walls.shape[1] - 1):
-            return  # it left the view of a UAV that hovers
+            return  # the vehicle has left the view of a hovering UAV
         allowed = ~walls
         if self._reachable:
             parts, _ = self._label(allowed)
@@ -91,14 +91,14 @@ class _Nearest:
             self._current = chosen - 1 + corner
         width = walls.shape[1]
         flat = walls.astype(np.uint8).reshape(-1)
-        at, goal = int(row * width + column), int(chosen[0] * width + chosen[1])
-        steps = search(flat, width, at, goal, True, self._flag)
-        while at != goal:
-            action = descend(flat, width, steps, at)
+        cell, goal = int(row * width + column), int(chosen[0] * width + chosen[1])
+        steps = search(flat, width, cell, goal, True, self._flag)
+        while cell != goal:
+            action = descend(flat, width, steps, cell)
             if action == STUCK:
                 return
             yield int(action)
-            at += (-width, width, -1, 1)[action]
+            cell += (-width, width, -1, 1)[action]
 
 
 class BaselineOne(NavigationBackend):
@@ -109,13 +109,13 @@ class BaselineOne(NavigationBackend):
     patient, reachable = True, False
 
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return what decides in one scene."""
+        """Return the policy of one scene."""
         literal = bool(request.options.get("literal", False))
         return _Nearest(problem, int(scenes[0]), request, self.patient, self.reachable, literal)
 
 
 class BaselineOneReachable(BaselineOne):
-    """The same to the nearest of the cells that can be reached within the view."""
+    """Traditional Baseline 1, restricted to cells that are reachable within the view."""
 
     name = "baseline-1-reachable"
     summary = "whole sequences to the reachable visible cell nearest the target"
@@ -135,7 +135,7 @@ class BaselineTwo(BaselineOne):
 
 
 class BaselineTwoReachable(BaselineOneReachable):
-    """The same to the nearest of the cells that can be reached within the view."""
+    """Traditional Baseline 2, restricted to cells that are reachable within the view."""
 
     name = "baseline-2-reachable"
     summary = "one action at a time to the reachable visible cell nearest the target"

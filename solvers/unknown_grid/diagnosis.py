@@ -1,4 +1,4 @@
-"""Why targets cannot be reached, from the true maps: what encloses them, and what would open a way."""
+"""Diagnosis of unreachable targets on the true maps: enclosing obstacles, and obstacles to remove."""
 
 from __future__ import annotations
 
@@ -16,24 +16,29 @@ Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
 _METHOD = "the free cells that are joined to start and target, and shortest ways on the true maps"
-#: Cells that a text names at the most, and cells of maps in which an opening is looked for.
+#: Maximum number of cells in a text, and of cells in a map for the search of an opening.
 _NAMED, _MOST = 4, 1_000_000
 
 
 def diagnose_unknown_grid(
     model: UnknownGridNavigation, time_limit: float | None = None
 ) -> Diagnosis:
-    """Return in which scenes the target cannot be reached within the steps allowed, and why.
+    """Return the scenes whose target is unreachable within the step limit, with the causes.
 
-    There always is a plan, for a run may say that there is no way. A policy may need more steps than the
-    shortest way, which it does not know.
+    A plan always exists, because a run may end with ``NO_WAY``. A policy may need more steps than the
+    shortest path, because it has only the view.
 
     Parameters
     ----------
     model : UnknownGridNavigation
-        With its true maps.
+        Model with its true maps.
     time_limit : float, optional
-        Not used: the time is that of a search or two over each map.
+        Unused, because the diagnosis takes at most two searches per map.
+
+    Returns
+    -------
+    Diagnosis
+        A summary, and one finding per scene whose target is too far or enclosed.
     """
     fewest = model.fewest_steps()
     closed = np.flatnonzero(np.isinf(fewest)).tolist()
@@ -42,10 +47,10 @@ def diagnose_unknown_grid(
     enclosed = sorted((_enclosed(model, k) for k in closed), key=_obstacles)
     findings = (*(_distant(model, k, int(fewest[k])) for k in far.tolist()), *enclosed)
     within = fewest[fewest <= model.steps]
-    told = "" if not within.size else f", in {_range(within)} of {model.steps} steps"
+    limits = "" if not within.size else f", in {_range(within)} of {model.steps} steps"
     if model.scenes == 1:
         text = (
-            f"the target can be reached{told}"
+            f"the target can be reached{limits}"
             if within.size
             else "there is no way to the target"
             if closed
@@ -53,7 +58,7 @@ def diagnose_unknown_grid(
         )
     else:
         which = "all" if within.size == model.scenes else f"{within.size} of"
-        text = f"the target can be reached in {which} {model.scenes} scenes{told}"
+        text = f"the target can be reached in {which} {model.scenes} scenes{limits}"
         text += f"; {len(closed)} without a way" if closed else ""
         text += f"; {len(far)} with a way that is too long" if len(far) else ""
     summary = f"a plan exists, for a run may say that there is no way; {text}"
@@ -61,28 +66,29 @@ def diagnose_unknown_grid(
 
 
 def opening(blocked: Truths, start: Ints, target: Ints) -> Ints:
-    """Return the fewest obstacles without which there would be a way, shape (n, 2).
+    """Return a smallest set of obstacles whose removal opens a path, shape (n, 2).
 
-    Parts of free cells and single obstacles are the nodes of a graph, in which to enter an obstacle costs 1.
+    The nodes of the search graph are the connected parts of free cells and the single obstacles. An edge
+    into an obstacle costs 1.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (rows, columns)
-        The map.
+        Map, true where blocked.
     start, target : ndarray of int, shape (2,)
-        Free cells.
+        Row and column of free cells.
 
     Returns
     -------
     ndarray of int, shape (n, 2)
-        Rows and columns, from the start to the target; none where there is a way.
+        Rows and columns, from the start to the target; n = 0 if a path exists.
     """
     from scipy.ndimage import label
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
     parts, count = label(~blocked)
-    # Nodes: 1 … count are parts, those after them obstacles.
+    # Nodes 1 … count are parts, larger numbers are obstacles.
     nodes = parts.astype(np.int64)
     walls = np.argwhere(blocked)
     nodes[blocked] = count + 1 + np.arange(len(walls))
@@ -96,17 +102,17 @@ def opening(blocked: Truths, start: Ints, target: Ints) -> Ints:
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     once = np.unique(np.concatenate([pairs @ [size, 1], pairs @ [1, size]]))
     into = once % size
-    # Parts cost so little that all together cost less than an obstacle.
+    # The costs of all parts together are below the cost of one obstacle.
     costs = np.where(into > count, 1.0, 0.5 / size)
     graph = csr_array((costs, (once // size, into)), shape=(size, size))
     first, last = int(nodes[tuple(start)]), int(nodes[tuple(target)])
     before = dijkstra(graph, indices=first, return_predecessors=True)[1]
-    found, at = [], last
-    while at != first:
-        if at > count:
-            found.append(walls[at - count - 1])
-        at = int(before[at])
-    return np.array(found[::-1], np.int64).reshape(-1, 2)
+    cells, node = [], last
+    while node != first:
+        if node > count:
+            cells.append(walls[node - count - 1])
+        node = int(before[node])
+    return np.array(cells[::-1], np.int64).reshape(-1, 2)
 
 
 def _distant(model: UnknownGridNavigation, scene: int, steps: int) -> Finding:
@@ -118,7 +124,7 @@ def _distant(model: UnknownGridNavigation, scene: int, steps: int) -> Finding:
 
 
 def _enclosed(model: UnknownGridNavigation, scene: int) -> Finding:
-    """Return which of start and target is enclosed, by what, and what would open a way."""
+    """Return a finding that names the enclosed end, its obstacles and an opening."""
     from scipy.ndimage import binary_dilation, label
 
     blocked, start, target = model.blocked[scene], model.starts[scene], model.targets[scene]
@@ -126,7 +132,7 @@ def _enclosed(model: UnknownGridNavigation, scene: int) -> Finding:
     joined = parts == parts[tuple(start)]
     beyond = parts == parts[tuple(target)]
     reached, left = int(np.count_nonzero(joined)), int(np.count_nonzero(beyond))
-    # The smaller part is the one that is enclosed.
+    # The smaller part is reported as enclosed.
     name, inner, size, cell = (
         ("target", beyond, left, target) if left <= reached else ("start", joined, reached, start)
     )
@@ -145,16 +151,14 @@ def _enclosed(model: UnknownGridNavigation, scene: int) -> Finding:
         "free": int(np.count_nonzero(~blocked)), "edge": edge, "walls": ring.tolist(),
     }  # fmt: skip
     if blocked.size <= _MOST:
-        gone = opening(blocked, start, target)
-        text += (
-            f"; without {_count(len(gone), 'obstacle')}, such as {_cells(gone)}, there would be one"
-        )
-        data["opening"] = gone.tolist()
+        removed = opening(blocked, start, target)
+        text += f"; without {_count(len(removed), 'obstacle')}, such as {_cells(removed)}, there would be one"
+        data["opening"] = removed.tolist()
     return Finding(text, "", f"scene {scene}", data)
 
 
 def _obstacles(finding: Finding) -> int:
-    """Return how many obstacles keep a target from being reached, as far as it was found."""
+    """Return the size of a finding's opening, or a large number if it was not computed."""
     return len((finding.data or {}).get("opening", range(_MOST)))
 
 
@@ -167,11 +171,11 @@ def _count(number: int, word: str) -> str:
 
 
 def _cells(cells: Iterable[Ints]) -> str:
-    """Return ``"at row 1, column 2 and row 3, column 4"``, a few of them."""
-    named = [f"row {row}, column {column}" for row, column in cells]
-    if len(named) > _NAMED:
-        named = [*named[:_NAMED], f"{len(named) - _NAMED} more"]
-    return "at " + " and ".join(named)
+    """Return text such as ``"at row 1, column 2 and row 3, column 4"`` for the first few cells."""
+    texts = [f"row {row}, column {column}" for row, column in cells]
+    if len(texts) > _NAMED:
+        texts = [*texts[:_NAMED], f"{len(texts) - _NAMED} more"]
+    return "at " + " and ".join(texts)
 
 
 def _range(steps: NDArray[np.float64]) -> str:

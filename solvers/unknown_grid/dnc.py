@@ -1,8 +1,8 @@
-"""A differentiable neural computer: a recurrent network that writes to and reads from a memory of its own.
+"""Differentiable neural computer: a recurrent network with an external memory.
 
 Source: A. Graves, G. Wayne, M. Reynolds et al., "Hybrid computing using a neural network with dynamic external
 memory", Nature 538, 2016, doi 10.1038/nature20101; equations as in its section Methods. The controller
-is one LSTM cell. Usage is kept between 1e-6 and 1, where the paper has 0 and 1, so that the order of
+is one LSTM cell. Usage is limited to 1e-6 … 1 instead of the paper's 0 … 1, so that the order of
 allocation has a gradient.
 """
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Interface", "Record", "allocate", "build_computer", "link", "match", "read", "write"]
 
-#: Least usage of a word.
+#: Minimum usage of a word.
 _LEAST = 1e-6
-#: What is added to squared lengths, so that words not yet written have small gradients.
+#: Constant added to squared lengths, so that unwritten words have small gradients.
 _SQUARE = 1e-4
 
 
 class Record(NamedTuple):
-    """What the computer hands on from step to step; the first axis of all is the batch.
+    """State of the computer between steps. The first axis of every field is the batch.
 
     Parameters
     ----------
@@ -31,13 +31,13 @@ class Record(NamedTuple):
     usage, precedence, written : Tensor, shape (n, words)
         u, p and the write weighting w^w.
     links : Tensor, shape (n, words, words)
-        L; ``links[:, i, j]`` is near 1 where word i was written next after word j.
+        L; ``links[:, i, j]`` is near 1 if word i was written directly after word j.
     attended : Tensor, shape (n, heads, words)
         The read weightings w^r.
     reads : Tensor, shape (n, heads, width)
         r.
     hidden, cell : Tensor, shape (n, units)
-        Of the LSTM.
+        State of the LSTM.
     """
 
     memory: Tensor
@@ -52,7 +52,7 @@ class Record(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """What the controller asks of the memory, the interface vector after its activations.
+    """Interface vector from the controller to the memory, after its activations.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class Interface(NamedTuple):
 
 
 def match(memory: Tensor, keys: Tensor, strengths: Tensor) -> Tensor:
-    """Return the weighting of words by their likeness to keys, shape (n, heads, words); content-based addressing.
+    """Return the content-based weighting of words by their similarity to keys, shape (n, heads, words).
 
     Parameters
     ----------
@@ -112,8 +112,8 @@ def match(memory: Tensor, keys: Tensor, strengths: Tensor) -> Tensor:
     keys : Tensor, shape (n, heads, width)
     strengths : Tensor, shape (n, heads)
     """
-    likeness = _unit(keys) @ _unit(memory).transpose(1, 2)
-    return (strengths[:, :, None] * likeness).softmax(dim=2)
+    similarity = _unit(keys) @ _unit(memory).transpose(1, 2)
+    return (strengths[:, :, None] * similarity).softmax(dim=2)
 
 
 def _unit(vectors: Tensor) -> Tensor:
@@ -121,9 +121,9 @@ def _unit(vectors: Tensor) -> Tensor:
 
 
 def allocate(usage: Tensor) -> Tensor:
-    """Return the allocation weighting a, shape (n, words): the least used word first.
+    """Return the allocation weighting a, shape (n, words), with the least used word first.
 
-    Of words that are used equally the first goes first.
+    Ties go to the lower index.
     """
     import torch
     from torch.nn import functional
@@ -143,31 +143,31 @@ def link(links: Tensor, precedence: Tensor, written: Tensor) -> tuple[Tensor, Te
     return after, (1.0 - written.sum(dim=1, keepdim=True)) * precedence + written
 
 
-def write(before: Record, asked: Interface) -> Record:
-    """Return the record after words that were read are freed and one is written."""
-    # Retention and usage: what was written is used, what was read and set free is not.
-    retained = (1.0 - asked.free[:, :, None] * before.attended).prod(dim=1)
+def write(before: Record, interface: Interface) -> Record:
+    """Return the record after freeing the words read and writing one word."""
+    # Retention and usage: a write marks a word as used, a read with an open free gate releases it.
+    retained = (1.0 - interface.free[:, :, None] * before.attended).prod(dim=1)
     usage = (before.usage + before.written - before.usage * before.written) * retained
     usage = _LEAST + (1.0 - _LEAST) * usage
-    by_content = match(before.memory, asked.write_key, asked.write_strength)[:, 0]
-    share = asked.allocation
-    written = asked.gate * (share * allocate(usage) + (1.0 - share) * by_content)
-    kept = 1.0 - written[:, :, None] * asked.erase[:, None]
-    memory = before.memory * kept + written[:, :, None] * asked.content[:, None]
+    by_content = match(before.memory, interface.write_key, interface.write_strength)[:, 0]
+    share = interface.allocation
+    written = interface.gate * (share * allocate(usage) + (1.0 - share) * by_content)
+    retention = 1.0 - written[:, :, None] * interface.erase[:, None]
+    memory = before.memory * retention + written[:, :, None] * interface.content[:, None]
     links, precedence = link(before.links, before.precedence, written)
     return before._replace(
         memory=memory, usage=usage, precedence=precedence, written=written, links=links
     )
 
 
-def read(record: Record, asked: Interface) -> Record:
+def read(record: Record, interface: Interface) -> Record:
     """Return the record after each head has read: backward, by content and forward along the links."""
     import torch
 
     backward = record.attended @ record.links
     forward = record.attended @ record.links.transpose(1, 2)
-    content = match(record.memory, asked.read_keys, asked.read_strengths)
-    attended = (torch.stack([backward, content, forward], dim=3) * asked.modes[:, :, None]).sum(
+    content = match(record.memory, interface.read_keys, interface.read_strengths)
+    attended = (torch.stack([backward, content, forward], dim=3) * interface.modes[:, :, None]).sum(
         dim=3
     )
     return record._replace(attended=attended, reads=attended @ record.memory)
@@ -176,21 +176,21 @@ def read(record: Record, asked: Interface) -> Record:
 def build_computer(
     inputs: int, outputs: int, *, units: int = 256, words: int = 32, width: int = 8, heads: int = 4
 ) -> nn.Module:
-    """Return the computer, one step a call: ``computer(inputs, record) -> outputs, record``.
+    """Return the computer, which computes one step per call: ``computer(inputs, record) -> outputs, record``.
 
-    Inputs have shape (n, inputs) and outputs (n, outputs); ``computer.start(n)`` is the record of n computers
-    that have not seen anything.
+    Inputs have shape (n, inputs) and outputs (n, outputs). ``computer.start(n)`` returns the initial record
+    of a batch of n.
 
     Parameters
     ----------
     inputs, outputs : int
-        Sizes of what goes in and comes out.
-    units : int
-        Of the LSTM.
-    words, width : int
-        Of the memory.
-    heads : int
-        That read; one writes.
+        Sizes of the input and output vectors.
+    units : int, default 256
+        Number of units of the LSTM.
+    words, width : int, default 32 and 8
+        Number of words in the memory, and their length.
+    heads : int, default 4
+        Number of read heads. One further head writes.
     """
     import torch
     from torch import nn
@@ -203,7 +203,7 @@ def build_computer(
             self.output = nn.Linear(units + heads * width, outputs)
             with (
                 torch.no_grad()
-            ):  # remember at first: the gate between the cells of two steps is open
+            ):  # the forget gate starts open, so that the LSTM keeps its state at first
                 self.controller.bias_hh[units : 2 * units] = 1.0
 
         def start(self, count: int) -> Record:
@@ -218,11 +218,11 @@ def build_computer(
             return Record(*(torch.zeros(count, *size) for size in sizes))
 
         def forward(self, inputs: Tensor, record: Record) -> tuple[Tensor, Record]:
-            seen = torch.cat([inputs, record.reads.flatten(1)], dim=1)
-            hidden, cell = self.controller(seen, (record.hidden, record.cell))
+            vector = torch.cat([inputs, record.reads.flatten(1)], dim=1)
+            hidden, cell = self.controller(vector, (record.hidden, record.cell))
             record = record._replace(hidden=hidden, cell=cell)
-            asked = Interface.split(self.interface(hidden), heads, width)
-            record = read(write(record, asked), asked)
+            interface = Interface.split(self.interface(hidden), heads, width)
+            record = read(write(record, interface), interface)
             return self.output(torch.cat([hidden, record.reads.flatten(1)], dim=1)), record
 
     return NeuralComputer()

@@ -1,7 +1,7 @@
-"""Shortest ways back from the target over a flat map: A* from scratch, and D* Lite.
+"""Shortest paths from the target backwards on a flat map: A* from scratch, and D* Lite.
 
-The map has one blocked cell around it: the cell in row r and column c is number
-``(r + 1) * width + c + 1``, where width is the number of columns plus 2. All steps cost 1, and the
+The map has a frame of blocked cells. The cell in row r and column c has the number
+``(r + 1) * width + c + 1``, where width is the number of columns plus 2. Every step costs 1. The
 lower bound of both searches is the Manhattan distance to the vehicle.
 
 Source: S. Koenig and M. Likhachev, "D* Lite", AAAI 2002, the optimised version.
@@ -21,13 +21,13 @@ Steps = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
 Flag = NDArray[np.int8]
 
-#: The number of steps where no way is known.
+#: Number of steps of a cell without a known path.
 FAR = 2**30
-#: The answer where there is no way.
+#: Action returned if no path exists.
 STUCK = -1
-#: Cells that wait, the sum of the vehicle's moves so far (k_m), and where it was at the latest search.
+#: Indices in the tally: number of queued cells, sum of the vehicle's moves (k_m), cell at the last search.
 _COUNT, _MOVED, _LAST = 0, 1, 2
-#: A key is two whole numbers in one, the second below 2**_SHIFT.
+#: A key packs two integers into one; the second is below 2**_SHIFT.
 _SHIFT = 31
 
 
@@ -41,37 +41,37 @@ def apart(width: int, one: int, other: int) -> int:
 
 @kernel(interpretable=True)
 def descend(walls: Bytes, width: int, steps: Steps, cell: int) -> int:
-    """Return the first of up, down, left and right whose cell has the fewest steps left.
+    """Return the action to the neighbour with the fewest steps; ties go to up, down, left, right.
 
     Parameters
     ----------
     walls : ndarray of uint8, shape (cells,)
         1 where blocked.
     width : int
-        Cells of a row, the frame included.
+        Number of cells per row, including the frame.
     steps : ndarray of int32, shape (cells,)
-        Steps to the target; those of blocked cells do not count.
+        Steps to the target. Entries of blocked cells are ignored.
     cell : int
-        Where the vehicle is.
+        Cell of the vehicle.
 
     Returns
     -------
     int
         0 … 3, or :data:`STUCK`.
     """
-    best, found = FAR, STUCK
-    for turn, move in enumerate((-width, width, -1, 1)):
+    best, action = FAR, STUCK
+    for index, move in enumerate((-width, width, -1, 1)):
         if walls[cell + move] == 0 and steps[cell + move] < best:
-            best, found = steps[cell + move], turn
-    return found
+            best, action = steps[cell + move], index
+    return action
 
 
 @kernel(interpretable=True)
 def search(walls: Bytes, width: int, start: int, target: int, every: bool, flag: Flag) -> Steps:
-    """Return the steps to the target from all cells on shortest ways from the start, by A*.
+    """Return the steps to the target from all cells on shortest paths from the start, by A*.
 
-    A step towards the start leaves the sum of steps and lower bound as it is, any other raises it by 2;
-    so two stacks are enough to order the cells, and the latest leaves first.
+    A step towards the start keeps the sum of steps and lower bound, and any other step raises it by 2.
+    Two stacks (last in, first out) therefore suffice as a priority queue.
 
     Parameters
     ----------
@@ -80,41 +80,41 @@ def search(walls: Bytes, width: int, start: int, target: int, every: bool, flag:
     start, target : int
         Free cells.
     every : bool
-        Whether all shortest ways are wanted, else enough of them for :func:`descend` at the start.
+        Whether to compute all shortest paths, or only those that :func:`descend` needs at the start.
     flag : ndarray of int8, shape (1,)
         Nonzero stops the search.
 
     Returns
     -------
     ndarray of int32, shape (cells,)
-        Right on shortest ways from the start, elsewhere not too small; :data:`FAR` where unknown.
+        Exact on shortest paths from the start, upper bounds elsewhere; :data:`FAR` for unvisited cells.
     """
     steps = np.full(walls.size, FAR, np.int32)
     now, later = np.empty(walls.size, np.int64), np.empty(walls.size, np.int64)
     steps[target] = 0
     now[0] = target
-    waiting, kept = 1, 0
+    waiting, deferred = 1, 0
     order = apart(width, start, target)
-    first = -1  # the neighbour of the start that is the first choice if any way leads over it
+    first = -1  # preferred neighbour of the start if a path passes it
     while waiting > 0:
         while waiting > 0 and flag[0] == 0:
             waiting -= 1
             cell = now[waiting]
             left = order - steps[cell]
             if apart(width, start, cell) != left:
-                continue  # it left before, on a shorter way
-            then = steps[cell] + 1
+                continue  # expanded before, on a shorter path
+            cost = steps[cell] + 1
             for move in (-width, width, -1, 1):
                 to = cell + move
-                if walls[to] != 0 or steps[to] <= then:
+                if walls[to] != 0 or steps[to] <= cost:
                     continue
-                steps[to] = then
+                steps[to] = cost
                 if apart(width, start, to) < left:
                     now[waiting] = to
                     waiting += 1
                 else:
-                    later[kept] = to
-                    kept += 1
+                    later[deferred] = to
+                    deferred += 1
             if not every and steps[start] <= order:
                 if first < 0:
                     for move in (1, -1, width, -width):
@@ -126,14 +126,14 @@ def search(walls: Bytes, width: int, start: int, target: int, every: bool, flag:
         if steps[start] <= order or flag[0] != 0:
             return steps
         now, later = later, now
-        waiting, kept = kept, 0
+        waiting, deferred = deferred, 0
         order += 2
     return steps
 
 
 @kernel
 def rise(heap: Ints, where: Steps, keys: Ints, at: int) -> None:
-    """Move the entry at `at` up to where it belongs."""
+    """Sift the entry at index `at` up the heap."""
     cell = heap[at]
     while at > 0:
         above = (at - 1) // 2
@@ -148,7 +148,7 @@ def rise(heap: Ints, where: Steps, keys: Ints, at: int) -> None:
 
 @kernel
 def sink(heap: Ints, where: Steps, keys: Ints, count: int, at: int) -> None:
-    """Move the entry at `at` down to where it belongs."""
+    """Sift the entry at index `at` down the heap."""
     cell = heap[at]
     while 2 * at + 1 < count:
         below = 2 * at + 1
@@ -167,7 +167,7 @@ def sink(heap: Ints, where: Steps, keys: Ints, count: int, at: int) -> None:
 def place(
     cell: int, key: int, here: bool, heap: Ints, where: Steps, keys: Ints, tally: Ints
 ) -> None:
-    """Let a cell wait with a key, or no longer."""
+    """Insert a cell into the queue, update its key, or remove it."""
     at = where[cell] - 1
     if here and at < 0:
         at = tally[_COUNT]
@@ -193,14 +193,14 @@ def place(
 
 @kernel
 def key_of(cell: int, width: int, start: int, g: Steps, rhs: Steps, tally: Ints) -> int:
-    """Return the key of a cell: its steps and its lower bound, then its steps."""
+    """Return the key of a cell: the sum of steps and lower bound, then the steps."""
     steps = min(g[cell], rhs[cell])
     return int(((steps + apart(width, start, cell) + tally[_MOVED]) << _SHIFT) | steps)
 
 
 @kernel
 def foresee(walls: Bytes, width: int, target: int, cell: int, g: Steps, rhs: Steps) -> None:
-    """Set the steps of a cell by those of its neighbours (rhs)."""
+    """Compute the one-step lookahead value of a cell (rhs)."""
     if cell == target:
         rhs[cell] = 0
         return
@@ -227,31 +227,31 @@ def repair(
     tally: Ints,
     flag: Flag,
 ) -> bool:
-    """Make `g` right on all shortest ways from the start, by D* Lite.
+    """Update `g` on all shortest paths from the start by D* Lite.
 
     Parameters
     ----------
     walls, width, flag
-        See :func:`search`; `walls` as it is now.
+        See :func:`search`. `walls` is the current map.
     start, target : int
-        Free cells; the start is where the vehicle is now.
+        Free cells. The start is the current cell of the vehicle.
     changed : ndarray of int64
-        Cells that were blocked or freed since the latest call; at the first call the target besides.
+        Cells blocked or freed since the previous call. The first call also includes the target.
     g, rhs : ndarray of int32, shape (cells,)
-        Steps to the target, and what the neighbours say of them; at first :data:`FAR`.
+        Steps to the target, and their one-step lookahead values; initially :data:`FAR`.
     heap : ndarray of int64, shape (cells,)
-        The cells that wait, because g and rhs differ.
+        Binary heap of the inconsistent cells, whose g and rhs differ.
     where : ndarray of int32, shape (cells,)
-        Their places in `heap` plus 1; at first 0.
+        Index of each cell in `heap` plus 1; initially 0.
     keys : ndarray of int64, shape (cells,)
-        Their order.
+        Key of each cell in `heap`.
     tally : ndarray of int64, shape (3,)
-        Kept from call to call; at first ``(0, 0, start)``.
+        State between calls; initially ``(0, 0, start)``.
 
     Returns
     -------
     bool
-        Whether `flag` did not stop it.
+        False if `flag` stopped the search.
     """
     tally[_MOVED] += apart(width, tally[_LAST], start)
     tally[_LAST] = start
@@ -265,12 +265,12 @@ def repair(
         if flag[0] != 0:
             return False
         cell = heap[0]
-        least = keys[cell]
-        # With the least key as that of the start, nothing that waits lies on a shortest way.
-        if least >= key_of(start, width, start, g, rhs, tally) and rhs[start] <= g[start]:
+        smallest = keys[cell]
+        # If the smallest key reaches the key of the start, no queued cell is on a shortest path.
+        if smallest >= key_of(start, width, start, g, rhs, tally) and rhs[start] <= g[start]:
             break
         key = key_of(cell, width, start, g, rhs, tally)
-        if least < key:  # the vehicle moved since
+        if smallest < key:  # outdated, because the vehicle has moved
             place(cell, key, True, heap, where, keys, tally)
             continue
         before = g[cell]

@@ -1,4 +1,4 @@
-"""The paper's training: A* on the true map leads, and the network learns the action of each step."""
+"""The paper's training: imitation of A* on the true map, one action per step."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["EPISODES", "DecisionTrainer", "Episodes", "RunTrainer"]
 
 Ints = NDArray[np.int64]
 
-#: The options of the trainings, by default the values of Table II.
+#: Options of the trainings. The defaults are the values of Table II.
 EPISODES: Mapping[str, Option] = {
     "law": replace(IMITATION["law"], default="paper"),
     "batches": replace(IMITATION["batches"], default=200),
@@ -53,11 +53,11 @@ class Episodes(NamedTuple):
     Parameters
     ----------
     observed : Observation
-        Arrays of what is known before each step, steps in order.
+        Observations before each step, as arrays in the order of the steps.
     actions : ndarray of int, shape (k,)
-        The expert's.
+        Actions of the expert.
     runs, steps : ndarray of int, shape (k,)
-        Number of the run and of the step.
+        Indices of the run and of the step.
     """
 
     observed: Observation
@@ -67,12 +67,12 @@ class Episodes(NamedTuple):
 
     def take(self, rows: Any) -> Episodes:
         """Return the steps at `rows`."""
-        observed = Observation._make(one[rows] for one in self.observed)
+        observed = Observation._make(array[rows] for array in self.observed)
         return Episodes(observed, self.actions[rows], self.runs[rows], self.steps[rows])
 
 
 def lead_expert(scenes: Scenes, task: Task, steps: int = 40) -> Episodes:
-    """Return the runs of A* on the true maps; of equal actions the first of up, down, left and right."""
+    """Return the runs of A* on the true maps. Ties go to up, down, left, right in this order."""
     ways = shortest_ways(scenes.blocked, scenes.targets)
     looks: list[Observation] = []
     actions: list[Ints] = []
@@ -80,12 +80,12 @@ def lead_expert(scenes: Scenes, task: Task, steps: int = 40) -> Episodes:
     times: list[Ints] = []
 
     def choose(observed: Observation, rows: Ints) -> Ints:
-        chosen = first_of(best_actions(ways[rows], observed.positions))
+        best = first_of(best_actions(ways[rows], observed.positions))
         looks.append(observed)
-        actions.append(chosen)
+        actions.append(best)
         runs.append(rows)
         times.append(np.full(len(rows), len(times)))
-        return chosen
+        return best
 
     walk_through(Walk(scenes, task.view, steps=steps), choose)
     observed = Observation(*map(np.concatenate, zip(*looks, strict=True)))
@@ -93,14 +93,15 @@ def lead_expert(scenes: Scenes, task: Task, steps: int = 40) -> Episodes:
 
 
 class _EpisodeTrainer(GradientTrainer):
-    """Base: each batch holds episodes of A* in new scenes of one of the tasks, which take turns.
+    """Base of trainers on batches of A* episodes in new scenes. The batches alternate between the tasks.
 
     Parameters
     ----------
     course, kind, network, architecture
-        As for the base.
+        Parameters of :class:`~..gradient.GradientTrainer`.
     part : {0, 1, 2}
-        1: only steps before the target was in the view; 2: only those after, on O_p; 0: all steps on O_g.
+        1 selects the steps before the target was in the view, 2 the steps after it on O_p, and 0 all
+        steps on O_g.
     """
 
     def __init__(
@@ -108,42 +109,42 @@ class _EpisodeTrainer(GradientTrainer):
         *, part: int = 0,
     ) -> None:  # fmt: skip
         self.part = part
-        asked = course.options
+        options = course.options
         super().__init__(
-            course, kind, network, architecture, batches=asked["batches"], rate=asked["rate"]
+            course, kind, network, architecture, batches=options["batches"], rate=options["rate"]
         )
 
     def draw(self, batch: int, generator: np.random.Generator) -> Episodes:
-        """Return the steps to learn from; each episode has at least one."""
-        asked, task = self.course.options, TASKS[batch % len(TASKS)]
-        count = 2 * asked["batch"] if self.part else asked["batch"]
+        """Return the training steps of a batch; each episode has at least one step."""
+        options, task = self.course.options, TASKS[batch % len(TASKS)]
+        count = 2 * options["batch"] if self.part else options["batch"]
         while True:
             scenes = draw_scenes(
-                self.course.examples, asked["law"], task.shape, (2, 5), count, generator
+                self.course.examples, options["law"], task.shape, (2, 5), count, generator
             )
-            found = lead_expert(scenes, task)
+            episodes = lead_expert(scenes, task)
             if self.part:
-                found = found.take(found.observed.seen == (self.part == 2))
-            if len(found.actions):
-                first = np.unique(found.runs)[: asked["batch"]]
-                return found.take(np.isin(found.runs, first))
+                episodes = episodes.take(episodes.observed.seen == (self.part == 2))
+            if len(episodes.actions):
+                chosen = np.unique(episodes.runs)[: options["batch"]]
+                return episodes.take(np.isin(episodes.runs, chosen))
 
     def weights(self) -> Weights:
-        """Return the weights, large arrays rounded to about 25 values, so that their file is small."""
-        found = super().weights()
-        arrays = {name: _rounded(one) for name, one in found.arrays.items()}
-        return Weights(found.kind, arrays, found.architecture)
+        """Return the weights. Large arrays are rounded to about 25 values, which keeps the file small."""
+        exact = super().weights()
+        arrays = {name: _rounded(array) for name, array in exact.arrays.items()}
+        return Weights(exact.kind, arrays, exact.architecture)
 
     def judge(self) -> Mapping[str, float]:
-        asked = self.course.options
+        options = self.course.options
         return judge_network(
-            self.network, self.course.examples, asked["law"], self.course.seed, asked["judged"],
+            self.network, self.course.examples, options["law"], self.course.seed, options["judged"],
             part=self.part,
         )  # fmt: skip
 
 
 def _rounded(weights: Any) -> Any:
-    """Return an array rounded to multiples of a quarter of its standard deviation, or less."""
+    """Return an array rounded to multiples of at most a quarter of its standard deviation."""
     if weights.size < _LARGE or not 0.0 < weights.std() < np.inf:
         return weights
     step = 2.0 ** (np.floor(np.log2(weights.std())) - 2.0)
@@ -151,41 +152,41 @@ def _rounded(weights: Any) -> Any:
 
 
 class DecisionTrainer(_EpisodeTrainer):
-    """For networks without memory: a batch holds as many decisions as :class:`RunTrainer` takes episodes."""
+    """Trainer of networks without memory. Option ``batch`` is its number of decisions per batch."""
 
     def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
         import torch
         from torch.nn import functional
 
-        found = self.draw(batch, generator)
-        rows = generator.permutation(len(found.actions))[: self.course.options["batch"]]
-        some = found.take(rows)
-        observed = some.observed.tensors()
+        episodes = self.draw(batch, generator)
+        rows = generator.permutation(len(episodes.actions))[: self.course.options["batch"]]
+        sample = episodes.take(rows)
+        observed = sample.observed.tensors()
         if self.part == 2:
             observed = observed.in_view()
         logits, _ = self.network(observed, None)
-        return functional.cross_entropy(logits, torch.from_numpy(some.actions))
+        return functional.cross_entropy(logits, torch.from_numpy(sample.actions))
 
 
 class RunTrainer(_EpisodeTrainer):
-    """For networks with memory: the gradient passes through all steps of an episode."""
+    """Trainer of networks with memory. The gradient passes through all steps of an episode."""
 
     def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
         import torch
         from torch.nn import functional
 
-        found = self.draw(batch, generator)
-        inputs = self.network.read(found.observed.tensors())
+        episodes = self.draw(batch, generator)
+        inputs = self.network.read(episodes.observed.tensors())
         state: Any = None
         before: Ints = np.zeros(0, np.int64)
         logits = []
-        for step in range(int(found.steps.max()) + 1):
-            rows = np.flatnonzero(found.steps == step)
-            runs = found.runs[rows]
+        for step in range(int(episodes.steps.max()) + 1):
+            rows = np.flatnonzero(episodes.steps == step)
+            runs = episodes.runs[rows]
             if state is not None:
-                kept = torch.from_numpy(np.searchsorted(before, runs))
-                state = tuple(one[kept] for one in state)
+                active = torch.from_numpy(np.searchsorted(before, runs))
+                state = tuple(part[active] for part in state)
             out, state = self.network.decide(inputs[torch.from_numpy(rows)], state)
             before = runs
             logits.append(out)
-        return functional.cross_entropy(torch.cat(logits), torch.from_numpy(found.actions))
+        return functional.cross_entropy(torch.cat(logits), torch.from_numpy(episodes.actions))

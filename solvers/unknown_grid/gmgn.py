@@ -1,16 +1,16 @@
-"""GMGN, the paper's Grid Map Generation Network: ENet segments the camera's image, PPN turns the segments into cells.
+"""GMGN, the paper's Grid Map Generation Network: ENet segments the camera's image, PPN converts segments to cells.
 
 ENet has an initial block, stages 1 to 3 (encoder), stages 4 and 5 (decoder) and a last layer at full resolution with one
-channel. PPN reads that one-channel map: it averages the map over each cell by the exact transform between image
-and view, so that one set of weights serves views of any size, and three convolutions over the cells follow.
+channel. PPN averages this map over each cell by the exact transform between image and view and applies three
+convolutions over the cells. One set of weights therefore fits views of any size.
 
 Training has the paper's three stages: ENet on images and segmentation maps, PPN on ENet's maps and grid maps, then both
 together.
 
 Source: A. Paszke, A. Chaurasia, S. Kim, E. Culurciello, "ENet: A Deep Neural Network Architecture for
-Real-Time Semantic Segmentation", 2016, arXiv 1606.02147. Blocks and dilations are its own. The channels of stages 1 to 4
-are half of its own, so that a processor without a graphics card trains the network in minutes. The paper does not
-describe the layers of PPN.
+Real-Time Semantic Segmentation", 2016, arXiv 1606.02147. Blocks and dilations follow this paper. Stages 1 to 4 have
+half of its channels, so that a CPU trains the network in minutes. The paper on unknown grids does not describe the
+layers of PPN.
 """
 
 from __future__ import annotations
@@ -39,27 +39,32 @@ Truths = NDArray[np.bool_]
 
 #: Channels of stages 1 and 4, of stages 2 and 3, and of PPN (ENet has 64 and 128).
 ARCHITECTURE = {"channels": 32, "inner": 64, "cells": 24}
-#: Shares of the epochs that train ENet alone, and ENet and then PPN alone; both together follow.
+#: Ends of the first two stages (ENet alone, PPN alone) as shares of the epochs.
 _STAGES = (0.6, 0.7)
-#: Views that images are drawn with, and how often; what counts most are those of the paper.
+#: Views of the training images and their weights. The paper's views have the largest.
 VIEWS = {
     (9, 9): 8, (11, 11): 8, (3, 3): 1, (5, 5): 1, (7, 7): 2, (13, 13): 2, (17, 17): 2, (7, 13): 1, (15, 5): 1,
 }  # fmt: skip
-#: Shares of the images that are drawn by the hard law, and of maps whose cells are drawn one by one. The laws mix
-#: within a batch: what a batch is normalised by would else be of one law, and what is learned of it, of neither.
+#: Shares of the images in the hard law, and of maps with independent random cells. A batch mixes the laws, because
+#: the running averages of batch normalisation would otherwise fit neither law.
 _HARD, _LOOSE = 0.75, 0.15
-#: Scenes of an epoch.
+#: Number of scenes per epoch.
 _SCENES = 64
-#: Images of each of the paper's views and each law that a training is judged by.
+#: Number of validation images per view of the paper and law.
 _JUDGED = 8
 
 
 def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch.nn.Module:
-    """Return the network with its first weights.
+    """Return the network with its initial weights.
 
     The call ``network(images, view)`` takes images, a tensor of shape (n, 3, 256, 256) from 0 to 1, and the rows
-    and columns of the view. It returns logits of being an obstacle: of the cells, shape (n, m, n'), and of the
+    and columns of the view. It returns the logits of obstacles: of the cells, shape (n, m, n'), and of the
     pixels, shape (n, 256, 256).
+
+    Parameters
+    ----------
+    channels, inner, cells : int, default 32, 64 and 24
+        Channels of stages 1 and 4, of stages 2 and 3, and of PPN.
     """
     import torch
     from torch import nn
@@ -73,7 +78,7 @@ def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch
         return nn.Sequential(conv, nn.BatchNorm2d(outputs), nn.PReLU(outputs))
 
     class Initial(nn.Module):
-        """Half the resolution: a convolution beside the largest of each four pixels."""
+        """Initial block at half the resolution: a convolution in parallel with max pooling."""
 
         def __init__(self) -> None:
             super().__init__()
@@ -82,11 +87,11 @@ def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch
 
         def forward(self, images: torch.Tensor) -> torch.Tensor:
             both = [self.reading(images), functional.max_pool2d(images, 2)]
-            found: torch.Tensor = self.after(torch.cat(both, dim=1))
-            return found
+            outputs: torch.Tensor = self.after(torch.cat(both, dim=1))
+            return outputs
 
     class Bottleneck(nn.Module):
-        """A residual block of few channels inside, which may halve or double the resolution."""
+        """Residual bottleneck block that may halve or double the resolution."""
 
         def __init__(
             self,
@@ -169,18 +174,18 @@ def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch
 def draw_images(
     scenes: Scenes, view: tuple[int, int], hard: float, generator: np.random.Generator
 ) -> tuple[Floats, Truths]:
-    """Return images of views around free cells, shape (n, 256, 256, 3), and which of their cells are blocked.
+    """Return images of views around free cells, shape (n, 256, 256, 3), and their blocked cells, shape (n, m, n').
 
     Parameters
     ----------
     scenes : Scenes
-        One an image.
+        One scene per image.
     view : tuple of int
-        Rows and columns, odd.
+        Numbers of rows and columns, odd.
     hard : float
-        Share of the images that look as the hard law says, the others as the plain one; how each looks is drawn.
+        Probability of the hard law for each image; the other images have the plain law.
     generator : numpy.random.Generator
-        Draws middles of views, laws and the seeds of images.
+        Generator of the centres of views, the laws and the seeds of images.
     """
     half = np.array(view) // 2
     images = np.empty((len(scenes.blocked), PIXELS, PIXELS, 3))
@@ -197,10 +202,10 @@ def draw_images(
 
 
 def to_tensor(images: Floats) -> torch.Tensor:
-    """Return images, shape (n, 256, 256, 3), as the network takes them, shape (n, 3, 256, 256)."""
+    """Return images, shape (n, 256, 256, 3), as an input tensor, shape (n, 3, 256, 256)."""
     import torch
 
-    # The colours of a pixel stay side by side in memory, which convolutions are fastest on.
+    # The channels stay contiguous in memory, the fastest layout for convolutions.
     return torch.from_numpy(images.astype(np.float32)).permute(0, 3, 1, 2)
 
 
@@ -211,7 +216,7 @@ def _tensors(images: Floats, cells: Truths) -> tuple[torch.Tensor, torch.Tensor]
 
 
 class _GmgnTrainer(GradientTrainer):
-    """Learns from images that are drawn anew for each batch."""
+    """Trainer on new images in each batch."""
 
     _scenes: Scenes
     _stage: int
@@ -227,14 +232,14 @@ class _GmgnTrainer(GradientTrainer):
             weight.requires_grad = self._stage == 2 or name.startswith("enet") == (self._stage == 0)
 
     def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
-        """Return the cross-entropy of pixels in the first stage, else of cells."""
+        """Return the cross-entropy of pixels in the first stage, and of cells in the others."""
         import torch
         from torch.nn import functional
 
         share = np.array(list(VIEWS.values()), float)
         view = list(VIEWS)[generator.choice(len(VIEWS), p=share / share.sum())]
         chosen = generator.choice(len(self._scenes.blocked), self.course.options["images"])
-        scenes = Scenes(*(one[chosen] for one in self._scenes))
+        scenes = Scenes(*(array[chosen] for array in self._scenes))
         for blocked in scenes.blocked:
             if generator.random() < _LOOSE:
                 blocked[:] = generator.random(blocked.shape) < 0.6 * generator.random()
@@ -250,32 +255,33 @@ class _GmgnTrainer(GradientTrainer):
         return entropy(pixels, cells[:, rows][:, :, columns])
 
     def judge(self) -> Mapping[str, float]:
-        """Return the shares of cells that are right by each law in the paper's views, and of maps."""
-        right: dict[Rendering, list[Truths]] = {law: [] for law in Rendering}
+        """Return the accuracy of cells per law in the paper's views, and of whole maps in the hard law."""
+        correct: dict[Rendering, list[Truths]] = {law: [] for law in Rendering}
         for (view, law), (images, cells) in self._judged().items():
             logits, _ = self.network(images, view)
-            right[law] += [
-                ((one > 0) == (true > 0.5)).numpy() for one, true in zip(logits, cells, strict=True)
+            correct[law] += [
+                ((logit > 0) == (true > 0.5)).numpy()
+                for logit, true in zip(logits, cells, strict=True)
             ]
         shares = {
-            str(law): float(np.concatenate([one.ravel() for one in every]).mean())
-            for law, every in right.items()
+            str(law): float(np.concatenate([cells.ravel() for cells in maps]).mean())
+            for law, maps in correct.items()
         }
-        maps = [one.all() for one in right[Rendering.HARD]]
+        maps = [cells.all() for cells in correct[Rendering.HARD]]
         return {"score": min(shares.values()), **shares, "hard maps": float(np.mean(maps))}
 
     @cache  # noqa: B019 - a trainer lives as long as its training
     def _judged(self) -> dict[tuple[tuple[int, int], Rendering], tuple[torch.Tensor, torch.Tensor]]:
         generator = np.random.default_rng([self.course.seed, 2**31])
-        found = {}
+        batches = {}
         for view in ((9, 9), (11, 11)):
             for law in Rendering:
                 scenes = draw_scenes(
                     self.course.examples, "mixed", (17, 17), (2, 5), _JUDGED, generator
                 )
-                drawn = draw_images(scenes, view, float(law is Rendering.HARD), generator)
-                found[view, law] = _tensors(*drawn)
-        return found
+                images = draw_images(scenes, view, float(law is Rendering.HARD), generator)
+                batches[view, law] = _tensors(*images)
+        return batches
 
 
 def _trainer(course: Course) -> Trainer:

@@ -1,4 +1,4 @@
-"""Unknown grids as an environment of Gymnasium, for learners from elsewhere."""
+"""Gymnasium environment of unknown grids, for external learning libraries."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["UnknownGridEnv"]
 
 Ints = NDArray[np.int64]
 
-#: Sides of a picture's cells are such that it is about as large, pixels.
+#: Approximate side of a rendered image, pixels.
 _LARGE = 512
 _VEHICLE = 3
 _LETTERS = {UNKNOWN: "?", FREE: ".", BLOCKED: "@", TARGET: "T", _VEHICLE: "V"}
@@ -43,61 +43,62 @@ _COLOURS = {
 
 
 class UnknownGridEnv:
-    """The scenes of a model as an environment: each episode leads the vehicle through one of them.
+    """Environment whose episodes are runs in the scenes of a model.
 
-    It derives from ``gymnasium.Env``, which is loaded where the first one is made. Actions are 0 … 3 for
-    up, down, left and right. A step costs 1, and 1 more where it is the last one allowed and does not
-    reach the target; so an episode's return is minus what the run costs in the model's objective. At the
-    target an episode is terminated, and truncated where the steps are used up.
+    The class derives from ``gymnasium.Env``, which is imported with the first instance. Actions are
+    0 … 3 for up, down, left and right. The reward of a step is -1, and -2 if the last step allowed does
+    not reach the target. The return of an episode is therefore minus the cost of the run in the model's
+    objective. An episode is terminated at the target, and truncated if all steps are used.
 
-    An observation is a dictionary of
+    An observation is a dictionary with the following entries:
 
     ``map``
-        The masked map, shape (rows, columns): -1 unknown, 0 free, 1 blocked, 2 the target, as
-        :class:`~.memory.Observation` has it; of the current view alone, it is the paper's O_g.
+        Masked map, shape (rows, columns): -1 unknown, 0 free, 1 blocked, 2 target, as in
+        :class:`~.memory.Observation`. Without `memory` it is the paper's O_g.
     ``view``
-        The cells that the UAV shows, shape (m, n); what lies off the map is blocked.
+        Cells of the view, shape (m, n). Cells outside the map are blocked.
     ``image``
-        In place of these two where the model has a camera: shape (256, 256, 3), 0 … 255.
+        Image that replaces ``map`` and ``view`` if the model has a camera, shape (256, 256, 3), 0 … 255.
     ``position``, ``target``
         Row and column of vehicle and target.
     ``corner``
-        Row and column of the view's first cell, which may lie off the map.
+        Row and column of the view's first cell, possibly outside the map.
 
-    What else is returned says the number of the ``scene``, and the ``steps`` and ``collisions`` so far. The
-    true map is nowhere in it, nor in a public attribute.
+    The info dictionary has the index of the ``scene``, and the ``steps`` and ``collisions`` so far.
+    Observations, info and public attributes do not contain the true map.
 
     Parameters
     ----------
     model : UnknownGridNavigation
-        With its true maps.
+        Model with its true maps.
     scene : int, optional
-        The scene of all episodes; None draws one at each reset, from the seed of the resets.
-    memory : bool
-        Whether ``map`` keeps what was seen before; else it holds the current view alone.
+        Scene of all episodes. None draws a scene at each reset with the generator of the environment.
+    memory : bool, default True
+        Whether ``map`` contains all cells seen so far, or only the current view.
     render_mode : {"ansi", "rgb_array"}, optional
-        What :meth:`render` returns: text, or an image.
+        Result of :meth:`render`: text or an image. None disables it.
 
     Attributes
     ----------
     problem : UnknownGridNavigation
-        The model without its true maps.
+        Model without its true maps.
 
     Raises
     ------
     BackendMissing
         Gymnasium is not installed: ``pip install 'crosstrack[learn]'``.
     InvalidData
-        Naming argument and value.
+        An argument is invalid. The message names argument and value.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi", "rgb_array"], "render_fps": 4}
     np_random: np.random.Generator
 
     def __new__(cls, *_: Any, **__: Any) -> UnknownGridEnv:
-        """Return an instance of the class that derives from Gymnasium's too."""
-        found: UnknownGridEnv = object.__new__(_derived(cls))  # type: ignore[arg-type]  # hashable it is
-        return found
+        """Return an instance of the class that derives from ``gymnasium.Env``, too."""
+        derived = _derived(cls)  # type: ignore[arg-type]  # classes are hashable
+        instance: UnknownGridEnv = object.__new__(derived)
+        return instance
 
     def __init__(
         self,
@@ -123,18 +124,18 @@ class UnknownGridEnv:
         self._all = Flag().coerce("memory", memory, {})
         self._world: World | None = None
         shape, view = model.shape, model.view
-        seen: dict[str, Any]
+        cells: dict[str, Any]
         if model.camera is None:
-            seen = {
+            cells = {
                 "map": Box(UNKNOWN, TARGET, tuple(shape.tolist()), np.int8),
                 "view": Box(FREE, TARGET, tuple(view.tolist()), np.int8),
             }
         else:
-            seen = {"image": Box(0, 255, (256, 256, 3), np.uint8)}
+            cells = {"image": Box(0, 255, (256, 256, 3), np.uint8)}
         self.action_space = Discrete(4)
         self.observation_space = Dict(
             {
-                **seen,
+                **cells,
                 "position": MultiDiscrete(shape),
                 "target": MultiDiscrete(shape),
                 "corner": MultiDiscrete(shape, start=-(view // 2)),
@@ -144,31 +145,38 @@ class UnknownGridEnv:
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Begin an episode, and return the first observation and what else is known.
+        """Begin an episode.
 
         Parameters
         ----------
         seed : int, optional
-            Of the draws of scenes from now on.
+            Seed of the generator that draws scenes. None keeps the generator.
         options : mapping, optional
-            ``{"scene": number}`` for the scene of this episode.
+            ``{"scene": index}`` selects the scene of this episode.
+
+        Returns
+        -------
+        observation : dict
+            First observation.
+        info : dict
+            Index of the scene, steps and collisions.
 
         Raises
         ------
         InvalidData
-            Another option, or no such scene.
+            An option is unknown, or the scene is out of range.
         """
         model = self._model
         super().reset(seed=seed, options=options)  # type: ignore[misc]  # gymnasium.Env's
         options = dict(options or {})
-        asked = options.pop("scene", self._scene)
+        scene = options.pop("scene", self._scene)
         if options:
             raise InvalidData(
                 f"unknown option {show(next(iter(options)))}; allowed: scene", field="options"
             )
-        if asked is None:
-            asked = self.np_random.integers(model.scenes)
-        self._now = self._number(asked)
+        if scene is None:
+            scene = self.np_random.integers(model.scenes)
+        self._now = self._number(scene)
         self._world = World(model)
         self._steps = 0
         self._memory = Memory(model.shape, model.view, model.targets[[self._now]])
@@ -179,12 +187,28 @@ class UnknownGridEnv:
     def step(
         self, action: int | np.integer[Any]
     ) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Take a step; return observation, reward, terminated, truncated and what else is known.
+        """Execute an action.
+
+        Parameters
+        ----------
+        action : int
+            0 up, 1 down, 2 left, 3 right.
+
+        Returns
+        -------
+        observation : dict
+            Observation after the step.
+        reward : float
+            -1, or -2 if the last step allowed does not reach the target.
+        terminated, truncated : bool
+            True if the vehicle has reached the target, or all steps are used.
+        info : dict
+            Index of the scene, steps and collisions.
 
         Raises
         ------
         InvalidData
-            No action, or no episode that goes on.
+            The action is invalid, or no episode is active.
         """
         if self._world is None:
             raise InvalidData("reset must begin an episode before its first step", field="action")
@@ -194,7 +218,7 @@ class UnknownGridEnv:
         return self._observation(), -1.0 - truncated, terminated, truncated, self._info()
 
     def render(self) -> str | NDArray[np.uint8] | None:
-        """Return what is known, as text or as an image; None without a mode."""
+        """Return the known map as text, or as an image of uint8; None without a mode or an episode."""
         if self.render_mode is None or self._world is None:
             return None
         if self.render_mode == "rgb_array" and self.problem.camera is not None:
@@ -213,7 +237,7 @@ class UnknownGridEnv:
         return int(Whole(0, self._model.scenes - 1).coerce("scene", scene, {}))
 
     def _look(self, action: int) -> None:
-        """Ask the world, and note what it answers."""
+        """Execute an action in the simulator and store the observation."""
         assert self._world is not None
         answers = self._world(np.array([[self._now, action]], float))
         self._looks = Looks.read(self.problem, np.array([self._now]), answers)
@@ -234,11 +258,11 @@ class UnknownGridEnv:
 
     def _observation(self) -> dict[str, Any]:
         if self.problem.camera is None:
-            seen = {"map": self._map.copy(), "view": self._looks.view[0].astype(np.int8)}
+            cells = {"map": self._map.copy(), "view": self._looks.view[0].astype(np.int8)}
         else:
-            seen = {"image": self._image()}
+            cells = {"image": self._image()}
         return {
-            **seen,
+            **cells,
             "position": self._looks.positions[0].copy(),
             "target": self.problem.targets[self._now].copy(),
             "corner": self._looks.corners[0].copy(),
@@ -251,7 +275,7 @@ class UnknownGridEnv:
 
 @cache
 def _derived(cls: type[UnknownGridEnv]) -> type[UnknownGridEnv]:
-    """Return `cls` as a subclass of ``gymnasium.Env``; made here, so that the module loads without."""
+    """Return a subclass of `cls` and ``gymnasium.Env``, so that the module loads without Gymnasium."""
     try:
         from gymnasium import Env
     except ImportError as error:
@@ -260,7 +284,7 @@ def _derived(cls: type[UnknownGridEnv]) -> type[UnknownGridEnv]:
         ) from error
     if issubclass(cls, Env):
         return cls
-    made: type[UnknownGridEnv] = type(
+    derived: type[UnknownGridEnv] = type(
         cls.__name__, (cls, Env), {"__doc__": cls.__doc__, "__module__": cls.__module__}
     )
-    return made
+    return derived

@@ -1,4 +1,4 @@
-"""What learned policies learn from: runs in drawn scenes, and what an expert would do at each step."""
+"""Imitation learning: runs in random scenes, with the expert's actions as labels."""
 
 from __future__ import annotations
 
@@ -42,30 +42,44 @@ Truths = NDArray[np.bool_]
 Lengths = NDArray[np.int32]
 
 _MOVES = np.array(STEPS)
-#: The length of a way that there is not.
+#: Number of steps of a cell without a path.
 NEVER = 2**30
 
 
 class Task(NamedTuple):
-    """Sizes of maps and views that scenes are drawn with."""
+    """Task of the paper.
+
+    Parameters
+    ----------
+    shape, view : tuple of int
+        Numbers of rows and columns of the maps and of the views.
+    """
 
     shape: tuple[int, int]
     view: tuple[int, int]
 
 
-#: The three tasks of the paper.
+#: Tasks of the paper.
 TASKS = (Task((17, 17), (11, 11)), Task((17, 17), (9, 9)), Task((15, 15), (9, 9)))
 
 
 class Scenes(NamedTuple):
-    """Drawn scenes: maps, shape (n, rows, columns), true where blocked; starts and targets, shape (n, 2)."""
+    """Random scenes.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (n, rows, columns)
+        Maps, true if blocked.
+    starts, targets : ndarray of int, shape (n, 2)
+        Row and column in each scene.
+    """
 
     blocked: Truths
     starts: Ints
     targets: Ints
 
 
-#: What draws scenes, each with a way: ``(law, shape, obstacles, scenes, generator)``.
+#: Function that draws solvable scenes: ``(law, shape, obstacles, scenes, generator)``.
 Examples = Callable[..., tuple[Truths, Ints, Ints]]
 
 
@@ -73,7 +87,28 @@ def draw_scenes(
     examples: Examples | None, law: str, shape: tuple[int, int], obstacles: Any, scenes: int,
     generator: np.random.Generator,
 ) -> Scenes:  # fmt: skip
-    """Return scenes that `examples` draws; ``InvalidData`` where there is nothing that draws."""
+    """Return random scenes.
+
+    Parameters
+    ----------
+    examples : callable or None
+        Function that draws solvable scenes.
+    law : str
+        Law of the scenes.
+    shape : tuple of int
+        Numbers of rows and columns.
+    obstacles : int or (int, int)
+        Number of obstacles, or its limits.
+    scenes : int
+        Number of scenes.
+    generator : numpy.random.Generator
+        Source of random numbers.
+
+    Raises
+    ------
+    InvalidData
+        `examples` is None.
+    """
     if examples is None:
         raise InvalidData(
             "examples must be a function that draws scenes, such as "
@@ -84,25 +119,26 @@ def draw_scenes(
 
 
 def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
-    """Return the fewest steps to the target from every cell, :data:`NEVER` where there is no way.
+    """Return the fewest steps to the target from every cell, shape (n, rows, columns).
 
-    All maps are searched at once, breadth first: a sweep over all cells a step.
+    The entries of cells without a path are :data:`NEVER`. A breadth-first search treats all maps at once,
+    with one sweep over all cells per step.
 
     Parameters
     ----------
     blocked : ndarray of bool, shape (n, rows, columns)
-        True where blocked.
+        Maps, true if blocked.
     targets : ndarray of int, shape (n, 2)
-        Row and column.
+        Row and column of each target.
     """
     count, rows, columns = blocked.shape
-    found = np.full((count, rows + 2, columns + 2), NEVER, np.int32)
-    inner = found[:, 1:-1, 1:-1]
+    steps = np.full((count, rows + 2, columns + 2), NEVER, np.int32)
+    inner = steps[:, 1:-1, 1:-1]
     inner[np.arange(count), targets[:, 0], targets[:, 1]] = 0
     while True:
-        nearest = np.minimum(found[:, :-2, 1:-1], found[:, 2:, 1:-1])
-        np.minimum(nearest, found[:, 1:-1, :-2], out=nearest)
-        np.minimum(nearest, found[:, 1:-1, 2:], out=nearest)
+        nearest = np.minimum(steps[:, :-2, 1:-1], steps[:, 2:, 1:-1])
+        np.minimum(nearest, steps[:, 1:-1, :-2], out=nearest)
+        np.minimum(nearest, steps[:, 1:-1, 2:], out=nearest)
         nearest += 1
         nearest[blocked] = NEVER
         if not (nearest < inner).any():
@@ -111,37 +147,45 @@ def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
 
 
 def best_actions(ways: Lengths, positions: Ints) -> Truths:
-    """Return which actions begin a shortest way, shape (n, 4); none where there is no way."""
+    """Return whether each action begins a shortest path, shape (n, 4); all false without a path.
+
+    Parameters
+    ----------
+    ways : ndarray of int32, shape (n, rows, columns)
+        Steps to the target, see :func:`shortest_ways`.
+    positions : ndarray of int, shape (n, 2)
+        Row and column of the vehicles.
+    """
     rows, columns = ways.shape[1:]
-    to = positions[:, None] + _MOVES
-    inside = ((to >= 0) & (to < (rows, columns))).all(axis=2)
-    to = np.where(inside[..., None], to, 0)
-    every = np.arange(len(ways))
-    after = np.where(inside, ways[every[:, None], to[..., 0], to[..., 1]], NEVER)
-    here = ways[every, positions[:, 0], positions[:, 1]]
+    cells = positions[:, None] + _MOVES
+    inside = ((cells >= 0) & (cells < (rows, columns))).all(axis=2)
+    cells = np.where(inside[..., None], cells, 0)
+    scenes = np.arange(len(ways))
+    after = np.where(inside, ways[scenes[:, None], cells[..., 0], cells[..., 1]], NEVER)
+    here = ways[scenes, positions[:, 0], positions[:, 1]]
     best: Truths = (after < here[:, None]) & (here[:, None] < NEVER)
     return best
 
 
 def first_of(best: Truths) -> Ints:
-    """Return the first of the best actions in the order up, down, left, right; 0 where there is none."""
-    found: Ints = best.argmax(axis=1)
-    return found
+    """Return the first best action in the order up, down, left, right; 0 if none is marked."""
+    actions: Ints = best.argmax(axis=1)
+    return actions
 
 
 class Walk:
-    """Vehicles in scenes whose maps are known to the teacher: the rules of the model's `World`, all at once.
+    """Vectorised simulation of many scenes, with the rules of :class:`~crosstrack.models.unknown_grid.World`.
 
     Parameters
     ----------
     scenes : Scenes
-        Of equal shape.
+        Scenes of equal shape.
     view : tuple of int
-        Rows and columns, odd.
-    steps : int
-        Actions that a run may use.
-    follow : bool
-        Whether the UAV goes on above the vehicle once the target was seen.
+        Numbers of rows and columns of the view, odd.
+    steps : int, default 40
+        Maximum number of actions per run.
+    follow : bool, default False
+        Whether the UAV follows the vehicle after the target was seen. Otherwise it hovers.
     """
 
     def __init__(
@@ -161,16 +205,16 @@ class Walk:
         self.taken = 0
         self.collisions = np.zeros(count, np.int64)
         self.reached = np.zeros(count, bool)
-        #: Steps that each run took.
+        #: Number of steps of each run.
         self.lengths = np.zeros(count, np.int64)
 
     @property
     def going(self) -> Ints:
-        """The scenes whose runs go on."""
+        """Indices of the scenes with an active run."""
         return np.flatnonzero(~self.reached) if self.taken < self.steps else np.zeros(0, np.int64)
 
     def look(self, rows: Ints) -> Observation:
-        """Return what is known in the scenes `rows`."""
+        """Return the observations of the scenes `rows`."""
         away = np.abs(self.scenes.targets[rows] - self.positions[rows])
         moves = rows[~self._hovers[rows]]
         self._centres[moves] = self.positions[moves]
@@ -182,43 +226,48 @@ class Walk:
         )
 
     def act(self, rows: Ints, actions: Ints) -> None:
-        """Take one step in the scenes `rows`, all that go on."""
+        """Execute one action in each of the scenes `rows`, which must be all active scenes."""
         self.memory.act(rows, actions)
-        to = self.positions[rows] + _MOVES[actions]
-        free = ((to >= 0) & (to < self.scenes.blocked.shape[1:])).all(axis=1)
-        free[free] = ~self.scenes.blocked[rows[free], *to[free].T]
+        cells = self.positions[rows] + _MOVES[actions]
+        free = ((cells >= 0) & (cells < self.scenes.blocked.shape[1:])).all(axis=1)
+        free[free] = ~self.scenes.blocked[rows[free], *cells[free].T]
         self.collisions[rows] += ~free
-        self.positions[rows[free]] = to[free]
+        self.positions[rows[free]] = cells[free]
         self.taken += 1
         self.lengths[rows] += 1
         self.reached[rows] = (self.positions[rows] == self.scenes.targets[rows]).all(axis=1)
 
 
 def walk_through(walk: Walk, choose: Callable[[Observation, Ints], Any]) -> None:
-    """Lead all vehicles to their ends; ``choose(observation, rows)`` returns the actions."""
+    """Run all scenes until they end; ``choose(observation, rows)`` returns the actions."""
     while len(rows := walk.going):
         walk.act(rows, np.asarray(choose(walk.look(rows), rows)))
 
 
 def choose_actions(logits: Any) -> tuple[Ints, Ints]:
-    """Return the best actions, shape (n,), and how many logits of each scene are not finite.
+    """Return the best actions, shape (n,), and the number of non-finite logits per scene, shape (n,).
 
-    What is not finite is never chosen; of equal logits the first is taken, in the order up, down, left,
-    right, and so is up where none is finite.
+    Non-finite logits are ignored. Ties go to up, down, left, right in this order. If no logit is finite,
+    the action is up.
+
+    Parameters
+    ----------
+    logits : ndarray, shape (n, 4)
+        Logits of the actions.
     """
     wrong = ~np.isfinite(logits)
     return np.where(wrong, -np.inf, logits).argmax(axis=1), wrong.sum(axis=1)
 
 
 def imitation_loss(logits: torch.Tensor, best: torch.Tensor) -> torch.Tensor:
-    """Return minus the logarithm of the probability of the best actions together, shape (n,).
+    """Return the negative logarithm of the total probability of the best actions, shape (n,).
 
     Parameters
     ----------
     logits : Tensor, shape (n, 4)
-        Of the policy.
+        Logits of the policy.
     best : Tensor of bool, shape (n, 4)
-        Which actions begin a shortest way; at least one.
+        True for each action that begins a shortest path; at least one per row.
     """
     import torch
 
@@ -229,12 +278,27 @@ def imitation_loss(logits: torch.Tensor, best: torch.Tensor) -> torch.Tensor:
 def judge_network(
     network: torch.nn.Module, examples: Any, law: str, seed: int, count: int = 128, *, part: int = 0
 ) -> dict[str, float]:
-    """Return the figures of a network that leads vehicles through scenes of the paper's three tasks.
+    """Return the performance of a network in validation scenes of the paper's three tasks.
 
-    ``score`` is the share of targets reached, percent, ``collisions`` are those in a scene, and ``ratio`` is
-    that of steps to the fewest. The `count` scenes of each task are always the same, none of those that are learned from. The
-    network may remember: its state is passed on as :mod:`~.learned` says. With `part` 1 or 2 the network leads only before or
-    after the target was in the view, on O_g or O_p, and the expert leads the rest.
+    ``score`` is the share of targets reached, percent, ``collisions`` the mean number of collisions per scene, and
+    ``ratio`` the mean ratio of steps to fewest steps. The `count` scenes of each task depend only on `seed` and are
+    disjoint from the training scenes. The network may have a state, see :mod:`~.networks`. If `part` is 1 or 2, the
+    network decides only before or after the target was in the view, on O_g or O_p, and the expert decides the rest.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+        Network in evaluation mode.
+    examples : callable
+        Function that draws solvable scenes.
+    law : str
+        Law of the scenes.
+    seed : int
+        Seed of the scenes.
+    count : int, default 128
+        Number of scenes per task.
+    part : {0, 1, 2}, default 0
+        Part of the runs in which the network decides; 0 is the whole run.
     """
     reached, collisions, ratios = [], [], []
     for number, task in enumerate(TASKS):
@@ -249,10 +313,10 @@ def judge_network(
         def choose(observed: Observation, rows: Ints, ways: Lengths = ways) -> Ints:
             nonlocal state, before
             if state is not None:
-                kept = np.searchsorted(before, rows)
-                state = tuple(one[kept] for one in state)
-            given = observed.tensors()
-            logits, state = network(given.in_view() if part == 2 else given, state)
+                active = np.searchsorted(before, rows)
+                state = tuple(array[active] for array in state)
+            inputs = observed.tensors()
+            logits, state = network(inputs.in_view() if part == 2 else inputs, state)
             before = rows
             actions = choose_actions(logits.numpy())[0]
             if not part:
@@ -273,7 +337,7 @@ def judge_network(
     }
 
 
-#: The options of all trainings that imitate.
+#: Options of all trainings by imitation.
 IMITATION: Mapping[str, Option] = {
     "law": Option("walls", "the law that scenes are drawn from", str),
     "scenes": Option(192, "scenes of each task that an epoch is drawn from", int, lower=1),
@@ -285,10 +349,10 @@ IMITATION: Mapping[str, Option] = {
 
 
 class StepTrainer(GradientTrainer):
-    """Imitation for networks that remember nothing: each decision is an example of its own.
+    """Imitation trainer of networks without memory. Every decision is an independent example.
 
-    An epoch draws scenes, and leads the vehicles through them half by the expert and half by the network as
-    it is, so that it learns what to do where its own errors lead (S. Ross, G. Gordon, D. Bagnell,
+    An epoch draws scenes. The expert decides in half of them and the current network in the other half, so
+    that the examples cover the states that the network's errors lead to (S. Ross, G. Gordon, D. Bagnell,
     "DAgger", AISTATS 2011). The expert labels every decision.
     """
 
@@ -297,37 +361,42 @@ class StepTrainer(GradientTrainer):
     def __init__(
         self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int]
     ) -> None:
-        asked = course.options
+        options = course.options
         super().__init__(
-            course, kind, network, architecture, batches=asked["batches"], rate=asked["rate"]
+            course, kind, network, architecture, batches=options["batches"], rate=options["rate"]
         )
 
     def prepare(self, number: int, generator: np.random.Generator) -> None:
         import torch
 
-        asked, self._groups = self.course.options, []
+        options, self._groups = self.course.options, []
         self.network.eval()
         for task in TASKS:
             scenes = draw_scenes(
-                self.course.examples, asked["law"], task.shape, (2, 5), asked["scenes"], generator
+                self.course.examples,
+                options["law"],
+                task.shape,
+                (2, 5),
+                options["scenes"],
+                generator,
             )
             looks, labels = self._run(scenes, task, generator)
             observed = Observation(*map(np.concatenate, zip(*looks, strict=True)))
             best = np.concatenate(labels)
-            told = best.any(axis=1)
-            kept = Observation._make(one[told] for one in observed)
-            self._groups.append((kept.tensors(), torch.from_numpy(best[told])))
+            labelled = best.any(axis=1)
+            examples = Observation._make(array[labelled] for array in observed)
+            self._groups.append((examples.tensors(), torch.from_numpy(best[labelled])))
 
     def _run(
         self, scenes: Scenes, task: Task, generator: np.random.Generator
     ) -> tuple[list[Observation], list[Truths]]:
-        """Return what was seen in some scenes, and which actions were best there."""
+        """Return the observations in some scenes, and the best actions of each."""
         import torch
 
         looks: list[Observation] = []
         labels: list[Truths] = []
         ways = shortest_ways(scenes.blocked, scenes.targets)
-        led = generator.random(len(scenes.starts)) < 0.5
+        by_expert = generator.random(len(scenes.starts)) < 0.5
 
         def choose(observed: Observation, rows: Ints) -> Ints:
             best = best_actions(ways[rows], observed.positions)
@@ -335,7 +404,7 @@ class StepTrainer(GradientTrainer):
             labels.append(best)
             with torch.inference_mode():
                 logits, _ = self.network(observed.tensors(), None)
-            return np.where(led[rows], first_of(best), choose_actions(logits.numpy())[0])
+            return np.where(by_expert[rows], first_of(best), choose_actions(logits.numpy())[0])
 
         walk_through(Walk(scenes, task.view), choose)
         return looks, labels
@@ -343,11 +412,11 @@ class StepTrainer(GradientTrainer):
     def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
         observed, best = self._groups[batch % len(self._groups)]
         rows = generator.integers(0, len(best), self.course.options["batch"])
-        logits, _ = self.network(Observation._make(one[rows] for one in observed), None)
+        logits, _ = self.network(Observation._make(array[rows] for array in observed), None)
         return imitation_loss(logits, best[rows]).mean()
 
     def judge(self) -> Mapping[str, float]:
-        asked = self.course.options
+        options = self.course.options
         return judge_network(
-            self.network, self.course.examples, asked["law"], self.course.seed, asked["judged"]
+            self.network, self.course.examples, options["law"], self.course.seed, options["judged"]
         )

@@ -1,6 +1,6 @@
-"""Learned policies: a network says what each action is worth, and the best one is taken.
+"""Learned policies: a network computes a logit per action, and the policy takes the best action.
 
-See :mod:`~.networks` for what a network is.
+See :mod:`~.networks` for the interface of a network.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ _WITHOUT = Option(
 
 
 class LearnedPolicy:
-    """A network that is asked step by step in some scenes, with the masked map of each.
+    """Policy of consecutive scenes that evaluates a network on their masked maps.
 
     Parameters
     ----------
     problem : UnknownGridNavigation
-        Blinded.
-    scenes : ndarray of int
-        The scenes, in a row.
+        Model without its true maps.
+    scenes : ndarray of int, shape (n,)
+        Consecutive indices of scenes.
     network : torch.nn.Module
-        With its weights.
+        Network with its weights.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class LearnedPolicy:
         self.network = network
         self.first = int(scenes[0])
         self.memory = Memory(problem.shape, problem.view, problem.targets[scenes])
-        #: Decisions with a logit that was not finite.
+        #: Number of decisions with a non-finite logit.
         self.faults = 0
         self._state: State = None
         self._rows = scenes - self.first
@@ -73,9 +73,9 @@ class LearnedPolicy:
         rows = looks.scenes - self.first
         observed = self.memory.look(rows, looks.positions, looks.corners, looks.view)
         state = self._state
-        if state is not None:  # of the scenes that have not ended since
-            kept = np.searchsorted(self._rows, rows)
-            state = tuple(one[kept] for one in state)
+        if state is not None:  # only the scenes that are still active
+            active = np.searchsorted(self._rows, rows)
+            state = tuple(array[active] for array in state)
         logits, self._state = self.network(observed.tensors(), state)
         self._rows = rows
         actions, wrong = choose_actions(logits.numpy())
@@ -85,7 +85,7 @@ class LearnedPolicy:
 
 
 class _Learned(NavigationBackend):
-    """Base of the learned policies; a subclass says which module holds its network."""
+    """Base of the learned policies. A subclass names the module of its network."""
 
     requires = ("torch",)
     extra = "learn"
@@ -106,20 +106,20 @@ class _Learned(NavigationBackend):
         return self._policies[-1]
 
     def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
-        """Return the network with its weights, as the options of a run say."""
+        """Return the network with the weights that `options` selects."""
         return load_network(self.name, self._load(), options["weights"])
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
-        """Lead the vehicles; decisions that the weights left open are counted."""
+        """Run the policy and count the decisions with non-finite logits."""
         import torch
 
         if reason := self.refuses(problem):
             raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
-        running = copy.copy(self)  # runs in other threads have policies of their own
+        running = copy.copy(self)  # concurrent runs must not share policies
         running._policies = []
         with one_thread(), torch.inference_mode():
             answer = super(_Learned, running).run(problem, request)
-        faults = sum(one.faults for one in running._policies)
+        faults = sum(policy.faults for policy in running._policies)
         if not faults:
             return answer
         return replace(answer, statistics={**answer.statistics, "decisions not finite": faults})
@@ -129,7 +129,7 @@ class _Learned(NavigationBackend):
 
 
 class SmallVin(_Learned):
-    """Value iteration on the remembered map, whose costs and moves are learned."""
+    """Value iteration on the remembered map with learned costs of cells."""
 
     name = "small-vin"
     module = "small_vin"
@@ -139,7 +139,7 @@ class SmallVin(_Learned):
 
 
 class Vin(_Learned):
-    """The paper's value iteration network in every step: values alone."""
+    """The paper's value iteration network without memory, applied in every step."""
 
     name = "vin"
     module = "vin"

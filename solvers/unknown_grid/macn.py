@@ -1,14 +1,14 @@
-"""Value iteration and a differentiable memory: MACN, and the same network as MCGN-I reads it.
+"""MACN: value iteration and a differentiable memory. MCGN-I is the same network with another input.
 
 A ConvNet and 30 iterations plan on the masked map O_g. The controller of a neural computer reads two maps, and
 its output is linear in output vector and read vectors. MACN reads R and V, MCGN-I reads O_g and V.
 
 Source: A. Khan, C. Zhang, N. Atanasov, K. Karydis, V. Kumar, D. D. Lee, "Memory Augmented Control Networks",
 ICLR 2018, arXiv 1709.05706. The paper on unknown grids names MACN as its baseline without describing it. Its Table II
-repeats the names and most values of the settings of a public implementation (github.com/didibear/macn-gym-pathfinding),
-whose controller reads R and V; that is what is built here.
+repeats the names and most values of the settings of a public implementation (github.com/didibear/macn-gym-pathfinding).
+The controller reads R and V as in that implementation.
 
-Maps of fewer than 17 × 17 cells are centred on a canvas of that size, with obstacles around them: the
+Maps of fewer than 17 × 17 cells are centred on a canvas of that size and surrounded by obstacles, because the
 controller has one input per cell.
 """
 
@@ -27,14 +27,20 @@ if TYPE_CHECKING:
 
 __all__ = ["ARCHITECTURE", "TRAINING", "build_network", "refuse_size"]
 
-#: Rows and columns of the canvas, and the sizes of Table II.
+#: Side of the canvas in cells, and the sizes of Table II.
 ARCHITECTURE: dict[str, Any] = {
     "side": 17, "hidden": 150, "iterations": 30, "units": 256, "words": 32, "width": 8, "heads": 4,
 }  # fmt: skip
 
 
 def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
-    """Return why maps of a shape are refused, else ``""``."""
+    """Return the reason to refuse maps of a shape, or ``""``.
+
+    Parameters
+    ----------
+    shape, view : tuple of int
+        Numbers of rows and columns of the maps and of the view.
+    """
     side = ARCHITECTURE["side"]
     if max(shape) > side:
         return f"maps must have at most {side} × {side} cells, got {shape[0]} × {shape[1]}"
@@ -45,14 +51,15 @@ def build_network(
     side: int, hidden: int, iterations: int, units: int, words: int, width: int, heads: int,
     *, reads_map: bool = False,
 ) -> torch.nn.Module:  # fmt: skip
-    """Return the network with its first weights; the sizes are those of :data:`ARCHITECTURE`.
+    """Return the network with its initial weights. :data:`ARCHITECTURE` has the default sizes.
 
     Parameters
     ----------
     side, hidden, iterations, units, words, width, heads : int
-        Rows and columns of the canvas, channels of the ConvNet, K, LSTM, memory and read heads.
-    reads_map : bool
-        Whether the controller reads O_g beside V (MCGN-I), else R (MACN).
+        Side of the canvas, channels of the ConvNet, K, units of the LSTM, number and length of the
+        memory's words, and number of read heads.
+    reads_map : bool, default False
+        Whether the controller reads O_g and V (MCGN-I) instead of R and V (MACN).
     """
     import torch
     from torch import nn
@@ -85,7 +92,7 @@ def build_network(
         def decide(
             self, inputs: torch.Tensor, state: tuple[torch.Tensor, ...] | None
         ) -> tuple[torch.Tensor, tuple[torch.Tensor, ...]]:
-            """Return logits of one step and the new state."""
+            """Return the logits of one step, shape (n, 4), and the new state."""
             if state is None or self.without == "memory":
                 record = self.computer.start(len(inputs))
             else:

@@ -1,7 +1,7 @@
 """The paper's Motion Command Generation Network: MCGN-I until the target is in the view, then MCGN-II.
 
 MCGN-I is the network of :mod:`~.macn` whose controller reads O_g and V. MCGN-II is the network of
-:mod:`~.vin` on the partial map O_p. They are trained separately and used in parallel, as the paper says.
+:mod:`~.vin` on the partial map O_p. As in the paper, they are trained separately and used in parallel.
 """
 
 from __future__ import annotations
@@ -38,7 +38,13 @@ class Second:
 
 
 def combine(first: torch.nn.Module, second: torch.nn.Module) -> torch.nn.Module:
-    """Return the network that decides with `first` until the target was seen, then with `second`."""
+    """Return the network that uses `first` until the target was seen, and `second` afterwards.
+
+    Parameters
+    ----------
+    first, second : torch.nn.Module
+        MCGN-I and MCGN-II with their weights.
+    """
     import torch
     from torch import nn
 

@@ -1,4 +1,4 @@
-"""What learned policies remember of scenes: the masked map of each, as it grows."""
+"""Memory of the learned policies: the masked map of each scene."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ _MOVES = np.array(STEPS)
 
 
 class Observation(NamedTuple):
-    """What is known in n scenes after a look; arrays, or tensors of the same shapes.
+    """Knowledge of n scenes after an observation, as arrays or as tensors of the same shapes.
 
     Parameters
     ----------
     known : shape (n, rows, columns)
-        All that was seen so far: -1 unknown, 0 free, 1 obstacle, 2 target. The target is marked from the
-        beginning; a cell that stopped a step is an obstacle.
+        Cells seen so far: -1 unknown, 0 free, 1 obstacle, 2 target. The target is always marked. A
+        cell that caused a collision is an obstacle.
     current : shape (n, rows, columns)
-        The paper's masked global matrix O_g, of this look alone: a target outside the view is -1.
+        The paper's masked global matrix O_g of the current view. A target outside the view is -1.
     view : shape (n, m, n')
-        The cells of this look's view: 0, the target too, and 1, also what lies off the map.
+        Cells of the current view: 0 free or target, 1 obstacle or outside the map.
     corners, positions, targets : shape (n, 2)
-        Row and column of the view's first cell, which may lie off the map, of the vehicle, the target.
+        Row and column of the view's first cell (possibly outside the map), of the vehicle, and of the
+        target.
     seen : shape (n,)
         Whether the target has been in a view.
     """
@@ -46,19 +47,19 @@ class Observation(NamedTuple):
     seen: Any
 
     def tensors(self) -> Observation:
-        """Return tensors: float32 for cells, int64 for places, bool for `seen`."""
+        """Return tensors: float32 for cells, int64 for positions, bool for `seen`."""
         import torch
 
         kinds = (np.float32,) * 3 + (np.int64,) * 3 + (np.bool_,)
-        every = zip(self, kinds, strict=True)
-        return Observation._make(torch.from_numpy(np.ascontiguousarray(a, k)) for a, k in every)
+        fields = zip(self, kinds, strict=True)
+        return Observation._make(torch.from_numpy(np.ascontiguousarray(a, k)) for a, k in fields)
 
     def in_view(self) -> Observation:
-        """Return the same with the partial map O_p as `current`, and places in the frame of the view.
+        """Return a copy with the partial map O_p as `current`, and positions relative to the view.
 
-        A target outside the view is taken to the nearest cell of it.
+        A target outside the view is moved to the nearest cell of the view.
         """
-        limits = [one - 1 for one in self.view.shape[1:]]
+        limits = [side - 1 for side in self.view.shape[1:]]
         targets = self.targets - self.corners
         for axis in (0, 1):
             targets[:, axis] = targets[:, axis].clip(0, limits[axis])
@@ -70,14 +71,14 @@ class Observation(NamedTuple):
 
 
 class Memory:
-    """The masked maps of some scenes of equal shape.
+    """Masked maps of k scenes of equal shape.
 
     Parameters
     ----------
     shape, view : ndarray of int, shape (2,)
-        Rows and columns of the maps, and of the views.
+        Numbers of rows and columns of the maps, and of the views.
     targets : ndarray of int, shape (k, 2)
-        One a scene.
+        Row and column of the target of each scene.
     """
 
     def __init__(self, shape: Ints, view: Ints, targets: Ints) -> None:
@@ -86,7 +87,7 @@ class Memory:
         self._shape, self._view = tuple(shape.tolist()), tuple(view.tolist())
         count, (rows, columns) = len(targets), self._shape
         down, across = self._half.tolist()
-        # A margin of half a view: no window ever leaves the array.
+        # A margin of half a view keeps every window inside the array.
         self._cells = np.full((count, rows + 2 * down, columns + 2 * across), UNKNOWN, np.int8)
         self._inner = (slice(None), slice(down, down + rows), slice(across, across + columns))
         self._hits = np.zeros((count, rows, columns), bool)
@@ -95,30 +96,30 @@ class Memory:
         self._actions = np.full(count, -1)
 
     def look(self, rows: Ints, positions: Ints, corners: Ints, view: Any) -> Observation:
-        """Remember a look in the scenes `rows`, and return what is known in them.
+        """Store the views of the scenes `rows`, and return the knowledge of these scenes.
 
         Parameters
         ----------
         rows : ndarray of int, shape (n,)
-            Scenes, 0 and so on, none twice.
+            Distinct indices of scenes, from 0.
         positions, corners : ndarray of int, shape (n, 2)
-            Of vehicles and views.
+            Row and column of the vehicle, and of the view's first cell.
         view : ndarray, shape (n, m, n')
-            Cells: 0 free, 1 obstacle or off the map; 2, the target, is free.
+            Cells: 0 free, 1 obstacle or outside the map, 2 target (free).
         """
         places, targets = np.asarray(positions), self.targets[rows]
-        every = np.arange(len(rows))
+        indices = np.arange(len(rows))
         view = np.where(np.asarray(view) == BLOCKED, BLOCKED, FREE).astype(np.int8)
         self._note_hits(rows, places)
-        at = tuple((corners + self._half).T)
+        first = tuple((corners + self._half).T)
         now = np.full((len(rows), *self._cells.shape[1:]), UNKNOWN, np.int8)
-        for cells, which in ((self._cells, rows), (now, every)):
+        for cells, which in ((self._cells, rows), (now, indices)):
             windows = sliding_window_view(cells, self._view, axis=(1, 2), writeable=True)
-            windows[which, *at] = view
+            windows[which, *first] = view
         known, current = self._cells[rows][self._inner], now[self._inner]
         known[self._hits[rows]] = BLOCKED
-        known[every, places[:, 0], places[:, 1]] = FREE
-        known[every, targets[:, 0], targets[:, 1]] = TARGET
+        known[indices, places[:, 0], places[:, 1]] = FREE
+        known[indices, targets[:, 0], targets[:, 1]] = TARGET
         away = targets - corners
         seen = ((away >= 0) & (away < self._view)).all(axis=1)
         current[seen, targets[seen, 0], targets[seen, 1]] = TARGET
@@ -129,11 +130,11 @@ class Memory:
         )
 
     def act(self, rows: Ints, actions: Ints) -> None:
-        """Note what is done next, so that the following look shows whether it led anywhere."""
+        """Store the next actions, so that the following observation reveals collisions."""
         self._actions[rows] = actions
 
     def _note_hits(self, rows: Ints, places: Ints) -> None:
-        """Note which cells stopped a step: they are obstacles, seen or not."""
+        """Mark the cells that caused a collision as obstacles."""
         actions = self._actions[rows]
         stayed = (actions >= 0) & (places == self._places[rows]).all(axis=1)
         cells = places + _MOVES[actions]

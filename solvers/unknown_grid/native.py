@@ -1,4 +1,4 @@
-"""What all policies share: step by step they are shown the view and asked for an action."""
+"""Base of the policies: the loop of observations and decisions."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["GIVE_UP", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: What a policy may answer beside the actions 0 … 3.
+#: Decisions of a policy in addition to the actions 0 … 3.
 NO_WAY, GIVE_UP = -1, -2
 _ENDS = {NO_WAY: Outcome.NO_WAY, GIVE_UP: Outcome.GAVE_UP}
 
-#: The option of all policies for models with a camera.
+#: Options of all policies for models with a camera.
 PERCEPTION: Mapping[str, Option] = {
     "perception": Option(
         "k-means",
@@ -43,20 +43,21 @@ PERCEPTION: Mapping[str, Option] = {
 
 
 class Policy(Protocol):
-    """What decides in some scenes at once; it remembers what it will of each."""
+    """Policy of a batch of scenes, with its own memory of each scene."""
 
     def decide(self, looks: Looks) -> Ints:
-        """Return an action 0 … 3, :data:`NO_WAY` or :data:`GIVE_UP` for each of the scenes that go on.
+        """Return an action 0 … 3, :data:`NO_WAY` or :data:`GIVE_UP` for each active scene.
 
         Parameters
         ----------
         looks : Looks
-            Scenes that go on, in rising order; ``looks.view`` holds cells, shape (n, m, n').
+            Observations of the active scenes, in ascending order. ``looks.view`` holds cells,
+            shape (n, m, n').
         """
 
 
 class NavigationBackend(Backend):
-    """Base of the policies; a subclass only says what decides."""
+    """Base of the policies. A subclass implements :meth:`policy`."""
 
     accepts = UnknownGridNavigation
     guarantee = Guarantee.HEURISTIC
@@ -64,15 +65,15 @@ class NavigationBackend(Backend):
     deterministic = True
     single_threaded = True
     options = PERCEPTION
-    #: Scenes that are decided on at once.
+    #: Number of scenes per batch of decisions.
     together: ClassVar[int] = 1
 
     @abstractmethod
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return what decides in `scenes`, whose true maps it does not see."""
+        """Return the policy of `scenes`. The problem has no true maps."""
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
-        """Lead the vehicle through all scenes, and answer with what was done."""
+        """Run the policy in all scenes and return the actions."""
         begin = clock()
         run = _Run(problem, request)
         for first in range(0, problem.scenes, self.together):
@@ -104,7 +105,7 @@ class NavigationBackend(Backend):
 
 
 class _Run:
-    """One pass through all scenes, as it grows."""
+    """Actions, outcomes and counters of a pass through all scenes."""
 
     def __init__(self, problem: UnknownGridNavigation, request: Request) -> None:
         self.problem, self.request = problem, request
@@ -114,7 +115,7 @@ class _Run:
         self.thinking = self.perceiving = 0.0
 
     def lead(self, policy: Policy, scenes: Ints) -> None:
-        """Let `policy` decide until all of `scenes` have ended or the run is stopped."""
+        """Apply `policy` until all of `scenes` have ended or the run is stopped."""
         chosen = np.full(len(scenes), LOOK)
         while len(scenes) and not self.request.control.stopped:
             looks = self._look(scenes, chosen)
@@ -136,7 +137,7 @@ class _Run:
             scenes, chosen = scenes[acts], chosen[acts]
             for scene, action in zip(scenes.tolist(), chosen.tolist(), strict=True):
                 self.actions[scene].append(ACTIONS[action])
-        if self.request.control.stopped:  # the latest actions were not taken
+        if self.request.control.stopped:  # the last actions were not executed
             for scene in scenes.tolist():
                 del self.actions[scene][-1:]
 
@@ -160,17 +161,17 @@ class _Run:
         cells = np.where(perceive(looks.view, size, method, weights), BLOCKED, FREE).astype(float)
         self.perceiving += clock() - begin
         self.images += len(cells)
-        # What is known besides: the vehicle stands on a free cell, and so does the target.
+        # The cells of the vehicle and of the target are known to be free.
         for row, scene in enumerate(looks.scenes.tolist()):
-            for cell, holds in (
+            for cell, value in (
                 (looks.positions[row], FREE),
                 (self.problem.targets[scene], TARGET),
             ):
-                at = cell - looks.corners[row]
-                if (at >= 0).all() and (at < self.problem.view).all():
-                    cells[row, at[0], at[1]] = holds
+                place = cell - looks.corners[row]
+                if (place >= 0).all() and (place < self.problem.view).all():
+                    cells[row, place[0], place[1]] = value
         return looks._replace(view=cells)
 
 
 def _part(looks: Looks, rows: NDArray[np.bool_]) -> Looks:
-    return Looks._make(one[rows] for one in looks)
+    return Looks._make(array[rows] for array in looks)

@@ -1,20 +1,21 @@
-"""Networks with their weights.
+"""Networks and their weights.
 
-A network is a module of this folder that holds
+A network is a module of this package with the following names:
 
 ``ARCHITECTURE``
-    The sizes that it is built with by default, names and whole numbers.
+    Default sizes as a mapping of names to integers.
 ``build_network(**architecture)``
-    Returns the ``torch.nn.Module``, built after ``torch.manual_seed``. PyTorch is imported there.
-``forward(observed, state)`` of it
+    Function that returns the ``torch.nn.Module``. It imports PyTorch. The caller sets
+    ``torch.manual_seed`` before.
+``forward(observed, state)`` of the module
     `observed` is an :class:`~.memory.Observation` of tensors for n scenes. `state` is None at the first
-    step, and then what the step before returned for these scenes: a tuple of tensors whose first
-    axis is the scenes, or None for networks that remember nothing. It returns logits, shape (n, 4), and
-    the new state.
+    step, and the state of the previous step afterwards: a tuple of tensors whose first axis is the
+    scenes, or None for networks without memory. It returns logits, shape (n, 4), and the new state.
 ``refuse_size(shape, view)``
-    Why maps or views of a size cannot be taken, else ``""``; cheap, without PyTorch.
+    Function that returns the reason to refuse maps or views of a size, or ``""``. It is cheap and does
+    not import PyTorch.
 ``TRAINING``
-    What ``crosstrack train`` runs.
+    Training that ``crosstrack train`` runs.
 """
 
 from __future__ import annotations
@@ -33,26 +34,32 @@ __all__ = ["load_network", "shipped_weights"]
 
 
 def shipped_weights(name: str) -> Path:
-    """Return the file of weights that is shipped for a network."""
-    return Path(__file__).parent / "weights" / f"{name}.npz"
-
-
-def load_network(name: str, module: Any, path: str | Path | None = None) -> torch.nn.Module:
-    """Return a network with the weights in a file, ready to be asked.
+    """Return the path of the shipped weights of a network.
 
     Parameters
     ----------
     name : str
-        The kind of the weights.
+        Kind of the weights, such as "macn".
+    """
+    return Path(__file__).parent / "weights" / f"{name}.npz"
+
+
+def load_network(name: str, module: Any, path: str | Path | None = None) -> torch.nn.Module:
+    """Return a network with the weights of a file, in evaluation mode.
+
+    Parameters
+    ----------
+    name : str
+        Kind of the weights.
     module : module
-        As the docstring above says.
+        Network, with the interface in the docstring of this module.
     path : path-like, optional
-        By default the weights that are shipped.
+        File of weights, by default the shipped weights.
 
     Raises
     ------
     InvalidData
-        Naming the file, and what of it is wrong.
+        The file does not fit the network. The message names the file and the error.
     """
     file = shipped_weights(name) if path is None else path
     weights = read_weights(file, name)

@@ -1,4 +1,4 @@
-"""The reference that sees the true maps, and so bounds every policy."""
+"""Reference solution on the true maps: a lower bound on the cost of every policy."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Oracle"]
 
 
 class Oracle(Backend):
-    """The shortest way on the true map of every scene."""
+    """Shortest path on the true map of every scene. Its cost is a lower bound for every policy."""
 
     name = "oracle"
     accepts = UnknownGridNavigation
@@ -26,7 +26,7 @@ class Oracle(Backend):
     summary = "A* on the true map, which no policy sees: a bound for all"
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
-        """Find the ways; where there is none, say so at once."""
+        """Return the shortest paths. A scene without a path gets the outcome ``NO_WAY`` and no action."""
         begin = clock()
         fewest = problem.fewest_steps()
         actions, outcomes, costs = [], [], []

@@ -1,4 +1,4 @@
-"""Cells of a view from the camera's image of it."""
+"""Detection of obstacles: cells of a view from the camera's image."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ __all__ = ["METHODS", "perceive"]
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
-#: How cells are read.
+#: Methods of detection.
 METHODS = ("k-means", "gmgn")
-#: Every how many rows and columns there is a pixel that the means are found from.
+#: Stride in rows and columns between the pixels that k-means uses.
 _STRIDE = 4
-#: Rounds of k-means at the most.
+#: Maximum number of iterations of k-means.
 _ROUNDS = 10
-#: Share of the variance that two means must explain, lest there be one kind of cell only. They explain 2/π along
-#: the longest axis of what is spread like a normal distribution.
+#: Minimum share of the variance that two clusters must explain. Below it, all cells are of one kind. Two clusters
+#: explain 2/π of a normal distribution's variance along its longest axis.
 _APART = 0.8
-#: Images that the network reads at once.
+#: Number of images per batch of the network.
 _TOGETHER = 16
 
 
@@ -37,32 +37,33 @@ def perceive(
     method: str = "k-means",
     weights: str | None = None,
 ) -> Truths:
-    """Return which cells look like obstacles.
+    """Return whether each cell of the views is an obstacle, shape (n, m, n').
 
     Parameters
     ----------
     images : array-like, shape (n, 256, 256, 3)
-        Red, green and blue from 0 to 1, one image a view.
+        Red, green and blue from 0 to 1, one image per view.
     view : tuple of int
-        Rows and columns of the view, odd.
-    method : {"k-means", "gmgn"}
-        ``"k-means"`` (ours) splits the pixels of an image by colour in two clusters, and the pixels of a cell vote.
-        The cell in the middle is free, as the vehicle stands or stood there; all cells are free if the colours are
-        of one kind. ``"gmgn"`` is the paper's network, see :mod:`~.gmgn`.
+        Numbers of rows and columns of the view, odd.
+    method : {"k-means", "gmgn"}, default "k-means"
+        ``"k-means"`` (not in the paper) clusters the pixels of an image by colour. The majority of its pixels
+        decides on each cell. The cell in the middle is free, because the vehicle is or was there. All cells are
+        free if one cluster suffices. ``"gmgn"`` is the paper's network, see :mod:`~.gmgn`.
     weights : str, optional
-        A file of weights for the network; those that are shipped.
+        File of weights for the network, by default the shipped weights.
 
     Returns
     -------
     ndarray of bool, shape (n, m, n')
-        True where blocked. Images of noise get an answer, too; the same images the same one.
+        True if blocked. The result is deterministic.
 
     Raises
     ------
     InvalidData
-        Naming the place: an image of another shape, a value that is no number from 0 to 1; a view that is even.
+        The shape of the images is wrong, a value is outside 0 … 1, or a side of the view is even. The message
+        names the location.
     BackendMissing
-        PyTorch is not installed, which ``"gmgn"`` needs.
+        The method is ``"gmgn"`` and PyTorch is not installed.
     """
     if method not in METHODS:
         raise InvalidData(
@@ -72,9 +73,9 @@ def perceive(
     rows, columns = (_odd(side) for side in _pair(view))
     colours = _checked(images)
     if method == "k-means":
-        found = [_vote(_split(image, (rows, columns)), (rows, columns)) for image in colours]
-        return np.array(found, bool).reshape(len(colours), rows, columns)
-    return _ask(colours, (rows, columns), weights)
+        cells = [_vote(_split(image, (rows, columns)), (rows, columns)) for image in colours]
+        return np.array(cells, bool).reshape(len(colours), rows, columns)
+    return _classify(colours, (rows, columns), weights)
 
 
 def _pair(view: Any) -> tuple[Any, Any]:
@@ -92,7 +93,7 @@ def _odd(side: Any) -> int:
 
 
 def _checked(images: ArrayLike) -> Floats:
-    """Return the images as an array; refuse what is none."""
+    """Return the images as an array, or raise ``InvalidData``."""
     try:
         colours = np.asarray(images, float)
     except (TypeError, ValueError):
@@ -102,7 +103,7 @@ def _checked(images: ArrayLike) -> Floats:
             f"images must have shape (n, {PIXELS}, {PIXELS}, 3), got {colours.shape}",
             field="images",
         )
-    # What is no number fails both comparisons.
+    # NaN fails both comparisons.
     if colours.size and not (colours.min() >= 0.0 and colours.max() <= 1.0):
         wrong = ~((colours >= 0.0) & (colours <= 1.0))
         k, row, column, colour = np.unravel_index(int(wrong.argmax()), colours.shape)
@@ -115,7 +116,7 @@ def _checked(images: ArrayLike) -> Floats:
 
 
 def _split(image: Floats, view: tuple[int, int]) -> Truths:
-    """Return which pixels are of the colour that is not the middle's, shape (256, 256), by k-means."""
+    """Return whether each pixel differs in cluster from the middle cell, shape (256, 256), by k-means."""
     from scipy.cluster.vq import kmeans2
 
     colours = image[::_STRIDE, ::_STRIDE].reshape(-1, 3)
@@ -123,7 +124,7 @@ def _split(image: Floats, view: tuple[int, int]) -> Truths:
     spread, axes = np.linalg.eigh((colours - mean).T @ (colours - mean) / len(colours))
     if spread[-1] <= np.finfo(float).eps:
         return np.zeros(image.shape[:2], bool)
-    # Begun on both sides along the longest axis, neither mean ever loses all of its pixels; nothing is drawn.
+    # Means that start on both sides of the longest axis keep pixels, and need no random numbers.
     away = np.sqrt(spread[-1]) * axes[:, -1]
     means, labels = kmeans2(colours, np.array([mean - away, mean + away]), _ROUNDS, minit="matrix")
     share = labels.mean()
@@ -136,10 +137,10 @@ def _split(image: Floats, view: tuple[int, int]) -> Truths:
 
 
 def _vote(pixels: Truths, view: tuple[int, int]) -> Truths:
-    """Return in which cells most pixels are true; one in two cells counts for both as far as it lies there."""
+    """Return whether most pixels of each cell are true. Pixels on borders are weighted by their overlap."""
     down, across = (_shares(side) for side in view)
-    most: Truths = down @ pixels.astype(float) @ across.T > 0.5
-    return most
+    majority: Truths = down @ pixels.astype(float) @ across.T > 0.5
+    return majority
 
 
 _shares = cache(overlaps)
@@ -147,15 +148,15 @@ _shares = cache(overlaps)
 
 @cache
 def _network(weights: str | None, written: int) -> Any:
-    """Return the network of a file, read again when it was written anew."""
+    """Return the network of a file. The time of its last change, `written`, is part of the cache key."""
     from . import gmgn
     from .networks import load_network
 
     return load_network("gmgn", gmgn, weights)
 
 
-def _ask(colours: Floats, view: tuple[int, int], weights: str | None) -> Truths:
-    """Return what the network says."""
+def _classify(colours: Floats, view: tuple[int, int], weights: str | None) -> Truths:
+    """Return whether each cell is an obstacle by the network, shape (n, m, n')."""
     if importlib.util.find_spec("torch") is None:
         raise BackendMissing("perception 'gmgn' needs torch: pip install 'crosstrack[learn]'")
     import torch
@@ -165,9 +166,9 @@ def _ask(colours: Floats, view: tuple[int, int], weights: str | None) -> Truths:
 
     written = 0 if weights is None else Path(weights).stat().st_mtime_ns
     network = _network(weights, written)
-    found = np.empty((len(colours), *view), bool)
+    cells = np.empty((len(colours), *view), bool)
     with one_thread(), torch.inference_mode():
         for first in range(0, len(colours), _TOGETHER):
-            some = slice(first, first + _TOGETHER)
-            found[some] = (network(to_tensor(colours[some]), view)[0] > 0).numpy()
-    return found
+            batch = slice(first, first + _TOGETHER)
+            cells[batch] = (network(to_tensor(colours[batch]), view)[0] > 0).numpy()
+    return cells

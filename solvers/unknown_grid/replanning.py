@@ -1,12 +1,12 @@
-"""Optimistic replanning: the shortest way on what is known, where the unknown counts as free.
+"""Optimistic replanning: shortest paths on the known map, with unknown cells treated as free.
 
-It is planned anew before each step. Of several shortest ways it takes the one that begins with the first
-of up, down, left and right. What was seen to be blocked is blocked, so where no way is left on what is
-known there is none. Images may deceive, though: where no way is left on what they showed, it is doubted,
-and only what the vehicle met itself is kept.
+The policy replans before each step. Ties between shortest paths go to the first action in the order up,
+down, left, right. Observed obstacles are certain, so the target is unreachable if the known map has no
+path. Cells detected from images may be wrong. If they leave no path, the policy discards them and keeps
+only the cells that the vehicle visited or collided with.
 
-A UAV that hovers does not see all that the vehicle comes to. A collision is remembered, so that a cell
-that was never seen costs one at the most.
+A hovering UAV does not show all cells around the vehicle. The policy stores collisions, so an unseen
+obstacle costs at most one step.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ Flag = NDArray[np.int8]
 
 
 class KnownMap:
-    """What is known of the map of a scene: flat, with one blocked cell around it.
+    """Known map of a scene as a flat array with a frame of blocked cells.
 
     Parameters
     ----------
     problem : UnknownGridNavigation
-        Of which only sizes, start and target are looked at.
+        Model without its true maps.
     scene : int
-        Its number.
+        Index of the scene.
 
     Attributes
     ----------
     walls : ndarray of uint8, shape (cells,)
-        1 where blocked as far as is known, and off the map.
+        1 for known obstacles and the frame, otherwise 0.
     width : int
-        Cells of a row, the frame included.
+        Number of cells per row, including the frame.
     cell, target : int
-        Where the vehicle is, and where it is to go.
+        Cells of the vehicle and of the target.
     moves : tuple of int
-        How each action changes the number of a cell.
+        Change of the cell number by each action.
     """
 
     def __init__(self, problem: UnknownGridNavigation, scene: int) -> None:
@@ -64,41 +64,41 @@ class KnownMap:
         return (int(cell[0]) + 1) * self.width + int(cell[1]) + 1
 
     def notice(self, looks: Looks, expected: int) -> Ints:
-        """Take in what is seen of the one scene of `looks`, and whether the vehicle collided.
+        """Update the map with an observation and a possible collision.
 
         Parameters
         ----------
         looks : Looks
-            Of one scene.
+            Observation of one scene.
         expected : int
-            The cell where the vehicle should be by now.
+            Cell of the vehicle if its last step caused no collision.
 
         Returns
         -------
         ndarray of int64
-            Cells that are blocked now and were not, or the other way round.
+            Cells whose state changed between free and blocked.
         """
         self.cell = self._number(looks.positions[0])
-        felt = np.array([expected, self.cell])
-        before = self.walls[felt]
-        # In this order, for the two are the same unless it collided.
+        visited = np.array([expected, self.cell])
+        before = self.walls[visited]
+        # The order matters: without a collision, both are the same cell, which is free.
         self.walls[expected], self.walls[self.cell] = 1, 0
-        self._sure.flat[felt] = True
-        changed = felt[before != self.walls[felt]]
+        self._sure.flat[visited] = True
+        changed = visited[before != self.walls[visited]]
 
         corner = looks.corners[0] + 1
         low = np.maximum(corner, 0)
         high = np.minimum(corner + looks.view.shape[1:], self._walls.shape)
         inside = slice(low[0], high[0]), slice(low[1], high[1])
         (top, left), (bottom, right) = low - corner, high - corner
-        seen = looks.view[0, top:bottom, left:right] == BLOCKED
-        differ = np.argwhere((seen != self._walls[inside]) & ~self._sure[inside]) + low
+        window = looks.view[0, top:bottom, left:right] == BLOCKED
+        differ = np.argwhere((window != self._walls[inside]) & ~self._sure[inside]) + low
         cells = differ @ [self.width, 1]
         self.walls[cells] ^= 1
         return np.concatenate([changed, cells])
 
     def doubt(self) -> Ints:
-        """Free the cells that were only seen to be blocked, and return them."""
+        """Free all obstacles known only from images, and return their cells."""
         cells = np.flatnonzero((self.walls == 1) & ~self._sure.reshape(-1))
         self.walls[cells] = 0
         return cells
@@ -110,16 +110,16 @@ class Replanning:
     Parameters
     ----------
     problem : UnknownGridNavigation
-        Its true maps are not looked at.
+        Model without its true maps.
     scenes : ndarray of int, shape (1,)
-        The scene.
+        Index of the scene.
     request : Request
-        Whose control may stop it.
+        Request whose control may stop the search.
 
     Attributes
     ----------
     known : KnownMap
-        What is known of the map.
+        Known map.
     """
 
     def __init__(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> None:
@@ -129,7 +129,7 @@ class Replanning:
         self._expected = self.known.cell
 
     def decide(self, looks: Looks) -> Ints:
-        """Plan anew, and take the first action."""
+        """Replan and return the first action."""
         changed = self.known.notice(looks, self._expected)
         action = self._plan(changed)
         if action == STUCK and self._problem.camera is not None:
@@ -142,23 +142,23 @@ class Replanning:
         return np.array([action])
 
     def _plan(self, changed: Ints) -> int:
-        """Return the first action of a shortest way, or STUCK."""
+        """Return the first action of a shortest path, or STUCK."""
         known = self.known
         steps = search(known.walls, known.width, known.cell, known.target, False, self._flag)
         return int(descend(known.walls, known.width, steps, known.cell))
 
 
 class _Forgetting(Replanning):
-    """The same on a map that holds the current look only."""
+    """A* on the current view only."""
 
     def decide(self, looks: Looks) -> Ints:
-        """Forget, plan and take the first action."""
+        """Reset the map, plan and return the first action."""
         self.known = KnownMap(self._problem, self._scene)
         return super().decide(looks)
 
 
 class _Repairing(Replanning):
-    """The same by D* Lite, which repairs what it found before where the map changed."""
+    """D* Lite on the known map, which repairs the previous search after changes."""
 
     def __init__(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> None:
         super().__init__(problem, scenes, request)
@@ -168,7 +168,7 @@ class _Repairing(Replanning):
         self._where = np.zeros(size, np.int32)
         self._tally = np.array([0, 0, self.known.cell])
         self._new = [self.known.target]
-        # With nothing to do: what is compiled or loaded is so before the first decision.
+        # A call without changes compiles or loads the kernel before the first decision.
         self._repair(np.empty(0, np.int64))
 
     def _plan(self, changed: Ints) -> int:
@@ -186,7 +186,7 @@ class _Repairing(Replanning):
 
 
 class DStarLite(NavigationBackend):
-    """Optimistic replanning on the remembered map by D* Lite: step for step as A* from scratch."""
+    """Optimistic replanning on the remembered map by D* Lite, with the same steps as A* from scratch."""
 
     name = "d-star-lite"
     summary = "optimistic replanning on all that was seen, D* Lite"
@@ -208,9 +208,9 @@ class AStarReplanning(NavigationBackend):
 
 
 class CurrentView(NavigationBackend):
-    """Optimistic replanning on what is seen now, and on whether the latest step collided.
+    """Optimistic replanning on the current view and the collision of the latest step.
 
-    It comes back to a pocket that is deeper than the view as soon as that is out of sight.
+    The policy returns to a dead end deeper than the view as soon as the dead end is out of view.
     """
 
     name = "current-view"

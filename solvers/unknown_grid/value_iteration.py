@@ -1,4 +1,4 @@
-"""The planning part of the paper's networks: ConvNet of Table I and the value iteration module of equations 1-2."""
+"""Planner of the paper's networks: ConvNet of Table I and the value iteration module of equations 1-2."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 __all__ = ["GOAL", "build_planner"]
 
-#: Value of the target's cell in the initial reward map; the other cells are 0.
+#: Value of the target's cell in the initial reward map. The other cells are 0.
 GOAL = 10.0
-#: Standard deviation of the first weights, which the paper does not print. It is that of the implementation of MACN that
-#: Table II follows, see :mod:`~.macn`.
+#: Standard deviation of the initial weights, which the paper omits. The value is from the implementation of MACN
+#: that Table II follows, see :mod:`~.macn`.
 _SPREAD = 0.01
 
 
@@ -27,22 +27,22 @@ def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
     target, shape (n, 2). It returns the reward map R and the final value map V, shapes (n, 1, rows, columns), and the
     final action values Q, shape (n, 4, rows, columns).
 
-    Table I has no activation, so its first two layers are one convolution from map and reward map to R; it is
-    computed as one. Outside the map all is 0.
+    Table I has no activation, so its first two layers are computed as one convolution from map and reward map
+    to R. The padding is 0.
 
     Parameters
     ----------
-    hidden : int
+    hidden : int, default 150
         Channels of the first layer.
-    iterations : int
-        K.
+    iterations : int, default 30
+        Number of iterations K.
     """
     import torch
     from torch import nn
     from torch.nn import functional
 
     class Iteration(torch.autograd.Function):
-        """V_K of R(s, a) and gamma P by compiled loops; much faster backwards than convolutions."""
+        """V_K of R(s, a) and gamma P by compiled loops, whose gradient is faster than that of convolutions."""
 
         @staticmethod
         def forward(context: Any, fixed: Tensor, moves: Tensor) -> Tensor:

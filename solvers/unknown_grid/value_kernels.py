@@ -1,6 +1,6 @@
-"""Value iteration of equation 1 by compiled loops, forwards and backwards, for training.
+"""Value iteration of equation 1 and its gradient by compiled loops, for training.
 
-Convolutions of one channel leave most of a processor idle; these loops take an eighth of the time.
+The loops take an eighth of the time of convolutions of one channel.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Bytes = NDArray[np.uint8]
 
 @kernel
 def iterate(fixed: Singles, moves: Singles, values: Singles, best: Bytes) -> None:
-    """Fill the values of each iteration and the action that each is the maximum of.
+    """Fill the values of each iteration and their maximising actions.
 
     Parameters
     ----------
@@ -27,9 +27,9 @@ def iterate(fixed: Singles, moves: Singles, values: Singles, best: Bytes) -> Non
     moves : ndarray of float32, shape (4, 3, 3)
         gamma P.
     values : ndarray of float32, shape (iterations + 1, n, rows + 2, columns + 2)
-        Zero in the frame; filled with V_1, V_2 and so on.
+        Output V_1, V_2 and so on. The frame must be zero.
     best : ndarray of uint8, shape (iterations + 1, n, rows, columns)
-        Filled with the maximising actions.
+        Output maximising actions.
     """
     count, actions, rows, columns = fixed.shape
     worth = np.empty((4, columns), np.float32)
@@ -58,16 +58,16 @@ def iterate(fixed: Singles, moves: Singles, values: Singles, best: Bytes) -> Non
 def pass_back(
     gradient: Singles, moves: Singles, values: Singles, best: Bytes, fixed: Singles, moved: Singles
 ) -> None:
-    """Add the gradients by R(s, a) and by gamma P to `fixed` and `moved`.
+    """Add the gradients with respect to R(s, a) and gamma P to `fixed` and `moved`.
 
     Parameters
     ----------
     gradient : ndarray of float32, shape (n, rows + 2, columns + 2)
-        By the last values; its frame is not read. It is overwritten.
+        Gradient with respect to the last values. Its frame is ignored. The function overwrites it.
     moves, values, best
-        As :func:`iterate` left them.
+        Arguments of :func:`iterate`, after the call.
     fixed, moved : ndarray of float32, shapes (n, 4, rows, columns) and (4, 3, 3)
-        Arrays that the gradients are added to.
+        Arrays that receive the gradients.
     """
     count, actions, rows, columns = fixed.shape
     before = np.empty((rows + 2, columns + 2), np.float32)

@@ -1,7 +1,7 @@
 """The paper's value iteration network: ConvNet, 30 iterations, and attention to the vehicle's cell.
 
 As MCGN-II it plans on the partial map O_p once the target is in the view. As the policy ``vin`` it plans on the
-masked map O_g in every step and remembers nothing, which shows what the values alone do.
+masked map O_g in every step without memory, which isolates the contribution of the values.
 
 Source: A. Tamar, Y. Wu, G. Thomas, S. Levine, P. Abbeel, "Value Iteration Networks", NeurIPS 2016,
 arXiv 1602.02867: attention takes the four action values at the vehicle's cell, a linear layer turns them into logits.
@@ -28,14 +28,26 @@ LARGEST = 256 * 256
 
 
 def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
-    """Return why maps of a shape are refused, else ``""``."""
+    """Return the reason to refuse maps of a shape, or ``""``.
+
+    Parameters
+    ----------
+    shape, view : tuple of int
+        Numbers of rows and columns of the maps and of the view.
+    """
     if shape[0] * shape[1] > LARGEST:
         return f"maps must have at most {LARGEST} cells, got {shape[0]} × {shape[1]}"
     return ""
 
 
 def build_network(hidden: int = 150, iterations: int = 30) -> torch.nn.Module:
-    """Return the network with its first weights; the sizes are those of :data:`ARCHITECTURE`."""
+    """Return the network with its initial weights.
+
+    Parameters
+    ----------
+    hidden, iterations : int, default 150 and 30
+        Channels of the first layer, and number of iterations.
+    """
     import torch
     from torch import nn
 
@@ -50,7 +62,7 @@ def build_network(hidden: int = 150, iterations: int = 30) -> torch.nn.Module:
         def forward(self, observed: Observation, state: None = None) -> tuple[torch.Tensor, None]:
             _, _, worth = self.planner(observed.current, observed.targets)
             limits = torch.tensor(worth.shape[2:]) - 1
-            # A vehicle that has left the view is taken to the nearest cell of it.
+            # A vehicle outside the view is moved to the nearest cell of the view.
             rows, columns = torch.minimum(observed.positions.clamp(min=0), limits).T
             return self.output(worth[torch.arange(len(worth)), :, rows, columns]), None
 

@@ -1,4 +1,4 @@
-"""Maps for tests, shortest paths by SciPy's graphs, and MovingAI's files."""
+"""Maps for tests, reference paths by SciPy's graph algorithms, and MovingAI's files."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from crosstrack.models.grid_path import GridMap
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "movingai"
 
-#: Each map with its scenarios.
+#: Maps with their scenarios.
 SCENARIOS = {
     "arena": "arena.map.scen",
     "den312d": "den312d.map.scen",
@@ -68,7 +68,7 @@ def graph(grid, diagonal=True, weights=None):
 
 
 def costs(model):
-    """Return the cost to each goal by SciPy; infinite where there is no path."""
+    """Return the cost to each goal by SciPy, infinite without a path."""
     known = graph(model.map, model.connectivity == "8", model.weights)
     columns = model.map.shape[1]
     far = dijkstra(known, directed=False, indices=int(model.start @ [columns, 1]))
@@ -76,13 +76,13 @@ def costs(model):
 
 
 def optimum(model):
-    """Return the least objective by SciPy; infinite where there is no plan."""
+    """Return the minimum objective by SciPy, infinite without a plan."""
     found = costs(model)
     return float(found.sum() if model.reach == "each" else found.min())
 
 
 def keeps_the_rules(blocked, cells, diagonal=True):
-    """Whether cells, shape (k, 2), are free and follow one another without cutting corners."""
+    """Return whether cells, shape (k, 2), are free and consecutive without cutting corners."""
     steps = np.diff(cells, axis=0)
     a, b = cells[:-1], cells[1:]
     beside = blocked[a[:, 0], b[:, 1]] | blocked[b[:, 0], a[:, 1]]
@@ -96,7 +96,7 @@ def keeps_the_rules(blocked, cells, diagonal=True):
 
 
 def maze(size, seed, loops=0.0):
-    """Return a maze of corridors one cell wide, with a share of further walls taken away.
+    """Return a maze of corridors one cell wide, without a share of further walls.
 
     The corridors are a random tree over every other cell, so without `loops` two cells are joined by
     one path.
@@ -121,7 +121,7 @@ def maze(size, seed, loops=0.0):
 
 
 def serpentine(size):
-    """Return a map with one corridor that runs to and fro over all of it."""
+    """Return a map with one serpentine corridor."""
     blocked = np.zeros((size, size), bool)
     blocked[1::4, :-1] = blocked[3::4, 1:] = True
     return blocked

@@ -1,4 +1,4 @@
-"""Paths in any direction: the optimum by brute force and geometry, and heuristics beside it."""
+"""Paths in any direction: comparison with brute force and geometry, and bounds on heuristics."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from crosstrack.solvers.grid_path.any_angle import AnyAngle
 from crosstrack.solvers.grid_path.any_angle_kernels import STOPPED, search
 from crosstrack.solvers.grid_path.free_paths import line_tables
 
-#: Cells that corners of mazes may be apart to be joined in brute force.
+#: Maximum distance, in cells, between connected corners of mazes in brute force.
 NEAR = 20
 HEURISTICS = ("theta-star", "shortcut-greedy", "shortcut-visibility", "rrt-star")
 
 
 class Walls:
-    """Blocked cells as polygons; what lies outside of the map is blocked."""
+    """Blocked cells as polygons; the region outside the map is blocked."""
 
     def __init__(self, blocked):
         padded = np.pad(blocked, 1, constant_values=True)
@@ -41,13 +41,13 @@ class Walls:
         self.pinches = shapely.multipoints(np.column_stack([x, y]))
 
     def clear(self, lines):
-        """Return which lines keep to free cells, and not between two that touch."""
+        """Return whether each line stays in free cells, and not between two that touch."""
         away = shapely.distance(lines, self.pinches)
         return ~shapely.intersects(lines, self.inner) & ~(away < 1e-7)
 
 
 def drawn(rng, most=9):
-    """Return blocked cells: noise, rooms, narrow strips, and one free cell at the least."""
+    """Return blocked cells: noise, rooms, narrow strips, with at least one free cell."""
     shape = rng.integers(1, most + 1, 2)
     blocked = rng.random(shape) < rng.choice([0.0, 0.1, 0.3, 0.5])
     if rng.random() < 0.4:
@@ -84,7 +84,7 @@ def by_brute_force(model):
 
 
 def assert_clear(model, plan):
-    """The plan's paths keep to free cells by geometry that shares no code with planner or check."""
+    """Assert by independent geometry that the plan's paths stay in free cells."""
     walls = Walls(model.map.blocked)
     for path in plan.paths:
         cells = (path - model.map.origin) / model.map.cell
@@ -273,7 +273,7 @@ def test_huge_mazes(loops):
     best = ct.solve(model, "any-angle")
     assert best.termination is Termination.OPTIMAL
     other = ct.solve(model, "shortcut-visibility")
-    # Without loops there is one way; with them the shortest along neighbours may be another.
+    # Without loops, the path is unique. With loops, the shortest along neighbours may differ.
     worst = 1.02 if loops else 1 + 1e-9
     assert best.primal_bound * (1 - 1e-12) <= other.primal_bound <= best.primal_bound * worst
 
@@ -305,7 +305,7 @@ def test_a_stopped_search_keeps_its_bound():
 
 
 def test_a_search_stopped_after_the_first_goal_keeps_its_path():
-    """The second goal is nearer in a straight line than the path to the first is long."""
+    """The distance to the second goal is below the length of the path to the first."""
     lines = [".@.."] * 7 + ["...."]
     model = GridPath(GridMap(lines), (0, 0), [(7, 3), (0, 2)], connectivity="any")
 
@@ -325,7 +325,7 @@ def test_a_search_stopped_after_the_first_goal_keeps_its_path():
 
 
 def test_sixteen_thousand_to_one():
-    """A map much wider than high, where equal and different slopes are nearest to each other."""
+    """A map much wider than high has the smallest differences between slopes."""
     rng = np.random.default_rng(9)
     blocked = rng.random((5, 16000)) < 0.02
     blocked[2, [0, -1]] = False
@@ -340,7 +340,7 @@ def test_sixteen_thousand_to_one():
 
 @pytest.mark.parametrize("name", ["any-angle", *HEURISTICS])
 def test_far_from_the_origin(name):
-    """Where metres leave no more than four digits of a cell, plans are those of the map at 0."""
+    """If coordinates leave four digits of a cell, plans equal those of the map at 0."""
     rng = np.random.default_rng(10)
     for cell in (1e-6, 1.0, 1e6):
         blocked = rng.random((12, 15)) < 0.2

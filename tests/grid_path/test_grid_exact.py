@@ -1,4 +1,4 @@
-"""Exact searches along neighbours: all equal SciPy's graphs, on small maps and on large mazes."""
+"""Exact searches along neighbours: equality with SciPy on small maps and on large mazes."""
 
 import itertools
 import threading
@@ -23,7 +23,7 @@ EXACT = ["a-star", "dijkstra", "jump-point"]
 
 
 def backends_for(model):
-    """Names of the exact backends that take `model`."""
+    """Return the names of the exact backends that accept `model`."""
     plain = model.connectivity == "8" and model.weights is None
     return EXACT if plain else EXACT[:2]
 
@@ -52,7 +52,7 @@ def test_all_equal_scipy_on_small_maps(seed):
         holds(model, ct.solve(model, name), best)
 
 
-def test_the_draw_holds_what_it_should():
+def test_random_models_cover_all_cases():
     models = [small(seed) for seed in range(300)]
     bests = np.array([optimum(model) for model in models])
     assert 30 < np.isinf(bests).sum() < 150
@@ -94,7 +94,7 @@ def test_a_corridor_to_and_fro(connectivity):
 
 
 def test_open_maps_where_every_path_ties():
-    """Millions of equally short paths, and the searches go on straight to the goal."""
+    """Millions of paths tie, and the searches still expand few cells."""
     model = GridPath(GridMap(np.zeros((300, 300), bool)), (0, 0), (299, 100))
     best = 199 + 100 * np.sqrt(2)
     for name in EXACT:
@@ -123,7 +123,7 @@ def test_many_goals_from_one_search():
 
 
 def test_corners_are_not_cut():
-    """Between two blocked cells that touch there is no way, and beside one it leads around."""
+    """A path does not pass between two blocked cells that touch, and detours around one."""
     beside = GridPath(GridMap(["..", "@."]), (0, 0), (1, 1))
     closed = GridPath(GridMap([".@", "@."]), (0, 0), (1, 1))
     for name in EXACT:
@@ -149,8 +149,8 @@ def test_weights_far_apart(ratio):
         assert optimum(model) == pytest.approx(16 if connectivity == "4" else 8 * np.sqrt(2))
 
 
-def test_whole_numbers_compare_as_lengths_do():
-    """Sums of both costs never lie on the wrong side of one another, ties included."""
+def test_integer_costs_compare_as_lengths():
+    """Sums of both costs have the order and the ties of the true lengths."""
     from fractions import Fraction
 
     assert abs(DIAGONAL**2 - 2 * STRAIGHT**2) == 1  # a convergent, by Pell's equation
@@ -166,7 +166,7 @@ def test_whole_numbers_compare_as_lengths_do():
     assert Fraction(p, q) == Fraction(DIAGONAL, STRAIGHT)
 
 
-def test_what_they_do_not_cover_is_said():
+def test_rejects_unsupported_models():
     free = GridMap(["...", "..."])
     any_angle = GridPath(free, (0, 0), (1, 2), connectivity="any")
     four = GridPath(free, (0, 0), (1, 2), connectivity="4")
@@ -181,7 +181,7 @@ def test_what_they_do_not_cover_is_said():
 
 
 def test_they_stop_when_asked():
-    """The flag is looked at between cells, by every kernel."""
+    """Every kernel polls the flag between cells."""
     grid = GridMap(np.zeros((60, 60), bool))
     flag = np.ones(1, np.int8)
     start, goals = int(grid.numbers_of((0, 0))), grid.numbers_of([(59, 59)])
@@ -247,8 +247,8 @@ def test_distances_name_the_cell_that_is_not_free():
         path_between(grid, (0, 0), (1, 0))
 
 
-def test_loops_mean_what_they_say():
-    """Interpreted as plain Python, the loops give what they give compiled."""
+def test_interpreted_kernels_equal_compiled():
+    """Interpreted and compiled kernels return the same results."""
     blocked = maze(31, 2, 0.2)
     grid = GridMap(blocked)
     start, goals = int(grid.numbers_of((0, 0))), grid.numbers_of([(30, 30), (12, 4), (30, 30)])
@@ -269,7 +269,7 @@ def test_loops_mean_what_they_say():
 
 
 def test_threads_search_at_once():
-    """Nothing is shared between runs but the map, which is only read."""
+    """Concurrent runs share only the map, which is read-only."""
     model = GridPath(GridMap(maze(101, 5, 0.1)), (0, 0), (100, 100))
     best, found = optimum(model), []
     AStar().run(model, Request())

@@ -1,4 +1,4 @@
-"""The flow program of a path, and what is said where no path leads to a goal."""
+"""Flow program of a path, and diagnosis of unreachable goals."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_a_linear_program_agrees(seed):
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=60, deadline=None)
 def test_plans_fit_the_program(seed):
-    """Every exact plan encodes without a violated row, at its cost, and decodes to one as good."""
+    """Every exact plan encodes to a feasible point of equal cost, and decodes to an equally good plan."""
     model = small(seed)
     solution = ct.solve(model, "dijkstra")
     if solution.plan is None:
@@ -44,7 +44,7 @@ def test_plans_fit_the_program(seed):
 
 
 def test_a_walk_that_comes_back_fits_too():
-    """Flow may run in a circle; what is decoded leaves it out."""
+    """Decoding removes circular flow."""
     model = GridPath(GridMap(["...", "..."]), (0, 0), (0, 2), connectivity="4")
     walk = [(0, 0), (0, 1), (1, 1), (1, 0), (0, 0), (0, 1), (0, 2)]
     plan = GridPlan((model.map.centres(walk),))
@@ -57,7 +57,7 @@ def test_a_walk_that_comes_back_fits_too():
 
 
 def test_ties_that_a_point_mixes():
-    """Half a unit on each of two equal ways is an optimum, and gives either way."""
+    """Half a unit on each of two equal paths is optimal, and decodes to one of them."""
     model = GridPath(GridMap(["..", ".."]), (0, 0), (1, 1), connectivity="4")
     written = model.formulate("flow")
     ways = [[(0, 0), (0, 1), (1, 1)], [(0, 0), (1, 0), (1, 1)]]
@@ -76,7 +76,7 @@ def test_a_corridor_to_and_fro():
         assert solution.primal_bound == pytest.approx(costs(model).sum(), rel=1e-9)
 
 
-def test_what_the_program_does_not_cover():
+def test_program_rejects_unsupported_models():
     large = GridMap(np.zeros((200, 101), bool))
     with pytest.raises(UnsupportedFormulation, match="20000 free cells, the map has 20200"):
         GridPath(large, (0, 0), (1, 1)).formulate("flow")
@@ -108,7 +108,7 @@ def test_points_that_are_no_plan():
         written.decode(np.zeros(5))
 
 
-def test_what_cannot_be_reached_is_named():
+def test_diagnosis_names_unreachable_goals():
     model = GridPath(
         GridMap([".@..", "@@..", "...@"], cell=2.0), (0, 0), [(0, 0), (0, 3), (2, 0)], reach="each"
     )

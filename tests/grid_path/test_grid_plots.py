@@ -31,7 +31,7 @@ def rings(figure):
     return found[0].get_offsets().tolist() if found else []
 
 
-def test_what_is_drawn(tmp_path):
+def test_draws_all_elements(tmp_path):
     model = posed()
     plan = GridPlan([AROUND])
     figure = ct.plot(model, plan)
@@ -133,7 +133,7 @@ def test_several_plans_and_obstacles():
         ([*AROUND, [1e300, -1e300], AROUND[-1]], "keeps to free cells", None),
     ],
 )  # fmt: skip
-def test_what_is_broken_is_ringed(path, broken, near):
+def test_rings_mark_violations(path, broken, near):
     model = posed()
     figure = render(ct.plot(model, GridPlan([path])))
     (axes,) = figure.axes
@@ -201,7 +201,7 @@ def test_options_that_are_refused(options, message):
         ct.plot(posed(), **options)
 
 
-def test_what_cannot_be_drawn():
+def test_rejects_invalid_options():
     with pytest.raises(InvalidData, match="plan must be a GridPlan"):
         draw(posed(), [AROUND])
     with pytest.raises(InvalidData, match="there is no plan"):

@@ -144,7 +144,7 @@ def test_generators_refuse(call, message):
 # -- the catalogue -------------------------------------------------------------------------------
 
 
-def test_instances_are_small_and_what_they_are_called():
+def test_instances_are_small_and_match_their_names():
     models = {one.name.partition("/")[2]: one.build() for one in OURS}
     assert len({model.digest for model in models.values()}) == len(OURS) == 11
     lengths = {}
@@ -229,7 +229,7 @@ def test_maps_that_instances_cannot_name(map_, message, tmp_path):
         ct.load(instance(home, map_), trusted=True)
 
 
-def test_a_message_quotes_a_file_only_to_those_who_trust(tmp_path):
+def test_a_message_quotes_a_file_only_if_trusted(tmp_path):
     (tmp_path / "a.map").write_text(HEAD + "....\n.secret.\n....", "utf-8")
     with pytest.raises(InvalidData, match="line 6: not in the form that the model reads"):
         ct.load(instance(tmp_path, "a.map"))

@@ -1,4 +1,4 @@
-"""Maps of polygons: which cells they block, and the polygons themselves."""
+"""Maps of polygons: blocked cells and validation of polygons."""
 
 import dataclasses
 import math
@@ -18,7 +18,7 @@ from crosstrack.models.grid_path import GridMap, Polygons, as_shapely
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Held(Declared):
-    """A class with polygons."""
+    """Class with a field of polygons."""
 
     obstacles: tuple = declared(Polygons())
 
@@ -44,7 +44,7 @@ def box(a, b, c, d):
     return [(a, b), (c, b), (c, d), (a, d)]
 
 
-#: Corners on the lattice of cells and half cells give contact, others everything else.
+#: Corners on the lattice of cells and half cells test contact, others test general positions.
 places = st.one_of(st.integers(-4, 24).map(lambda k: k / 2), st.floats(-3, 12))
 
 
@@ -75,7 +75,7 @@ def obstacles(draw):
 
 
 def keep_valid(polygons):
-    """Leave out what is flat or crosses itself, which maps refuse."""
+    """Return polygons without flat or self-intersecting ones, which maps reject."""
     kept = []
     for one in polygons:
         try:
@@ -156,7 +156,7 @@ def test_a_hole_is_free_until_the_robot_is_too_large():
 @pytest.mark.parametrize("corner", [(0.0, 0.0), (-0.7, 1e3 / 3), (1e5, -1e5)])
 @pytest.mark.parametrize("cells", [0, 1, 2.5, 30])
 def test_a_passage_exactly_as_wide_as_the_robot(cell, corner, cells):
-    """Walls apart by the robot's width and one cell leave one row of cells, whatever the rounding."""
+    """Walls apart by the robot's width and one cell leave one row of cells despite rounding."""
     if max(map(abs, corner)) > 1e6 * cell:
         corner = (0.0, 0.0)
     x, y = corner
@@ -175,7 +175,7 @@ def test_a_passage_exactly_as_wide_as_the_robot(cell, corner, cells):
     assert not wider.blocked[:, 89].any()
 
 
-def test_what_leaves_the_bounds_is_blocked():
+def test_cells_beyond_the_bounds_are_blocked():
     grid = GridMap.from_polygons([], (0, 0, 2.5, 2), 1)
     assert grid.data()["blocked"] == ["..@", "..@"]
     grid = GridMap.from_polygons([], (-0.1, -0.1, 0.2, 0.5), 0.1)

@@ -1,4 +1,4 @@
-"""Scenes for tests: drawings, wild ones, a strategy that draws small ones, and runs without a process of their own."""
+"""Scenes for tests: drawings, extreme scenes, a strategy of small scenes, and runs in this process."""
 
 import math
 from collections import deque
@@ -14,7 +14,7 @@ from crosstrack.solvers.control import Control
 
 drawn = UnknownGridNavigation.drawn
 
-#: Scenes by name that policies must end in, whatever they do; each a function without arguments.
+#: Builders of scenes by name. Every policy must terminate in these scenes.
 WILD = {
     "maze": lambda: maze(17, 17, 3),
     "maze-paper-hovers-near": lambda: maze(9, 31, 1, view=(3, 3), uav="follow"),
@@ -41,7 +41,7 @@ WILD = {
 
 
 def run(backend, model, **options):
-    """Return the answer of a backend, an instance of its class, that sees no true map but asks the world."""
+    """Return the answer of a backend that has no true map and queries the world."""
     whole = backend.checked_options(options)
     request = Request(options=whole, control=Control(oracle=World(model)))
     return backend.run(model.blinded(), request)
@@ -63,7 +63,7 @@ def fewest(blocked, start, target):
 
 @st.composite
 def models(draw, most=7, scenes=1, **fixed):
-    """Draw a model of small scenes of any density, solvable or not; `fixed` are fields that are given."""
+    """Draw a model of small scenes of any density, solvable or not; `fixed` are its fixed fields."""
     rows = draw(st.integers(1, most))
     columns = draw(st.integers(1 if rows > 1 else 2, most))
     blocked, starts, targets = [], [], []

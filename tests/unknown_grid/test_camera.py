@@ -1,4 +1,4 @@
-"""The camera: frames and their inverses, and what images show."""
+"""Camera: frames and their inverses, and contents of images."""
 
 import numpy as np
 import pytest
@@ -79,7 +79,7 @@ def test_cells_and_pixels_come_back(pinhole):
     assert (np.floor(pinhole.pixels_to_view(pixels)) == cells).all()
     middles = grid(MIDDLES, MIDDLES)
     back = pinhole.view_to_pixels(pinhole.pixels_to_view(middles))
-    # Corners of 1000 cells, in pixels of which 256 make a cell where the view is one.
+    # Corners of 1000 cells. With a view of one cell, 256 pixels span a cell.
     np.testing.assert_allclose(back, middles, rtol=0, atol=1e-9)
     assert (np.floor(back) == np.floor(middles)).all()
 
@@ -90,13 +90,13 @@ def test_the_view_fills_the_image(pinhole):
     m, n = pinhole.view.tolist()
     corners = pinhole.view_to_pixels([[0, 0], [m, n], [m / 2, n / 2]])
     np.testing.assert_allclose(corners, [[0, 0], [PIXELS] * 2, [PIXELS / 2] * 2], atol=1e-8)
-    # A pixel lies in the cell that the ratio says: no rounding moves one over a border.
+    # Each pixel is in the cell of the exact ratio: rounding moves no pixel over a border.
     seen = np.floor(pinhole.pixels_to_view(np.column_stack([MIDDLES, MIDDLES]))).astype(int).T
     pixels = np.arange(PIXELS)
     assert (seen == [(2 * pixels + 1) * m // 512, (2 * pixels + 1) * n // 512]).all()
 
 
-def test_what_is_high_stands_away_from_the_middle():
+def test_parallax_moves_high_points_outwards():
     pinhole = Pinhole((9, 9), (0, 0))
     ground, top = (pinhole.view_to_pixels([[1, 2], [4.5, 4.5], [8, 4.5]], z) for z in (0, 0.6))
     away = np.abs(top - PIXELS / 2) - np.abs(ground - PIXELS / 2)
@@ -109,7 +109,7 @@ def test_what_is_high_stands_away_from_the_middle():
 def test_shares_of_pixels_in_cells_are_exact(parts, pixels):
     shares = overlaps(parts, pixels)
     np.testing.assert_allclose(shares.sum(axis=1), 1, atol=1e-12)
-    # The mean over a cell of x is its middle.
+    # The mean of x over a cell is its centre.
     middles = (np.arange(pixels) + 0.5) / pixels
     whole = pixels % parts == 0
     found = shares @ middles
@@ -121,7 +121,7 @@ def test_shares_of_pixels_in_cells_are_exact(parts, pixels):
 
 # -- images ---------------------------------------------------------------------------------------
 
-#: A map with room, a wall and a block; its side is not that of any view.
+#: Map with a room, a wall and a block, with a side unlike those of the views.
 BLOCKED = np.zeros((21, 23), bool)
 BLOCKED[4, 3:15] = BLOCKED[9:13, 14:18] = BLOCKED[15:, 6] = True
 
@@ -151,7 +151,7 @@ def test_only_the_noise_changes_from_look_to_look(law):
 
 @pytest.mark.parametrize("law", ["plain", "hard"])
 def test_a_cell_looks_alike_from_another_view(law):
-    """The ground on which nothing stands near, in two views that are three cells apart."""
+    """Empty ground looks alike in two views that are three cells apart."""
     one, two = shot((10, 18), (5, 5), law), shot((10, 15), (5, 11), law)
     side, there = PIXELS / 5, PIXELS / 11
     pairs = []
@@ -171,7 +171,7 @@ def test_a_cell_looks_alike_from_another_view(law):
 
 @pytest.mark.parametrize("law", ["plain", "hard"])
 def test_off_the_map_there_are_obstacles(law):
-    """As on a larger map whose margin is blocked; the target is not to be seen."""
+    """Images equal those of a larger map with a blocked margin, and hide the target."""
     wide = np.pad(BLOCKED, ((0, 8), (0, 8)), constant_values=True)
     for corner in ((16, 18), (5, 18)):
         assert (shot(corner, law=law) == shot(corner, law=law, blocked=wide)).all()
@@ -182,7 +182,7 @@ def test_off_the_map_there_are_obstacles(law):
 
 
 def test_colour_alone_does_not_tell_obstacles_by_the_hard_law():
-    """The plain law parts cells by their mean colour; by the hard one the means of both kinds are alike."""
+    """Mean colours separate obstacles in the plain law, but not in the hard law."""
     apart = {}
     for law in ("plain", "hard"):
         gaps = []
@@ -199,7 +199,7 @@ def test_colour_alone_does_not_tell_obstacles_by_the_hard_law():
     assert max(apart["hard"]) < 0.6
 
 
-def test_a_model_shows_what_is_rendered():
+def test_observations_equal_rendered_images():
     model = ct.load("unknown-grid/camera-hard")
     assert isinstance(model.camera, Camera)
     answers = World(model)(np.array([[3.0, -1.0]]))

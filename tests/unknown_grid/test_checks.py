@@ -1,4 +1,4 @@
-"""What is measured on runs, and that a plan that was tampered with is found out."""
+"""Verification of runs, and detection of manipulated plans."""
 
 import math
 
@@ -52,7 +52,7 @@ def scenes(*drawings, steps=6):
         (SHUT, "D" * 7, "no way", 7, (STEPS,)),
     ],
 )
-def test_each_run_is_what_its_outcome_says(drawing, run, outcome, cost, broken):
+def test_each_run_matches_its_outcome(drawing, run, outcome, cost, broken):
     model = scenes(drawing)
     checked = model.verify(NavigationRuns((run,), (outcome,)))
     assert checked.objective == cost
@@ -82,7 +82,7 @@ def test_no_tolerance_excuses_a_step():
 @settings(max_examples=40, deadline=None)
 @given(model=models(scenes=3), data=st.data())
 def test_measures_are_those_of_the_rules(model, data):
-    """The objective, the checks and the score, from a simulator of its own, for any plan whatever."""
+    """Objective, checks and score of any plan equal those of an independent simulator."""
     runs = tuple(data.draw(st.text("UDLR", max_size=45)) for _ in range(model.scenes))
     outcomes = tuple(data.draw(st.sampled_from(list(Outcome))) for _ in range(model.scenes))
     costs, right, reached, hits, ratios = [], [], 0, 0, []

@@ -1,4 +1,4 @@
-"""Classical policies: against plain Python that looks at every cell, and where their rules matter."""
+"""Classical policies: comparison with exhaustive search in plain Python, and cases of single rules."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ drawn = UnknownGridNavigation.drawn
 
 
 def lead(backend: Backend, model: UnknownGridNavigation) -> NavigationRuns:
-    """Return what a policy does, verified."""
+    """Return the verified plan of a policy."""
     plan: NavigationRuns = run(backend, model).point
     found = model.verify(plan)
     assert found.ok, found
@@ -71,7 +71,7 @@ def towards(cell: Cell, steps: dict[Cell, int]) -> int:
 
 
 def led_by(make: Callable[[], Guide], model: UnknownGridNavigation) -> NavigationRuns:
-    """Return what a guide does, which is made anew for each scene."""
+    """Return the runs of a guide with a new instance per scene."""
     ends = {REACHED: Outcome.REACHED, GIVE_UP: Outcome.GAVE_UP, NO_WAY: Outcome.NO_WAY}
     actions, outcomes = [], []
     world, blinded = World(model), model.blinded()
@@ -93,7 +93,7 @@ def led_by(make: Callable[[], Guide], model: UnknownGridNavigation) -> Navigatio
 
 
 def optimistic(remembers: bool) -> Guide:
-    """Return a guide to whom all is free that it does not know."""
+    """Return a guide that treats unknown cells as free."""
     known: set[Cell] = set()
     expected: list[Cell] = []
 
@@ -171,7 +171,7 @@ def wild(draw: st.DrawFn) -> UnknownGridNavigation:
 @settings(deadline=None, max_examples=40)
 @given(wild() | models(most=9))
 def test_replanning_against_breadth_first_search(model: UnknownGridNavigation) -> None:
-    """D* Lite, A* from scratch and a search of everything take the same steps."""
+    """D* Lite, A* from scratch and exhaustive search take the same steps."""
     plain = led_by(partial(optimistic, True), model)
     assert lead(DStarLite(), model) == plain
     assert lead(AStarReplanning(), model) == plain
@@ -188,7 +188,7 @@ def test_baselines_against_plain_python(model: UnknownGridNavigation) -> None:
 
 @pytest.mark.parametrize("name", WILD)
 def test_wild_scenes(name: str) -> None:
-    """Optimists reach every target within enough steps, or prove that there is no way."""
+    """Optimistic policies reach every target with enough steps, or prove that no path exists."""
     model = WILD[name]()
     fewest = model.fewest_steps()
     for backend in EVERY:
@@ -201,7 +201,7 @@ def test_wild_scenes(name: str) -> None:
 
 
 def test_no_collisions_where_the_uav_follows() -> None:
-    """What is beside the vehicle is seen before it goes there."""
+    """The vehicle sees its neighbours before it moves there."""
     for law in ("walls", "u-traps", "mixed"):
         model = draw_scenes(law, obstacles=5, scenes=6, view=(5, 5), uav="follow", clear=0)
         for backend in EVERY:
@@ -209,14 +209,14 @@ def test_no_collisions_where_the_uav_follows() -> None:
 
 
 def test_a_cell_out_of_view_costs_one_collision() -> None:
-    """The UAV has seen the target at once, and does not see the wall that the way round meets."""
+    """The UAV hovers from the start and does not show the wall on the detour."""
     model = drawn(["...@...", "...@...", "S..@..T"], view=(1, 13), uav="paper", steps=40)
     plan = lead(DStarLite(), model)
     (taken,) = model.replays(plan)
     hits = taken.positions[:-1][taken.collided].tolist()
     assert plan.outcomes[0] is Outcome.NO_WAY
     assert hits == [[1, 2], [0, 2]]
-    # It remembers one collision, and goes back to where it was before.
+    # The policy stores one collision, and returns to its previous cell.
     forgetful = lead(CurrentView(), model)
     assert forgetful.outcomes[0] is Outcome.OUT_OF_STEPS
     assert model.score(forgetful).collisions > 2
@@ -232,13 +232,13 @@ def test_ties_go_up_down_left_right() -> None:
         model = drawn(lines, view=(2 * len(lines) + 1,) * 2)
         for backend in EVERY:
             assert lead(backend(), model).actions == (letters,)
-    # Both ends of the last column but one are as near; the upper one is taken.
+    # Both ends of the last column but one tie; the upper end is chosen.
     beyond = drawn(["S.@...", "..@...", "..@..T", "..@...", "..@..."], view=(5, 5))
     assert lead(BaselineOneReachable(), beyond).actions == ("DDR",)
 
 
 def test_where_baselines_differ() -> None:
-    """The nearest cell lies behind a wall whose end is out of view, or is another after each step."""
+    """The nearest cell is behind a wall whose end is out of view, or changes after each step."""
     wall = drawn(["S..@....."] + ["...@....."] * 6 + ["........."] + ["........T"], view=(7, 7))
     assert lead(BaselineOne(), wall) == NavigationRuns(("DDDRR",), (Outcome.GAVE_UP,))
     assert lead(BaselineOneReachable(), wall).outcomes == (Outcome.REACHED,)
@@ -246,7 +246,7 @@ def test_where_baselines_differ() -> None:
     for backend in (BaselineTwo(), BaselineTwoReachable()):
         assert lead(backend, pocket) == NavigationRuns(("DU" * 20,), (Outcome.OUT_OF_STEPS,))
     assert lead(BaselineOneReachable(), pocket).outcomes == (Outcome.REACHED,)
-    # Nothing within view is nearer, whichever is asked, but memory leads out.
+    # No visible cell is nearer for any baseline, but memory leads out.
     deep = drawn([".@@@..", "...@..", "S..@.T", "...@..", ".@@@..", "......"], view=(5, 5))
     for backend in (BaselineOne(), BaselineOneReachable(), BaselineTwo(), BaselineTwoReachable()):
         assert lead(backend, deep).outcomes == (Outcome.GAVE_UP,)
@@ -254,7 +254,7 @@ def test_where_baselines_differ() -> None:
 
 
 def test_baselines_in_a_trap_as_in_figure_7() -> None:
-    """The visible cell nearest the target is at the end of a blind alley; one row up lies the way round."""
+    """The visible cell nearest the target is in a dead end; the detour is one row up."""
     trap = drawn(
         ["........", ".@@@@@@.", "S....@.T", ".@@@@@@.", "........"], view=(5, 5), steps=40
     )
@@ -263,7 +263,7 @@ def test_baselines_in_a_trap_as_in_figure_7() -> None:
 
 
 def test_table_4_as_printed() -> None:
-    """It plans on from the cell it was heading for, and ends when the target comes into the view."""
+    """Planning continues from the chosen cell, and ends when the target enters the view."""
     open_ground = drawn(["S......T"], view=(1, 5))
     # MidPoint is (0, 2), then one cell further each time: each plan from the latest MidPoint is one step to the right.
     assert lead(BaselineTwo(), open_ground).outcomes == (Outcome.REACHED,)
@@ -278,7 +278,7 @@ def with_camera(lines: list[str]) -> UnknownGridNavigation:
 
 
 def decide(backend: NavigationBackend, model: UnknownGridNavigation, *looks: Looks) -> list[int]:
-    """Return what a policy answers to cells that are shown to it, as if read from images."""
+    """Return the decisions of a policy on given cells, as if detected from images."""
     request = Request(options=backend.checked_options({}), control=Control())
     policy = backend.policy(model.blinded(), np.array([0]), request)
     return [int(policy.decide(one)[0]) for one in looks]
@@ -292,7 +292,7 @@ def shown(position: Cell, cells: Any, corner: Cell) -> Looks:
 
 @pytest.mark.parametrize("backend", [DStarLite, AStarReplanning])
 def test_images_are_doubted_and_collisions_are_not(backend: type[NavigationBackend]) -> None:
-    """Shown as walled in, it tries each side before it says that there is no way."""
+    """If images show walls all around, the policy tries each side before it returns NO_WAY."""
     lines = [".....", ".....", "..S.T", ".....", "....."]
     walled = np.full((3, 3), float(BLOCKED))
     walled[1, 1] = FREE
@@ -303,7 +303,7 @@ def test_images_are_doubted_and_collisions_are_not(backend: type[NavigationBacke
 
 @pytest.mark.parametrize("backend", [DStarLite, AStarReplanning])
 def test_cells_that_are_seen_otherwise_later(backend: type[NavigationBackend]) -> None:
-    """The latest image counts: a way that was closed opens again."""
+    """The latest image replaces earlier ones, so a closed path opens again."""
     open_, closed = np.zeros((3, 3)), np.zeros((3, 3))
     closed[:, 2] = BLOCKED
     looks = [shown((1, 1), view, (0, 0)) for view in (open_, closed)]

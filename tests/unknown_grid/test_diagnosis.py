@@ -1,4 +1,4 @@
-"""Why a target cannot be reached: what is said holds on the map, and removing what is named opens a way."""
+"""Diagnosis of unreachable targets: statements hold on the map, and removing the named obstacles opens a path."""
 
 import json
 from collections import deque
@@ -17,7 +17,7 @@ drawn = UnknownGridNavigation.drawn
 
 
 def told(model):
-    """Return what is said of a model: the diagnosis, which travels as JSON, and its texts."""
+    """Return the diagnosis of a model after a round trip through JSON, and its texts."""
     found = ct.diagnose(model)
     assert found.feasible
     stored = json.loads(json.dumps(found.to_dict(), allow_nan=False))
@@ -26,7 +26,7 @@ def told(model):
 
 
 def removals(blocked, start, target):
-    """Return how many obstacles must go at the least, by a search in plain Python."""
+    """Return the minimum number of obstacles to remove, by a search in plain Python."""
     cost, queue = {tuple(start): 0}, deque([tuple(start)])
     while queue:
         row, column = queue.popleft()
@@ -40,7 +40,7 @@ def removals(blocked, start, target):
     return cost[tuple(target)]
 
 
-def test_what_can_be_reached_needs_no_reason():
+def test_reachable_targets_have_no_findings():
     found, texts = told(drawn(["S..", ".@.", "..T"], view=(3, 3), name="open"))
     assert str(found) == (
         "open: a plan exists, for a run may say that there is no way; the target can be reached, in 4 of 40 steps"
@@ -50,7 +50,7 @@ def test_what_can_be_reached_needs_no_reason():
     assert told(two)[0].summary.endswith("can be reached in all 2 scenes, in 1 to 2 of 40 steps")
 
 
-def test_a_closed_ring_is_named_with_what_would_open_it():
+def test_a_finding_names_a_closed_ring_and_its_opening():
     model = drawn(
         [".......", ".@@@@@.", ".@...@.", "S@.T.@.", ".@...@.", ".@@@@@.", "......."], view=(3, 3)
     )
@@ -67,7 +67,7 @@ def test_a_closed_ring_is_named_with_what_would_open_it():
     assert len(data["walls"]) == 12, "corners hold nothing together"
     assert [1, 1] not in data["walls"]
     assert (data["cells"], data["reachable"], data["edge"]) == (9, 24, False)
-    # The way round: the start is enclosed.
+    # The reverse case: the start is enclosed.
     turned = drawn(
         [".......", ".@@@@@.", ".@...@.", "T@.S.@.", ".@...@.", ".@@@@@.", "......."], view=(3, 3)
     )
@@ -135,6 +135,6 @@ def test_large_maps_are_explained():
     assert (first[0], second[0]) == (100, 500)
 
 
-def test_only_who_has_the_true_maps_is_told():
+def test_diagnosis_requires_the_true_maps():
     with pytest.raises(HiddenData, match="blocked of model 'unknown-grid' is hidden"):
         ct.diagnose(drawn(["S@T"], view=(1, 1)).blinded())

@@ -1,4 +1,4 @@
-"""The environment of Gymnasium: its own checker, the same walks as the model's, and nothing hidden in it."""
+"""Gymnasium environment: its checker, equality with replays of the model, and absence of the true map."""
 
 import dataclasses
 import sys
@@ -68,7 +68,7 @@ def test_a_map_of_one_row_is_an_environment_too(gym):
     runs=st.lists(st.text("UDLR", max_size=45), min_size=3, max_size=3),
     memory=st.booleans(),
 )
-def test_an_episode_does_what_the_model_replays(model, runs, memory):
+def test_an_episode_equals_the_replay_of_the_model(model, runs, memory):
     pytest.importorskip("gymnasium", reason="the environment is one of Gymnasium's")
     env = UnknownGridEnv(model, memory=memory)
     done, costs = [], []
@@ -130,7 +130,7 @@ def test_scenes_are_drawn_by_the_seed(room):
     assert fixed.reset(options={"scene": 0})[1]["scene"] == 0
 
 
-def test_what_an_episode_shows_can_be_drawn(room):
+def test_renders_the_known_map(room):
     env = UnknownGridEnv(room, 0, render_mode="ansi")
     assert env.render() is None
     env.reset()
@@ -142,7 +142,7 @@ def test_what_an_episode_shows_can_be_drawn(room):
     image.reset()
     picture = image.render()
     assert picture.shape == (3 * 102, 5 * 102, 3) and picture.dtype == np.uint8
-    # Vehicle, free, blocked, unknown and target differ.
+    # The colours of vehicle, free, blocked, unknown and target differ.
     cells = {
         tuple(picture[102 * r + 50, 102 * c + 50])
         for r, c in ((0, 0), (0, 1), (1, 1), (0, 4), (2, 4))
@@ -214,7 +214,7 @@ def test_the_map_is_in_no_public_place(room):
         (lambda m: UnknownGridEnv(m).reset(options={"scenes": 1}), "unknown option 'scenes'", "options"),
     ],
 )  # fmt: skip
-def test_what_an_environment_refuses(room, ask, message, field):
+def test_rejects_invalid_arguments(room, ask, message, field):
     with pytest.raises(InvalidData, match=message) as caught:
         ask(room)
     assert caught.value.field == field
@@ -241,9 +241,9 @@ def test_an_episode_that_has_ended_takes_no_step(gym):
     assert env.step(0)[1:4] == (-2.0, False, True)
 
 
-def test_without_gymnasium_the_module_loads_and_says_what_to_install(monkeypatch):
+def test_without_gymnasium_the_error_names_the_package(monkeypatch):
     class Own(UnknownGridEnv):
-        """Not made yet, so that what was made before does not count."""
+        """New subclass, so that the cache has no entry for it."""
 
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     model = UnknownGridNavigation.drawn(ROOM, view=(3, 3))

@@ -1,4 +1,4 @@
-"""No policy gets at the true map: not from its model, not from its process, not from what it may ask."""
+"""Isolation of the true map from policies: model, process and queries."""
 
 import contextlib
 import dataclasses
@@ -25,7 +25,7 @@ ROWS, COLUMNS = 23, 29
 
 @pytest.fixture
 def model():
-    """Return a scene of which the first cell is all that is seen at the start."""
+    """Return a scene that shows only the first cell at the start."""
     blocked = np.random.default_rng(23).random((1, ROWS, COLUMNS)) < 0.4
     blocked[0, 0, 0] = blocked[0, -1, -1] = False
     ends = [[0, 0]], [[ROWS - 1, COLUMNS - 1]]
@@ -33,7 +33,7 @@ def model():
 
 
 class Spy(NavigationBackend):
-    """Looks for the map wherever its process can reach."""
+    """Policy that searches its process for the map."""
 
     name = "spy"
 
@@ -68,7 +68,7 @@ def test_a_policy_meets_no_map(model):
     assert found.message == "blind"
     assert found.primal_bound == model.steps + 1
     here = run(Spy(), model)
-    # Where the map is, it can be met.
+    # The search finds the map if it is present.
     assert "met a world" in here.message and "met bool" in here.message
     with pytest.raises(UnsupportedOption, match="hides data from backends"):
         ct.solve(model, Spy(), isolate=False)
@@ -93,7 +93,7 @@ def test_the_view_of_a_model_holds_no_map(model):
 
 
 def test_an_answer_says_nothing_of_cells_that_are_not_shown(model):
-    """Two maps that differ in one cell are told apart by no walk in which the UAV does not show it."""
+    """Walks cannot distinguish two maps that differ in one unseen cell."""
     other = model.blocked.copy()
     other[0, 5, 5] = not other[0, 5, 5]
     shown = UnknownGridNavigation(
@@ -107,7 +107,7 @@ def test_an_answer_says_nothing_of_cells_that_are_not_shown(model):
 
 
 class Greedy(Told):
-    """Asks for another scene, for an action that there is none of, or goes on after the end."""
+    """Policy with invalid queries: another scene, an unknown action, or a step after the end."""
 
     name = "greedy"
 
@@ -128,13 +128,13 @@ class Greedy(Told):
         ([(0, 0)] * 41, "the run of scene 0 has ended"),
     ],
 )
-def test_a_strangers_policy_is_refused_what_there_is_not(model, questions, message):
+def test_rejects_invalid_queries_of_a_policy(model, questions, message):
     with pytest.raises(InvalidData, match=message):
         ct.solve(model, Greedy(*questions))
 
 
 class Liar(Told):
-    """Looks around, and answers with what it did not do."""
+    """Policy that returns actions it did not execute."""
 
     name = "liar"
 
@@ -158,7 +158,7 @@ class Liar(Told):
         ("RR", "reached", "rejected"),
     ],
 )
-def test_a_policy_answers_for_what_it_did(said, outcome, termination):
+def test_a_plan_must_match_the_executed_actions(said, outcome, termination):
     model = UnknownGridNavigation.drawn(["S.@T", "...."], view=(3, 3))
     found = ct.solve(model, Liar(said, outcome=outcome))
     assert found.termination == termination, found.message

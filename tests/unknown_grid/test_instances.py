@@ -1,4 +1,4 @@
-"""Instances on unknown grids: the laws, wild scenes, the catalogue."""
+"""Instances of unknown grids: laws, extreme scenes and the catalogue."""
 
 import hashlib
 
@@ -24,7 +24,7 @@ from crosstrack.instances.unknown_grid.settings import TASKS as settings_of_task
 from crosstrack.solvers.unknown_grid.baselines import BaselineOne, BaselineTwo
 from crosstrack.solvers.unknown_grid.replanning import DStarLite
 
-#: The beginning of SHA-256 of three scenes of each law.
+#: First digits of the SHA-256 of three scenes of each law.
 FINGERPRINTS = {
     "walls": "31a61d0ccdea",
     "l-shapes": "2260e53db0a9",
@@ -51,7 +51,7 @@ def test_scenes_of_a_law(law, shape, clear):
         row, column = target
         ground = one[max(row - clear, 0) : row + clear + 1, max(column - clear, 0) :]
         assert not ground[:, : column + clear + 1 - max(column - clear, 0)].any()
-    # Nothing is nearer than the law allows, but something is that near.
+    # The minimum distance equals the limit of the law.
     near = [
         np.abs(np.argwhere(one) - target).max(axis=1).min()
         for one, target in zip(model.blocked, model.targets, strict=True)
@@ -60,7 +60,7 @@ def test_scenes_of_a_law(law, shape, clear):
 
 
 def test_scenes_of_the_paper():
-    """Blocks of different sizes, start and target anywhere, and a way between them."""
+    """Blocks have different sizes, start and target are arbitrary, and a path exists."""
     model = draw_scenes("paper", obstacles=3, scenes=60, seed=1)
     apart = np.abs(model.starts - model.targets).sum(axis=1)
     assert apart.min() <= 4 and apart.max() > 20
@@ -72,7 +72,7 @@ def test_scenes_of_the_paper():
 
 
 def _one(law, shape=(17, 17)):
-    """Return what lone obstacles are, cut out of their maps."""
+    """Return single obstacles, cut out of their maps."""
     found = draw_scene_arrays(law, shape, 1, 300, training_generator(2))
     for blocked in found.blocked:
         rows, columns = np.nonzero(blocked)
@@ -268,7 +268,7 @@ def test_other_entries():
     plain, hard = built["camera-plain"], built["camera-hard"]
     assert (plain.camera.rendering, hard.camera.rendering) == ("plain", "hard")
     assert np.array_equal(plain.blocked, hard.blocked)
-    # The pocket is deeper than half the view: what goes straight ahead enters it.
+    # The pocket is deeper than half the view, so a straight move enters it.
     assert "RRRRRR" in run(DStarLite(), built["u-trap"]).point.actions[0]
 
 
@@ -283,7 +283,7 @@ def test_scenes_never_change():
 
 
 @pytest.mark.parametrize("scenes", [12, pytest.param(400, marks=pytest.mark.slow)])
-def test_the_walls_law_is_what_it_is_said_to_be(scenes):
+def test_the_walls_law_matches_its_definition(scenes):
     found = {DStarLite: [], BaselineOne: [], BaselineTwo: []}
     for name in TASKS:
         model = OURS[name].builder(scenes=scenes)  # the first of its 400
@@ -293,7 +293,7 @@ def test_the_walls_law_is_what_it_is_said_to_be(scenes):
         backend: np.reshape([100 * one.reached / scenes for one in scores], (3, 4))
         for backend, scores in found.items()
     }
-    # Asked: at least 94 %, no collision, ways at most 10 % longer than the shortest ones.
+    # Requirement: at least 94 %, no collision, paths at most 10 % longer than the shortest.
     assert successes[DStarLite].mean() >= 94
     assert sum(one.collisions for one in found[DStarLite]) == 0
     assert np.mean([one.ratio for one in found[DStarLite]]) <= 1.10

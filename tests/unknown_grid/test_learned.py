@@ -1,4 +1,4 @@
-"""Learned policies: what they remember, what they learn from, and what is learned."""
+"""Learned policies: memory, training data and results of training."""
 
 import dataclasses
 import shlex
@@ -35,7 +35,7 @@ from crosstrack.solvers.unknown_grid.networks import load_network, shipped_weigh
 from crosstrack.solvers.weights import Weights, read_weights, write_weights
 
 BACKENDS = {"small-vin": (SmallVin, small_vin), "vin": (Vin, vin)}
-#: A training of a few seconds.
+#: Options of a training of a few seconds.
 TINY = {"scenes": 2, "batches": 9, "batch": 24, "judged": 1, "rate": 0.02}
 
 
@@ -49,7 +49,7 @@ def scenes_of(model):
 
 
 def optimistic(observed):
-    """The actions of the planner that remembers what it saw, and takes unknown cells for free."""
+    """Return the actions of optimistic replanning on the remembered map."""
     ways = shortest_ways(observed.known == 1, observed.targets)
     return first_of(best_actions(ways, observed.positions))
 
@@ -60,7 +60,7 @@ def optimistic(observed):
 @settings(deadline=None, max_examples=12)
 @given(models(scenes=2), st.lists(st.integers(0, 3), min_size=6, max_size=6))
 def test_walks_follow_the_rules_of_the_world(model, actions):
-    """Also with the other rule and another view, scene by scene; what is known is what was seen."""
+    """The masked map equals the cells seen, for both rules of the UAV and several views."""
     for uav, view in (("follow", (3, 5)), ("paper", (5, 3)), ("paper", (1, 1))):
         if (np.array(view) > 2 * model.shape + 1).any():
             continue
@@ -94,14 +94,14 @@ def test_walks_follow_the_rules_of_the_world(model, actions):
 
 
 def check_known(model, scene, looks, k, cells, known):
-    """Compare a masked map with what was seen, kept in a dictionary by cell."""
+    """Compare a masked map with a dictionary of the cells seen."""
     corner = looks.corners[k]
     for (r, c), value in np.ndenumerate(looks.view[k]):
         at = (r + int(corner[0]), c + int(corner[1]))
         if 0 <= at[0] < model.shape[0] and 0 <= at[1] < model.shape[1]:
             known[at] = int(value)
     known[tuple(model.targets[scene].tolist())] = 2
-    # The vehicle's own cell, which a camera that hovers elsewhere does not see, is known while it is there.
+    # The cell of the vehicle is known even if a hovering camera does not show it.
     now = known | {tuple(looks.positions[k].tolist()): 0}
     for at, value in np.ndenumerate(cells):
         if at in now:
@@ -176,7 +176,7 @@ def test_shipped_weights_are_small_and_say_how_they_were_made(name):
     chosen, words = find_training(name), shlex.split(made["command"])
     begin = f"crosstrack train {name} --output FILE.npz --seed 0 --epochs {made['epochs']}".split()
     assert words[: len(begin)] == begin
-    # The command means the same.
+    # The command line has the same effect.
     given = dict(one.split("=") for one in words[len(begin) + 1 :: 2])
     given = {key: type(chosen.options[key].default)(value) for key, value in given.items()}
     assert {key: made[key] for key in chosen.options} == chosen.checked_options(given)
@@ -187,7 +187,7 @@ def test_shipped_weights_are_small_and_say_how_they_were_made(name):
 
 @pytest.fixture(scope="module")
 def seen(torch):
-    """What is known on the way through scenes of the paper's first task, as arrays."""
+    """Return the observations of runs in scenes of the paper's first task, as arrays."""
     model = draw_scenes(scenes=12, obstacles=5, seed=7, view=(9, 9))
     walk, found = Walk(scenes_of(model), (9, 9)), []
 
@@ -200,7 +200,7 @@ def seen(torch):
 
 
 def test_first_weights_are_value_iteration(seen, torch):
-    """The best action begins a shortest way on what is seen, unknown cells taken for free."""
+    """The best action begins a shortest path with unknown cells treated as free."""
     torch.manual_seed(3)
     network = small_vin.build_network(**small_vin.ARCHITECTURE)
     right = []
@@ -228,7 +228,7 @@ def test_a_way_that_winds_is_found_at_any_length(torch):
 
 
 def test_the_state_of_a_scene_stays_with_it(torch):
-    """A network that counts the steps of each scene sees each of them count on as others end."""
+    """A network that counts the steps of each scene keeps the counts as other scenes end."""
     model = drawn(
         ["ST....", "......"], ["S....T", "......"], ["S..T..", "......"], view=(3, 3), steps=9
     )
@@ -265,7 +265,7 @@ def test_every_run_ends_and_repeats(name, wild, torch):
 
 @pytest.mark.parametrize("name", BACKENDS)
 def test_weights_that_diverged_end_within_the_steps(name, torch, tmp_path):
-    """Numbers beyond all bounds, as a training that diverged leaves them, give runs like any other."""
+    """Non-finite logits, as after a diverged training, still yield valid runs."""
     shipped = read_weights(shipped_weights(name), name)
     wild = {key: np.where(one > 0, 3e38, -3e38) for key, one in shipped.arrays.items()}
     file = tmp_path / "wild.npz"
@@ -307,7 +307,7 @@ def test_the_small_network_stays_near_the_planner(torch):
 
 @pytest.fixture(scope="module")
 def tiny(torch, tmp_path_factory):
-    """A network of few seconds, from weights that know nothing: files, and what was told of each epoch."""
+    """A short training from random weights writes files and reports each epoch."""
     folder = tmp_path_factory.mktemp("tiny")
     told = []
     file = folder / "small.npz"
@@ -336,7 +336,7 @@ def blank_training():
 
 def test_a_training_of_seconds_learns(tiny):
     losses = [one.figures["loss"] for one in tiny.told]
-    # Who chooses by chance among four actions, two of which are right, has log 2 = 0.69.
+    # A uniform choice among four actions with two correct ones has the loss log 2 = 0.69.
     assert losses[-1] < 0.6 and losses[-1] < 0.5 * losses[0]
     model = draw_scenes(obstacles=3, scenes=25, seed=11)
     untrained = tiny.folder / "untrained.npz"
@@ -362,7 +362,7 @@ def test_same_seed_same_weights_also_when_resumed(tiny, monkeypatch):
     assert one.made == two.made
 
 
-def test_the_command_trains_what_solve_takes(torch, tmp_path):
+def test_solve_accepts_weights_of_the_command(torch, tmp_path):
     file = tmp_path / "vin.npz"
     asked = ["--epochs", 1, "--option", "batch=2", "--option", "batches=1"]
     asked += ["--option", "judged=1", "--seed", 5]
@@ -375,6 +375,6 @@ def test_the_command_trains_what_solve_takes(torch, tmp_path):
     assert model.verify(run(Vin(), model, weights=str(file)).point).ok
 
 
-def test_training_without_scenes_says_what_is_missing(torch, tmp_path):
+def test_training_without_scenes_names_the_argument(torch, tmp_path):
     with pytest.raises(InvalidData, match="examples must be a function that draws scenes"):
         train("small-vin", tmp_path / "small.npz", options=TINY)

@@ -1,4 +1,4 @@
-"""The paper's networks against its equations: values, neural computer, both parts, training."""
+"""The paper's networks: comparison with its equations, and training."""
 
 from dataclasses import replace
 
@@ -36,10 +36,10 @@ from crosstrack.solvers.unknown_grid.networks import shipped_weights  # noqa: E4
 from crosstrack.solvers.unknown_grid.value_iteration import build_planner  # noqa: E402
 from crosstrack.solvers.weights import Weights, read_weights, write_weights  # noqa: E402
 
-#: Networks with a memory: module, and part of the run that they are trained for.
+#: Networks with a memory: module, and the part of the run for the training.
 NETWORKS = {"macn": (macn, 0), "mcgn-1": (mcgn.First, 1)}
 POLICIES = {"macn": Macn, "mcgn": Mcgn}
-#: Targets that shipped weights reach at the least, percent; less than they do.
+#: Lower limits on the targets that shipped weights reach, percent, below the measured values.
 LEAST = {"macn": 10.0, "mcgn": 70.0}
 SMALL = {"hidden": 3, "iterations": 4, "units": 16, "words": 6, "width": 3, "heads": 2}
 
@@ -123,7 +123,7 @@ def plain_step(state, x, weights, heads, width):
 
 
 def wild_computer(seed, **sizes):
-    """A computer whose weights are large enough for every gate to open and close."""
+    """Return a computer with weights large enough to open and close every gate."""
     torch.manual_seed(seed)
     found = build_computer(3, 4, **{"units": 8, "words": 5, "width": 3, "heads": 2, **sizes})
     with torch.no_grad():
@@ -133,7 +133,7 @@ def wild_computer(seed, **sizes):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_computer_is_what_the_equations_say(seed):
+def test_computer_matches_the_equations(seed):
     computer = wild_computer(seed).double()
     record = Record(*(one.double() for one in computer.start(2)))
     weights = {name: one.astype(float) for name, one in arrays_of(computer).items()}
@@ -170,7 +170,7 @@ def test_allocation_takes_the_least_used_word():
     np.testing.assert_allclose(found.numpy(), wanted, atol=1e-7)
 
 
-def test_links_say_what_was_written_next():
+def test_links_store_the_order_of_writes():
     links, precedence = torch.zeros(1, 3, 3), torch.zeros(1, 3)
     for word in (2, 0, 1):
         links, precedence = link(links, precedence, torch.eye(3)[word][None])
@@ -271,14 +271,14 @@ def test_compiled_iteration_has_the_gradients_of_the_convolutions():
 
 
 def looks(lines, view):
-    """Return what is known at the start of a drawn scene."""
+    """Return the observation at the start of a random scene."""
     model = drawn(lines, view=view)
     walk = Walk(Scenes(model.blocked, model.starts, model.targets), view)
     return walk.look(walk.going)
 
 
 def test_masked_and_partial_map_by_hand():
-    """O_g is -1 outside the view, a target there too; O_p is the view, with the target as 2."""
+    """O_g is -1 outside the view, even at the target; O_p is the view, with the target as 2."""
     far = looks(["@S..T"], (1, 5))
     assert far.current[0].tolist() == [[1, 0, 0, 0, -1]] and not far.seen[0]
     near = looks(["@S.T."], (1, 5))
@@ -370,7 +370,7 @@ def test_training_lowers_the_loss_and_repeats_bit_for_bit(name):
         return learner, before, figures
 
     def elsewhere(learner):
-        """The loss in scenes that are none of those learned from."""
+        """Return the loss in scenes outside the training data."""
         with torch.no_grad():
             return float(learner.loss(0, np.random.default_rng(99)))
 
@@ -480,8 +480,8 @@ def test_wild_scenes_end(name, scene):
 
 
 @pytest.mark.parametrize("name", POLICIES)
-def test_decisions_follow_from_what_was_seen(name):
-    """A map that is blocked wherever no view ever was leads to the same actions."""
+def test_decisions_depend_only_on_cells_seen(name):
+    """Blocking all unseen cells does not change the actions."""
     backend, model = POLICIES[name](), draw_scenes(scenes=4, seed=8, view=(5, 5), uav="follow")
     plan = run(backend, model).point
     unseen = np.ones_like(model.blocked)

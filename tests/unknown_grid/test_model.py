@@ -1,4 +1,4 @@
-"""Navigation on unknown grids as a model: what is refused, files, copies and digests."""
+"""Model of navigation on unknown grids: validation, files, copies and digests."""
 
 import copy
 import dataclasses
@@ -17,7 +17,7 @@ from crosstrack.models import Model, UnknownGridNavigation
 from crosstrack.models.unknown_grid import Camera, Hover, NavigationRuns, Rendering
 
 ROOM = ["S..@.", ".@.@.", ".@..T"]
-#: The least that makes a model.
+#: Minimal data of a model.
 SHORT = {
     "blocked": [["..."]], "starts": [[0, 0]], "targets": [[0, 2]], "shape": [1, 3], "view": [1, 3],
 }  # fmt: skip
@@ -156,7 +156,7 @@ def test_the_digest_tells_models_apart_and_copies_not():
         assert {each.digest for each in copies} == {one.digest}
 
 
-def test_what_describes_a_model_and_a_plan():
+def test_descriptions_of_a_model_and_a_plan():
     model = UnknownGridNavigation.drawn(ROOM, ROOM, view=(3, 5), steps=7, camera={})
     assert model.describe() == "2 scenes of 3 × 5 cells, view 3 × 5, 7 steps, plain images"
     plan = NavigationRuns(("RRDDRR", "", "U"), ("reached", "no way", "gave up"))
@@ -181,9 +181,9 @@ def test_what_describes_a_model_and_a_plan():
         ({"actions": ["R"], "outcomes": "reached"}, "outcomes must be a list", "outcomes"),
         ({"actions": ["R"], "outcomes": ["there"]}, r"outcomes\[0\] must be one of reached, .*'there'", "outcomes"),
         ({"actions": ["R"], "outcomes": [None]}, r"outcomes\[0\] must be one of", "outcomes"),
-        ({"actions": ["R"], "outcomes": []}, "outcomes has 0 entries where actions has 1", "outcomes"),
-        ({"actions": ["R"] * 2, "outcomes": ["gave up"] * 2}, "must have 1 entries, one a scene, got 2", "actions"),
-        ({"actions": [], "outcomes": []}, "must have 1 entries, one a scene, got 0", "actions"),
+        ({"actions": ["R"], "outcomes": []}, "outcomes must have 1 entries, as actions, got 0", "outcomes"),
+        ({"actions": ["R"] * 2, "outcomes": ["gave up"] * 2}, "must have 1 entries, one per scene, got 2", "actions"),
+        ({"actions": [], "outcomes": []}, "must have 1 entries, one per scene, got 0", "actions"),
         ({"actions": ["R"]}, "an object with the keys actions and outcomes", "plan"),
         ({"actions": ["R"], "outcomes": ["reached"], "steps": 1}, "an object with the keys", "plan"),
         (["R"], "an object with the keys actions and outcomes", "plan"),

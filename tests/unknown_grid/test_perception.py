@@ -1,4 +1,4 @@
-"""Cells from images: what is refused, k-means, and the network, of which a tiny one is trained."""
+"""Cells from images: validation, k-means, and the network, with a small training."""
 
 import dataclasses
 import importlib.util
@@ -16,14 +16,14 @@ from crosstrack.solvers.registry import find_backend
 from crosstrack.solvers.training import train
 from crosstrack.solvers.unknown_grid.perception import METHODS, perceive
 
-#: A room with a wall that leaves a gap.
+#: Room with a wall and a gap.
 ROOM = np.zeros((9, 9), bool)
 ROOM[3, :6] = ROOM[6:, 7] = True
 
 
 @pytest.fixture(params=METHODS)
 def method(request):
-    """Return each way to read cells that can be had here."""
+    """Return the methods available in this environment."""
     if request.param == "gmgn":
         pytest.importorskip("torch", reason="the network needs PyTorch, which is an extra")
     return request.param
@@ -79,12 +79,12 @@ def test_a_value_that_is_no_colour_is_refused_by_its_place(value, shown):
         (np.zeros((1, 256, 256, 3)), (9, 9), "eyes", "perception must be one of k-means, gmgn"),
     ],
 )
-def test_what_is_no_image_or_view_is_refused(images, view, method, message):
+def test_rejects_invalid_images_and_views(images, view, method, message):
     with pytest.raises(InvalidData, match=message):
         perceive(images, view, method)
 
 
-def test_without_pytorch_the_network_says_what_to_install(monkeypatch):
+def test_without_pytorch_the_error_names_the_package(monkeypatch):
     found = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util,
@@ -126,7 +126,7 @@ def test_an_image_is_read_alike_alone_and_among_others(method):
     images, _ = drawn(18, (9, 9), "hard", 1)
     together = perceive(images, (9, 9), method)
     alone = np.concatenate([perceive(one[None], (9, 9), method) for one in images])
-    # Sums of the network are taken in another order; no cell here is on the brink.
+    # The order of sums differs, but no logit is close to 0.
     assert (together == alone).all()
 
 
@@ -138,7 +138,7 @@ def test_an_image_of_ground_alone_has_no_obstacle():
 
 
 def test_the_vehicle_stands_on_free_ground():
-    """Also where most of what is in view is blocked."""
+    """The method also works if most cells of the view are blocked."""
     for blocked in (ROOM, ~ROOM):
         free = np.argwhere(~blocked)
         for centre in free[:: max(len(free) // 4, 1)]:
@@ -151,7 +151,7 @@ def test_the_vehicle_stands_on_free_ground():
 # -- the network that is shipped ------------------------------------------------------------------
 
 
-def test_the_network_tells_what_colour_does_not():
+def test_the_network_detects_obstacles_that_colour_hides():
     pytest.importorskip("torch", reason="the network needs PyTorch, which is an extra")
     for view in ((9, 9), (11, 11)):
         images, cells = drawn(20, view, "hard", 77)
@@ -160,8 +160,8 @@ def test_the_network_tells_what_colour_does_not():
         assert right["k-means"] < 0.8
 
 
-def test_policies_are_led_by_what_the_camera_shows():
-    """The hard law: true cells, and those that the network reads, lead alike."""
+def test_policies_work_on_images():
+    """In the hard law, true cells and cells from the network lead to similar runs."""
     pytest.importorskip("torch", reason="the network needs PyTorch, which is an extra")
     model = draw_scenes(
         "walls",

@@ -1,4 +1,4 @@
-"""Pictures of runs on unknown grids: what is drawn is what the world showed and the plan says."""
+"""Plots of runs on unknown grids: agreement with the simulator and the plan."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ TRAP = """\
 ........#...
 ..#######...
 ............"""
-#: Into the trap, against its wall, out again, against its roof, and to the target.
+#: Actions into the trap, against its wall, out, against its roof, and to the target.
 WALK = "RRRRRR" + "LLLLLL" + "UUU" + "R" + "D" + "RRRRRRRR" + "DDD"
 WHITE, WALL, UNKNOWN, HIDDEN_WALL = "#ffffff", "#4d4d4d", "#dbe0e8", "#a9b3c3"
 
@@ -35,7 +35,7 @@ def runs(*pairs):
 
 
 def best(model):
-    """Return the shortest ways, found in this very process."""
+    """Return the shortest paths, computed in this process."""
     return Oracle().run(model, Request(control=Control())).point
 
 
@@ -61,7 +61,7 @@ def moments(figure):
 
 @pytest.mark.parametrize("uav", ["paper", "follow"])
 @pytest.mark.parametrize("seed", range(4))
-def test_what_was_seen_is_what_the_world_showed(seed, uav):
+def test_cells_seen_equal_the_views_of_the_world(seed, uav):
     drawn = np.random.default_rng(seed)
     view = [(3, 3), (1, 5), (9, 3), (13, 21)][seed]
     model = noise(8, 11, 0.3, seed, uav=uav, view=view, steps=300)
@@ -87,7 +87,7 @@ def test_what_was_seen_is_what_the_world_showed(seed, uav):
     assert uav_cells(model, 0, walked).tolist() == np.array(middles).tolist()
     seen = first_seen(model, 0, walked)
     assert seen.tolist() == np.where(known < 0, len(walked), known).tolist()
-    # It asks for no map.
+    # The plot does not read the true map.
     assert (first_seen(model.blinded(), 0, walked) == seen).all()
 
 
@@ -235,7 +235,7 @@ def test_maps_of_any_size_are_drawn(rows, columns, view):
 
 
 @pytest.mark.parametrize("size", [(4, 3), (3, 8)])
-def test_a_given_size_is_kept(size):
+def test_the_figure_has_the_requested_size(size):
     model = trap()
     figure = render(ct.plot(model, runs((WALK, "reached")), size=size))
     assert tuple(figure.get_size_inches()) == size
@@ -256,7 +256,7 @@ def test_the_run_in_motion(tmp_path):
     assert f"step 0 of {len(WALK)}" in words(figure)
     assert (vehicle.get_xdata(), vehicle.get_ydata()) == (2, 3)
     assert (colours(figure.axes[0]) == UNKNOWN).sum() > 30
-    # Of a large map the part around the vehicle is shown, wherever it goes.
+    # On a large map, the visible part follows the vehicle.
     large = noise(300, 300, 0.0, 0, steps=1000)
     moving = animate_run(large, best(large), frames=3)
     for frame in range(3):

@@ -69,7 +69,7 @@ def test_the_reference_is_the_truth(wild):
 
 
 @pytest.mark.parametrize("uav", list(Hover))
-def test_with_steps_enough_a_way_is_found_or_that_there_is_none_is_proven(uav):
+def test_enough_steps_yield_a_path_or_a_proof_of_none(uav):
     for wild in WILD:
         model, least = scene(wild, uav)
         model = dataclasses.replace(model, steps=10 * model.blocked[0].size)
@@ -126,7 +126,7 @@ def options(name, factor, folder):
 
 @pytest.mark.parametrize("factor", [1, -1e30], ids=["untrained", "diverged"])
 @pytest.mark.parametrize("name", LEARNED)
-def test_a_learned_policy_ends_verifies_and_replays_whatever_its_weights(name, factor, tmp_path):
+def test_learned_policies_terminate_with_any_weights(name, factor, tmp_path):
     backend, own = find_backend(name), options(name, factor, tmp_path)
     for wild in ("clutter-no-way", "beside", "wide-view", "close-walls"):
         model, least = scene(wild, Hover.PAPER)

@@ -51,7 +51,7 @@ def test_every_answer_is_that_of_the_rules(model, data):
 
 @settings(max_examples=25, deadline=None)
 @given(model=models(scenes=3), data=st.data())
-def test_a_plan_is_replayed_to_what_the_world_did(model, data):
+def test_the_replay_of_a_plan_equals_the_world(model, data):
     letters = st.text("UDLR", max_size=45)
     told = Told(*[data.draw(letters) for _ in range(model.scenes)])
     answer = run(told, model)
@@ -69,7 +69,7 @@ def test_a_plan_is_replayed_to_what_the_world_did(model, data):
         assert len(seen) >= len(answer.point.actions[k])
 
 
-def test_the_uav_stays_by_the_papers_rule_and_follows_by_the_other():
+def test_the_uav_hovers_or_follows_by_its_rule():
     way = [1, 1, 1]  # towards the target, which is seen from the first step on
     drawing = ["S", ".", ".", ".", "T"]
     for uav, corners in (("paper", [-3, -2, -2, -2]), ("follow", [-3, -2, -1, 0])):
@@ -158,7 +158,7 @@ def test_a_policy_leads_many_scenes_at_once():
 
 
 @pytest.mark.parametrize("together", [1, 2])
-def test_a_run_that_is_stopped_answers_with_what_was_done(together):
+def test_a_stopped_run_returns_the_executed_actions(together):
     model = UnknownGridNavigation.drawn(["S....T"], ["S....T"], view=(1, 3), steps=9)
 
     class Stopped(Told):

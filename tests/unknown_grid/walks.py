@@ -1,4 +1,4 @@
-"""A policy that is told what to do, and the rules once more in plain Python."""
+"""Policy with predefined actions, and an independent simulator in plain Python."""
 
 import sys
 import types
@@ -9,24 +9,24 @@ from crosstrack.models.unknown_grid import World
 from crosstrack.solvers import Control, Request
 from crosstrack.solvers.unknown_grid.native import NavigationBackend
 
-#: Row and column by the number of an action.
+#: Change of row and column per action.
 MOVES = ((-1, 0), (1, 0), (0, -1), (0, 1))
 
 
 def request_for(model, backend):
-    """Return a request of a run in this process, which asks a world of its own."""
+    """Return a request of a run in this process with a separate world."""
     return Request(options=backend.checked_options({}), control=Control(oracle=World(model)))
 
 
 def show_noise(monkeypatch):
-    """Let cameras show noise, a different one in each look."""
+    """Replace images by noise that differs between observations."""
     drawing = types.ModuleType("rendering")
     drawing.render = lambda *scene: np.random.default_rng(scene[-1]).random((256, 256, 3))
     monkeypatch.setitem(sys.modules, "crosstrack.models.unknown_grid.rendering", drawing)
 
 
 class Told(NavigationBackend):
-    """Takes actions that are given beforehand, one sequence a scene, and gives up after them."""
+    """Policy with one predefined sequence of actions per scene, which gives up afterwards."""
 
     name = "told"
     summary = "what it was told"
@@ -47,7 +47,7 @@ class Told(NavigationBackend):
 
 
 class PlainWorld:
-    """The rules once more, cell by cell, for one scene."""
+    """Independent simulator of one scene, cell by cell."""
 
     def __init__(self, model, scene):
         self.map = model.blocked[scene].tolist()
