@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from limit_cases import SCALES, assert_count, assert_limit, names_of
+from check_limits import SCALES, assert_allowed, assert_count, names_of
 
 from crosstrack.models import MessengerTour, Primitive, TourPlan
 
@@ -194,7 +194,7 @@ def test_the_limit_of_each_check(name, place, unit):
 
         # Far from the origin, positions have fewer digits than headings.
         rough = place is FAR and "heading" not in name
-        assert_limit(name, allowed, verify, rel=1e-2 if rough else 1e-3)
+        assert_allowed(name, allowed, verify, rel=1e-2 if rough else 1e-3)
 
 
 @pytest.mark.parametrize("unit", SCALES)
@@ -223,7 +223,7 @@ def test_a_path_beyond_the_last_encounter_also_has_a_leg_too_many(unit):
         more = Primitive(2, "S", x * allowed, NEAR[1] + QUARTER)
         return model_for(plan, unit).verify(followed(plan, more))
 
-    assert_limit("ends at the last encounter", allowed, verify, beside=["legs in order"])
+    assert_allowed("ends at the last encounter", allowed, verify, beside=["legs in order"])
 
 
 @pytest.mark.parametrize("unit", SCALES)

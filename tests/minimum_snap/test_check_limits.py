@@ -5,7 +5,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from limit_cases import assert_limit, names_of
+from check_limits import assert_allowed, names_of
 from numpy.polynomial import Polynomial
 
 from crosstrack.errors import InvalidData
@@ -197,7 +197,7 @@ def test_the_limit_of_each_check(name, unit):
     cases = [case for case in limits(unit) if case[0] == name]
     assert cases
     for _, allowed, case in cases:
-        assert_limit(name, allowed, lambda x, case=case: MinimumSnap.verify(*case(x)))
+        assert_allowed(name, allowed, lambda x, case=case: MinimumSnap.verify(*case(x)))
 
 
 @pytest.mark.parametrize("name", LIMITS[1:])
@@ -208,7 +208,7 @@ def test_the_limit_of_each_check_with_free_times(name):
         model, plan = case(x)
         return with_free_times(model).verify(plan)
 
-    assert_limit(name, allowed, verify)
+    assert_allowed(name, allowed, verify)
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -220,7 +220,7 @@ def test_the_limit_of_the_total_time(unit, sign):
         model = with_free_times(model_for(unit), total_time=total * (1.0 - sign * x * TOLERANCE))
         return model.verify(trajectory(unit))
 
-    assert_limit("total time", TOLERANCE * total, verify)
+    assert_allowed("total time", TOLERANCE * total, verify)
 
 
 def test_a_duration_of_0_is_refused_before_its_check():

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from check_limits import assert_allowed, names_of
 from checked import lobatto
-from limit_cases import assert_limit, names_of
 from numpy.polynomial import Polynomial
 
 from crosstrack.models import ControlPlan, OptimalControlProblem, PhasePlan
@@ -269,7 +269,7 @@ def test_the_limit_of_each_check(name, unit):
                 assert found.violated[0].where.startswith(where), str(found)
             return found
 
-        assert_limit(name, allowed, verify, rel=ACCURACY)
+        assert_allowed(name, allowed, verify, rel=ACCURACY)
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -277,10 +277,10 @@ def test_the_limit_of_each_check(name, unit):
 def test_the_limits_of_a_link(sign, unit):
     place, late = TOLERANCE * 3.0, TOLERANCE * 90.0 * unit[1]
     ocp = two_phases(unit)
-    assert_limit(
+    assert_allowed(
         LINKS[0], place * unit[0], lambda x: ocp.verify(in_two(unit, gap=sign * x * place))
     )
-    assert_limit(LINKS[1], late, lambda x: ocp.verify(in_two(unit, late=sign * x * late)))
+    assert_allowed(LINKS[1], late, lambda x: ocp.verify(in_two(unit, late=sign * x * late)))
 
 
 @pytest.mark.parametrize("unit", UNITS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from limit_cases import SCALES, assert_count, assert_limit, names_of
+from check_limits import SCALES, assert_allowed, assert_count, names_of
 
 from crosstrack.models import Resource, ResourceRouting, Route
 
@@ -89,7 +89,7 @@ def test_the_limit_of_each_resource(name, form, unit):
     cases = [case for case in limits(unit, form) if case[0] == name]
     assert cases
     for _, allowed, case in cases:
-        assert_limit(name, allowed, lambda x, case=case: case(x).verify(ROUTE))
+        assert_allowed(name, allowed, lambda x, case=case: case(x).verify(ROUTE))
 
 
 @pytest.mark.parametrize("unit", SCALES)

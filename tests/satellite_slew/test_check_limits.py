@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from limit_cases import assert_limit, names_of
+from check_limits import assert_allowed, names_of
 from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -251,7 +251,7 @@ def test_the_limit_of_each_check(name, unit):
                 assert found.violated[0].where.startswith(where), found.violated[0].where
             return found
 
-        assert_limit(name, allowed, verify)
+        assert_allowed(name, allowed, verify)
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -320,7 +320,7 @@ def test_the_limit_of_each_check_of_a_flight(name, unit):
             assert breach.limit == limit
         return found
 
-    assert_limit(name, TOLERANCE * most, verify)
+    assert_allowed(name, TOLERANCE * most, verify)
 
 
 @pytest.mark.parametrize("share", [1.1, 0.9])

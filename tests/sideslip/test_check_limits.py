@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from limit_cases import assert_limit, names_of
+from check_limits import assert_allowed, names_of
 from sideslip.drives import estimate, kinematic
 
 TOLERANCE = 1e-6
@@ -29,7 +29,7 @@ def test_the_limit_of_the_angle(sign, sample, known, drive):
         assert found.checks[0].where == f"sample {sample}" and found.checks[0].limit == RIGHT
         return found
 
-    assert_limit("angle is below 90°", TOLERANCE * RIGHT, verify)
+    assert_allowed("angle is below 90°", TOLERANCE * RIGHT, verify)
 
 
 def test_every_check_has_its_limit():

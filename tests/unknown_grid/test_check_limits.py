@@ -1,7 +1,7 @@
 """Limits of the checks of runs: the smallest violation is refused, and a run without it is not."""
 
 import pytest
-from limit_cases import assert_count, names_of
+from check_limits import assert_count, names_of
 
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import NavigationRuns
