@@ -12,10 +12,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 # Two test processes on two cores: threads of linear algebra in each would only wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# The time of an example depends on the load of the machine. CI draws the same examples in every run.
+settings.register_profile("crosstrack", deadline=None, derandomize="CI" in os.environ)
+settings.load_profile("crosstrack")
 
 # A shell that starts a job in the background has it ignore Ctrl-C, and its children with it; the
 # tests of interrupts need what a terminal gives.

@@ -19,10 +19,27 @@ _KEYS = ("times", "points")
 
 
 def write_bezier(trajectory: Trajectory, path: str | os.PathLike[str]) -> Path:
-    """Write a trajectory as ``{"times": […], "points": [[[…]]]}``, in one step; return the path.
+    """Write a trajectory atomically as ``{"times": […], "points": [[[…]]]}``.
 
-    ``points[segment][k]`` is control point k of a segment, a coordinate an axis (m); the knots in
-    ``times`` are in seconds. Every curve lies in the convex hull of its control points.
+    ``points[segment][k]`` is control point k of a segment, with one coordinate (m) per axis. The
+    knots in ``times`` are in seconds. The convex hull of the control points contains the curve.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Trajectory to write.
+    path : path-like
+        Path of the file.
+
+    Returns
+    -------
+    Path
+        Path of the written file.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be written.
     """
     required("trajectory", trajectory, Trajectory)
     points = ",\n    ".join(json.dumps(segment) for segment in trajectory.bezier().tolist())
@@ -31,12 +48,21 @@ def write_bezier(trajectory: Trajectory, path: str | os.PathLike[str]) -> Path:
 
 
 def read_bezier(path: str | os.PathLike[str]) -> Trajectory:
-    """Return the trajectory whose control points are in a file that :func:`write_bezier` wrote.
+    """Read a trajectory from a file of :func:`write_bezier`.
+
+    Parameters
+    ----------
+    path : path-like
+        Path of the file.
+
+    Returns
+    -------
+    Trajectory
 
     Raises
     ------
     InvalidData
-        Naming the file and the key, index and value at fault.
+        The file is invalid. The message names file, key, index and value.
     """
     path = as_path(path)
     try:

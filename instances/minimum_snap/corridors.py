@@ -1,7 +1,7 @@
-"""Seeded corridors: chains of boxes or polytopes that are known to have a way through.
+"""Seeded feasible corridors: chains of boxes or polytopes.
 
-A way that keeps everything with a margin is drawn first, and the corridor and the limits are put
-around it. Only ``Generator.random`` is drawn from, and what is drawn is rounded.
+The generator first draws a path, then a corridor and limits around it with a margin. It uses only
+``Generator.random`` and rounds the drawn numbers.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ __all__ = ["corridor", "corridor_with_way", "gates", "hurried"]
 
 Floats = NDArray[np.float64]
 
-#: How the acceleration rises, 3 s² - 2 s³: its slope vanishes at both ends.
+#: Rise of the acceleration, 3 s² - 2 s³, whose slope is 0 at both ends.
 _RAMP = np.array([0.0, 0.0, 3.0, -2.0])
-#: The largest velocity of the minimum-snap motion from rest to rest, in mean velocities.
+#: Peak velocity of the minimum-snap motion from rest to rest, relative to its mean velocity.
 _REST_PEAK = 35 / 16
 
 
@@ -40,33 +40,32 @@ def corridor(
 ) -> MinimumSnap:
     """Return a chain of overlapping boxes with limits, from rest to rest, inner waypoints free.
 
-    Boxes hold the position, and velocity and acceleration are limited, all at every instant. It
-    is feasible: see :func:`corridor_with_way`.
+    Boxes bound the position, and limits bound velocity and acceleration, all at every instant. The
+    instance is feasible: see :func:`corridor_with_way`.
 
     Parameters
     ----------
     segments : int
         Number of boxes, at least 4.
     seed : int
-        Same seed, same corridor.
+        Seed of the corridor. Equal seeds give equal corridors.
     dimensions : int
         Number of axes.
     cruise : float
-        Velocity along one axis that the drawn way flies at, m/s, up to 10 % more or less.
+        Velocity of the drawn path along one axis, m/s, varied by up to 10 %.
     acceleration : float
-        The most that the drawn way needs to change its velocity, m/s²: segments in which it turns
-        last as long as that takes.
+        Largest acceleration of the drawn path, m/s². It determines the duration of turns.
     width : float
-        How far a box reaches beyond the drawn way on each side, m: between half of it and all.
+        Largest distance between the drawn path and the faces of its box, m. The smallest is half.
     slack : float
-        By how much the limits exceed what the drawn way needs, relatively.
+        Relative margin of the limits above the peaks of the drawn path.
     name : str
-        The model's name.
+        Name of the model.
 
     Raises
     ------
     InvalidData
-        A size or a seed that is no whole number or too small, a length or speed that is not > 0.
+        A size or the seed is not an integer or is too small, or a length or speed is not positive.
     """
     return corridor_with_way(
         segments, seed, dimensions, cruise=cruise, acceleration=acceleration, width=width,
@@ -85,11 +84,11 @@ def corridor_with_way(
     slack: float = 0.05,
     name: str = "",
 ) -> tuple[MinimumSnap, Trajectory]:
-    """Return what :func:`corridor` returns, and the way it was drawn around, which is not the best.
+    """Return the model of :func:`corridor` and the path it was drawn around, which is not optimal.
 
-    The way flies along the axes at about `cruise`, turns now and then, and takes two to five
-    segments to change its velocity. It keeps every box by half of `width` and every limit by
-    `slack`, so the instance is strictly feasible.
+    The path follows the axes at about `cruise`, turns occasionally, and changes its velocity over two
+    to five segments. It satisfies every box with a margin of half of `width` and every limit with
+    `slack`, so the instance is strictly feasible. Parameters are those of :func:`corridor`.
     """
     count = Whole(4, MOST).coerce("segments", segments, {})
     axes = Whole(1, 1000).coerce("dimensions", dimensions, {})
@@ -104,7 +103,7 @@ def corridor_with_way(
     owner = np.repeat(np.arange(len(spans)), spans)
     change = np.abs(np.diff(velocities, axis=0)).max(axis=1)
     drawn = 1.0 + rng.random(count)
-    # A real change of velocity takes what it takes; cruising lasts as long as was drawn.
+    # The acceleration determines the duration of turns, and the generator that of cruising.
     share = _ramps(owner)
     needed = change / strength / np.bincount(owner, drawn * share)
     steps = np.ceil(drawn * np.where(change > 0.5 * pace, needed, 1.0)[owner] * 100 - 1e-6)
@@ -131,18 +130,18 @@ def corridor_with_way(
 
 
 def _spans(count: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return in how many segments, 2 to 5, the way changes its velocity each time."""
+    """Return the number of segments, 2 to 5, of each change of the velocity."""
     found: list[int] = []
     left = count
     while left > 5:
         found.append(3 if rng.random() < 0.5 else 4)
         left -= found[-1]
-    # The rest makes two spans, so that even four segments lead somewhere.
+    # The rest is split into two spans, so that even four segments contain a motion.
     return np.array([*found, left] if found and left > 1 else [*found, left - 2, 2])
 
 
 def _ramps(owner: NDArray[np.int64]) -> Floats:
-    """Return the mean acceleration of each segment, as a share of its span's: ½ at both ends."""
+    """Return the mean acceleration of each segment, relative to its span's: ½ at both ends."""
     edge = np.concatenate([[True], owner[1:] != owner[:-1]])
     last = np.concatenate([edge[1:], [True]])
     return 1.0 - 0.5 * edge - 0.5 * last
@@ -154,7 +153,7 @@ def _velocities(spans: int, axes: int, pace: float, rng: np.random.Generator) ->
     axis, sign = 0, 1.0
     for at in range(1, spans):
         if axes > 1 and rng.random() < 0.4:
-            # Another axis, so that nobody has to fly back through the box just left.
+            # Switch to another axis, so that the path does not return through the previous box.
             axis = (axis + 1 + int((axes - 1) * rng.random())) % axes
             sign = 1.0 if rng.random() < 0.5 else -1.0
         found[at, axis] = sign * pace * (0.9 + 0.2 * rng.random())
@@ -162,10 +161,10 @@ def _velocities(spans: int, axes: int, pace: float, rng: np.random.Generator) ->
 
 
 def _way(velocities: Floats, owner: NDArray[np.int64], times: Floats) -> Trajectory:
-    """Return the trajectory that changes its velocity over each span; `owner` is a segment's.
+    """Return the trajectory that changes its velocity over each span. `owner` maps segment to span.
 
-    The acceleration rises over the span's first segment as 3 s² - 2 s³, holds, and falls alike over
-    the last, so that the jerk vanishes at every knot.
+    The acceleration rises as 3 s² - 2 s³ over the first segment of a span, is then constant, and
+    falls in the same way over the last, so that the jerk is 0 at every knot.
     """
     durations = np.diff(times)
     share = _ramps(owner)
@@ -192,21 +191,26 @@ def _rounded_up(value: float) -> Floats:
 
 
 def hurried(segments: int = 10, segment: int = 6, seed: int = 0, *, name: str = "") -> MinimumSnap:
-    """Return a corridor in which one segment cannot be flown within its velocity limit.
+    """Return an infeasible corridor with a velocity limit that one segment cannot satisfy.
 
-    It is that of :func:`corridor`, with the two ends of `segment` fixed where the drawn way passes
-    them, and a velocity limit on this segment of 0.8 times the mean velocity between them.
+    It is that of :func:`corridor`, with both ends of `segment` fixed on the drawn path, and a velocity
+    limit on this segment of 0.8 times the mean velocity between them.
 
     Parameters
     ----------
     segments : int
         Number of boxes, at least 2.
     segment : int
-        The segment that cannot be flown.
+        Index of the infeasible segment.
     seed : int
-        Same seed, same corridor.
+        Seed of the corridor. Equal seeds give equal corridors.
     name : str
-        The model's name.
+        Name of the model.
+
+    Raises
+    ------
+    InvalidData
+        The drawn path does not move enough in `segment`, or an argument is out of range.
     """
     model, way = corridor_with_way(segments, seed)
     at = Whole(0, model.segments - 1).coerce("segment", segment, {})
@@ -218,12 +222,12 @@ def hurried(segments: int = 10, segment: int = 6, seed: int = 0, *, name: str = 
     needed = float(np.abs(end[at] - begin[at]).max() / model.durations[at])
     if needed < 0.1:
         raise InvalidData(
-            f"segment must be one in which the way moves, which it hardly does in {at}: "
+            f"segment must be one in which the path moves, but its mean velocity in {at} is "
             f"{needed:.2g} m/s",
             field="segment",
         )
     limits[at] = np.floor(80 * needed) / 100
-    # The ends of the whole stay as they are, so this is the only contradiction.
+    # The ends of the path are unchanged, so this is the only contradiction.
     return _replaced(model, waypoints=waypoints, velocity_limit=limits, name=name)
 
 
@@ -238,21 +242,22 @@ def gates(
 ) -> MinimumSnap:
     """Return a chain of slanted rectangles in the plane, as half-spaces, inner waypoints free.
 
-    The rectangles lie along the steps of a random walk and overlap around its waypoints, which are
-    the gates. Flying straight from gate to gate, stopping at each, keeps a margin of `width`.
+    The rectangles follow the steps of a random walk and overlap around its waypoints, the gates. A
+    straight flight from gate to gate with a stop at each has a margin of `width`.
 
     Parameters
     ----------
     segments : int
         Number of rectangles, at least 2.
     seed : int
-        Same seed, same rectangles.
+        Seed of the walk. Equal seeds give equal rectangles.
     width : float
-        How far a rectangle reaches beyond its step on every side, m.
+        Margin of a rectangle around its step on every side, m.
     speed : float
-        Mean speed, m/s; the velocity limit is what stopping at every gate takes and a tenth more.
+        Mean speed, m/s. The velocity limit is 1.1 times the peak of a flight that stops at every
+        gate.
     name : str
-        The model's name.
+        Name of the model.
     """
     count = Whole(2, MOST).coerce("segments", segments, {})
     room = Real(lower=0.01, unit="m").coerce("width", width, {})

@@ -1,4 +1,4 @@
-"""The demonstration of minimum-snap trajectories: along a square."""
+"""Demonstration of minimum-snap trajectories along a square."""
 
 from __future__ import annotations
 

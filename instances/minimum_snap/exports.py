@@ -1,4 +1,4 @@
-"""The formats in which trajectories are written for other software."""
+"""Export formats of trajectories for other software."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the catalogue holds of minimum-derivative trajectories."""
+"""Catalogue entries of minimum-derivative trajectories."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _CORRIDOR = (
     "Ours by seed. Boxes and limits were drawn around a way that keeps each with a margin, so it "
     "is feasible with slack; at the optimum some boxes and limits of both kinds are active."
 )
-#: The paper's own problem: name, size in words, segments, time of the first knot, what to mind.
+#: Problems of the paper: name, size in words, segments, time of the first knot, remark.
 _PAPERS = (
     ("paper", "3 segments", 3, 0.0, ""),
     (
@@ -66,14 +66,14 @@ _PAPERS = (
         ),
     ),
 )
-#: Seed of the small corridor: it turns, and boxes and limits of both kinds are active.
+#: Seed of the small corridor. It has turns, and boxes and limits of both kinds are active.
 _TURNING = 357
-#: The segment of corridor-infeasible that cannot be flown.
+#: Index of the infeasible segment of corridor-infeasible.
 _HURRIED = 6
 
 
 def paper_walk(segments: int, start: float = 0.0) -> MinimumSnap:
-    """Return the paper's own problem on a seeded random walk: C², velocity and acceleration at rest.
+    """Return the problem of the paper on a seeded random walk: C², from rest to rest.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def paper_walk(segments: int, start: float = 0.0) -> MinimumSnap:
 
 
 def reach(distance: float = 0.3, duration: float = 0.8) -> MinimumDerivative:
-    """Return the movement of a hand from rest to rest: one segment of least jerk.
+    """Return the movement of a hand from rest to rest: one segment of minimum jerk.
 
-    The optimum is x = d (10 s³ - 15 s⁴ + 6 s⁵) with s = t / T, and costs 720 d² / T⁵.
+    The optimum is x = d (10 s³ - 15 s⁴ + 6 s⁵) with s = t / T. Its objective is 720 d² / T⁵.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def reach(distance: float = 0.3, duration: float = 0.8) -> MinimumDerivative:
 
 
 def weighted() -> MinimumDerivative:
-    """Return a sum of squared velocity, acceleration and snap, of a higher degree than it needs."""
+    """Return a problem with weights on velocity, acceleration and snap, of degree 9."""
     points = random_waypoints(6, 2, seed=3)
     return MinimumDerivative(
         waypoints=points,
@@ -228,7 +228,7 @@ def snap_entries() -> tuple[CatalogueEntry, ...]:
 
 
 def derivative_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances that minimise another derivative, or several."""
+    """Return the instances that minimise other derivatives or sums of several."""
     return (
         _entry(
             "minimum-derivative/jerk",
@@ -259,7 +259,7 @@ def derivative_entries() -> tuple[CatalogueEntry, ...]:
 
 
 def times_for_walk(segments: int, seed: int = 0, *, limited: bool = True) -> TimeAllocation:
-    """Return a random walk whose times are sought.
+    """Return a time allocation problem on a random walk.
 
     Parameters
     ----------
@@ -279,12 +279,12 @@ def times_for_walk(segments: int, seed: int = 0, *, limited: bool = True) -> Tim
 
 
 def _lap() -> TimeAllocation:
-    """Return a lap around a square in a given time."""
+    """Return a time allocation problem on a square with a given total time."""
     return TimeAllocation(waypoints=square().waypoints, total_time=8.0)
 
 
 def allocation_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances whose times are sought."""
+    """Return the instances of time allocation."""
     return (
         _entry(
             "time-allocation/lap-8s",

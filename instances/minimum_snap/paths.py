@@ -1,7 +1,7 @@
-"""Trajectories through waypoints to try things on: curves by formula, random walks by seed.
+"""Problems through waypoints on curves given by formulas and on seeded random walks.
 
-Only ``Generator.random`` is drawn from, and coordinates are rounded to the millimetre and times to
-the millisecond, so that a seed means the same instance wherever it is used.
+Random numbers are from ``Generator.random`` only. Coordinates are rounded to the millimetre and
+times to the millisecond, so that a seed defines the same instance on every platform.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: Segments that a drawn trajectory may have.
+#: Largest number of segments of a generated problem.
 MOST = 1_000_000
 
 
-@np.errstate(over="ignore", invalid="ignore")  # the model refuses what is beyond all floats
+@np.errstate(over="ignore", invalid="ignore")  # the model rejects values that are not finite
 def times_by_distance(
     waypoints: ArrayLike, speed: float = 1.0, *, shortest: float = 0.1, ramp: float = 0.0
 ) -> Floats:
-    """Return times for waypoints by the distance rule: every segment at the same mean speed.
+    """Return times for waypoints such that every segment has the same mean speed.
 
     Parameters
     ----------
     waypoints : ndarray, shape (knots, dimensions)
         Positions, m.
     speed : float
-        Mean speed, m/s.
+        Mean speed, m/s; 1 by default.
     shortest : float
-        The least duration of a segment, s, where waypoints are close or the same.
+        Minimum duration of a segment, s, for close or equal waypoints.
     ramp : float
-        What the first and the last segment last longer, s: from rest, a mean speed takes time.
+        Additional duration of the first and the last segment, s, for the acceleration from rest.
 
     Returns
     -------
@@ -56,8 +56,8 @@ def times_by_distance(
     Raises
     ------
     InvalidData
-        A free or infinite coordinate, fewer than two waypoints, a speed or a shortest duration
-        that is not > 0 (a millisecond for the latter), a ramp < 0.
+        A coordinate is free or infinite, there are fewer than two waypoints, `speed` is not
+        positive, `shortest` is below a millisecond, or `ramp` is negative.
     """
     points = Array(("knots", "dimensions")).coerce("waypoints", waypoints, {})
     if len(points) < 2:
@@ -85,24 +85,24 @@ def figure_eight(
 ) -> MinimumSnap:
     """Return a lap of a figure eight from rest to rest: x = a sin θ, y = a sin θ cos θ.
 
-    It begins and ends at the crossing. The waypoints are ours, by this formula (the curve is the
-    lemniscate of Gerono).
+    The lap starts and ends at the crossing. The curve is the lemniscate of Gerono, and the choice of
+    waypoints is ours.
 
     Parameters
     ----------
     segments : int
-        Number of segments, at least 4, equal in time but for the first and the last, which last
-        half as long again.
+        Number of segments, at least 4. All have the same duration except the first and the last,
+        which are 1.5 times as long.
     dimensions : int
-        2: x and y; 3: also z = height + climb sin θ; 4: also yaw, along the path, rad.
+        2: x and y; 3: also z = height + climb sin θ; 4: also yaw along the path, rad.
     size : float
         a, half the width, m.
     height, climb : float
-        Mean height and the rise of the right loop, m.
+        Mean height, and rise of the right loop, m.
     lap : float
-        Duration of the whole, s.
+        Total duration, s.
     name : str
-        The model's name.
+        Name of the model.
     """
     count = Whole(4, MOST).coerce("segments", segments, {})
     width = Whole(2, 4).coerce("dimensions", dimensions, {})
@@ -129,14 +129,14 @@ def helix(
     speed: float = 1.0,
     name: str = "",
 ) -> MinimumSnap:
-    """Return a climb along a helix, from rest to rest, at one mean speed.
+    """Return a climb along a helix from rest to rest at a constant mean speed.
 
     Parameters
     ----------
     turns, per_turn : int
-        Number of turns, and of segments in each (at least 3).
+        Number of turns, and of segments per turn (at least 3).
     radius, pitch : float
-        Radius, and rise of a turn, m.
+        Radius, and rise per turn, m.
     speed : float
         Mean speed, m/s.
     name : str
@@ -153,7 +153,7 @@ def helix(
 
 
 def square(side: float = 2.0, laps: int = 1, *, speed: float = 1.0, name: str = "") -> MinimumSnap:
-    """Return laps around a square in the plane by its corners, from rest to rest.
+    """Return laps around a square in the plane through its corners, from rest to rest.
 
     Parameters
     ----------
@@ -191,12 +191,12 @@ def random_walk(
     dimensions : int
         Number of axes.
     seed : int
-        Same seed, same waypoints.
+        Seed of the walk. Equal seeds give equal waypoints.
     step : float
-        Mean length of a step, m: each is between half of it and half as much again, so that no
-        segment lasts more than three times as long as another.
+        Mean length of a step, m. Lengths are between 0.5 and 1.5 times this value, so that durations
+        differ by a factor of at most three.
     speed : float
-        Mean speed, m/s: the times follow the distances.
+        Mean speed, m/s. The times are proportional to the distances.
     name : str
         The model's name.
     **options
@@ -205,7 +205,7 @@ def random_walk(
     Raises
     ------
     InvalidData
-        A size or a seed that is no whole number or too small, a length or speed that is not > 0.
+        A size or the seed is not an integer or is too small, or a length or speed is not positive.
     """
     points = random_waypoints(segments, dimensions, seed, step=step)
     return _timed(points, speed, name, **options)
@@ -214,14 +214,16 @@ def random_walk(
 def random_waypoints(
     segments: int, dimensions: int = 3, seed: int = 0, *, step: float = 1.0
 ) -> Floats:
-    """Return the waypoints of :func:`random_walk`, which begins at 0; shape (segments + 1, dimensions).
+    """Return the waypoints of :func:`random_walk`, m, shape (segments + 1, dimensions).
+
+    The first waypoint is the origin.
 
     Parameters
     ----------
     segments, dimensions : int
         Number of steps and of axes.
     seed : int
-        Same seed, same waypoints.
+        Seed of the walk. Equal seeds give equal waypoints.
     step : float
         Mean length of a step, m.
     """
@@ -232,7 +234,7 @@ def random_waypoints(
     heading = rng.random((count, width)) - 0.5
     length = mean * (0.5 + rng.random(count))
     size = np.linalg.norm(heading, axis=1)
-    # A heading of no length has no direction; it is one draw in 1e15.
+    # A heading of length 0 has no direction. Its probability is 1e-15.
     heading[size < 1e-12] = 1.0
     heading /= np.linalg.norm(heading, axis=1)[:, None]
     walk = np.cumsum(np.round(heading * length[:, None], 3), axis=0)
@@ -240,7 +242,7 @@ def random_waypoints(
 
 
 def generator(seed: int) -> np.random.Generator:
-    """Return the random generator of a seed; a seed that is no whole number >= 0 raises."""
+    """Return the random generator of a non-negative integer seed, or raise InvalidData."""
     if (
         isinstance(seed, bool | np.timedelta64)
         or not isinstance(seed, int | np.integer)
@@ -253,7 +255,7 @@ def generator(seed: int) -> np.random.Generator:
 @np.errstate(over="ignore", invalid="ignore")
 def _timed(points: Floats, speed: float, name: str, **options: Any) -> MinimumSnap:
     pace = Real(lower=0, strict=True, unit="m/s").coerce("speed", speed, {})
-    # From rest, the mean speed takes about half a segment longer.
+    # Acceleration from rest takes about half a segment of additional time at the mean speed.
     ramp = 0.5 * float(np.linalg.norm(points[1] - points[0])) / pace
     return _model(
         points, times_by_distance(points, pace, shortest=1e-3, ramp=ramp), name, **options

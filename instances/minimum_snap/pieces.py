@@ -1,4 +1,4 @@
-"""The pieces of a poly7 file, number for number, and what 4-byte floats make of them."""
+"""Exact numbers of a poly7 file, and their rounding to 4-byte floats."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Poly7", "Precision"]
 
 Floats = NDArray[np.float64]
 
-#: How many digits a file holds.
+#: Precision of the numbers in a file.
 Precision = Literal["float32", "float64"]
 
 _AXES = ("x", "y", "z", "yaw")
@@ -29,19 +29,20 @@ _COLUMNS = ("duration", *(f"{axis}^{power}" for axis in _AXES for power in range
 
 @dataclass(frozen=True, eq=False)
 class Poly7:
-    """The pieces of a poly7 file, number for number.
+    """Exact numbers of a poly7 file.
 
     Parameters
     ----------
     durations : ndarray, shape (pieces,)
-        s, each > 0.
+        Duration of each piece, s, positive.
     coefficients : ndarray, shape (pieces, 4, 8)
-        Of x, y, z (m) and yaw (rad), ascending powers of seconds since the start of the piece.
+        Coefficients of x, y, z (m) and yaw (rad), in ascending powers of seconds since the start of
+        the piece.
 
     Raises
     ------
     InvalidData
-        Shapes that do not fit, no piece, numbers that are not finite, durations that are not > 0.
+        Shapes differ, there is no piece, numbers are not finite, or durations are not positive.
     """
 
     durations: Floats
@@ -69,19 +70,24 @@ class Poly7:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Poly7:
-        """Return the numbers in a file as they stand; what :func:`read_poly7` raises."""
+        """Read the exact numbers of a file. Raises the errors of :func:`read_poly7`."""
         return _parsed(read_text(path), str(path))
 
     @classmethod
     def of(cls, trajectory: Trajectory, yaw: float | Trajectory | None = None) -> Poly7:
-        """Return a trajectory of degree <= 7 in 1 to 4 dimensions as pieces.
+        """Convert a trajectory of degree <= 7 in 1 to 4 dimensions to pieces.
 
         Parameters
         ----------
         trajectory : Trajectory
-            Its axes are x, y, z, yaw in this order; those it lacks are 0.
+            Trajectory with axes x, y, z, yaw in this order. Missing axes are 0.
         yaw : float or Trajectory, optional
-            A constant (rad), or a 1-dimensional trajectory with the same knots.
+            Constant (rad), or a 1-dimensional trajectory with the same knots.
+
+        Raises
+        ------
+        InvalidData
+            The degree, the dimensions or `yaw` are not allowed, or a coefficient is not finite.
         """
         if not isinstance(trajectory, Trajectory):
             raise InvalidData(
@@ -112,22 +118,22 @@ class Poly7:
         return cls(trajectory.durations, table)
 
     def trajectory(self, start: float = 0.0) -> Trajectory:
-        """Return the 4-dimensional trajectory, x, y, z, yaw, that begins at time `start` (s)."""
+        """Return the 4-dimensional trajectory (x, y, z, yaw) that starts at time `start` (s)."""
         begin = Real(unit="s").coerce("start", start, {})
         times = begin + np.concatenate([[0.0], np.cumsum(self.durations)])
-        # The durations between the knots as they are rounded: so the powers of seconds, which say
-        # what flies, stay those of the file.
+        # Scale with the rounded durations between the knots, so that the powers of seconds, which
+        # the firmware evaluates, equal those of the file.
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
             scale = np.diff(times)[:, None] ** np.arange(8.0)
             return Trajectory(times, np.moveaxis(self.coefficients * scale[:, None, :], 1, 2))
 
     def rounded(self) -> Poly7:
-        """Return what the firmware stores: every number rounded to 4 bytes.
+        """Return the pieces as the firmware stores them, with all numbers rounded to 4 bytes.
 
         Raises
         ------
         InvalidData
-            A number beyond the range of a 4-byte float, or a duration that it rounds to 0.
+            A number is outside the range of a 4-byte float, or a duration is rounded to 0.
         """
         with np.errstate(over="ignore", under="ignore"):
             durations = self.durations.astype(np.float32).astype(float)
@@ -163,9 +169,9 @@ class Poly7:
         return begin[1:] - end[:-1]
 
     def text(self, precision: Precision = "float32") -> str:
-        """Return the content of the file, with the shortest digits that give each number back.
+        """Return the content of the file, with the fewest digits that reproduce each number.
 
-        Those of a 4-byte float give it back when they are read as one; :meth:`rounded` does that.
+        With ``"float32"`` the digits reproduce the 4-byte float. Use :meth:`rounded` after reading.
         """
         if not isinstance(precision, str) or precision not in get_args(Precision):
             raise InvalidData(

@@ -1,7 +1,7 @@
-"""Poly7 files: what Crazyflie and Crazyswarm fly.
+"""Poly7 files, the trajectory format of Crazyflie and Crazyswarm.
 
-A line is a piece: its duration, then for x, y, z and yaw the 8 coefficients of a polynomial of
-degree 7, in ascending powers of the piece's own time in *seconds*. The header is
+Each line is a piece: its duration, then for x, y, z and yaw the 8 coefficients of a polynomial of
+degree 7, in ascending powers of the *seconds* since the start of the piece. The header is
 ``duration,x^0,…,x^7,y^0,…,y^7,z^0,…,z^7,yaw^0,…,yaw^7``. Positions in metres, yaw in radians.
 
 Source: bitcraze/crazyflie-firmware, ``src/modules/interface/pptraj.h`` (``struct poly4d``: 4 times 8
@@ -37,11 +37,11 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: The firmware's memory for trajectories.
+#: Memory of the firmware for trajectories, bytes.
 MEMORY_BYTES = 4096
-#: What a piece takes of it: 4 polynomials of 8 coefficients, and the duration, 4 bytes each.
+#: Size of a piece, bytes: 4 polynomials of 8 coefficients and the duration, 4 bytes each.
 PIECE_BYTES = 4 * (4 * 8 + 1)
-#: Pieces that fit uncompressed.
+#: Number of uncompressed pieces that fit into the memory.
 PIECES_THAT_FIT = MEMORY_BYTES // PIECE_BYTES
 
 #: Derivatives whose jumps are reported: position to jerk.
@@ -50,25 +50,25 @@ _ORDERS = range(4)
 
 @dataclass(frozen=True)
 class Poly7Report:
-    """What 4-byte floats do to a trajectory, and whether it fits into the firmware's memory.
+    """Effect of 4-byte floats on a trajectory, and its size in the firmware's memory.
 
-    All of it is about the numbers that the firmware stores, whatever digits the file has.
+    The report is for the numbers that the firmware stores, independent of the digits in the file.
 
     Parameters
     ----------
     path : str
-        The file written.
+        Path of the written file.
     pieces : int
         Number of pieces.
     jumps : tuple of tuple of float
         Largest jump at a knot, ``jumps[derivative][axis]``: position, velocity, acceleration, jerk
         of x, y, z (m/s^j) and yaw (rad/s^j).
     rounding_jumps : tuple of tuple of float
-        The part of it that the rounding of coefficients and durations causes.
+        Part of `jumps` that is due to the rounding of coefficients and durations.
     end_drift : tuple of float
-        By how much the last position moves: x, y, z (m), yaw (rad).
+        Change of the last position: x, y, z (m), yaw (rad).
     time_drift : float
-        By how much the end comes later, s.
+        Delay of the end, s.
     """
 
     path: str
@@ -80,7 +80,7 @@ class Poly7Report:
 
     @property
     def bytes_needed(self) -> int:
-        """Bytes that the pieces take uncompressed."""
+        """Size of the uncompressed pieces, bytes."""
         return self.pieces * PIECE_BYTES
 
     @property
@@ -123,25 +123,31 @@ class Poly7Report:
 
 
 def read_poly7(path: str | os.PathLike[str], *, start: float = 0.0) -> Trajectory:
-    """Return the trajectory in a poly7 file: x, y, z (m) and yaw (rad).
+    """Read a trajectory from a poly7 file: x, y, z (m) and yaw (rad).
 
     Parameters
     ----------
     path : path-like
-        The file. Blanks in the header, capitals, a ``#`` before it and a comma at the end of lines
-        are borne with.
+        Path of the file. The header may contain blanks, capitals and a leading ``#``, and lines may
+        end with a comma.
     start : float
-        Time of the first knot, s; the file knows durations only.
+        Time of the first knot, s. The file contains durations only.
+
+    Returns
+    -------
+    Trajectory
+        Trajectory of degree 7 in 4 dimensions.
 
     Raises
     ------
     InvalidData
-        Naming file, line, column, value and what is allowed: a header of other names, a row too
-        short or too long, what is no finite number, a duration that is not > 0, no piece at all.
+        The header or the length of a row is wrong, a number is not finite, a duration is not
+        positive, or the file has no piece. The message names file, line, column, value and the
+        allowed values.
 
     See Also
     --------
-    Poly7 : the same, number for number.
+    Poly7 : Exact numbers of the file.
     """
     path = as_path(path)
     try:
@@ -160,21 +166,22 @@ def write_poly7(
     precision: Precision = "float32",
     strict: bool = False,
 ) -> Poly7Report:
-    """Write a trajectory as a poly7 file, in one step, and say what rounding does to it.
+    """Write a trajectory atomically as a poly7 file, and report the effect of rounding.
 
     Parameters
     ----------
     trajectory : Trajectory
-        Of degree <= 7, in 1 to 4 dimensions: x, y, z (m), yaw (rad). Axes it lacks are 0. The file
-        begins at time 0 whatever the first knot is.
+        Trajectory of degree <= 7 in 1 to 4 dimensions: x, y, z (m), yaw (rad). Missing axes are 0.
+        The file starts at time 0, independent of the first knot.
     path : path-like
-        The file.
+        Path of the file.
     yaw : float or Trajectory, optional
-        A constant (rad), or a 1-dimensional trajectory with the same knots.
+        Constant (rad), or a 1-dimensional trajectory with the same knots.
     precision : {"float32", "float64"}
-        Digits in the file: those of the firmware's 4-byte floats, or all that there are.
+        Digits in the file: those of the firmware's 4-byte floats (default), or full precision.
     strict : bool
-        Refuse more pieces than fit into the firmware's memory (31), instead of reporting it.
+        Whether to reject more pieces than fit into the firmware's memory (31). By default the
+        report states it.
 
     Returns
     -------
@@ -184,8 +191,9 @@ def write_poly7(
     Raises
     ------
     InvalidData
-        A degree above 7, more than 4 dimensions, numbers beyond the range of 4-byte floats, too
-        many pieces when `strict`, or a file that cannot be written. Nothing is written then.
+        The degree is above 7, there are more than 4 dimensions, numbers are outside the range of
+        4-byte floats, there are too many pieces with `strict`, or the file cannot be written. The
+        file is then unchanged.
     """
     path, strict = as_path(path), Flag().coerce("strict", strict, {})
     exact = Poly7.of(trajectory, yaw)
@@ -215,6 +223,6 @@ def _report(exact: Poly7, stored: Poly7, path: str) -> Poly7Report:
         jumps=tuple(map(largest, after)),
         rounding_jumps=tuple(map(largest, caused)),
         end_drift=tuple(drift.tolist()),
-        # Summed as differences: the sum of the durations would swallow them.
+        # Sum the differences. The difference of the sums would lose their digits.
         time_drift=float((stored.durations - exact.durations).sum()),
     )

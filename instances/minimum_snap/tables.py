@@ -1,4 +1,4 @@
-"""Tables of numbers in CSV files: samples of a trajectory, waypoints, and what each file is."""
+"""CSV files of numbers: samples of a trajectory, waypoints, and recognition of file types."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: Axes, and derivatives, that a table may have.
+#: Largest number of axes, and of derivatives, in a table.
 MOST_COLUMNS = 1000
 _AXES = ("x", "y", "z", "yaw")
 _PREFIXES = ("", "v", "a", "j", "s")
-#: Headers that files of waypoints may have.
+#: Allowed headers of waypoint files.
 _HEADERS = (_AXES, ("px", "py", "pz"), ("east", "north", "up"), ("e", "n", "u"))
 
 
@@ -44,8 +44,7 @@ _HEADERS = (_AXES, ("px", "py", "pz"), ("east", "north", "up"), ("e", "n", "u"))
 def numeric_rows(text: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the number and the values of every line that is not blank.
 
-    Numbers are never quoted. A comma at the end of a line, as several tools write it, opens no
-    further column.
+    Numbers are never quoted. A trailing comma, which several tools write, is ignored.
     """
     for line, content in enumerate(text.splitlines(), start=1):
         if content.strip():
@@ -54,7 +53,7 @@ def numeric_rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def numbers_of(values: Sequence[str], names: Sequence[str], where: str, field: str) -> list[float]:
-    """Return one row as numbers; as many as there are `names`, which go into the message."""
+    """Convert a row to numbers. Their count must match `names`, which error messages use."""
     if len(values) != len(names):
         raise InvalidData(
             f"{where}: {len(values)} values where {len(names)} are allowed: "
@@ -71,12 +70,12 @@ def numbers_of(values: Sequence[str], names: Sequence[str], where: str, field: s
 
 
 class Samples(NamedTuple):
-    """A trajectory at instants.
+    """Samples of a trajectory.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        The instants, s.
+        Times of the samples, s.
     values : ndarray, shape (derivatives + 1, n, dimensions)
         ``values[j]`` is derivative j: position, velocity, …
     """
@@ -91,9 +90,9 @@ def sample_columns(dimensions: int, derivatives: int = 4) -> tuple[str, ...]:
     Parameters
     ----------
     dimensions : int
-        Up to 4 axes are called x, y, z, yaw; more are numbered, x0, x1, …
+        Number of axes. Up to 4 axes are named x, y, z, yaw; more are numbered, x0, x1, …
     derivatives : int
-        The highest derivative; beyond snap they are called d5x, d6x, …
+        Highest order of a derivative, 4 by default. Above snap, names are d5x, d6x, …
     """
     dimensions = Whole(1, MOST_COLUMNS).coerce("dimensions", dimensions, {})
     derivatives = Whole(0, MOST_COLUMNS).coerce("derivatives", derivatives, {})
@@ -109,24 +108,29 @@ def write_samples(
     rate: float = 100.0,
     derivatives: int = 4,
 ) -> Path:
-    """Write a trajectory at equal steps of time as CSV, in one step; return the path.
+    """Write samples of a trajectory at equal time steps atomically as CSV.
 
     Parameters
     ----------
     trajectory : Trajectory
-        The trajectory.
+        Trajectory to write.
     path : path-like
-        The file.
+        Path of the file.
     rate : float
-        Samples a second (Hz); the last knot is always included.
+        Samples per second (Hz), 100 by default. The last knot is always included.
     derivatives : int
-        The highest derivative written; 4 is snap.
+        Highest order of a written derivative; 4, snap, by default.
+
+    Returns
+    -------
+    Path
+        Path of the written file.
 
     Raises
     ------
     InvalidData
-        A rate that is no number > 0 or gives too many samples, derivatives that are no whole number >= 0, or a file that cannot
-        be written.
+        `rate` is not positive or yields too many samples, `derivatives` is not a non-negative
+        integer, or the file cannot be written.
     """
     required("trajectory", trajectory, Trajectory)
     rows = trajectory.sampled(rate, derivatives)
@@ -136,13 +140,22 @@ def write_samples(
 
 
 def read_samples(path: str | os.PathLike[str]) -> Samples:
-    """Return the samples that :func:`write_samples` wrote, exactly.
+    """Read the exact samples from a file of :func:`write_samples`.
+
+    Parameters
+    ----------
+    path : path-like
+        Path of the file.
+
+    Returns
+    -------
+    Samples
 
     Raises
     ------
     InvalidData
-        Naming file, line, column and value: a header of other names, a row too short or too long,
-        what is no finite number, times that do not increase, a file without samples.
+        The header or the length of a row is wrong, a number is not finite, times do not increase, or
+        the file has no samples. The message names file, line, column and value.
     """
     file = str(as_path(path))
     rows = numeric_rows(read_text(path))
@@ -173,7 +186,7 @@ def read_samples(path: str | os.PathLike[str]) -> Samples:
 
 
 def _sample_shape(names: list[str]) -> tuple[int, int] | None:
-    """Return the number of derivatives (position counted) and of axes that a header has."""
+    """Return the numbers of derivatives (including position) and axes of a header, or None."""
     columns = len(names) - 1
     for dimensions in range(1, columns + 1):
         orders, rest = divmod(columns, dimensions)
@@ -186,10 +199,16 @@ def _sample_shape(names: list[str]) -> tuple[int, int] | None:
 
 
 def read_waypoints(path: str | os.PathLike[str]) -> Floats:
-    """Return the waypoints in a CSV or Excel file: one a line, one coordinate a column (m).
+    """Read waypoints (m) from a CSV or Excel file with one waypoint per line, one column per axis.
 
-    A line of names may come first: ``x,y,z,yaw``, ``px,py,pz``, ``east,north,up``, ``e,n,u`` (or the
-    first of them), or ``x0,x1,…``. Files of uav_trajectories have none. They hold no times: :func:`~crosstrack.instances.times_by_distance` is a first guess.
+    An optional header has the names ``x,y,z,yaw``, ``px,py,pz``, ``east,north,up``, ``e,n,u`` (or the
+    first of them), or ``x0,x1,…``. Files of uav_trajectories have no header. The files contain no
+    times; :func:`~crosstrack.instances.times_by_distance` is a first guess.
+
+    Parameters
+    ----------
+    path : path-like
+        Path of the file.
 
     Returns
     -------
@@ -198,8 +217,9 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
     Raises
     ------
     InvalidData
-        Naming file, line, column and value: what is no finite number, rows of different lengths,
-        fewer than two waypoints, a column of times, other names or names in another order.
+        A number is not finite, rows have different lengths, there are fewer than two waypoints, a
+        column contains times, or the names or their order are wrong. The message names file, line,
+        column and value.
     """
     file = str(as_path(path))
     points: list[list[float]] = []
@@ -230,7 +250,7 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
 
 
 def _require_axes(names: Sequence[str], where: str) -> None:
-    """Raise if the columns are not those of coordinates, in their order."""
+    """Raise unless the columns are coordinates in their order."""
     numbered = [f"x{axis}" for axis in range(len(names))]
     if list(names) not in (numbered, *(list(axes[: len(names)]) for axes in _HEADERS)):
         raise InvalidData(
@@ -242,7 +262,7 @@ def _require_axes(names: Sequence[str], where: str) -> None:
 
 
 def describe_table(file: Path, header: str) -> str:
-    """Return what to do with a CSV file of a trajectory, empty where it is none."""
+    """Return advice for a CSV file of a trajectory, or an empty string for other files."""
     names = [name.strip().casefold() for name in header.lstrip("# ").split(",")]
     if names[0] == "duration" and "x^0" in names:
         return (
@@ -260,12 +280,12 @@ def describe_table(file: Path, header: str) -> str:
 
 
 def waypoints_of_table(file: Path) -> dict[str, Any]:
-    """Return the data of an instance that a file of waypoints holds."""
+    """Return the data of an instance from a file of waypoints."""
     return {"waypoints": read_waypoints(file)}
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return `data` of an instance with ``"waypoints": "file.csv"`` replaced by the content."""
+    """Return instance `data` with a reference ``"waypoints": "file.csv"`` replaced by its content."""
     found = dict(data)
     if isinstance(found.get("waypoints"), str):
         found["waypoints"] = read_waypoints(find(found["waypoints"]))

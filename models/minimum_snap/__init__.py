@@ -1,4 +1,4 @@
-"""The smoothest trajectory through waypoints: minimum snap or any other derivative."""
+"""Smoothest trajectory through waypoints: minimum snap or any other derivative."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .time_allocation import TimeAllocation as TimeAllocation
     from .trajectory import Extremes as Extremes, Trajectory as Trajectory
 
-#: Names that modules of other problems import, beside the public ones.
+#: Private names that modules of other problems import.
 SHARED = (
     "bounds.derivative_unit",
     "polynomials.bernstein_matrix",

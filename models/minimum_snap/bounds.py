@@ -1,4 +1,4 @@
-"""What is asked of a path at given times: conditions at the knots, corridor and limits."""
+"""Fields of a path problem at given times: conditions at the knots, corridor and limits."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ __all__ = ["FREE", "Bound", "Halfspaces", "PathData", "derivative_name", "deriva
 
 Floats = NDArray[np.float64]
 
-#: Largest magnitude of a coordinate or derivative: squares of larger ones overflow.
+#: Largest magnitude of a coordinate or derivative. Squares of larger values overflow.
 MOST_MAGNITUDE = 1e100
 
 
 class _Free(float):
-    """Type of :data:`FREE`, so that a list distinguishes it from an infinity by accident."""
+    """Type of :data:`FREE`, which distinguishes it from an accidental infinity in a list."""
 
     def __repr__(self) -> str:
         return "FREE"
 
 
-#: A coordinate or derivative that is free; None and JSON's null mean the same. It is stored as an
-#: infinity in arrays of floats.
+#: Marker of a free coordinate or derivative. None and JSON's null mean the same. Arrays of floats
+#: store it as an infinity.
 FREE = _Free("inf")
 
 
@@ -38,16 +38,16 @@ class Coordinates(Array):
     """Array of coordinates or derivatives; entries may be free."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        """Return the checked array; a list that holds an infinity other than FREE is refused."""
+        """Return the checked array. Reject a list with an infinity other than FREE."""
         array = super().coerce(name, value, sizes)
         free = np.isinf(array)
         if free.any() and isinstance(value, list | tuple):
             entries = np.empty(array.shape, object)
             entries[...] = value
-            for place in np.argwhere(free):
-                entry = entries[tuple(place)]
+            for index in np.argwhere(free):
+                entry = entries[tuple(index)]
                 if entry is not None and type(entry) is not _Free:
-                    where = f"[{', '.join(map(str, place))}]"
+                    where = f"[{', '.join(map(str, index))}]"
                     raise InvalidData(
                         f"{name}{where} must be finite, or FREE or None for a free coordinate, "
                         f"got {show(entry)}",
@@ -62,7 +62,23 @@ _NAMES = ("position", "velocity", "acceleration", "jerk", "snap", "crackle", "po
 
 
 def derivative_name(order: int) -> str:
-    """Return ``"velocity"`` for 1, and so on."""
+    """Return the name of a derivative in time.
+
+    Parameters
+    ----------
+    order : int
+        Order of the derivative, at least 0.
+
+    Returns
+    -------
+    str
+        ``"position"`` for 0, ``"velocity"`` for 1, … ``"pop"`` for 6, then ``"derivative 7"``.
+
+    Raises
+    ------
+    InvalidData
+        `order` is not a non-negative integer.
+    """
     order = Whole(0).coerce("order", order, {})
     return _NAMES[order] if order < len(_NAMES) else f"derivative {order}"
 
@@ -80,9 +96,9 @@ class Bound(NamedTuple):
     name : str
         ``"corridor"``, ``"velocity limit"``, …
     derivative : int
-        Which derivative in time.
+        Order of the derivative in time: 0 position, 1 velocity, …
     lower, upper : ndarray, shape (segments, dimensions)
-        Infinite where there is none.
+        Smallest and largest value, m/s^derivative; infinite for unbounded components.
     """
 
     name: str
@@ -92,16 +108,16 @@ class Bound(NamedTuple):
 
 
 class Halfspaces(NamedTuple):
-    """Half-spaces that hold the position throughout a segment: ``normals @ x <= offsets``.
+    """Half-spaces that contain the positions of a segment: ``normals @ x <= offsets``.
 
     Parameters
     ----------
     segments : ndarray of int, shape (halfspaces,)
-        The segment of each.
+        Index of the segment of each half-space.
     normals : ndarray, shape (halfspaces, dimensions)
         Normals of length 1, so that a violation is a distance.
     offsets : ndarray, shape (halfspaces,)
-        Right-hand sides.
+        Right-hand sides, m.
     """
 
     segments: NDArray[np.int64]
@@ -111,10 +127,10 @@ class Halfspaces(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PathData(Model[Trajectory]):
-    """The fields of :class:`~crosstrack.models.MinimumDerivative`, and what follows from them.
+    """Fields of :class:`~crosstrack.models.MinimumDerivative` and the values derived from them.
 
-    The model itself and the checks of its data and plans both read these. Parameters are described
-    there.
+    The model and the checks of its data and plans read these fields. The model describes the
+    parameters.
     """
 
     waypoints: Floats = declared(Coordinates(("knots", "dimensions"), infinity=1))
@@ -161,7 +177,7 @@ class PathData(Model[Trajectory]):
 
     @property
     def segments(self) -> int:
-        """Number of polynomials an axis."""
+        """Number of segments: polynomials per axis."""
         return int(self.times.size) - 1
 
     @property
@@ -185,15 +201,15 @@ class PathData(Model[Trajectory]):
 
     @property
     def highest_fixed(self) -> int:
-        """The highest derivative that is fixed at some knot."""
+        """Highest order of a derivative that is fixed at any knot."""
         rows = 0 if self.derivatives is None else self.derivatives.shape[1]
         return max(len(self.start), len(self.end), rows)
 
     @cached_property
     def conditions(self) -> Floats:
-        """What is fixed at the knots: shape (knots, highest_fixed + 1, dimensions), else FREE.
+        """Fixed values at the knots, shape (knots, highest_fixed + 1, dimensions).
 
-        Derivative j of knot k stands in ``conditions[k, j]``.
+        ``conditions[k, j]`` is derivative j at knot k. Free components are :data:`FREE`.
         """
         table = np.full((self.times.size, self.highest_fixed + 1, self.dimensions), FREE)
         table[:, 0] = self.waypoints
@@ -206,23 +222,28 @@ class PathData(Model[Trajectory]):
 
     @cached_property
     def bounds(self) -> tuple[Bound, ...]:
-        """The corridor's boxes and the limits, where there are any."""
-        found = []
+        """Corridor boxes and limits that bound at least one component."""
+        candidates = []
         if self.corridor_lower is not None or self.corridor_upper is not None:
             free = np.full((self.segments, self.dimensions), np.inf)
             lower = frozen(-free) if self.corridor_lower is None else self.corridor_lower
             upper = frozen(free) if self.corridor_upper is None else self.corridor_upper
-            found.append(Bound("corridor", 0, lower, upper))
+            candidates.append(Bound("corridor", 0, lower, upper))
         for order, limit in enumerate(
             (self.velocity_limit, self.acceleration_limit, self.jerk_limit), start=1
         ):
             if limit is not None:
-                found.append(Bound(f"{derivative_name(order)} limit", order, frozen(-limit), limit))
-        return tuple(b for b in found if np.isfinite(b.lower).any() or np.isfinite(b.upper).any())
+                name = f"{derivative_name(order)} limit"
+                candidates.append(Bound(name, order, frozen(-limit), limit))
+        return tuple(
+            bound
+            for bound in candidates
+            if np.isfinite(bound.lower).any() or np.isfinite(bound.upper).any()
+        )
 
     @cached_property
     def halfspaces(self) -> Halfspaces | None:
-        """The polytopes' half-spaces with normals of length 1, None where there are none."""
+        """Half-spaces of the polytopes with normals of length 1; None without polytopes."""
         if self.polytope_segments is None or not self.polytope_segments.size:
             return None
         assert self.polytope_normals is not None and self.polytope_offsets is not None
@@ -235,11 +256,11 @@ class PathData(Model[Trajectory]):
 
     @cached_property
     def position_scale(self) -> Floats:
-        """What a violation of a position is held against, m, shape (dimensions,).
+        """Scale of position violations per axis, m, shape (dimensions,).
 
-        The extent of the waypoints and the corridor on each axis, and a tenth of the widest at least.
-        It does not change with the origin, as the positions themselves do. Where nothing but
-        derivatives is given, it is how far they lead in a segment; 1 where they are 0 too.
+        Extent of the waypoints and the corridor on each axis, at least a tenth of the widest extent.
+        Unlike the positions, it is independent of the origin. If only derivatives are given, the
+        scale is the distance that they cover in a mean segment, or 1 if they are all 0.
         """
         tables = [self.waypoints]
         tables += [t for t in (self.corridor_lower, self.corridor_upper) if t is not None]
@@ -249,15 +270,20 @@ class PathData(Model[Trajectory]):
         extent = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
         fixed = np.where(np.isfinite(self.conditions[:, 1:]), np.abs(self.conditions[:, 1:]), 0.0)
         orders = np.arange(1, fixed.shape[1] + 1)
-        led = fixed.max(axis=(0, 2), initial=0.0) * float(self.durations.mean()) ** orders
-        widest = max(float(extent.max()), float(led.max(initial=0.0)))
+        distance = fixed.max(axis=(0, 2), initial=0.0) * float(self.durations.mean()) ** orders
+        widest = max(float(extent.max()), float(distance.max(initial=0.0)))
         return frozen(np.maximum(extent, 0.1 * widest if widest > 0 else 1.0))
 
     def derivative_scale(self, order: int) -> Floats:
-        """Return what a violation of a derivative is held against at least, shape (dimensions,).
+        """Return the minimum scale of violations of a derivative, shape (dimensions,).
 
-        The peak that it has where :attr:`position_scale` is covered in equal segments of the whole
-        duration, each in half a wave.
+        It is the peak of the derivative if the path covers :attr:`position_scale` in equal segments
+        of the whole duration, each segment as half a sine wave.
+
+        Parameters
+        ----------
+        order : int
+            Order of the derivative.
         """
         if order == 0:
             return self.position_scale
@@ -265,7 +291,7 @@ class PathData(Model[Trajectory]):
 
     def _mean_rate(self, order: int) -> Floats:
         """Return the mean step of the path over the mean duration to a power, shape (dimensions,)."""
-        with np.errstate(all="ignore"):  # durations beyond reason leave a rate of 0 or infinity
+        with np.errstate(all="ignore"):  # extreme durations yield a rate of 0 or infinity
             rate: Floats = self.position_scale / self.segments / self._mean_duration**order
         return rate
 
@@ -275,9 +301,10 @@ class PathData(Model[Trajectory]):
 
     @cached_property
     def objective_scale(self) -> float:
-        """The objective of a path whose derivatives are the mean rates throughout.
+        """Objective of a path whose derivatives equal the mean rates throughout.
 
-        Half waves would have thousands of times as much, more than smooth paths in corridors have.
+        Half waves would give a scale thousands of times as large, which exceeds the objective of
+        smooth paths in corridors.
         """
         whole = float(self.durations.sum())
         parts = (
@@ -287,39 +314,44 @@ class PathData(Model[Trajectory]):
         return float(whole * sum(parts))
 
     def bound_scale(self, bound: Bound) -> tuple[Floats, Floats]:
-        """Return what violations of `bound` from below and above are held against.
+        """Return the scales of violations of `bound` from below and from above.
+
+        Parameters
+        ----------
+        bound : Bound
+            Bound of this model.
 
         Returns
         -------
         tuple of ndarray, shape (segments, dimensions)
-            The bound itself, where it is 0 or infinite :meth:`derivative_scale`; for positions
-            :attr:`position_scale`.
+            Magnitude of the bound, or :meth:`derivative_scale` if the bound is 0 or infinite. For
+            positions, :attr:`position_scale`.
         """
-        least = np.broadcast_to(self.derivative_scale(bound.derivative), bound.lower.shape)
+        fallback = np.broadcast_to(self.derivative_scale(bound.derivative), bound.lower.shape)
         if bound.derivative == 0:
-            return least, least
+            return fallback, fallback
         return tuple(
-            np.where(np.isfinite(edge) & (edge != 0), np.abs(edge), least)
+            np.where(np.isfinite(edge) & (edge != 0), np.abs(edge), fallback)
             for edge in (bound.lower, bound.upper)
         )  # type: ignore[return-value]
 
     def in_unit(self, length: float) -> Self:
-        """Return the model with lengths in units of `length` m; its objective is J / length²."""
+        """Return the model with lengths in units of `length` m. Its objective is J / length²."""
         names = [
             "waypoints", "start", "end", "derivatives", "corridor_lower", "corridor_upper",
             "velocity_limit", "acceleration_limit", "jerk_limit", "polytope_offsets",
         ]  # fmt: skip
-        given = {name: getattr(self, name) for name in names}
-        scaled = {name: value / length for name, value in given.items() if value is not None}
+        fields = {name: getattr(self, name) for name in names}
+        scaled = {name: value / length for name, value in fields.items() if value is not None}
         return replace(self, **scaled)
 
     @property
     def bounded(self) -> bool:
-        """Whether there is a corridor or a limit."""
+        """Whether the model has a corridor, a polytope or a limit."""
         return bool(self.bounds) or self.halfspaces is not None
 
     def objective(self, plan: Trajectory) -> float:
-        """Return Σ w_j ∫ (x^(j))² dt, over all axes."""
+        """Return Σ w_j ∫ (x^(j))² dt over all axes, m²/s^(2r-1)."""
         total = 0.0
         for order, weight in enumerate(self.order_weights, start=1):
             if weight:

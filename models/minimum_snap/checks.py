@@ -1,7 +1,7 @@
-"""The checks of a trajectory model: of its data, and of any plan for it.
+"""Checks of the data of a trajectory model and of any plan for it.
 
-The check of a plan shares nothing with the solvers: it evaluates the polynomials, integrates the
-square of their derivatives by quadrature, and finds their extremes from roots.
+The check of a plan shares no code with the solvers. It evaluates the polynomials, integrates the
+squares of their derivatives by quadrature, and computes their extremes from roots.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["check_conditions", "verify_trajectory"]
 
 Floats = NDArray[np.float64]
 
-#: Parts of a segment whose control polygons are looked at: of one they stick out far.
+#: Parts of a segment with a control polygon each. A single polygon is too far from the curve.
 _PIECES = 4
 
 
@@ -30,7 +30,7 @@ _PIECES = 4
 
 
 def check_conditions(model: PathData) -> None:
-    """Raise :class:`InvalidData` where what is fixed contradicts itself, corridor or limits."""
+    """Raise :class:`InvalidData` if fixed values contradict each other, the corridor or limits."""
     for name, rows in (("start", model.start), ("end", model.end)):
         if len(rows) > model.degree:
             raise InvalidData(
@@ -146,7 +146,7 @@ def _check_polytopes(model: PathData) -> None:
 def verify_trajectory(
     model: PathData, plan: Trajectory, tolerance: float = TOLERANCE
 ) -> Verification:
-    """Return the objective and every condition of `model`, measured on `plan`."""
+    """Evaluate the objective and every condition of `model` on `plan`."""
     check_tolerance(tolerance)
     if not isinstance(plan, Trajectory):
         raise InvalidData(f"plan must be a Trajectory, got {type(plan).__name__}", field="plan")
@@ -167,13 +167,13 @@ def verify_trajectory(
 def _times(model: PathData, plan: Trajectory, tolerance: float) -> Check:
     off = np.abs(plan.times - model.times)
     at = int(off.argmax())
-    # A knot that is off by a share of its segment is off by as much of the path.
+    # A time error relative to the shortest segment is a position error of the same relative size.
     scale = float(min(1.0, model.durations.min()))
     return Check.scaled("times", "", off[at], "s", f"knot {at}", tolerance, scale)
 
 
 def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
-    """What a plan of a higher degree has beyond the model's, as Bernstein would see it."""
+    """Yield a bound on the contribution of powers above the model's degree, in metres."""
     if plan.degree <= model.degree:
         return
     extra = np.abs(plan.coefficients[:, model.degree + 1 :]).sum(axis=1)
@@ -187,7 +187,8 @@ def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Che
 def _control(coefficients: Floats, order: int) -> Floats:
     """Return the Bézier control points of a derivative in s, shape (points, dimensions, segments).
 
-    The curve lies within them: only where they stick out of a bound are its extremes looked for.
+    The curve is in their convex hull. Exact extremes are needed only if control points violate a
+    bound.
     """
     count, powers, dimensions = coefficients.shape
     if order >= powers:
@@ -198,7 +199,7 @@ def _control(coefficients: Floats, order: int) -> Floats:
 
 
 def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) -> Check:
-    """Measure a bound where it is nearest to being broken."""
+    """Return the check of a bound at its largest relative violation."""
     order = bound.derivative
     out = np.empty(bound.lower.shape, bool)
     for first in range(0, model.segments, SEGMENTS):
@@ -210,14 +211,14 @@ def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) 
     where, worst, noise, limit = "everywhere inside", 0.0, 0.0, None
     size = float(model.derivative_scale(order).max())
     if rows.size:
-        found = plan.extremes(order, direction=np.eye(plan.dimensions)[axes], segments=rows)
+        extremes = plan.extremes(order, direction=np.eye(plan.dimensions)[axes], segments=rows)
         edges = np.stack([bound.lower[out], bound.upper[out]])
-        off = np.stack([edges[0] - found.least[:, 0], found.largest[:, 0] - edges[1]])
+        off = np.stack([edges[0] - extremes.least[:, 0], extremes.largest[:, 0] - edges[1]])
         sizes = np.stack([size[out] for size in model.bound_scale(bound)])
         at = side, row = np.unravel_index(int((off / sizes).argmax()), off.shape)
         worst, size, noise = float(off[at]), float(sizes[at]), ULPS * abs(float(edges[at]))
         limit = float(edges[1, row] - edges[0, row])
-        time = (found.least_time, found.largest_time)[int(side)][row, 0]
+        time = (extremes.least_time, extremes.largest_time)[int(side)][row, 0]
         where = f"segment {rows[row]}, axis {axes[row]} (t = {time:.6g} s)"
     return Check.scaled(
         bound.name, "", max(worst, 0.0), derivative_unit(order), where, tolerance, size,
@@ -238,11 +239,12 @@ def _halfspaces(model: PathData, plan: Trajectory, tolerance: float) -> Iterator
     rows = np.flatnonzero(out)
     where, worst, noise = "everywhere inside", 0.0, 0.0
     if rows.size:
-        own = spaces.segments[rows]
-        found = plan.extremes(0, direction=spaces.normals[rows], segments=own)
-        off = found.largest[:, 0] - spaces.offsets[rows]
+        segments = spaces.segments[rows]
+        extremes = plan.extremes(0, direction=spaces.normals[rows], segments=segments)
+        off = extremes.largest[:, 0] - spaces.offsets[rows]
         at = int(off.argmax())
         worst, noise = float(off[at]), ULPS * abs(float(spaces.offsets[rows[at]]))
-        where = f"segment {own[at]}, half-space {rows[at]} (t = {found.largest_time[at, 0]:.6g} s)"
+        time = extremes.largest_time[at, 0]
+        where = f"segment {segments[at]}, half-space {rows[at]} (t = {time:.6g} s)"
     size = float(model.position_scale.max())
     yield Check.scaled("polytope", "", max(worst, 0.0), "m", where, tolerance, size, noise=noise)

@@ -1,4 +1,4 @@
-"""What a trajectory has at the knots against what a model asks: fixed values, and continuity."""
+"""Checks of a trajectory at the knots: fixed values and continuity."""
 
 from __future__ import annotations
 
@@ -17,29 +17,32 @@ __all__ = ["SEGMENTS", "ULPS", "check_knots"]
 
 Floats = NDArray[np.float64]
 
-#: Units in the last place of the terms of a derivative at a knot that its rounding may reach.
+#: Rounding error allowed in a derivative at a knot, relative to the sum of the sizes of its terms.
 ULPS = 16 * float(np.finfo(float).eps)
-#: What the values of a plan may add to the unit of a derivative, as a multiple of the model's own: an
-#: optimum may swing far out, and is exact to a share of its values; a plan must not excuse itself.
+#: Largest scale of a derivative that a plan's own values may justify, as a multiple of the scale
+#: that the model implies. Values of an optimum may be large, and are exact relative to their size.
+#: The cap prevents a plan from relaxing its own checks.
 _SWING = 1e3
-#: Segments checked at a time: the numbers of more do not fit into a processor's cache.
+#: Segments checked per batch. The arrays of more segments exceed a processor's cache.
 SEGMENTS = 1024
-#: What is checked of a derivative at knots: the name of each check, and its equation.
+#: Name and equation of each kind of check at the knots.
 _KINDS = (("{} at the ends", "23"), ("{} at inner knots", ""), ("continuity of {}", "25"))
 _ENDS, _INNER, _SHARED = range(3)
 
 
 class _Worst(NamedTuple):
-    """Where a condition is broken most, as a share of what is allowed.
+    """Largest violation of a condition, relative to its allowance.
 
     Parameters
     ----------
-    share, off, noise, scale : float
-        The share, the violation, what is excused of it as rounding, and what it is held against.
+    share : float
+        Violation divided by the allowance.
+    off, noise, scale : float
+        Violation, rounding allowance and scale of the violation, in the unit of the derivative.
     knot, axis : int
-        The place.
+        Location of the violation.
     unclear : bool
-        Whether rounding may be more than what is excused.
+        Whether rounding may exceed the rounding allowance.
     """
 
     share: float
@@ -52,23 +55,24 @@ class _Worst(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Some segments, what is known of their ends, and what is wanted.
+    """Batch of consecutive segments: derivatives at their ends, scales and fixed values.
 
     Parameters
     ----------
     first : int
-        The first of the segments.
+        Index of the first segment.
     begin, end : ndarray, shape (orders, dimensions, segments)
-        The derivatives 0, 1, … at both ends of each.
+        Derivatives 0, 1, … at the start and at the end of each segment.
     noise : ndarray, shape (orders, dimensions, segments)
-        What the coefficients can hold of them: a short segment multiplies their last digit.
+        Rounding error of `begin` and `end`. Short segments magnify that of the coefficients.
     usual : ndarray, shape (orders, dimensions, segments)
-        What the model's own data lead to: half a wave over the step and the duration of the segment,
-        what is fixed at its ends, and :meth:`~.bounds.PathData.derivative_scale` at least.
+        Size implied by the model's data: the largest of half a sine wave over the step and duration
+        of the segment, the fixed values at its ends and
+        :meth:`~.bounds.PathData.derivative_scale`.
     size : ndarray, shape (orders, dimensions, segments)
-        What a violation is held against.
+        Scale of a violation.
     wanted : ndarray, shape (rows, dimensions, segments + 1)
-        What is fixed at the knots, else not finite.
+        Fixed values at the knots; infinite for free components.
     """
 
     first: int
@@ -81,7 +85,7 @@ class _Part(NamedTuple):
 
     @classmethod
     def of(cls, model: PathData, plan: Trajectory, part: slice, least: Floats) -> Self:
-        """Return some segments of a plan; `least` is the least of what violations are held against."""
+        """Return a batch of segments of a plan; `least` is the minimum scale of each order."""
         orders = len(least)
         powers, factors = by_power(plan.coefficients[part]), derivative_matrix(plan.degree, orders)
         shape = orders, *powers.shape[1:]
@@ -119,39 +123,40 @@ class _Part(NamedTuple):
         knot: int,
         tolerance: float,
     ) -> list[_Worst]:
-        """Return where each row of what is `off` from a knot on is worst of what is allowed."""
-        # Digits that are missing are excused up to what a tolerance is, and no further.
-        excused = np.minimum(noise, tolerance * usual)
-        share = off / (scale * tolerance + excused)
-        found = []
-        # What is no number is the largest.
-        for row, place in enumerate(share.reshape(len(share), -1).argmax(axis=1).tolist()):
-            axis, column = divmod(place, share.shape[2])
-            at = row, axis, column
-            found.append(
+        """Return the largest relative violation in each row of `off`, whose first knot is `knot`."""
+        # The tolerance caps the rounding allowance.
+        allowance = np.minimum(noise, tolerance * usual)
+        share = off / (scale * tolerance + allowance)
+        result = []
+        # argmax treats NaN as the largest violation.
+        for row, position in enumerate(share.reshape(len(share), -1).argmax(axis=1).tolist()):
+            axis, column = divmod(position, share.shape[2])
+            index = row, axis, column
+            result.append(
                 _Worst(
-                    share[at], off[at], excused[at], scale[at], self.first + knot + column, axis,
-                    bool(noise[at] > excused[at]),
+                    share[index], off[index], allowance[index], scale[index],
+                    self.first + knot + column, axis, bool(noise[index] > allowance[index]),
                 )
             )  # fmt: skip
-        return found
+        return result
 
-    def fixed(self, rows: int, side: int, own: slice, tolerance: float) -> list[_Worst]:
-        """Return how far off fixed values are at the starts (0) or ends (1) of some segments."""
+    def fixed(self, rows: int, side: int, part: slice, tolerance: float) -> list[_Worst]:
+        """Return the worst deviations from fixed values at the starts (0) or ends (1) of `part`."""
         values = self.end if side else self.begin
-        at, here = slice(own.start + side, own.stop + side), (slice(rows), slice(None), own)
-        wanted = self.wanted[:rows, :, at]
-        off = np.where(np.isfinite(wanted), np.abs(values[here] - wanted), 0.0)
+        knots = slice(part.start + side, part.stop + side)
+        index = (slice(rows), slice(None), part)
+        wanted = self.wanted[:rows, :, knots]
+        off = np.where(np.isfinite(wanted), np.abs(values[index] - wanted), 0.0)
         return self.worst(
-            off, self.noise[here], self.usual[here], self.size[here], at.start, tolerance
+            off, self.noise[index], self.usual[index], self.size[index], knots.start, tolerance
         )
 
     def jumps(self, least: Floats, tolerance: float) -> list[_Worst]:
-        """Return how far off neighbours are from each other in as many orders as `least` has."""
+        """Return the worst jumps between neighbouring segments, for each order in `least`."""
         rows = slice(len(least))
         before, after = self.end[rows, :, :-1], self.begin[rows, :, 1:]
-        # The knot's own values, and little of the segments beside it: a wild segment must not
-        # excuse a jump where the path is calm.
+        # Values at the knot set the scale. The neighbouring segments contribute only 1e-3, because
+        # a segment with large derivatives must not hide a jump at a knot with small ones.
         scale = 1e-3 * np.maximum(self.size[rows, :, :-1], self.size[rows, :, 1:])
         np.maximum(scale, np.maximum(np.abs(before), np.abs(after)), out=scale)
         usual = np.maximum(self.usual[rows, :, :-1], self.usual[rows, :, 1:])
@@ -163,45 +168,45 @@ class _Part(NamedTuple):
 
 
 def check_knots(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
-    """Yield the fixed values and the continuity of every derivative, from the lowest."""
+    """Yield the checks of the fixed values and of the continuity, by order of the derivative."""
     shared, count = model.continuity + 1, model.segments
     orders = max(model.conditions.shape[1], shared)
     least = np.stack([model.derivative_scale(order) for order in range(orders)])[:, :, None]
     worst: dict[tuple[int, int], _Worst] = {}
 
-    def keep(kind: int, rows: Iterable[int], found: list[_Worst]) -> None:
+    def update(kind: int, rows: Iterable[int], candidates: list[_Worst]) -> None:
         for order in rows:
-            one = found[order]
+            candidate = candidates[order]
             key = order, _ENDS if order == 0 and kind == _INNER else kind
-            old = worst.setdefault(key, one)
-            if not one.share <= old.share and not np.isnan(old.share):
-                worst[key] = one
+            previous = worst.setdefault(key, candidate)
+            if not candidate.share <= previous.share and not np.isnan(previous.share):
+                worst[key] = candidate
 
     for first in range(0, count, SEGMENTS):
-        # The last segment of a part is the first of the next one, for the jump between them.
+        # Consecutive batches share a segment, so that the jump between them is checked too.
         last = min(first + SEGMENTS + 1, count)
         part = _Part.of(model, plan, slice(first, last), least)
         known: NDArray[np.bool_] = np.any(np.isfinite(part.wanted), axis=1)
-        own = last - first
-        for side, knot, here in ((0, 0, first == 0), (1, own, last == count)):
-            if here:
+        size = last - first
+        for side, knot, is_end in ((0, 0, first == 0), (1, size, last == count)):
+            if is_end:
                 rows = [0, *(np.flatnonzero(known[1:, knot]) + 1).tolist()]
-                place = slice(knot - side, knot - side + 1)
-                keep(_ENDS, rows, part.fixed(rows[-1] + 1, side, place, tolerance))
-        if own > 1:
+                segment = slice(knot - side, knot - side + 1)
+                update(_ENDS, rows, part.fixed(rows[-1] + 1, side, segment, tolerance))
+        if size > 1:
             rows = np.flatnonzero(known[:, 1:-1].any(axis=1)).tolist()
             if rows:
                 for side in (0, 1):
-                    place = slice(1 - side, own - side)
-                    keep(_INNER, rows, part.fixed(rows[-1] + 1, side, place, tolerance))
-            keep(_SHARED, range(shared), part.jumps(least[:shared], tolerance))
+                    inner = slice(1 - side, size - side)
+                    update(_INNER, rows, part.fixed(rows[-1] + 1, side, inner, tolerance))
+            update(_SHARED, range(shared), part.jumps(least[:shared], tolerance))
 
-    for (order, kind), one in sorted(worst.items()):
+    for (order, kind), entry in sorted(worst.items()):
         name, equation = ("waypoints", "24") if (order, kind) == (0, _ENDS) else _KINDS[kind]
-        where = f"knot {one.knot}, axis {one.axis} (t = {model.times[one.knot]:g} s)"
-        if one.unclear and one.share > 1.0:
+        where = f"knot {entry.knot}, axis {entry.axis} (t = {model.times[entry.knot]:g} s)"
+        if entry.unclear and entry.share > 1.0:
             where += ", where the digits of the coefficients end: the durations differ too much"
         yield Check.scaled(
-            name.format(derivative_name(order)), equation, one.off, derivative_unit(order), where,
-            tolerance, one.scale, noise=one.noise,
+            name.format(derivative_name(order)), equation, entry.off, derivative_unit(order),
+            where, tolerance, entry.scale, noise=entry.noise,
         )  # fmt: skip

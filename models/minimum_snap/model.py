@@ -25,18 +25,18 @@ __all__ = ["MinimumDerivative", "MinimumSnap"]
 Floats = NDArray[np.float64]
 
 
-#: Samples per segment at which two paths are compared.
+#: Samples per segment when two paths are compared.
 SAMPLES = 32
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MinimumDerivative(PathData):
-    """The piecewise polynomial through waypoints with the least ∫ (x^(r))² dt.
+    """Piecewise polynomial through waypoints that minimises ∫ (x^(r))² dt.
 
-    One set of polynomials an axis, one polynomial a segment. Positions are fixed at the waypoints
-    (eq. 24), derivatives at the two ends (eq. 23), and any derivative at any knot; neighbours agree
-    in position and in the derivatives up to `continuity` (eq. 25). Corridor and limits hold at
-    every instant, not at samples. A limit holds for every component: it is a box, not a ball.
+    Each axis has one polynomial per segment. Positions are fixed at the waypoints (eq. 24) and
+    derivatives at the two ends (eq. 23); derivatives at other knots may be fixed too. Neighbouring
+    segments agree in position and in the derivatives up to `continuity` (eq. 25). Corridor and
+    limits hold at every instant, not only at samples. A limit bounds each component, not the norm.
 
     Parameters
     ----------
@@ -45,43 +45,46 @@ class MinimumDerivative(PathData):
     times : ndarray, shape (knots,)
         Times of the knots (s), increasing.
     order : int
-        r, the derivative that is minimised: 4 snap, 3 jerk, 2 acceleration.
+        r, the order of the minimised derivative: 4 snap (default), 3 jerk, 2 acceleration.
     weights : ndarray, shape (order,), optional
-        Weights of the orders 1 … r, for a sum of several; the last must be positive. Without it,
-        r alone counts.
+        Non-negative weights of the orders 1 … r in the objective. The last must be positive. By
+        default, only order r has a weight.
     start, end : ndarray, shape (k, dimensions), optional
-        Velocity, acceleration, … at the first and the last knot; what is not given is free, and so
-        is None. Without it: at rest, the orders 1 … r-1 are zero.
+        Velocity, acceleration, … at the first and at the last knot. Entries that are None and
+        orders above k are free. By default at rest: the orders 1 … r-1 are zero.
     derivatives : ndarray, shape (knots, k, dimensions), optional
-        Velocity, acceleration, … fixed at any knot; None is free. Beside `start` and `end`.
+        Velocity, acceleration, … at every knot, in addition to `start` and `end`. None is free.
     corridor_lower, corridor_upper : float or ndarray, shape (segments, dimensions), optional
-        A box a segment (m): one number, one an axis, one a segment in a column, or all.
+        Box of each segment (m), broadcast from one number, one entry per axis or a column with one
+        entry per segment.
     velocity_limit, acceleration_limit, jerk_limit : float or ndarray, optional
-        Largest absolute value of each component, broadcast alike.
+        Largest absolute value of each component (m/s, m/s², m/s³), broadcast in the same way.
     polytope_segments : ndarray of int, shape (halfspaces,), optional
-        With the next two, half-spaces ``normal @ x <= offset`` that hold a segment's positions.
+        Segment of each half-space ``normal @ x <= offset``, which contains the positions of that
+        segment. The three polytope fields go together.
     polytope_normals : ndarray, shape (halfspaces, dimensions), optional
-        Their normals, of any length.
+        Normals of the half-spaces, of any positive length.
     polytope_offsets : ndarray, shape (halfspaces,), optional
-        Their right-hand sides.
+        Right-hand sides of the half-spaces.
     degree : int, optional
-        Degree of the polynomials, at least and by default 2r-1: the optimum has no other without
-        corridor and limits.
+        Degree of the polynomials, at least 2r-1 (default). Without corridor and limits, the optimum
+        has degree 2r-1.
     continuity : int, optional
-        The highest derivative that must be continuous, by default r-1. The paper asks for 2 while it
-        minimises snap, which is not the minimum-snap spline: its jerk jumps.
+        Highest order of a continuous derivative, by default r-1. The paper uses 2 and minimises
+        snap: the jerk of its optimum jumps, so it is not the minimum-snap spline.
 
     Notes
     -----
-    Defaults that depend on the order (`start`, `end`, `degree`, `continuity`) are filled in, so that
-    a default and the same value written out are one content; ``dataclasses.replace(model, order=…)``
-    therefore keeps them, and wants those named that should change with it.
+    The model fills in the defaults that depend on the order (`start`, `end`, `degree`,
+    `continuity`), so that a default and the same explicit value give equal models.
+    ``dataclasses.replace(model, order=…)`` therefore keeps these values. Pass those that change
+    with the order.
 
     Raises
     ------
     InvalidData
-        Naming field, index and value: times that do not increase, shapes, fixed values outside the
-        corridor or the limits, contradicting conditions.
+        Times do not increase, shapes differ, fixed values are outside the corridor or the limits,
+        or conditions contradict each other. The message names field, index and value.
     """
 
     kind: ClassVar[str] = "minimum-derivative"
@@ -97,11 +100,11 @@ class MinimumDerivative(PathData):
     # -- checks ----------------------------------------------------------------------------------
 
     def check(self) -> None:
-        """Fill in the defaults that depend on the order, and refuse what contradicts itself."""
+        """Fill in the defaults that depend on the order and validate constraints between fields."""
         if self.waypoints.shape[1] == 0:
             raise InvalidData("waypoints must have at least 1 dimension, got 0", field="waypoints")
         increasing("times", self.times)
-        # Resolved here, so that a default and the same value written out are one content.
+        # Defaults are resolved here, so that a default and the same explicit value compare equal.
         rest = np.zeros((self.order - 1, self.dimensions))
         for name in ("start", "end"):
             if getattr(self, name) is None:
@@ -133,7 +136,7 @@ class MinimumDerivative(PathData):
 
     @property
     def preferred_formulation(self) -> str:
-        """The program of the free derivatives where they say everything, else the Legendre basis."""
+        """``hermite`` if the free derivatives determine the path, else ``legendre``."""
         free = self.continuity < self.order and not (
             self.highest_fixed >= self.order and np.isfinite(self.conditions[:, self.order :]).any()
         )
@@ -146,17 +149,34 @@ class MinimumDerivative(PathData):
 
     # -- plans -----------------------------------------------------------------------------------
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # an overflow yields NaN, which is a violation
     def verify(self, plan: Trajectory, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective by quadrature, and every condition at the knots and in between.
+        """Evaluate the objective by quadrature and all conditions at and between the knots.
 
-        Corridor and limits are measured at their exact extremes: the ends, and the roots of the
-        next derivative.
+        Corridor and limits are evaluated at the exact extremes of the path: the ends of the segments
+        and the roots of the next derivative.
+
+        Parameters
+        ----------
+        plan : Trajectory
+            Trajectory with the model's segments and dimensions.
+        tolerance : float
+            Largest relative violation of a feasible plan.
+
+        Returns
+        -------
+        Verification
+            Objective and checks.
+
+        Raises
+        ------
+        InvalidData
+            `plan` is not a trajectory of the model's shape.
         """
         return verify_trajectory(self, plan, tolerance)
 
     def distance(self, plan: Trajectory, other: Trajectory) -> float:
-        """Return the largest distance between two paths at the same time, in the model's widest extent."""
+        """Return the largest difference of two paths at equal times, relative to the widest extent."""
         shares = np.arange(SAMPLES) / SAMPLES
         times = self.times[:-1, None] + shares * np.diff(self.times)[:, None]
         apart = np.abs(plan(times.ravel()) - other(times.ravel())).max()
@@ -171,14 +191,14 @@ class MinimumDerivative(PathData):
         return Trajectory.from_data(data)
 
     def as_plan(self, value: Any) -> Trajectory:
-        """Return the trajectory that `value` means; a SciPy ``PPoly`` is one."""
+        """Convert a trajectory, a solution or a SciPy ``PPoly`` to a trajectory."""
         plan = getattr(value, "plan", value)
         if hasattr(plan, "c") and hasattr(plan, "x"):
             plan = Trajectory.from_ppoly(plan)
         return super().as_plan(value if plan is None else plan)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a one-line summary: derivative, segments, dimensions and bounds."""
         what = derivative_name(self.order)
         more = [b.name for b in self.bounds] + (["polytopes"] if self.halfspaces else [])
         return (
@@ -190,10 +210,25 @@ class MinimumDerivative(PathData):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MinimumSnap(MinimumDerivative):
-    """The minimum-snap trajectory through waypoints: :class:`MinimumDerivative` with r = 4.
+    """Minimum-snap trajectory through waypoints: :class:`MinimumDerivative` with r = 4.
 
-    ``MinimumSnap(waypoints, times)`` goes from rest to rest, with velocity, acceleration and jerk
-    zero at both ends. All other parameters are those of the base, `order` and `weights` left out.
+    ``MinimumSnap(waypoints, times)`` starts and ends at rest: velocity, acceleration and jerk are
+    zero at both ends.
+
+    Parameters
+    ----------
+    waypoints : ndarray, shape (knots, dimensions)
+        Positions at the knots (m). None (or :data:`FREE`) leaves a coordinate free.
+    times : ndarray, shape (knots,)
+        Times of the knots (s), increasing.
+    start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, acceleration_limit, \
+jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, continuity
+        As in :class:`MinimumDerivative`.
+
+    Raises
+    ------
+    InvalidData
+        As in :class:`MinimumDerivative`.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""Many polynomials on the unit interval at once: values, Bernstein coefficients, exact extrema.
+"""Batches of polynomials on the unit interval: values, Bernstein coefficients, exact extrema.
 
-Coefficients stand in ascending powers of s in [0, 1] along one axis of an array.
+Coefficients are in ascending powers of s in [0, 1] along one axis of an array.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ def derivative_matrix(degree: int, orders: int) -> Floats:
 
 
 def derived(coefficients: Floats, derivative: int) -> Floats:
-    """Return the coefficients of the derivative in s; the powers lie along the second axis.
+    """Return the coefficients of a derivative in s, with the powers along the second axis.
 
     Parameters
     ----------
     coefficients : ndarray, shape (N, degree + 1, ...)
         Ascending powers.
     derivative : int
-        How often to differentiate; beyond the degree, one zero coefficient is left.
+        Order of the derivative. Above the degree, the result is one zero coefficient.
     """
     degree = coefficients.shape[1] - 1
     if derivative == 0:
@@ -65,16 +65,16 @@ def derived(coefficients: Floats, derivative: int) -> Floats:
 
 
 def by_power(coefficients: Floats, derivative: int = 0) -> Floats:
-    """Return the coefficients of a derivative in s, a copy with the polynomials along the last axis.
+    """Return a copy of the coefficients of a derivative in s, with the polynomials along the last axis.
 
-    Loops over many polynomials are several times as fast there.
+    Loops over many polynomials are several times faster in this layout.
 
     Parameters
     ----------
     coefficients : ndarray, shape (N, degree + 1, D)
         Ascending powers.
     derivative : int
-        How often to differentiate, at most as often as the degree says.
+        Order of the derivative, at most the degree.
 
     Returns
     -------
@@ -87,14 +87,14 @@ def by_power(coefficients: Floats, derivative: int = 0) -> Floats:
 
 
 def horner(coefficients: Floats, s: Floats) -> Floats:
-    """Return the values at `s`, one argument a polynomial.
+    """Evaluate each polynomial at its own argument `s` by Horner's method.
 
     Parameters
     ----------
     coefficients : ndarray, shape (N, degree + 1, D)
         Ascending powers.
     s : ndarray, shape (N,) or (N, D)
-        Arguments; with D = 1 in `coefficients`, as many as there are.
+        Arguments. If `coefficients` has D = 1, `s` may have any number of columns.
     """
     argument = s[:, None] if s.ndim == 1 else s
     shape = np.broadcast_shapes(coefficients[:, -1].shape, argument.shape)
@@ -109,7 +109,7 @@ def horner(coefficients: Floats, s: Floats) -> Floats:
 def bernstein_matrix(degree: int, pieces: int = 1) -> Floats:
     """Return B with ``control = B @ coefficients``: powers of s to Bernstein coefficients.
 
-    Those of the `pieces` equal parts of [0, 1] stand one below the other.
+    [0, 1] is split into `pieces` equal parts, whose matrices are stacked vertically.
     """
     matrix = np.zeros((degree + 1, degree + 1))
     for row in range(degree + 1):
@@ -120,9 +120,9 @@ def bernstein_matrix(degree: int, pieces: int = 1) -> Floats:
         # s = (piece + u) / pieces
         shift = np.zeros((degree + 1, degree + 1))
         for power in range(degree + 1):
-            for own in range(power + 1):
-                share = math.comb(power, own) * piece ** (power - own)
-                shift[own, power] = share / pieces**power
+            for row in range(power + 1):
+                share = math.comb(power, row) * piece ** (power - row)
+                shift[row, power] = share / pieces**power
         parts.append(matrix @ shift)
     return np.concatenate(parts)
 
@@ -146,11 +146,11 @@ def gauss_legendre(count: int) -> tuple[Floats, Floats]:
 
 
 def critical_points(coefficients: Floats) -> Floats:
-    """Return arguments in [0, 1] among which every polynomial takes its least and largest value.
+    """Return arguments in [0, 1] that include the minimum and maximum of every polynomial.
 
-    Both ends, and the real part of every root of the derivative, moved into the interval: the part
-    of a complex root is one more sample and does no harm, so that no tolerance decides what is a
-    real root.
+    The arguments are both ends and the real part of every root of the derivative, clipped to the
+    interval. The real part of a complex root is only an additional sample, so that no tolerance has
+    to identify the real roots.
 
     Parameters
     ----------
@@ -169,25 +169,25 @@ def critical_points(coefficients: Floats) -> Floats:
         return ends.copy()
     wide = ~np.isfinite(slope).all(axis=1)
     if wide.any():
-        # What overflows in the slope alone is scaled first; values beyond floats have no such points.
+        # If only the slope overflows, scale before differentiation. Non-finite values have no roots.
         size = np.abs(coefficients[wide]).max(axis=1, keepdims=True)
         slope[wide] = derived(np.where(np.isfinite(size), coefficients[wide] / size, 0.0), 1)
     largest = np.abs(slope).max(axis=1, keepdims=True)
     slope = slope / np.where(largest > 0, largest, 1.0)
     lead = slope[:, -1]
-    # A leading coefficient of 0 is made noise: its root goes far away, the others stay.
+    # A leading coefficient of 0 is replaced by noise, which moves its root far from the interval.
     lead = np.where(np.abs(lead) < _NOISE, np.where(lead < 0, -_NOISE, _NOISE), lead)
     companion = np.zeros((count, degree, degree))
     companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
     companion[:, :, -1] = -slope[:, :-1] / lead[:, None]
     roots = np.clip(np.linalg.eigvals(companion).real, 0.0, 1.0)
-    # Noise for a leading coefficient costs the other roots digits, which Newton's steps bring back.
-    # The roots they start from stay: a step may lead away, and more arguments do no harm.
+    # The noise reduces the accuracy of the other roots, which Newton steps restore. The initial
+    # roots are kept because a step may diverge, and additional arguments are harmless.
     polished = roots
     bend = derived(slope, 1)
     for _ in range(3):
         value, curvature = horner(slope[:, :, None], polished), horner(bend[:, :, None], polished)
-        with np.errstate(over="ignore"):  # a step without end is cut off like any other
+        with np.errstate(over="ignore"):  # infinite steps are clipped
             step = np.divide(value, curvature, out=np.zeros_like(value), where=curvature != 0)
         polished = np.clip(polished - step, 0.0, 1.0)
     return np.concatenate([ends, roots, polished], axis=1)

@@ -1,4 +1,4 @@
-"""How long each segment takes: the minimum-derivative trajectory with its times free.
+"""Time allocation: the minimum-derivative trajectory with free durations of the segments.
 
 Sources: Richter, Bry and Roy, "Polynomial trajectory planning for aggressive quadrotor flight in
 dense indoor environments", ISRR 2013 (J + ρ ΣT, descent on the times); Wang, Zhou, Xu and Gao,
@@ -30,57 +30,56 @@ Floats = NDArray[np.float64]
 
 _SHARED = {field.name: field for field in dataclasses.fields(MinimumDerivative)}
 
-#: Fields that :class:`MinimumDerivative` completes, and that are kept as it completes them.
+#: Fields whose defaults :class:`MinimumDerivative` fills in.
 _COMPLETED = ("start", "end", "degree", "continuity")
 
 
 def _shared(name: str) -> Any:
-    """Return a field declared as :class:`MinimumDerivative` declares it: one text for both."""
+    """Return a field with the default and metadata that :class:`MinimumDerivative` declares."""
     field = _SHARED[name]
     return dataclasses.field(default=field.default, metadata=field.metadata)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TimeAllocation(Model[Trajectory]):
-    """The trajectory through waypoints, and the times of the knots with it.
+    """Trajectory through waypoints with free times of the knots.
 
-    Minimise J + ρ ΣT over the durations T_k > 0 and the polynomials, where J = ∫ (x^(r))² dt is
-    what :class:`~crosstrack.models.MinimumDerivative` minimises at given times; or J alone at a
-    given total time. Corridor and limits hold as they do there: :meth:`at` gives that problem.
+    Minimise J + ρ ΣT over the durations T_k > 0 and the polynomials. J = ∫ (x^(r))² dt is the
+    objective of :class:`~crosstrack.models.MinimumDerivative` at given times. If the total time is
+    given, minimise J alone. Corridor and limits are those of that model, which :meth:`at` returns.
 
-    Stretching time by s turns a motion from rest to rest into one that costs ``s^(1-2r) J``. So
-    where nothing but positions is fixed or bounded (and derivatives, to zero), every optimum has
-    ``ρ ΣT = (2r - 1) J``, and the best total time grows as ``ρ^(-1/2r)`` (Richter, Bry and Roy
-    2013); for a sum of several orders, ``ρ ΣT = Σ (2j - 1) J_j``. The problem is not convex, and
-    may have several local optima.
+    Stretching time by s changes the cost of a motion from rest to rest to ``s^(1-2r) J``. If only
+    positions are fixed or bounded and all fixed derivatives are zero, every optimum therefore
+    satisfies ``ρ ΣT = (2r - 1) J``, and the optimal total time is proportional to ``ρ^(-1/2r)``
+    (Richter, Bry and Roy 2013). For a sum of several orders, ``ρ ΣT = Σ (2j - 1) J_j``. The problem
+    is not convex and may have several local optima.
 
     Parameters
     ----------
     waypoints : ndarray, shape (knots, dimensions)
-        Positions at the knots (m); None leaves a coordinate free.
+        Positions at the knots (m). None leaves a coordinate free.
     time_weight : float
-        ρ, the price of a second (m²/s^2r), at least 0.
+        ρ, the cost per second (m²/s^2r), at least 0. Must be positive without `total_time`.
     total_time : float, optional
-        ΣT (s), where it is given; ρ ΣT is then a constant.
+        ΣT (s), positive. ρ ΣT is then a constant. By default the total time is free.
     order, weights, start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, \
 acceleration_limit, jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, \
 continuity
-        As those of :class:`~crosstrack.models.MinimumDerivative`.
+        As in :class:`~crosstrack.models.MinimumDerivative`.
 
     Raises
     ------
     InvalidData
-        What that model refuses; ρ = 0 without a total time, for J would fall to 0 with times that
-        grow without end; a waypoint that repeats the one before, for its segment would take no
-        time at all.
+        The data are invalid for that model. ρ = 0 without a total time: J tends to 0 for unbounded
+        times. A waypoint repeats the previous one: the optimal duration of its segment is 0.
 
     Examples
     --------
     >>> import crosstrack as ct
     >>> from crosstrack.models import TimeAllocation
     >>> model = TimeAllocation(waypoints=[[0, 0], [1, 2], [3, 2]], time_weight=100)
-    >>> found = ct.solve(model)
-    >>> found.termination, found.plan.durations.round(3).tolist()
+    >>> solution = ct.solve(model)
+    >>> solution.termination, solution.plan.durations.round(3).tolist()
     (<Termination.LOCALLY_OPTIMAL: 'locally_optimal'>, [2.602, 2.487])
     """
 
@@ -111,7 +110,7 @@ continuity
     plan_type: ClassVar[type] = Trajectory
 
     def check(self) -> None:
-        """Refuse what the problem at given times refuses, and what leaves the times no optimum."""
+        """Validate the data at given times and reject problems without optimal times."""
         if len(self.waypoints) < 2:
             raise InvalidData(
                 f"waypoints must hold at least 2 knots, got {len(self.waypoints)}",
@@ -128,7 +127,7 @@ continuity
         self._check_movement()
 
     def _check_movement(self) -> None:
-        """Refuse a segment that may stand still: the shorter, the better, and never the best."""
+        """Reject a segment without motion: its objective has no minimum over positive durations."""
         table = self.conditions
         still = np.all((table[:, 1:] == 0.0) | ~np.isfinite(table[:, 1:]), axis=(1, 2))
         before, after = self.waypoints[:-1], self.waypoints[1:]
@@ -147,7 +146,7 @@ continuity
     # -- at given times --------------------------------------------------------------------------
 
     def at(self, times: ArrayLike) -> MinimumDerivative:
-        """Return the problem that is left at given times.
+        """Return the minimum-derivative problem at given times.
 
         Parameters
         ----------
@@ -157,19 +156,19 @@ continuity
         Raises
         ------
         InvalidData
-            They do not increase, or are not one a knot.
+            `times` do not increase, or their number differs from the number of knots.
         """
-        given = {name: getattr(self, name) for name in _SHARED if name not in ("name", "times")}
-        return MinimumDerivative(times=cast(Floats, times), name=self.name, **given)
+        fields = {name: getattr(self, name) for name in _SHARED if name not in ("name", "times")}
+        return MinimumDerivative(times=cast(Floats, times), name=self.name, **fields)
 
     @cached_property
     def unit(self) -> MinimumDerivative:
-        """The problem with every segment 1 s long: for all that does not depend on the times."""
+        """Problem with segments of 1 s, for all properties that are independent of the times."""
         return self.at(np.arange(len(self.waypoints), dtype=float))
 
     @property
     def segments(self) -> int:
-        """Number of polynomials an axis, and of durations."""
+        """Number of segments: polynomials per axis, and durations."""
         return len(self.waypoints) - 1
 
     @property
@@ -184,33 +183,33 @@ continuity
 
     @property
     def conditions(self) -> Floats:
-        """What is fixed at the knots: shape (knots, highest fixed + 1, dimensions), else FREE."""
+        """Fixed values at the knots, shape (knots, highest fixed + 1, dimensions), else FREE."""
         return self.unit.conditions
 
     @property
     def bounds(self) -> tuple[Bound, ...]:
-        """The corridor's boxes and the limits, where there are any."""
+        """Corridor boxes and limits that bound at least one component."""
         return self.unit.bounds
 
     @property
     def halfspaces(self) -> Halfspaces | None:
-        """The polytopes' half-spaces with normals of length 1, None where there are none."""
+        """Half-spaces of the polytopes with normals of length 1; None without polytopes."""
         return self.unit.halfspaces
 
     @property
     def bounded(self) -> bool:
-        """Whether there is a corridor or a limit."""
+        """Whether the model has a corridor, a polytope or a limit."""
         return self.unit.bounded
 
     @cached_property
     def from_rest_to_rest(self) -> bool:
-        """Whether every derivative that is fixed is zero, so that any plan may be slowed down."""
+        """Whether all fixed derivatives are zero, so that slowing a plan down keeps them."""
         fixed = self.conditions[:, 1:]
         return bool(np.all((fixed == 0.0) | ~np.isfinite(fixed)))
 
     @cached_property
     def scales(self) -> bool:
-        """Whether stretching time keeps every constraint, so that ``ρ ΣT = Σ (2j-1) J_j``."""
+        """Whether stretching time keeps all constraints, so that ``ρ ΣT = Σ (2j-1) J_j``."""
         return self.from_rest_to_rest and all(b.derivative == 0 for b in self.bounds)
 
     # -- plans -----------------------------------------------------------------------------------
@@ -220,9 +219,9 @@ continuity
         return self.unit.objective(plan) + self.time_weight * plan.duration
 
     def identity_residual(self, plan: Trajectory) -> float | None:
-        """Return by how much ``ρ ΣT = Σ (2j - 1) J_j`` fails, relative; None where it need not hold.
+        """Return the relative residual of ``ρ ΣT = Σ (2j - 1) J_j``, or None if it does not apply.
 
-        It holds at every local optimum whose constraints all outlive a stretch of time.
+        The identity holds at every local optimum if stretching time keeps all constraints.
         """
         if not self.scales or self.total_time is not None:
             return None
@@ -234,11 +233,28 @@ continuity
         price = self.time_weight * plan.duration
         return float(abs(price - total) / max(price, total))
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # an overflow yields NaN, which is a violation
     def verify(self, plan: Trajectory, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return J + ρ ΣT, and every constraint of the problem at the plan's own times.
+        """Evaluate J + ρ ΣT and all constraints of the problem at the plan's own times.
 
-        The path may begin at any time: only durations count.
+        The path may start at any time, because only durations enter the problem.
+
+        Parameters
+        ----------
+        plan : Trajectory
+            Trajectory with the model's segments and dimensions.
+        tolerance : float
+            Largest relative violation of a feasible plan.
+
+        Returns
+        -------
+        Verification
+            Objective and checks.
+
+        Raises
+        ------
+        InvalidData
+            `plan` is not a trajectory of the model's shape.
         """
         if not isinstance(plan, Trajectory):
             raise InvalidData(f"plan must be a Trajectory, got {type(plan).__name__}", field="plan")
@@ -246,12 +262,12 @@ continuity
             raise InvalidData(
                 f"plan has {plan.segments} segments, the model {self.segments}", field="plan"
             )
-        at = self.at(plan.times).verify(plan, tolerance=tolerance)
-        least = int(plan.durations.argmin())
+        timed = self.at(plan.times).verify(plan, tolerance=tolerance)
+        shortest = int(plan.durations.argmin())
         checks = [
             Check(
-                "durations > 0", "", max(0.0, -float(plan.durations[least])), "s", 0.0,
-                f"segment {least} ({plan.durations[least]:.6g} s)", 0.0,
+                "durations > 0", "", max(0.0, -float(plan.durations[shortest])), "s", 0.0,
+                f"segment {shortest} ({plan.durations[shortest]:.6g} s)", 0.0,
             )
         ]  # fmt: skip
         if self.total_time is not None:
@@ -261,10 +277,12 @@ continuity
                     f"{plan.duration:.9g} s", tolerance, self.total_time, limit=self.total_time,
                 )
             )  # fmt: skip
-        # Its own check of the times compares them with themselves.
-        checks += [check for check in at.checks if check.name != "times"]
-        value = None if at.objective is None else at.objective + self.time_weight * plan.duration
-        return Verification(value, tuple(checks), scale=at.scale)
+        # The check of the times would compare the plan's times with themselves.
+        checks += [check for check in timed.checks if check.name != "times"]
+        value = timed.objective
+        if value is not None:
+            value += self.time_weight * plan.duration
+        return Verification(value, tuple(checks), scale=timed.scale)
 
     def plan_to_data(self, plan: Trajectory) -> Any:
         """Return ``{"times": […], "coefficients": [[[…]]]}``."""
@@ -275,16 +293,16 @@ continuity
         return Trajectory.from_data(data)
 
     def as_plan(self, value: Any) -> Trajectory:
-        """Return the trajectory that `value` means; a SciPy ``PPoly`` is one."""
+        """Convert a trajectory, a solution or a SciPy ``PPoly`` to a trajectory."""
         return self.unit.as_plan(value)
 
     def times(self, durations: ArrayLike) -> Floats:
-        """Return the times of the knots, from 0, of these durations: shape (knots,)."""
+        """Return the times of the knots for given durations, starting at 0 s, shape (knots,)."""
         ends = np.cumsum(np.asarray(durations, float))
         return frozen(np.concatenate([[0.0], ends]))
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a one-line summary: objective, segments, dimensions and bounds."""
         more = [b.name for b in self.bounds] + (["polytopes"] if self.halfspaces else [])
         what = f"{self.time_weight:g} a second" if self.total_time is None else "of a given total"
         size = f"{self.segments} segments in {self.dimensions}-D"

@@ -1,4 +1,4 @@
-"""A piecewise polynomial in time: the plan of every trajectory model."""
+"""Piecewise polynomial in time: the plan of every trajectory model."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ __all__ = ["Extremes", "Trajectory", "increasing"]
 
 Floats = NDArray[np.float64]
 
-#: Segments treated at a time where intermediate arrays would outgrow the result.
+#: Segments per batch if intermediate arrays are larger than the result.
 _CHUNK = 65536
-#: Times at which values are taken together: their coefficients fit into a processor's cache.
+#: Times per batch of an evaluation, whose coefficients fit into a processor's cache.
 _SAMPLES = 2048
-#: The highest derivative that may be asked for: that of any polynomial in sight is 0 by then.
+#: Highest order of a derivative. It is far above the degree of any trajectory, so the derivative is 0.
 MOST_DERIVATIVES = 999
 
 
 class Extremes(NamedTuple):
-    """The least and the largest value of a derivative, an axis a column.
+    """Minimum and maximum of a derivative on each segment, with one column per axis.
 
     Parameters
     ----------
     least, largest : ndarray, shape (segments, dimensions)
-        The values.
+        Minimum and maximum, m/s^derivative.
     least_time, largest_time : ndarray, shape (segments, dimensions)
-        Where they are taken.
+        Times of the minimum and of the maximum, s.
     """
 
     least: Floats
@@ -57,7 +57,7 @@ class Extremes(NamedTuple):
 
 
 def increasing(name: str, times: Floats) -> None:
-    """Raise :class:`InvalidData` unless there are two `times` or more, each after the one before."""
+    """Raise :class:`InvalidData` unless `times` has at least two entries and increases strictly."""
     if times.size < 2:
         raise InvalidData(f"{name} must hold at least 2 entries, got {times.size}", field=name)
     bad = np.flatnonzero(np.diff(times) <= 0)
@@ -71,20 +71,21 @@ def increasing(name: str, times: Floats) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
-    """A piecewise polynomial: ``trajectory(t, derivative=0)``.
+    """Piecewise polynomial, evaluated as ``trajectory(t, derivative=0)``.
 
     Parameters
     ----------
     times : ndarray, shape (segments + 1,)
-        Knots, increasing, s.
+        Knots (s), strictly increasing.
     coefficients : ndarray, shape (segments, degree + 1, dimensions)
-        Ascending powers of each segment's own time, scaled to ``s = (t - t_k) / (t_{k+1} - t_k)``:
-        scaled, because powers of seconds lose their digits where segments are short or long.
+        Coefficients (m) of ascending powers of the scaled time of each segment,
+        ``s = (t - t_k) / (t_{k+1} - t_k)``. Powers of seconds would lose digits for short or long
+        segments.
 
     Raises
     ------
     InvalidData
-        Shapes that do not fit, times that do not increase, numbers that are not finite.
+        Shapes differ, times do not increase, or numbers are not finite.
     """
 
     times: Floats
@@ -128,7 +129,7 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """Duration of the whole, s."""
+        """Total duration, s."""
         return float(self.times[-1] - self.times[0])
 
     def __repr__(self) -> str:
@@ -140,14 +141,14 @@ class Trajectory:
     # -- values ----------------------------------------------------------------------------------
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
-        """Return the position, or a derivative in time, at `t`.
+        """Return the position or a derivative in time at `t`.
 
         Parameters
         ----------
         t : float or ndarray, any shape
-            Times between the first knot and the last, s; at a knot, the later segment speaks.
+            Times (s) between the first and the last knot. At a knot, the later segment is evaluated.
         derivative : int
-            0 position, 1 velocity, 2 acceleration, 3 jerk, 4 snap, …
+            Order: 0 position (default), 1 velocity, 2 acceleration, 3 jerk, 4 snap, …
 
         Returns
         -------
@@ -156,7 +157,7 @@ class Trajectory:
         Raises
         ------
         InvalidData
-            A time beyond the knots, or a derivative that is no whole number from 0.
+            A time is outside the knots, or `derivative` is not a non-negative integer.
         """
         order = _order(derivative)
         first, last = self._span
@@ -174,49 +175,55 @@ class Trajectory:
         value = np.zeros((flat.size, self.dimensions))
         for begin in range(0, flat.size if order <= self.degree else 0, _SAMPLES):
             part = slice(begin, begin + _SAMPLES)
-            own = index[part]
-            long = self.durations[own]
-            s = np.clip((flat[part] - self.times[own]) / long, 0.0, 1.0)
-            inner = by_power(self.coefficients.take(own, axis=0), order)
-            found = inner[-1]
+            segments = index[part]
+            durations = self.durations[segments]
+            s = np.clip((flat[part] - self.times[segments]) / durations, 0.0, 1.0)
+            inner = by_power(self.coefficients.take(segments, axis=0), order)
+            result = inner[-1]
             for row in inner[-2::-1]:
-                found *= s
-                found += row
-            value[part] = (found / long**order if order else found).T
+                result *= s
+                result += row
+            value[part] = (result / durations**order if order else result).T
         return value.reshape(*at.shape, self.dimensions)
 
     @cached_property
     def _span(self) -> tuple[float, float]:
-        """The first and the last time that may be asked for: the ends, and what rounding adds."""
+        """Smallest and largest allowed time: both ends with a margin for rounding, s."""
         first, last = float(self.times[0]), float(self.times[-1])
         slack = 1e-12 * max(1.0, abs(first), abs(last))
         return first - slack, last + slack
 
     def _value(self, t: float, order: int) -> Floats:
-        """Return a derivative at one time: of so few numbers, Python's own are the quickest."""
+        """Return a derivative at one time. Python floats are faster than arrays at this size."""
         if order > self.degree:
             return np.zeros(self.dimensions)
-        own = min(max(int(self.times.searchsorted(t, "right")) - 1, 0), self.segments - 1)
-        long = self.durations[own]
-        s = min(max((t - float(self.times[own])) / float(long), 0.0), 1.0)
-        inner = self.coefficients[own, order:]
+        segment = min(max(int(self.times.searchsorted(t, "right")) - 1, 0), self.segments - 1)
+        duration = self.durations[segment]
+        s = min(max((t - float(self.times[segment])) / float(duration), 0.0), 1.0)
+        inner = self.coefficients[segment, order:]
         if order:
             inner = inner * factorials(self.degree, order)[:, None]
-        found = []
+        values = []
         for axis in inner[::-1].T.tolist():
             value = 0.0
             for coefficient in axis:
                 value = value * s + coefficient
-            found.append(value)
-        return np.array(found) / long**order if order else np.array(found)
+            values.append(value)
+        return np.array(values) / duration**order if order else np.array(values)
 
     def at_ends(self, derivative: int = 0) -> tuple[Floats, Floats]:
         """Return a derivative at the start and at the end of every segment.
 
+        Parameters
+        ----------
+        derivative : int
+            Order of the derivative, 0 by default.
+
         Returns
         -------
         tuple of ndarray, shape (segments, dimensions)
-            They differ at a knot by its jump.
+            Values at the starts and at the ends. The end of a segment and the start of the next one
+            differ by the jump at the knot.
         """
         order = _order(derivative)
         inner = derived(self.coefficients, order)
@@ -224,9 +231,20 @@ class Trajectory:
         return inner[:, 0] * scale, inner.sum(axis=1) * scale
 
     def integral_of_square(self, derivative: int) -> Floats:
-        """Return ∫ (x^(derivative))² dt of each axis, by Gauss-Legendre quadrature (exact).
+        """Return ∫ (x^(derivative))² dt of each axis by exact Gauss-Legendre quadrature.
 
-        A sum of squares, so nothing cancels, as it does in the quadratic form of the powers.
+        The quadrature is a sum of squares without cancellation, unlike the quadratic form in the
+        coefficients.
+
+        Parameters
+        ----------
+        derivative : int
+            Order of the derivative.
+
+        Returns
+        -------
+        ndarray, shape (dimensions,)
+            Integrals over all segments, m²/s^(2 derivative - 1).
         """
         order = _order(derivative)
         total = np.zeros(self.dimensions)
@@ -248,18 +266,26 @@ class Trajectory:
         direction: ArrayLike | None = None,
         segments: NDArray[np.int64] | None = None,
     ) -> Extremes:
-        """Return the least and largest value of a derivative on every segment, and where.
+        """Return the minimum and maximum of a derivative on every segment, with their times.
 
-        Exact up to rounding: the values at the ends and at the roots of the next derivative.
+        The result is exact up to rounding: it compares the values at the ends and at the roots of
+        the next derivative.
 
         Parameters
         ----------
         derivative : int
-            Which derivative in time.
+            Order of the derivative in time, 0 by default.
         direction : ndarray, shape (segments, dimensions), optional
-            Look at its component along these vectors instead of the axes: one column comes back.
+            Vectors along which the component is evaluated, instead of the axes. The result then has
+            one column.
         segments : ndarray of int, optional
-            Look at these segments only, which may repeat; a row each.
+            Indices of the segments, which may repeat; one row of the result per index. All segments
+            by default.
+
+        Returns
+        -------
+        Extremes
+            Values and times.
         """
         order = _order(derivative)
         own = np.arange(self.segments)
@@ -297,7 +323,7 @@ class Trajectory:
     # -- other forms -----------------------------------------------------------------------------
 
     def bezier(self) -> Floats:
-        """Return the Bézier control points, shape (segments, degree + 1, dimensions)."""
+        """Return the Bézier control points, m, shape (segments, degree + 1, dimensions)."""
         control: Floats = np.einsum("bp,kpd->kbd", bernstein_matrix(self.degree), self.coefficients)
         return control
 
@@ -308,9 +334,14 @@ class Trajectory:
         Parameters
         ----------
         times : ndarray, shape (segments + 1,)
-            Knots, s.
+            Knots (s), strictly increasing.
         points : ndarray, shape (segments, degree + 1, dimensions)
-            Control points.
+            Control points (m).
+
+        Raises
+        ------
+        InvalidData
+            Shapes differ, times do not increase, or numbers are not finite.
         """
         control = Array(("segments", "degree + 1", "dimensions")).coerce("points", points, {})
         matrix = power_matrix(max(control.shape[1] - 1, 0))
@@ -319,7 +350,7 @@ class Trajectory:
     def to_ppoly(self) -> PPoly:
         """Return a ``scipy.interpolate.PPoly`` with values of shape (dimensions,).
 
-        Its powers are of seconds, not scaled.
+        Its coefficients multiply powers of seconds, not of scaled time.
         """
         from scipy.interpolate import PPoly
 
@@ -329,7 +360,18 @@ class Trajectory:
 
     @classmethod
     def from_ppoly(cls, piecewise: PPoly) -> Trajectory:
-        """Return the trajectory that a ``PPoly`` describes; one without value shape is 1-D."""
+        """Return the trajectory of a ``PPoly``.
+
+        Parameters
+        ----------
+        piecewise : scipy.interpolate.PPoly
+            Piecewise polynomial with values of shape (dimensions,), or scalar values for one axis.
+
+        Raises
+        ------
+        InvalidData
+            `piecewise` is not a ``PPoly``, or its values have more than one dimension.
+        """
         if not hasattr(piecewise, "c") or not hasattr(piecewise, "x"):
             raise InvalidData(
                 f"piecewise must be a PPoly, got {show(piecewise)}", field="piecewise"
@@ -345,9 +387,9 @@ class Trajectory:
         return cls(times, powers * scale[:, :, None])
 
     def to_bspline(self) -> BSpline:
-        """Return a ``scipy.interpolate.BSpline``: Bézier pieces, so every knot is repeated.
+        """Return a ``scipy.interpolate.BSpline`` of Bézier pieces, with repeated knots.
 
-        Each segment keeps its own ``degree + 1`` coefficients, whatever the continuity.
+        Each segment has ``degree + 1`` coefficients, independent of the continuity.
         """
         from scipy.interpolate import BSpline
 
@@ -362,14 +404,20 @@ class Trajectory:
         Parameters
         ----------
         rate : float
-            Samples a second.
+            Samples per second, positive; 100 by default.
         derivatives : int
-            The highest derivative in the rows.
+            Highest order of a derivative in the rows, 4 by default.
+
+        Returns
+        -------
+        ndarray, shape (samples, 1 + (derivatives + 1) * dimensions)
+            Times (s), positions (m) and derivatives in time.
 
         Raises
         ------
         InvalidData
-            A rate that is no number > 0, or that gives too many samples.
+            The rate is not positive or yields too many samples, or `derivatives` is not a
+            non-negative integer.
         """
         count = sample_count(self.duration, rate)
         t = self.times[0] + np.arange(count + 1) / rate
@@ -386,7 +434,13 @@ class Trajectory:
 
     @classmethod
     def from_data(cls, data: Any) -> Trajectory:
-        """Return the trajectory that :meth:`to_data` wrote."""
+        """Return the trajectory from the data of :meth:`to_data`.
+
+        Raises
+        ------
+        InvalidData
+            A key is missing or unknown, or the values do not form a trajectory.
+        """
         if not isinstance(data, Mapping):
             raise InvalidData(f"a trajectory must be an object, got {show(data)}", field="plan")
         for key in data:
@@ -412,11 +466,11 @@ def _order(derivative: Any) -> int:
 
 
 def _real(name: str, value: Any) -> Floats:
-    """Return numbers of any shape."""
+    """Return `value` as an array of floats of any shape, or raise :class:`InvalidData`."""
     try:
         array = np.asarray(value)
         found = np.asarray(array, float) if array.dtype.kind in "iufO" else None
-    except Exception:  # whatever a stranger's conversion raises
+    except Exception:  # a third-party `__array__` may raise any exception
         found = None
     if found is None:
         raise InvalidData(f"{name} must be numbers, got {show(value)}", field=name)

@@ -1,4 +1,4 @@
-"""Minimum-derivative piecewise polynomials in O(M), on plain arrays."""
+"""Solver for minimum-derivative piecewise polynomials in O(M), on plain arrays."""
 
 from __future__ import annotations
 
@@ -26,18 +26,20 @@ __all__ = ["added", "certify", "knot_forces", "solve_hermite"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Kernels for waypoints alone, and up to which ratio of neighbouring durations they are right to
-#: about 1e-11 of a segment's size without refinement. They take 0.6 of the time of a first solve by
-#: the kernels that refine: see ``tests/benchmarks/minimum_snap/test_minimum_snap_speed.py``.
+#: Kernels for waypoints alone, and the largest ratio of neighbouring durations for which they are
+#: accurate to about 1e-11 of a segment's size without refinement. They take 0.6 of the time of the
+#: first solve of the refining kernels: ``tests/benchmarks/minimum_snap/test_minimum_snap_speed.py``.
 _CALM = {2: (accelerate, np.inf), 3: (jerk, 30.0), 4: (snap, 5.0)}
-#: Share of J that rounding of moments in ordinary digits may take.
+#: Largest rounding error of J from moments in double precision, relative to J.
 _BLUR = 1e-9
-#: Pivots below this share of their column are rounding, where only pivots can tell.
+#: Pivots below this share of their column are rounding errors. Used if only pivots can detect a
+#: singular system.
 _SINGULAR = 1e-12
-#: Corrections below this share of a segment are rounding: nothing is left to refine.
+#: Corrections below this share of a segment's size are rounding errors, which ends refinement.
 _DONE = 1e-15
-#: Newton steps at most, and how many may stand still where the solution is far away. One is enough
-#: where durations differ little; where they differ by 1e6, each divides the gap by 1e3 or so.
+#: Largest number of Newton steps, and of steps without progress far from the solution. One step
+#: suffices for similar durations. For durations that differ by 1e6, each step divides the gap by
+#: about 1e3.
 _STEPS = 12
 _PATIENCE = 4
 _ULP = float(np.finfo(float).eps)
@@ -59,22 +61,22 @@ def solve_hermite(
     durations : ndarray, shape (M,)
         T_k > 0, s.
     values : ndarray, shape (A, M + 1, r)
-        Derivatives of order 0 … r-1 at the knots; read where `fixed`, so NaN may stand elsewhere.
+        Derivatives of order 0 … r-1 at the knots. Free entries are ignored and may be NaN.
     fixed : ndarray of bool, shape (A, M + 1, r)
-        Which of them are given. Axes with the same pattern are factorised once.
+        Mask of the fixed entries. Axes with the same pattern share one factorisation.
     weights : ndarray, shape (r,)
-        Of the orders 1 … r; none negative, the last one positive.
+        Weights of the orders 1 … r. All are at least 0, and the last is positive.
     continuity : int
-        The highest derivative that neighbours share, 0 … r-1. One of a higher order that is free
-        at a knot is free on each side of it; one that is fixed is fixed on both.
+        Highest order of a derivative that neighbours share, 0 … r-1. A free derivative of a higher
+        order is free on each side of a knot. A fixed one is fixed on both sides.
     certify : bool
-        Whether to refine until the last correction proves the shape, not only until the one after
-        it would. Calm durations are not refined at all: :func:`certify` does that.
+        Whether to refine until the last correction proves the shape. If False, stop as soon as the
+        next correction would prove it. Calm durations are not refined; use :func:`certify`.
 
     Returns
     -------
     Solved
-        With the outcome; nothing is raised.
+        Solution with its outcome. The function raises no exception.
     """
     durations = np.ascontiguousarray(durations, np.float64)
     values = np.ascontiguousarray(values, np.float64)
@@ -109,7 +111,7 @@ def solve_hermite(
             if system.factorise(_SINGULAR if unique is None else 0.0):
                 found = system.descend(values[members])
             if (found is None and unique) or (found is not None and found.correction > CERTIFIED):
-                # Where positions are free it was seen to converge to what is not the optimum.
+                # With free positions it was observed to converge to a point that is not optimal.
                 if not weights[:-1].any() and pattern[:, 0].all():
                     found = solve_boundary(
                         durations, values[members], pattern, weights[-1], continuity,
@@ -134,9 +136,9 @@ def solve_hermite(
 
 
 def certify(durations: Floats, values: Floats, weights: Floats, found: Solved) -> Solved:
-    """Return what `solve_hermite` found without a correction, refined with one.
+    """Refine a solution of `solve_hermite` that has no correction yet.
 
-    Parameters are those of :func:`solve_hermite`; `found` is returned where it has a correction.
+    Parameters are those of :func:`solve_hermite`. If `found` has a correction, it is returned.
     """
     if found.correction >= 0.0 or found.outcome is not Outcome.SOLVED:
         return found
@@ -146,7 +148,7 @@ def certify(durations: Floats, values: Floats, weights: Floats, found: Solved) -
 def _refined(
     durations: Floats, values: Floats, weights: Floats, certify: bool, given: Floats | None
 ) -> Solved:
-    """Solve for waypoints alone and refine; `given` is a solution, which is changed."""
+    """Solve for waypoints alone and refine. `given` is a solution, which is modified in place."""
     axes, knots, order = values.shape
     table = table_of(weights)
     jets = np.empty((axes, knots - 1, 2, order)) if given is None else given
@@ -162,13 +164,14 @@ def _refined(
 
 
 class _System:
-    """The optimality conditions of one pattern of fixed entries.
+    """Optimality conditions for one pattern of fixed entries.
 
-    J is a sum of squares of Legendre moments, and their rows are what is factorised: where durations
-    differ by a factor of 400, the Hessian's condition number is beyond double precision, and that of
-    its root is not. Newton's method on a quadratic is exact from any start, so that refinement is
-    the same step again, with the gradient in twice the digits. The step says how far the jets are
-    off, segment by segment, and the gradient times the step how far J is above its optimum.
+    J is a sum of squares of Legendre moments. The system factorises their rows, not the Hessian: for
+    durations that differ by a factor of 400, the condition number of the Hessian exceeds double
+    precision, and that of its square root does not. Newton's method on a quadratic is exact from any
+    start, so that refinement repeats the step with the gradient in twice the digits. The step
+    estimates the error of the jets of each segment. The gradient times the step estimates how far J
+    is above its optimum.
     """
 
     def __init__(self, durations: Floats, pattern: Bools, weights: Floats, continuity: int) -> None:
@@ -177,16 +180,16 @@ class _System:
         self.order, self.shared = len(weights), continuity + 1
 
     def factorise(self, least: float) -> bool:
-        """Factorise; return whether every pivot is more than the share `least` of its column."""
+        """Factorise, and return whether every pivot exceeds the share `least` of its column."""
         r, s, table = self.order, self.shared, self.table
         count = self.durations.size
         size = np.sqrt(table.factors * self.durations[:, None] ** (1.0 - 2.0 * table.orders))
         units = np.tile(self.durations[:, None] ** np.arange(r), 2)
-        # What neighbours do not share belongs to the segment alone: it comes last.
+        # Derivatives that neighbours do not share belong to one segment and come last.
         own = [*range(s, r), *range(r + s, 2 * r)]
         places = [*range(s), *range(r, r + s), *own]
         rows = size[:, :, None] * table.rows[:, places] * units[:, None, places]
-        # In one memory order, for which the kernels are compiled once.
+        # A single memory order requires only one compilation of the kernels.
         rows = np.ascontiguousarray(rows)
         free = ~np.concatenate([self.pattern[:-1], self.pattern[1:]], axis=1)
         self.own = free[:, own]
@@ -210,12 +213,12 @@ class _System:
         )
 
     def floor(self, values: Floats) -> Floats:
-        """Return what corrections of segments in which little happens are held against, one an axis."""
+        """Return the minimum scale of corrections, for segments with little motion, one per axis."""
         floor: Floats = FLOOR * _sizes(self.durations, _begin(values, self.pattern)).max(axis=1)
         return floor
 
     def descend(self, values: Floats) -> Solved:
-        """Take Newton steps from the fixed `values` of some axes until they are rounding."""
+        """Take Newton steps from the fixed `values` of some axes until steps are rounding errors."""
         r, s, table = self.order, self.shared, self.table
         jets = _begin(values, self.pattern)
         lows, forces, rests = np.zeros_like(jets), np.empty_like(jets), np.empty_like(jets)
@@ -224,7 +227,7 @@ class _System:
         objective = np.empty(axes)
         units = self.durations[:, None, None] ** np.arange(r)
         floor = self.floor(values)[:, None]
-        # The first step is the solution, and corrects nothing.
+        # The first step is the solution itself, without a correction.
         steps, correction, segment, before = 0, np.inf, 0, (np.inf, np.inf)
         while True:
             differentiate(
@@ -237,7 +240,7 @@ class _System:
             pull = [knots.copy(), inner.copy()]
             for a in range(axes):
                 solve_factors(self.factors, self.last, self.held, knots[a], inner[a])
-            with np.errstate(all="ignore"):  # what overflows proves nothing, and so ends refused
+            with np.errstate(all="ignore"):  # an overflow proves nothing and is rejected below
                 gap = abs(float((pull[0] * knots).sum() + (pull[1] * inner).sum()))
             step = np.empty_like(jets)
             step[:, :, 0, :s], step[:, :, 1, :s] = knots[:, :-1], knots[:, 1:]
@@ -248,7 +251,7 @@ class _System:
                 np.divide(off, _sizes(self.durations, jets) + floor, out=share, where=off != 0)
                 segment = int(share.max(axis=0).argmax())
                 correction = float(share.max())
-            # Written so that what is not a number stops, and is no solution.
+            # The comparisons are false for NaN, which therefore ends the loop without a solution.
             now = correction, gap
             stuck = steps > _PATIENCE and not (now[0] < 0.5 * before[0] or now[1] < 0.5 * before[1])
             if not correction > _DONE or steps > _STEPS or stuck:
@@ -272,7 +275,7 @@ def _sizes(durations: Floats, jets: Floats) -> Floats:
 
 
 def _begin(values: Floats, pattern: Bools) -> Floats:
-    """Return jets with what is fixed; free positions take the fixed one before, the rest is 0."""
+    """Return jets with the fixed values. Free positions repeat the previous one, the rest is 0."""
     state = np.where(pattern, values, 0.0)
     held = np.flatnonzero(pattern[:, 0])
     if held.size:
@@ -282,12 +285,12 @@ def _begin(values: Floats, pattern: Bools) -> Floats:
 
 
 def knot_forces(forces: Floats, rests: Floats, shared: int) -> Floats:
-    """Return the sums of what both segments exert on the shared entries of their knot.
+    """Return the sum of both segments' gradients for the shared entries of their knots.
 
     Parameters
     ----------
     forces, rests : ndarray, shape (axes, segments, 2, r)
-        Half the derivative of J by the jets, and what rounding left of it.
+        Half the derivative of J with respect to the jets, and its rounding remainder.
     shared : int
         Number of derivatives that neighbours share.
     """
@@ -301,7 +304,7 @@ def knot_forces(forces: Floats, rests: Floats, shared: int) -> Floats:
 
 
 def added(high: Floats, low: Floats, step: Floats) -> tuple[Floats, Floats]:
-    """Return ``high + low + step`` as a float and what rounding left of it (Dekker 1971)."""
+    """Return ``high + low + step`` as a float and its rounding remainder (Dekker 1971)."""
     total = high + step
     back = total - high
     rest = (high - (total - back)) + (step - back) + low

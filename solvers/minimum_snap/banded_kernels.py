@@ -2,15 +2,15 @@
 
 The unknowns are the derivatives of order 1 … r-1 at the inner knots, and the Hessian is block
 tridiagonal with blocks of r-1. One sweep forward assembles block row k, eliminates it (LDL', no
-square roots) and reduces the right-hand sides of all axes at once; one sweep backward writes the
-jets and, while they are at hand, sums up the objective. Nothing but the coupling ``upper`` is kept
-in between: reduced right-hand sides wait where the jets will stand. Nothing is refined: they are for
-durations that differ little from their neighbours', which :func:`is_calm` says.
+square roots) and reduces the right-hand sides of all axes at once. One sweep backward writes the
+jets and sums up the objective. Between the sweeps, only the coupling ``upper`` is stored: the
+reduced right-hand sides use the memory of the jets. The kernels do not refine. They are for
+durations that are similar to their neighbours' (:func:`is_calm`).
 
-Written out for r = 2, 3, 4, since blocks so small are quick only in registers. The numbers are those
-of ``hermite.table_of`` (a test compares). The factors of powers of 1 / T are the units of the rows:
-a Cholesky factor does not change its relative errors when rows and columns are scaled, so no local
-time is divided out beforehand.
+The kernels are unrolled for r = 2, 3, 4, because such small blocks are fast only in registers. The
+numbers are those of ``hermite.table_of`` (a test compares them). The factors of powers of 1 / T are
+the units of the rows. Scaling rows and columns does not change the relative errors of a Cholesky
+factor, so local times are not divided out beforehand.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Bools = NDArray[np.bool_]
 
 @kernel(interpretable=True)
 def is_usual(fixed: Bools, continuity: int) -> bool:
-    """Return whether only positions and the two ends are fixed; `fixed` is (A, M + 1, r)."""
+    """Return whether only positions and the two ends are fixed; `fixed` has shape (A, M + 1, r)."""
     axes, knots, order = fixed.shape
     if continuity != order - 1:
         return False
@@ -60,7 +60,7 @@ def snap(durations: Floats, values: Floats, jets: Floats, objective: Floats, upp
     Parameters
     ----------
     durations : ndarray, shape (M,)
-        T_k.
+        T_k, s.
     values : ndarray, shape (A, M + 1, 4)
         Positions at all knots, derivatives at the two ends.
     jets : ndarray, shape (A, M, 2, 4)
@@ -68,13 +68,13 @@ def snap(durations: Floats, values: Floats, jets: Floats, objective: Floats, upp
     objective : ndarray, shape (A,)
         Filled with J.
     upper : ndarray, shape (M, 9)
-        Room for the coupling of each knot with the next one; (M, (r - 1)²) in general. Room is
-        lent, since NumPy asks the system for large pages and compiled code does not.
+        Workspace for the coupling of each knot with the next one; (M, (r - 1)²) in general. The
+        caller allocates it, because NumPy uses large memory pages and compiled code does not.
 
     Returns
     -------
     failed : int
-        The knot whose pivot is not positive, or -1.
+        Index of the knot whose pivot is not positive, or -1.
     """
     count, axes = durations.size, values.shape[0]
     upper[0] = 0.0
@@ -88,7 +88,7 @@ def snap(durations: Floats, values: Floats, jets: Floats, objective: Floats, upp
     l5, l6 = l4 * h, l4 * l2
     w11 = w12 = w13 = w21 = w22 = w23 = w31 = w32 = w33 = 0.0
     for k in range(1, count):
-        # The coupling of the knot before with this one, in the segment to the left.
+        # Coupling of the previous knot with this one, from the segment to the left.
         f11, f12, f13 = 24480.0 * l5, -4680.0 * l4, 360.0 * l3
         f21, f22, f23 = 4680.0 * l4, -840.0 * l3, 60.0 * l2
         f31, f32, f33 = 360.0 * l3, -60.0 * l2, 4.0 * l1
@@ -300,7 +300,7 @@ def accelerate(
 
 @kernel
 def add(own: Floats, term: float) -> None:
-    """Add without losing what is rounded off (Neumaier): J of a million segments is exact too."""
+    """Add with compensated rounding errors (Neumaier), so that J of a million segments is exact."""
     total = own[0] + term
     if abs(own[0]) >= abs(term):
         own[1] += (own[0] - total) + term

@@ -1,10 +1,10 @@
-"""The optimality conditions as a boundary-value problem of whole polynomials, for one order.
+"""Optimality conditions as a boundary-value problem in the coefficients, for one order.
 
 The optimum satisfies x^(2r) = 0 in every segment. At a knot, for every i < r, either x^(i) is given,
-or x^(i) and its costate x^(2r-1-i) are continuous; where neighbours need not share x^(i), its costate
-is 0 on both sides. That makes 2r conditions a segment for its 2r coefficients. A stiff, short segment
-has small coefficients here and no large stiffness, so that durations may differ by 1e6 where
-derivatives at the knots, as unknowns, lose all digits in their differences.
+or x^(i) and its costate x^(2r-1-i) are continuous. If neighbours do not share x^(i), its costate is
+0 on both sides. These are 2r conditions per segment for its 2r coefficients. A short, stiff segment
+has small coefficients and no large stiffness in this form. Durations may therefore differ by 1e6,
+for which derivatives at the knots as unknowns lose all digits in their differences.
 """
 
 from __future__ import annotations
@@ -22,43 +22,43 @@ __all__ = ["solve_boundary"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Corrections below this share of a segment are rounding: nothing is left to refine.
+#: Corrections below this share of a segment's size are rounding errors, which ends refinement.
 _DONE = 1e-15
 _STEPS = 20
 _ULP = float(np.finfo(float).eps)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what overflows is no certain answer
+@np.errstate(over="ignore", invalid="ignore")  # the outcome reports an overflow
 def solve_boundary(
     durations: Floats, values: Floats, fixed: Bools, weight: float, continuity: int, floor: Floats
 ) -> Solved:
     """Minimise w ∫ (x^(r))² dt for axes with one pattern.
 
-    Takes ten times as long as the Newton steps on derivatives at the knots, and is what is left
-    where those do not converge.
+    It takes ten times as long as the Newton steps on derivatives at the knots. It is the fallback
+    if those do not converge.
 
     Parameters
     ----------
     durations : ndarray, shape (M,)
-        T_k.
+        T_k, s.
     values : ndarray, shape (A, M + 1, r)
-        Derivatives at the knots, read where `fixed`.
+        Derivatives at the knots. Free entries are ignored.
     fixed : ndarray of bool, shape (M + 1, r)
-        Which of them are given.
+        Mask of the fixed entries.
     weight : float
-        w.
+        w, positive.
     continuity : int
-        The highest derivative that neighbours share.
+        Highest order of a derivative that neighbours share.
     floor : ndarray, shape (A,)
-        What corrections of segments in which little happens are held against.
+        Minimum scale of corrections, for segments with little motion.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu
 
     axes, knots, r = values.shape
     count, size = knots - 1, 2 * r
-    # A condition: derivative `order` of segment `one`, at its start (side 0) or end (1), less that at
-    # the start of segment `other` if it is one of a `pair`.
+    # A condition is derivative `order` of segment `one` at its start (side 0) or end (1), less that at
+    # the start of segment `other` for a `pair`.
     knot, i = np.indices((knots, r)).reshape(2, -1)
     held, first, last = fixed.ravel(), knot == 0, knot == count
     joined = ~first & ~last & ~held & (i <= continuity)
@@ -72,7 +72,7 @@ def solve_boundary(
     kind = np.repeat(np.arange(6), [np.count_nonzero(mask) for mask, *_ in kinds])
     side, pair = np.array([0, 1, 0, 1, 1, 1])[kind], kind >= 4
     one, other = at - side, np.minimum(at, count - 1)
-    # Residuals have more digits where the platform has them.
+    # Residuals use extended precision if the platform supports it.
     long = durations.astype(np.longdouble)
     least = np.where(pair, np.minimum(long[one], long[other]), long[one])
     ends = np.zeros((2, size, size), np.longdouble)
@@ -81,7 +81,7 @@ def solve_boundary(
         ends[1, j, j:] = [math.perm(p, j) for p in range(j, size)]
     mine = ends[side, order] * _power(least / long[one], order)[:, None]
     next_ = ends[0, order] * (pair * _power(least / long[other], order))[:, None]
-    # Positions count from the last one given.
+    # Positions are relative to the previous fixed position.
     known = np.flatnonzero(fixed[:, 0])
     origin = np.zeros((count, axes), np.longdouble)
     if known.size:
@@ -93,7 +93,7 @@ def solve_boundary(
     wanted -= (order == 0)[:, None] * (origin[one] - pair[:, None] * origin[other])
     wanted *= _power(least, order)[:, None]
 
-    # Each unknown in units of its largest entry.
+    # Scale each unknown by its largest entry.
     place, columns = np.repeat(np.arange(at.size), size), np.arange(size)
     where = [(segment[:, None] * size + columns).ravel() for segment in (one, other)]
     entries = [mine.astype(float).ravel(), -next_.astype(float).ravel()]
@@ -109,7 +109,7 @@ def solve_boundary(
         shape=(at.size, count * size),
     ).tocsc()
     powers = np.zeros((count, size, axes), np.longdouble)
-    # Moments of the r-th derivative from the powers, and what their squares cost.
+    # Moments of the r-th derivative from the powers, and the cost of their squares.
     blend = np.linalg.inv(moment_tables(r)[1])
     cost = weight * (2.0 * np.arange(r) + 1.0) * durations[:, None] ** (1.0 - 2.0 * r)
     correction, segment, gap, steps = np.inf, 0, np.inf, 0
@@ -132,7 +132,7 @@ def solve_boundary(
             break
         powers += step
         steps += 1
-    # What rounding of the state may do at the price that the costate says.
+    # Effect of rounding errors of the state on J: the costate is the derivative of J.
     state = powers.astype(float) * ends[0].diagonal().astype(float)[:, None]
     price = np.abs(state * state[:, ::-1])[:, :r].sum(axis=(1, 2)) * durations ** (1.0 - size)
     gap += 32.0 * _ULP * weight * float(price.sum())
@@ -153,7 +153,7 @@ def solve_boundary(
 
 
 def _power(base: NDArray[np.longdouble], order: NDArray[np.int64]) -> NDArray[np.longdouble]:
-    """Return ``base**order`` by products, since powers of long doubles take a microsecond each."""
+    """Return ``base**order`` by products, because powers of long doubles take a microsecond each."""
     found = np.ones(np.broadcast_shapes(base.shape, order.shape), np.longdouble)
     for j in range(1, int(order.max()) + 1):
         found *= np.where(order >= j, base, 1)

@@ -1,6 +1,6 @@
-"""What the multipliers of the interior point prove: a lower bound, or that there is no solution.
+"""Certificates from the multipliers of the interior point: lower bound or infeasibility.
 
-Both are computed from the rows and the multipliers alone, whatever the iterations claim.
+Both are computed from the rows and the multipliers alone, independent of the iterations.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ __all__ = ["find_contradiction", "prove_bound"]
 
 Floats = NDArray[np.float64]
 
-#: How far beyond its present size a coordinate may go before a proof of contradiction ends.
+#: Domain of an infeasibility proof: the multiple of its current size that a coordinate may reach.
 REACH = 1e4
-#: Rounding of a short sum, relative to its terms.
+#: Rounding error of a short sum, relative to its terms.
 EIGHT_ULPS = 8 * np.finfo(float).eps
 
 
 def prove_bound(state: State) -> tuple[float, float, float]:
     """Return objective, lower bound and dual residual, in the model's units.
 
-    For any λ, ``|Cy|²/2 >= λ'Cy - |λ|²/2``: with multipliers z of the bounds this is linear in y
-    but for a residual ``C'λ - G'z``, which is what no coordinate may gain from. λ = Cy leaves a
-    residual as large as the rounding of y times C'C, so λ and z are refined by themselves: they
-    are small where y is a position far from the origin.
+    For any λ, ``|Cy|²/2 >= λ'Cy - |λ|²/2``. With multipliers z of the bounds, the right-hand side is
+    independent of y except for a residual ``C'λ - G'z``, whose effect is bounded for all allowed y.
+    λ = Cy leaves a residual as large as the rounding error of y times C'C. Therefore λ and z are
+    refined separately: they are small even if y is a position far from the origin.
     """
     low, high = np.isfinite(state.lower), np.isfinite(state.upper)
     z_below, z_above = state.z_below.copy(), state.z_above.copy()
@@ -69,7 +69,7 @@ def prove_bound(state: State) -> tuple[float, float, float]:
 
 
 def _rounding(state: State, z_below: Floats, z_above: Floats) -> float:
-    """Return what rounding may hide in a sum of multipliers times slacks."""
+    """Return a bound on the rounding error of a sum of multipliers times slacks."""
     size = row_values(np.abs(state.rows), state.start, np.abs(state.knots), np.abs(state.inner))
     size_below = size + np.where(np.isfinite(state.lower), np.abs(state.lower), 0.0)
     size_above = size + np.where(np.isfinite(state.upper), np.abs(state.upper), 0.0)
@@ -77,9 +77,9 @@ def _rounding(state: State, z_below: Floats, z_above: Floats) -> float:
 
 
 def _reach(state: State) -> tuple[Floats, Floats]:
-    """Return how far each coordinate may be from the optimum's.
+    """Return the largest distance of each coordinate from the optimum.
 
-    As far as the corridor and the limits at its knot allow, and ``max(1, |y|)`` without.
+    It follows from the corridor and the limits at the knot, and is ``max(1, |y|)`` without bounds.
     """
     model, chain, r = state.chain.model, state.chain, state.chain.model.order
     knots = np.maximum(1.0, np.abs(state.knots))
@@ -96,10 +96,10 @@ def _reach(state: State) -> tuple[Floats, Floats]:
 
 
 def _refine_ray(state: State, below: Floats, above: Floats) -> tuple[Floats, Floats]:
-    """Make ``G'z`` vanish, changing the ray in place; return what is left of it.
+    """Reduce ``G'z`` to 0 by changing the ray in place, and return the remainder.
 
-    The barrier only tends to a ray. The least change of the multipliers, each weighed by its
-    own size over its slack, takes what is missing.
+    The multipliers of the barrier problem only converge to a ray. The remainder is eliminated by the
+    smallest change of the multipliers, weighted by multiplier over slack.
     """
     d_below, d_above = below / state.below, above / state.above
     largest = max(float((d_below + d_above).max()), 1e-300)
@@ -120,11 +120,11 @@ def _refine_ray(state: State, below: Floats, above: Floats) -> tuple[Floats, Flo
 
 
 def find_contradiction(state: State) -> NDArray[np.int64] | None:
-    """Return the segments whose bounds prove that no trajectory keeps them, None without proof.
+    """Return the segments whose bounds prove infeasibility, or None without a proof.
 
-    Where there is none, the multipliers grow without limit along a ray that proves it (Farkas):
-    the weighted sum of the bounds' violations is positive, and no coordinate can lower it.
-    The proof holds for all coordinates within :data:`REACH` times their present size.
+    If the problem is infeasible, the multipliers grow along a ray that proves it (Farkas): the
+    weighted sum of the violations is positive, and no coordinate can reduce it. The proof is valid
+    for all coordinates within :data:`REACH` times their current size.
     """
     low, high = np.isfinite(state.lower), np.isfinite(state.upper)
     largest = max(float(state.z_below.max(initial=0.0)), float(state.z_above.max(initial=0.0)))

@@ -1,8 +1,8 @@
-"""A trajectory problem as a chain of segments, for one group of axes that belong together.
+"""Trajectory problem as a chain of segments, for one group of coupled axes.
 
-Without polytopes every axis is a chain of its own; half-spaces tie all axes into one. The unknowns
-are the derivatives at the knots, times the knot's own time to their order, and what a degree beyond
-``2 r - 1`` leaves free within a segment.
+Without polytopes every axis is a separate chain. Half-spaces couple all axes. The unknowns are the
+derivatives at the knots, multiplied by the time of the knot to the power of their order, and the
+inner coefficients of a segment if the degree is above ``2 r - 1``.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["Chain", "chains", "unit_cost"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-#: Lower and upper bounds, and what violations of each are held against.
+#: Lower and upper bounds, followed by the scales of violations from below and from above.
 Limits = tuple[Floats, Floats, Floats, Floats]
 
 
@@ -31,8 +31,8 @@ Limits = tuple[Floats, Floats, Floats, Floats]
 def unit_cost(order: int, degree: int, derivative: int) -> Floats:
     """Return rows whose squares sum to ∫ (d^j x / ds^j)² ds, for Hermite coordinates on [0, 1].
 
-    The rows are the values at the Gauss-Legendre nodes times the roots of the weights: as exact as
-    the quadrature, which is exact, and no product of the coordinates is ever formed.
+    The rows are the values at the Gauss-Legendre nodes times the square roots of the weights. The
+    quadrature is exact and forms no products of coordinates.
     """
     nodes, weights = gauss_legendre(degree - derivative + 1)
     rows = power_rows(nodes, derivative, degree) @ hermite_basis(order, degree)
@@ -42,14 +42,14 @@ def unit_cost(order: int, degree: int, derivative: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """One group of axes.
+    """Group of coupled axes.
 
     Parameters
     ----------
     model : MinimumDerivative
-        The model.
+        Problem at given times.
     axes : tuple of int
-        The axes of the group.
+        Indices of the axes in the group.
     """
 
     model: MinimumDerivative
@@ -57,19 +57,19 @@ class Chain:
 
     @property
     def jets(self) -> int:
-        """Coordinates of a knot: the order times the axes."""
+        """Number of coordinates of a knot: order times axes."""
         return self.model.order * len(self.axes)
 
     @property
     def interior(self) -> int:
-        """Coordinates of a segment beside its knots."""
+        """Number of inner coordinates of a segment."""
         return (self.model.degree + 1 - 2 * self.model.order) * len(self.axes)
 
     @cached_property
     def origin(self) -> Floats:
-        """Point that the positions are counted from, in the midst of waypoints and corridor, m.
+        """Origin of the positions, in the middle of waypoints and corridor, m.
 
-        Nothing depends on where a problem lies but the digits that are left of a position.
+        The origin affects only the number of accurate digits of a position.
         """
         model = self.model
         tables = [model.waypoints]
@@ -86,7 +86,7 @@ class Chain:
         return knot_times(self.model.durations)
 
     def start(self) -> tuple[NDArray[np.bool_], Floats]:
-        """Return which coordinates of the knots are fixed, and their values (0 where free)."""
+        """Return the mask of fixed knot coordinates, and their values (0 for free coordinates)."""
         model, r = self.model, self.model.order
         fixed = np.full((model.times.size, r, model.dimensions), np.inf)
         rows = min(r, model.conditions.shape[1])
@@ -102,7 +102,7 @@ class Chain:
         )
 
     def _column_scales(self) -> Floats:
-        """Return what turns coordinates into unit derivatives, shape (segments, degree + 1)."""
+        """Return the factors from coordinates to unit derivatives, shape (segments, degree + 1)."""
         model, r = self.model, self.model.order
         orders = np.arange(r)
         scales = np.ones((model.segments, model.degree + 1))
@@ -112,7 +112,7 @@ class Chain:
         return scales
 
     def _spread(self, rows: Floats, axis: int) -> Floats:
-        """Place rows of one axis, (…, degree + 1), among the local coordinates of the group."""
+        """Embed rows of one axis, (…, degree + 1), in the local coordinates of the group."""
         r = self.model.order
         n, extra = self.jets, self.model.degree + 1 - 2 * r
         wide = np.zeros((*rows.shape[:-1], 2 * n + self.interior))
@@ -136,10 +136,15 @@ class Chain:
         return np.ascontiguousarray(np.concatenate(parts, axis=1))
 
     def rows(self, held: Instants, *, slope: bool = False) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return the rows of the bounds at `held`, with bounds and scale: all normalised.
+        """Return normalised rows of the bounds at `held`, with lower and upper bounds and factors.
 
+        <<<<<<< HEAD
         The largest entry of a row is 1; the factor comes last. With `slope` the rows
         are the slopes in s of what is bounded.
+        =======
+        The largest entry of a row is 1. The last result is the factor of each row. With `slope`, the
+        rows are the derivatives in s of the bounded values.
+        >>>>>>> words6/words6
         """
         model = self.model
         scales = self._column_scales()
@@ -182,8 +187,8 @@ class Chain:
         group = len(self.axes)
         extra = model.degree + 1 - 2 * r
         jets = knots.reshape(-1, group, r)
-        # Positions relative to the segment's start: far from the origin, the Hermite functions
-        # would take differences of large numbers.
+        # Positions are relative to the segment's start. Far from the origin, the Hermite functions
+        # would otherwise subtract large numbers.
         start = jets[:-1, :, 0].copy()
         before, after = jets[:-1].copy(), jets[1:].copy()
         before[:, :, 0] = 0.0
@@ -194,14 +199,14 @@ class Chain:
         return powers
 
     def first_instants(self, samples: int) -> Instants:
-        """Return the instants that are held from the start, by segment."""
+        """Return the initial instants at which bounds are imposed, sorted by segment."""
         model = self.model
         return first_instants(model, samples, model.order - 1, self.axes).sorted()[0]
 
     def polynomials(self, powers: Floats) -> tuple[Floats, Limits, Instants]:
-        """Return what is bounded as polynomials in s, with bounds and scales, and their owners.
+        """Return the bounded values as polynomials in s, with bounds, scales and owners.
 
-        Derivatives lower the degree; they are padded with zeros to one width.
+        Derivatives have a lower degree and are padded with zeros to a common width.
         """
         model = self.model
         position = {axis: at for at, axis in enumerate(self.axes)}
@@ -244,7 +249,7 @@ class Chain:
 
 
 def chains(model: MinimumDerivative) -> tuple[Chain, ...]:
-    """Return the groups of axes of `model`: each alone, or all where half-spaces tie them."""
+    """Return the groups of axes of `model`: one per axis, or a single one with half-spaces."""
     if model.halfspaces is not None:
         return (Chain(model, tuple(range(model.dimensions))),)
     return tuple(Chain(model, (axis,)) for axis in range(model.dimensions))

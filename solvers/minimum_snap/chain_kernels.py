@@ -1,9 +1,9 @@
-"""Compiled linear algebra on a chain of segments: products, and a factorisation of square roots.
+"""Compiled linear algebra on a chain of segments: products and a square-root factorisation.
 
-The Newton system ``J'J dy = b``, with J the rows of the cost and the rows of the bounds times their
-weights, is factorised knot by knot with Householder reflections (a square-root information filter).
-J'J itself is never formed: for the slow modes of a long path its condition number exceeds what double
-precision holds, while that of J is its square root.
+The Newton system is ``J'J dy = b``, where J contains the cost rows and the weighted bound rows. It
+is factorised knot by knot with Householder reflections (a square-root information filter). J'J is
+never formed: for the slow modes of a long path its condition number exceeds double precision, and
+that of J is its square root.
 
 Local coordinates of a segment are ``[knot before (n) | knot after (n) | interior (i)]``.
 """
@@ -54,7 +54,7 @@ def multiply(rows: Floats, knots: Floats, inner: Floats) -> Floats:
 
 @kernel
 def row_values(rows: Floats, start: Ints, knots: Floats, inner: Floats) -> Floats:
-    """Return the values of the bound rows; those of segment k are ``start[k]`` to ``start[k+1]``."""
+    """Return the values of the bound rows. Segment k has rows ``start[k]`` to ``start[k+1]``."""
     n = knots.shape[1]
     width = rows.shape[1]
     value = np.zeros(rows.shape[0])
@@ -71,7 +71,7 @@ def row_values(rows: Floats, start: Ints, knots: Floats, inner: Floats) -> Float
 
 @kernel
 def transposed(rows: Floats, value: Floats, knots: Floats, inner: Floats) -> None:
-    """Add ``rows[k]' @ value[k]`` to gradients in knots and interiors."""
+    """Add ``rows[k]' @ value[k]`` to the gradients `knots` and `inner`."""
     count, c, width = rows.shape
     n = knots.shape[1]
     for k in range(count):
@@ -86,7 +86,7 @@ def transposed(rows: Floats, value: Floats, knots: Floats, inner: Floats) -> Non
 
 @kernel
 def bound_gradient(rows: Floats, start: Ints, value: Floats, knots: Floats, inner: Floats) -> None:
-    """Add ``G' value`` to gradients in knots and interiors."""
+    """Add ``G' value`` to the gradients `knots` and `inner`."""
     n = knots.shape[1]
     width = rows.shape[1]
     for k in range(start.size - 1):
@@ -104,9 +104,9 @@ def bound_gradient(rows: Floats, start: Ints, value: Floats, knots: Floats, inne
 def _reflect(work: Floats, rows: int, first: int, pivots: int, width: int, where: Ints) -> int:
     """Triangularise columns ``first … first + pivots - 1`` of ``work[:, :rows]``.
 
-    `work` holds a column in each row, so that the inner loops run along memory. ``where[j]``
-    receives the row that column ``first + j`` is solved from, -1 where it is zero and takes none.
-    Returns the number of rows that are taken.
+    `work` stores each column as a row, so that the inner loops access contiguous memory.
+    ``where[j]`` receives the pivot row of column ``first + j``, or -1 if the column is zero. Return
+    the number of pivot rows.
     """
     taken = 0
     for j in range(pivots):
@@ -158,13 +158,13 @@ def factorise(
     Parameters
     ----------
     cost : ndarray, shape (segments, c, width)
-        Rows whose squares are summed.
+        Rows whose squares sum to the cost.
     rows, start, weight : ndarray
-        Bound rows, where those of each segment begin, and the root of their weights.
+        Bound rows, index of the first row of each segment, and square roots of the weights.
     fixed : ndarray of bool, shape (segments + 1, n)
-        Coordinates of knots that do not move.
+        Mask of the fixed coordinates of the knots.
     factors : ndarray, shape (segments, interior + n, interior + 2 n)
-        Receives the triangular rows; columns are interior, knot before, knot after.
+        Receives the triangular rows; columns are interior, previous knot, next knot.
     last : ndarray, shape (n, n)
         Receives the triangle of the last knot.
     """
@@ -182,7 +182,7 @@ def factorise(
         held = start[k + 1] - start[k]
         total = n + c + held
         for column in range(width):
-            # Position of this column in the cost and bound rows, and the knot it moves.
+            # Index of this column in the cost and bound rows, and its knot.
             if column < inner:
                 place, frozen = 2 * n + column, False
             elif column < eliminated:
@@ -193,7 +193,7 @@ def factorise(
                 for i in range(total):
                     work[column, i] = 0.0
                 continue
-            # Large rows first: that is what keeps reflections accurate row by row.
+            # Sorting large rows first keeps Householder reflections row-wise accurate.
             for q in range(held):
                 work[column, q] = weight[start[k] + q] * rows[start[k] + q, place]
             for i in range(c):
@@ -208,7 +208,7 @@ def factorise(
             row = where[i]
             for column in range(width):
                 factors[k, i, column] = work[column, row] if row >= 0 and column >= i else 0.0
-        # What is left of the rows speaks of the next knot only: n rows are enough.
+        # The remaining rows involve only the next knot, so n rows are enough.
         rest = total - taken
         for column in range(eliminated, width):
             for i in range(rest):
@@ -230,7 +230,7 @@ def factorise(
 def solve_factors(
     factors: Floats, last: Floats, fixed: Flags, knots: Floats, inner: Floats
 ) -> None:
-    """Solve ``R'R x = b`` in place; `knots` and `inner` hold b and receive x."""
+    """Solve ``R'R x = b`` in place: `knots` and `inner` contain b and receive x."""
     count, eliminated, _ = factors.shape
     n = fixed.shape[1]
     own = eliminated - n
@@ -279,7 +279,7 @@ def solve_factors(
                 knots[k, i - own] = value
 
 
-# Loops instead of array expressions, which take several times as long to compile.
+# Array expressions take several times longer to compile than these loops.
 
 
 @kernel
@@ -311,11 +311,11 @@ def rescale(arrays: Floats, factor: float) -> None:
 
 @kernel
 def largest_of(array: Floats) -> float:
-    """Return the largest absolute value in an array of two dimensions, 0 where it is empty."""
+    """Return the largest absolute value in a two-dimensional array, or 0 if it is empty."""
     largest = 0.0
     for i in range(array.shape[0]):
         for j in range(array.shape[1]):
-            # What is not a number is returned as it is.
+            # NaN is returned as the largest value.
             if abs(array[i, j]) > largest or np.isnan(array[i, j]):
                 largest = abs(array[i, j])
     return largest
@@ -323,7 +323,7 @@ def largest_of(array: Floats) -> float:
 
 @kernel
 def hold_still(fixed: Flags, knots: Floats) -> None:
-    """Set what belongs to fixed coordinates to 0."""
+    """Set the entries of fixed coordinates to 0."""
     for k in range(fixed.shape[0]):
         for j in range(fixed.shape[1]):
             if fixed[k, j]:
@@ -342,7 +342,7 @@ def newton_step(
     b_knots: Floats,
     b_inner: Floats,
 ) -> tuple[Floats, Floats]:
-    """Solve ``(C'C + G'W²G) x = b`` with the factors, refined once against the rows themselves."""
+    """Solve ``(C'C + G'W²G) x = b`` with the factors and one step of refinement with the rows."""
     x_knots, x_inner = times(1.0, b_knots), times(1.0, b_inner)
     solve_factors(factors, last, fixed, x_knots, x_inner)
     r_knots, r_inner = times(1.0, b_knots), times(1.0, b_inner)

@@ -1,11 +1,21 @@
 """Certified paths within bounds: Newton's method on the path and the instants of contact together.
 
+<<<<<<< HEAD
 The interior point finds the bounds that press, but not their exact instants, and the objective hides
 the shape of long segments beside short ones. At the optimum a path touches a bound at tops of its own, each with a
 force λ > 0. With ``n_s`` the row of an instant s, ``C'C y + Σ λ n_s = 0`` and ``n_s y = b``. A top moves
 with the path, ``ds = n'_s dy / |n''_s y|``, so the Newton system of y has one more term for each contact,
 ``λ / |n''_s y| n'_s' n'_s`` (the reduced Hessian of semi-infinite programs: Hettich and Kortanek, SIAM
 Review 35, 1993). The last step proves the path, as it does without bounds: see :mod:`~.banded`.
+=======
+The interior point identifies the active bounds but not the exact instants, and the objective is
+insensitive to the shape of long segments next to short ones. At the optimum the path touches a bound
+at local extremes, each with a multiplier ("force") λ > 0. With ``n_s`` the row of an instant s,
+``C'C y + Σ λ n_s = 0`` and ``n_s y = b``. An extreme moves with the path,
+``ds = n'_s dy / |n''_s y|``, so the Newton system of y has an additional term for each contact,
+``λ / |n''_s y| n'_s' n'_s`` (the reduced Hessian of semi-infinite programs: Hettich and Kortanek,
+SIAM Review 35, 1993). The last step proves the path, as in :mod:`~.banded` without bounds.
+>>>>>>> words6/words6
 """
 
 from __future__ import annotations
@@ -35,34 +45,43 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: Last Newton step, as a share of the extent, up to which a path is certified.
+#: Largest last Newton step of a certified path, as a share of the extent.
 CERTIFIED = 1e-7
-#: Steps below this share are not repeated.
+#: Newton's method stops after a step below this share of the extent.
 DONE = 1e-11
-#: Newton steps for one set of contacts, sets of contacts for one iterate of the interior point.
+#: Largest numbers of Newton steps per set of contacts, and of sets per interior-point iterate.
 STEPS, ROUNDS = 15, 6
+<<<<<<< HEAD
 #: Relative complementarities at which the interior point continues if its last iterate is too coarse: forces on long segments are 1e-18 of those on segments 400 times shorter.
 DEPTHS = (1e-14, 1e-18, 1e-22)
 #: Smallest violation that adds rows to these iterates; Newton's method removes smaller ones.
 ROUGH = 1e-6
 #: Weight of a contact's row beside the curvature along it; the next step removes the residual.
+=======
+#: Relative complementarities for further interior-point iterations if its last iterate does not
+#: determine the contacts. Forces on long segments are 1e-18 of those on segments 400 times shorter.
+DEPTHS = (1e-14, 1e-18, 1e-22)
+#: Smallest violation that adds rows to these iterates. Newton's method corrects smaller violations.
+ROUGH = 1e-6
+#: Weight of a contact's row relative to the curvature along it. The next step removes its residual.
+>>>>>>> words6/words6
 WEIGHT = 1e6
-#: Instants closer than this, in a segment's time, belong to one contact: at first, and of tops.
+#: Instants closer than this, in scaled time, are one contact: initially, and at extremes.
 NEAR, SAME = 3e-2, 1e-2
-#: How far a top may move in one step, and what is rounding of an instant.
+#: Largest change of the instant of an extreme in one step, and rounding error of an instant.
 FAR, SNAP = 0.1, 1e-9
 _ULP = float(np.finfo(float).eps)
 
 
 class Certified(NamedTuple):
-    """The path that Newton's method ends at.
+    """Path that Newton's method converges to.
 
     Parameters
     ----------
     powers : ndarray, shape (segments, 2r, axes)
         Coefficients in ascending powers of s.
     objective, gap : float
-        J, and by how much it may be above its optimum.
+        J, and a bound on its distance from the optimum.
     correction : float
         Largest change of a scaled derivative in the last step, as a share of the extent.
     contacts : int
@@ -79,7 +98,11 @@ class Certified(NamedTuple):
 class _Contacts(NamedTuple):
     """Instants of contact: side 1 at upper and -1 at lower bounds, and the force λ on the path.
 
+<<<<<<< HEAD
     If ``flat``, the path follows the bound throughout the segment, and the instants stay.
+=======
+    If ``flat``, the path coincides with the bound on the whole segment and the instants are fixed.
+>>>>>>> words6/words6
     """
 
     at: Instants
@@ -97,14 +120,14 @@ class _Contacts(NamedTuple):
         return _Contacts(self.at.joined(other.at), *parts)
 
     def owners(self) -> Ints:
-        """Return a number for each contact: the same for one bound, segment, axis and side."""
+        """Return a number for each contact, equal for the same bound, segment, axis and side."""
         at = self.at
         keys = np.column_stack([at.segment, at.bound, at.axis, self.side])
         number: Ints = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
         return number
 
     def merged(self, reach: float) -> _Contacts:
-        """Return contacts of one owner closer than `reach` as one, by segment; flat ones stay."""
+        """Merge contacts of the same owner closer than `reach`, sorted by segment, except flat ones."""
         if not self.side.size:
             return self
         owners = self.owners()
@@ -122,7 +145,7 @@ class _Contacts(NamedTuple):
 
 
 def uncertifiable(model: MinimumDerivative) -> str:
-    """Return the reason why no path of `model` can be certified, empty if it can."""
+    """Return the reason why paths of `model` cannot be certified, or an empty string."""
     r, least = model.order, 2 * model.order - 1
     if model.degree > least:
         return f"the degree {model.degree} is above 2 order - 1 = {least}"
@@ -139,14 +162,18 @@ def uncertifiable(model: MinimumDerivative) -> str:
 
 
 def certify_chain(state: State, threshold: float) -> Certified | None:
-    """Return the certified path of a chain that the interior point has solved, None without proof.
+    """Return the certified path of a solved chain, or None without proof.
 
     Parameters
     ----------
     state : State
+<<<<<<< HEAD
         The last iterate. The interior point continues there if it is too coarse.
+=======
+        Last iterate of the interior point, which continues from it if necessary.
+>>>>>>> words6/words6
     threshold : float
-        Largest violation between the instants, as the verification measures it.
+        Largest violation between the instants, in the scale of the verification.
     """
     for depth in (None, *DEPTHS):
         if depth is not None and not _deeper(state, depth):
@@ -158,7 +185,7 @@ def certify_chain(state: State, threshold: float) -> Certified | None:
 
 
 def _deeper(state: State, depth: float) -> bool:
-    """Let the barrier fall to `depth`, with rows where the iterate sticks out; False if stopped."""
+    """Reduce the barrier to `depth` and add rows at violations. Return False if stopped."""
     if state.descend(depth)[0] == STOPPED:
         return False
     fresh, _ = state.find_violations(ROUGH)
@@ -168,9 +195,15 @@ def _deeper(state: State, depth: float) -> bool:
     return state.descend(depth)[0] != STOPPED
 
 
+<<<<<<< HEAD
 @np.errstate(all="ignore")  # overflow gives NaN, which is never certified
 def _refined(state: State, threshold: float) -> Certified | None:
     """Solve for the contacts of the iterate; drop those that pull, add the tops beyond a bound."""
+=======
+@np.errstate(all="ignore")  # an overflow yields NaN, which proves nothing
+def _refined(state: State, threshold: float) -> Certified | None:
+    """Solve with the contacts of the iterate. Drop those with negative force, add violated ones."""
+>>>>>>> words6/words6
     path = _Path(state.chain, state.knots)
     contacts = _flattened(_pressing(state, path.stiffness).merged(NEAR), state.chain)
     for _ in range(ROUNDS):
@@ -194,7 +227,7 @@ def _refined(state: State, threshold: float) -> Certified | None:
 
 
 def _pressing(state: State, stiffness: Floats) -> _Contacts:
-    """Return the rows whose multiplier would press them further than their slack."""
+    """Return the contacts whose force, times their compliance, exceeds their slack."""
     give = _compliance(state.rows, state.held.segment, state.fixed, stiffness * state.scale**2)
     parts = []
     for side, z, slack, bound in (
@@ -209,7 +242,7 @@ def _pressing(state: State, stiffness: Floats) -> _Contacts:
 
 
 def _compliance(rows: Floats, segment: Ints, fixed: Bools, stiffness: Floats) -> Floats:
-    """Return how far each row gives way to a unit force, by the curvatures at its knots alone."""
+    """Return the displacement of each row per unit force, from the curvatures at its knots alone."""
     free = np.where(np.concatenate([fixed[segment], fixed[segment + 1]], axis=1), 0.0, rows)
     squares = free[:, : 2 * fixed.shape[1]] ** 2
     local = np.concatenate([stiffness[segment], stiffness[segment + 1]], axis=1)
@@ -231,7 +264,7 @@ def _flattened(contacts: _Contacts, chain: Chain) -> _Contacts:
 
 @dataclass(frozen=True)
 class _Posed:
-    """Rows of contacts, by segment: values first held by weights, and slopes that let tops move."""
+    """Rows of contacts, sorted by segment: weighted values, and slopes for the moving extremes."""
 
     contacts: _Contacts
     value: Ints
@@ -244,7 +277,7 @@ class _Posed:
 
 
 class _Path:
-    """The jets of a chain in twice the digits, and Newton's steps on them."""
+    """Jets of a chain in twice the digits, with their Newton steps."""
 
     def __init__(self, chain: Chain, knots: Floats) -> None:
         self.chain, self.axes = chain, len(chain.axes)
@@ -276,7 +309,7 @@ class _Path:
         return knots
 
     def _pull(self) -> Floats:
-        """Return half the gradient of J by the knots, its sign changed."""
+        """Return minus half the gradient of J with respect to the knots."""
         forces, rests = np.empty_like(self.jets), np.empty_like(self.jets)
         self.moments = np.empty((self.axes, self.count, len(self.table.rows)))
         self.objective = np.empty(self.axes)
@@ -295,7 +328,7 @@ class _Path:
         return powers
 
     def settle(self, contacts: _Contacts, flag: NDArray[np.int8]) -> _Contacts:
-        """Take Newton steps until they are rounding; return the contacts at their tops."""
+        """Take Newton steps until they are rounding errors. Return the contacts at the extremes."""
         before = np.inf
         for step in range(STEPS):
             posed = self._posed(*self._located(contacts))
@@ -307,7 +340,7 @@ class _Path:
         return contacts
 
     def _located(self, contacts: _Contacts) -> tuple[_Contacts, Floats]:
-        """Return the contacts at the tops next to them, and how sharp these are (0: they stay)."""
+        """Return the contacts moved to the nearest extremes, and their curvatures (0: fixed)."""
         contacts = contacts.merged(SAME)
         polynomials, _, owners = self.chain.polynomials(self.powers())
         wide = int(owners.axis.max(initial=0)) + 1
@@ -360,7 +393,7 @@ class _Path:
         return _Posed(contacts, value, rows, targets, weight, start, factors, last)
 
     def _stepped(self, posed: _Posed) -> _Contacts:
-        """Take one step; return the contacts with the forces after it."""
+        """Take one Newton step and return the contacts with the new forces."""
         inner = np.zeros((self.count, 0))
         square = posed.weight**2
         off = row_values(posed.rows, posed.start, self._knots(), inner) - posed.target
@@ -382,7 +415,7 @@ class _Path:
         return posed.contacts._replace(force=after[posed.value])
 
     def violations(self, threshold: float) -> _Contacts:
-        """Return the tops beyond their bounds by more than `threshold`, without force yet."""
+        """Return contacts without force at extremes that violate bounds by more than `threshold`."""
         polynomials, limits, owners = self.chain.polynomials(self.powers())
         row, s, _ = outside(polynomials, *limits, threshold)
         value = horner(polynomials[row][:, :, None], s[:, None])[:, 0]

@@ -1,4 +1,4 @@
-"""Why a corridor or limits admit no trajectory: the segments, bounds and axes that contradict."""
+"""Diagnosis of an infeasible corridor or limits: the contradicting segments, bounds and axes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FIELDS = {1: "velocity_limit", 2: "acceleration_limit", 3: "jerk_limit"}
 
 
 class _Part(NamedTuple):
-    """One bound on one segment: an axis of a box, or a half-space."""
+    """Bound on one segment: an axis of a box, or a half-space."""
 
     bound: int
     segment: int
@@ -30,14 +30,21 @@ class _Part(NamedTuple):
 
 
 def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.0) -> Diagnosis:
-    """Name bounds that no trajectory keeps together, while it would without any one of them.
+    """Return a minimal set of bounds that no trajectory satisfies together.
+
+    Removing any bound of the set makes the problem feasible.
 
     Parameters
     ----------
     model : MinimumDerivative
-        What is asked.
+        Infeasible problem.
     time_limit : float, optional
-        Seconds for each problem that the filter solves.
+        Time limit for each problem that the filter solves, s. 60 by default.
+
+    Returns
+    -------
+    Diagnosis
+        Findings with one bound each.
     """
     backend = InteriorPoint()
     if backend.refuses(model):
@@ -74,7 +81,7 @@ def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.
 def _ends(
     time_limit: float | None,
 ) -> Callable[[MinimumDerivative], tuple[Termination, frozenset[int]]]:
-    """Return what solves a model and says how it ended, with the segments of a contradiction."""
+    """Return a function that solves a model and returns termination and contradicting segments."""
     from .chain import chains
     from .interior_solver import Settings, solve_chain
 
@@ -90,7 +97,7 @@ def _ends(
                     return Termination.INFEASIBLE, frozenset(results[-1].conflict.tolist())
         if control.stopped:
             return Termination.NO_SOLUTION, frozenset()
-        # Any trajectory will do, be it the best or not.
+        # Any feasible trajectory suffices.
         plan = Trajectory(model.times, np.concatenate([r.powers for r in results], axis=2))
         return (Termination.OPTIMAL if model.verify(plan).ok else Termination.FAILED), frozenset()
 
@@ -111,7 +118,7 @@ def _parts(model: MinimumDerivative) -> tuple[_Part, ...]:
 
 
 def _keeping(model: MinimumDerivative, parts: list[_Part]) -> MinimumDerivative:
-    """Return `model` with only these of its bounds."""
+    """Return `model` restricted to these bounds."""
     changed: dict[str, Any] = {}
     for number, bound in enumerate(model.bounds):
         kept = np.zeros(bound.lower.shape, bool)

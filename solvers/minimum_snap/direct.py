@@ -1,4 +1,4 @@
-"""``banded``: our own direct solver in O(segments), for problems without corridor and limits."""
+"""``banded``: native direct solver in O(segments) for problems without corridor and limits."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ __all__ = ["Banded"]
 
 Floats = NDArray[np.float64]
 
-#: Segments up to which a run is brief.
+#: Largest number of segments of a brief run.
 _BRIEF = 2000
-#: Coefficients above this multiple of the waypoints' extent are worth a word.
+#: Coefficients above this multiple of the waypoints' extent cause a message.
 _SWING = 1e6
 
 
 class Banded(Backend):
     """Block-tridiagonal elimination of the free derivatives at the knots, all axes at once.
 
-    The optimum of one order has degree ``2 r - 1`` whatever the model allows, and derivatives up to
-    ``2 r - 2`` are continuous by optimality where only the position is fixed.
+    The optimum for one order has degree ``2 r - 1`` even if the model allows more. If only the
+    position is fixed, derivatives up to ``2 r - 2`` are continuous by optimality.
     """
 
     name = "banded"
@@ -35,12 +35,12 @@ class Banded(Backend):
     features = frozenset({Feature.GAP, Feature.DUAL_BOUND})
     deterministic = True
     single_threaded = True
-    #: It certifies the shape as well, which the objective of others cannot see.
+    #: True, because it also certifies the shape, which the objective of other backends does not.
     conclusive = True
     summary = "direct O(segments) solver for waypoints without corridor and limits; ours"
 
     def refuses(self, problem: MinimumDerivative) -> str:
-        """Return what of `problem` is beyond derivatives at knots."""
+        """Return the unsupported features of `problem`, or an empty string."""
         if problem.bounded:
             names = [bound.name for bound in problem.bounds]
             names += ["polytopes"] if problem.halfspaces is not None else []
@@ -53,7 +53,7 @@ class Banded(Backend):
         if fixed.shape[1] > order and fixed[:, order:].any():
             return f"a fixed {derivative_name(order)} or higher derivative"
         if problem.continuity > order - 1:
-            # Where derivative j is fixed at an inner knot, the optimum's 2r-1-j jumps there.
+            # If derivative j is fixed at an inner knot, derivative 2r-1-j of the optimum jumps.
             inner = fixed[1:-1].any(axis=(0, 2))
             jumps = 2 * order - 1 - int(np.flatnonzero(inner).max()) if inner.any() else 2 * order
             if not single or problem.continuity >= jumps:
@@ -61,11 +61,11 @@ class Banded(Backend):
         return ""
 
     def is_brief(self, problem: MinimumDerivative) -> bool:
-        """Return whether there are so few segments that even the general kernels take no 0.1 s."""
+        """Return whether even the general kernels take less than 0.1 s for the segments."""
         return problem.segments <= _BRIEF
 
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
-        """Solve, and prove objective and shape by one more Newton step."""
+        """Solve, and prove objective and shape by an additional Newton step."""
         from .banded import certify, solve_hermite
         from .hermite import CERTIFIED, Outcome, jets_to_coefficients
 
@@ -74,13 +74,13 @@ class Banded(Backend):
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
         order = problem.order
-        # Derivatives beyond the given rows are free.
+        # Derivatives above the given rows are free.
         table = np.full((problem.times.size, order, problem.dimensions), np.inf)
         rows = min(order, problem.conditions.shape[1])
         table[:, :rows] = problem.conditions[:, :rows]
         fixed = np.isfinite(table)
         values = np.moveaxis(np.where(fixed, table, 0.0), 2, 0)
-        # A copy: kernels are compiled for arrays that may be written, and the model's may not.
+        # Kernels are compiled for writable arrays, and the model's arrays are read-only.
         durations = np.array(problem.durations)
         values = np.ascontiguousarray(values)
         weights = problem.order_weights
@@ -120,7 +120,7 @@ class Banded(Backend):
             Termination.OPTIMAL if proven else Termination.FEASIBLE,
             point=plan,
             primal_bound=objective,
-            # J is a sum of squares.
+            # J is a sum of squares, so 0 is a valid bound.
             dual_bound=max(0.0, float(proof.objective.sum()) - proof.gap) if proven else 0.0,
             seconds={"solve": solved - begin, "certify": clock() - solved},
             statistics=statistics,
@@ -132,7 +132,7 @@ class Banded(Backend):
 
 
 def _doubt(problem: MinimumDerivative, plan: Trajectory) -> str:
-    """Return what to say of a path that swings out so far that its knots lose digits."""
+    """Return a message if coefficients are so large that the knots lose digits, else empty."""
     reach = np.abs(plan.coefficients[:, 1:]).sum(axis=1).max(axis=1)
     at = int(reach.argmax())
     if reach[at] <= _SWING * problem.position_scale.max():

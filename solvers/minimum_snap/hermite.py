@@ -1,13 +1,13 @@
-"""Piecewise polynomials by their derivatives at the knots: exact tables, objective, gradient.
+"""Piecewise polynomials in terms of derivatives at the knots: tables, objective, gradient.
 
-A segment of duration T is a polynomial of degree 2r-1 in s = (t - t_k) / T. Its *jet* is its
+A segment of duration T is a polynomial of degree 2r-1 in s = (t - t_k) / T. Its *jet* consists of the
 derivatives of order 0 … r-1 at both ends; y_i = T^i d_i are the same in units of position. The j-th
 derivative is expanded in Legendre polynomials on [0, 1], g_i = ∫ x^(j) P_i ds, so that
 
     ∫ (x^(j))² dt = T^(1-2j) Σ_i (2i + 1) g_i²
 
-is a sum of squares, which loses no digits to cancellation as y'Qy does. For j = r integration by
-parts gives the g_i as sums of y with whole numbers, and none of higher index exist.
+is a sum of squares, which avoids the cancellation of y'Qy. For j = r, integration by parts gives the
+g_i as sums of y with integer coefficients, and the index i is at most r-1.
 
 Sources: Richter, Bry and Roy, "Polynomial trajectory planning for aggressive quadrotor flight",
 2013 (derivatives at the knots as unknowns); Wang, Zhou, Xu and Gao, "Geometrically constrained
@@ -46,52 +46,52 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
-#: Correction of a segment, relative to its size, up to which its shape is certified.
+#: Largest correction of a segment with a certified shape, relative to its size.
 CERTIFIED = 1e-9
-#: Share of what is given that a segment in which little happens is held against.
+#: Minimum scale of corrections for segments with little motion, as a share of the given values.
 FLOOR = 1e-6
 
 
 class Outcome(IntEnum):
-    """How a solve ended."""
+    """Outcome of a solve."""
 
     SOLVED = 0
-    #: Some motion costs nothing and moves no fixed entry: there is no unique optimum.
+    #: The optimum is not unique: a motion without cost changes no fixed entry.
     NOT_UNIQUE = 1
-    #: The durations differ so much that double precision cannot tell.
+    #: The durations differ too much for double precision.
     ILL_CONDITIONED = 2
 
 
 class Solved(NamedTuple):
-    """What a solve found.
+    """Solution of a minimum-derivative problem.
 
     Parameters
     ----------
     jets : ndarray, shape (axes, segments, 2, r)
         Derivatives 0 … r-1 at the start and the end of each segment; NaN unless ``SOLVED``.
     moments : ndarray, shape (axes, segments, r), or None
-        Legendre moments of the r-th derivative, with digits that the jets cannot hold where
-        durations differ wildly; None where the jets say as much.
+        Legendre moments of the r-th derivative, which are more accurate than the jets if durations
+        differ strongly. None if the jets are equally accurate.
     objective : ndarray, shape (axes,)
         J of each axis; NaN unless ``SOLVED``.
     outcome : Outcome
-        How it ended.
+        Outcome of the solve.
     correction : float
-        How far the scaled derivatives at the ends of a segment are off, by the last Newton step,
-        relative to the largest of them: the worst segment's. NaN where durations are so calm that
-        it is known to be about 1e-11, and nothing was measured.
+        Error estimate of the scaled derivatives at the ends of the worst segment: the last Newton
+        step, relative to the largest of them. NaN for calm durations, for which the error is known
+        to be about 1e-11 and is not measured.
     segment : int
-        Where that is.
+        Index of the worst segment.
     gap : float
-        By how much J may be above its optimum: half the gradient times the last Newton step, and
-        what rounding does to the moments.
+        Bound on J less its optimum: half the gradient times the last Newton step, plus the rounding
+        error of the moments.
     refinements : int
-        Newton steps after the first one, the most of all groups of axes.
+        Newton steps after the first one, the maximum over all groups of axes.
     factorisations : int
-        Groups of axes with a pattern of their own.
+        Number of groups of axes with different patterns.
     method : str
-        ``"calm"`` or ``"refined"``, the kernels for waypoints alone; ``"general"``, those for any
-        pattern; or ``"boundary"``, the slow way of :mod:`~.boundary`.
+        ``"calm"`` or ``"refined"`` for the kernels for waypoints alone, ``"general"`` for the
+        kernels for any pattern, ``"boundary"`` for the slow method of :mod:`~.boundary`.
     """
 
     jets: Floats
@@ -110,9 +110,9 @@ class Solved(NamedTuple):
 
 
 def scaled_jets(durations: Floats, jets: Floats) -> Floats:
-    """Return y, shape (axes, segments, 2r), with positions counted from the start of the segment.
+    """Return y, shape (axes, segments, 2r), with positions relative to the start of the segment.
 
-    So no digits are lost where a path runs far from the origin: only differences cost anything.
+    Only differences of positions affect the objective, so no digits are lost far from the origin.
     """
     order = jets.shape[-1]
     scaled = jets * (durations[:, None] ** np.arange(order))[:, None, :]
@@ -131,13 +131,13 @@ def jets_to_coefficients(durations: Floats, jets: Floats, moments: Floats | None
     jets : ndarray, shape (A, M, 2, r)
         Derivatives 0 … r-1 at the start and the end of each segment.
     moments : ndarray, shape (A, M, r), optional
-        ``Solved.moments``, for the powers from r on. Without them they come from the jets, and lose
-        digits where durations differ wildly.
+        ``Solved.moments``, for the powers from r on. Without them these powers are computed from the
+        jets and lose digits if durations differ strongly.
 
     Returns
     -------
     ndarray, shape (M, 2r, A)
-        In units of position.
+        Coefficients in units of position.
     """
     axes, count, _, order = jets.shape
     coefficients = np.empty((count, 2 * order, axes))
@@ -149,10 +149,10 @@ def jets_to_coefficients(durations: Floats, jets: Floats, moments: Floats | None
 def duration_gradient(
     durations: Floats, jets: Floats, weights: Floats, *, per_axis: bool = False
 ) -> Floats:
-    """Return dJ/dT_k while the derivatives at the knots stay as they are.
+    """Return dJ/dT_k at fixed derivatives at the knots.
 
-    At an optimum the free ones are stationary, so this is the whole derivative of the optimal value
-    by the duration (the envelope theorem): no second solve is needed.
+    At an optimum the free derivatives are stationary, so that this is the total derivative of the
+    optimal value with respect to the duration (envelope theorem), without a second solve.
 
     Parameters
     ----------
@@ -161,9 +161,9 @@ def duration_gradient(
     jets : ndarray, shape (A, M, 2, r)
         Derivatives 0 … r-1 at the start and the end of each segment.
     weights : ndarray, shape (r,)
-        Of the orders 1 … r.
+        Weights of the orders 1 … r.
     per_axis : bool
-        Whether the axes are left apart.
+        Whether to return one gradient per axis instead of the sum.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def duration_gradient(
     table = table_of(weights)
     scaled = scaled_jets(durations, jets)
     moments = scaled @ table.rows.T
-    # d y_i / dT = i y_i / T; what follows is multiplied by T throughout.
+    # d y_i / dT = i y_i / T. All terms below are multiplied by T.
     slopes = (scaled * np.tile(np.arange(jets.shape[-1]), 2)) @ table.rows.T
     powers = 1.0 - 2.0 * table.orders
     scale = table.factors * durations[:, None] ** powers
@@ -186,7 +186,7 @@ def duration_gradient(
 
 
 def patterns(fixed: Bools) -> Iterator[Ints]:
-    """Yield the axes that share a pattern of fixed entries, the patterns as they come."""
+    """Yield the axes of each distinct pattern of fixed entries, in order of appearance."""
     left = list(range(len(fixed)))
     while left:
         same = [a for a in left if a == left[0] or np.array_equal(fixed[a], fixed[left[0]])]
@@ -197,16 +197,17 @@ def patterns(fixed: Bools) -> Iterator[Ints]:
 def has_one_optimum(
     durations: Floats, fixed: Bools, weights: Floats, continuity: int
 ) -> bool | None:
-    """Return whether the fixed entries of one axis leave no motion free of cost.
+    """Return whether the fixed entries of one axis determine a unique optimum.
 
-    What costs nothing has x^(j) = 0 for the least order j with a weight. Where `continuity` is j-1
-    or more it is one polynomial of degree < j for the whole path, which must vanish with all that
-    is fixed (a Birkhoff problem), whatever the durations. Otherwise None: the pivots must tell.
+    A motion without cost has x^(j) = 0 for the lowest order j with a weight. If `continuity` is at
+    least j-1, it is one polynomial of degree < j on the whole path. The optimum is unique if only
+    the zero polynomial vanishes at all fixed entries (a Birkhoff problem). Return None for a lower
+    continuity: the pivots of the factorisation then decide.
 
     Parameters
     ----------
     fixed : ndarray of bool, shape (M + 1, r)
-        Of one axis.
+        Mask of the fixed entries of one axis.
     """
     least = int(np.flatnonzero(weights)[0]) + 1
     if continuity < least - 1:

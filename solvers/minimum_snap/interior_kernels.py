@@ -1,4 +1,4 @@
-"""The iterations of the structured interior point, compiled: see :mod:`.chain_kernels`."""
+"""Compiled iterations of the structured interior point, based on :mod:`.chain_kernels`."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def interior_point(
     knots: Floats, inner: Floats, below: Floats, above: Floats, z_below: Floats, z_above: Floats,
     gap_target: float, tolerance: float, most: int, nothing: float, flag: NDArray[np.int8],
 ) -> tuple[int, int, float, float, float, float]:  # fmt: skip
-    """Mehrotra's predictor-corrector from the given iterate, which it improves in place.
+    """Run Mehrotra's predictor-corrector method from the given iterate, which is updated in place.
 
-    Minimise ``|cost @ y|² / 2`` with ``lower <= rows @ y <= upper``; slacks `below` and `above` and
-    multipliers `z_below` and `z_above` are positive on entry, those of infinite bounds 1 and 0.
-    An objective below `nothing` counts as that much, where gaps are relative to it.
+    Minimise ``|cost @ y|² / 2`` subject to ``lower <= rows @ y <= upper``. Slacks `below` and
+    `above` and multipliers `z_below` and `z_above` are positive on entry; those of infinite bounds
+    are 1 and 0. Gaps are relative to the objective, or to `nothing` if that is larger.
 
     Returns
     -------
     tuple
-        Status, iterations, objective, complementarity (the sum of slack times multiplier), the
-        largest primal residual, the largest dual residual.
+        Status, iterations, objective, complementarity (the sum of slack times multiplier), largest
+        primal residual, largest dual residual.
     """
     count, _, width = cost.shape
     n = fixed.shape[1]
@@ -97,7 +97,7 @@ def interior_point(
                 primal = max(primal, abs(r_high[q]))
                 largest = max(largest, z_above[q])
         mu = comp / pairs
-        if largest > 1e100:  # the ray of a contradiction, or nothing that may move
+        if largest > 1e100:  # a ray of an infeasible problem, or no free coordinate
             break
         size_of = max(objective, nothing)
         merit = max(comp / size_of, primal, dual / largest)

@@ -1,4 +1,4 @@
-"""``interior-point``: our own structured interior point for corridors and limits."""
+"""``interior-point``: native structured interior point for corridors and limits."""
 
 from __future__ import annotations
 
@@ -25,13 +25,20 @@ __all__ = ["InteriorPoint"]
 
 
 class InteriorPoint(Backend):
-    """Mehrotra's predictor-corrector on the knots' derivatives, O(segments) an iteration.
+    """Mehrotra's predictor-corrector method on the knots' derivatives, O(segments) per iteration.
 
+<<<<<<< HEAD
     Every axis is a problem of its own unless half-spaces tie them. Corridor and limits hold at
     instants that are added where the trajectory leaves them in between, so that the bound is one
     for the model itself. Its proof are its own residuals: see
     :class:`~crosstrack.solvers.minimum_snap.interior_solver.ChainResult`. The path is certified apart:
     see :mod:`~crosstrack.solvers.minimum_snap.contacts`.
+=======
+    Every axis is a separate problem unless half-spaces couple the axes. Corridor and limits are
+    imposed at instants, and violations between them add further instants. The lower bound is
+    therefore valid for the model. Its residuals are the proof: see
+    :class:`~crosstrack.solvers.minimum_snap.interior_solver.ChainResult`.
+>>>>>>> words6/words6
     """
 
     name = "interior-point"
@@ -49,7 +56,7 @@ class InteriorPoint(Backend):
     summary = "structured interior point for corridors and limits, O(segments); ours"
 
     def refuses(self, problem: MinimumDerivative) -> str:
-        """Return what of `problem` its knots cannot express."""
+        """Return the features of `problem` that shared knots cannot express, or an empty string."""
         if problem.continuity != problem.order - 1:
             return (
                 f"continuity {problem.continuity}: knots share the derivatives up to "
@@ -62,9 +69,9 @@ class InteriorPoint(Backend):
             return f"a derivative above {problem.order - 1} is fixed"
         return ""
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so no plan
+    @np.errstate(all="ignore")  # an overflow yields NaN, which is rejected as a plan
     def run(self, problem: MinimumDerivative, request: Request) -> Answer:
-        """Solve every chain, and say what their residuals prove."""
+        """Solve every chain, and combine the certificates of their residuals."""
         from .chain import chains
         from .contacts import uncertifiable
         from .interior_solver import Settings, solve_chain
@@ -73,7 +80,7 @@ class InteriorPoint(Backend):
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
-        # The residuals of the iteration are absolute: lengths far from 1 m get a unit of their own.
+        # The residuals of the iteration are absolute. Lengths far from 1 m are therefore rescaled.
         unit = common(float(problem.position_scale.max()))
         if unit != 1.0:
             answer = self.run(problem.in_unit(unit), request)
@@ -82,7 +89,7 @@ class InteriorPoint(Backend):
         settings = Settings(
             gap=float(np.clip(0.01 * request.gap, 1e-11, 1e-8)),
             tolerance=float(np.clip(1e-4 * request.tolerance, 1e-12, 1e-8)),
-            # Below what rounding explains, so that no verdict depends on it.
+            # Below the allowance for rounding, so that the verification does not depend on it.
             between=5e-4 * request.tolerance,
             samples=request.options.get("samples", 8),
             iterations=request.options.get("iterations", 100),
@@ -106,7 +113,7 @@ class InteriorPoint(Backend):
 
 
 def _in_metres(answer: Answer, problem: MinimumDerivative, unit: float) -> Answer:
-    """Return the answer to `problem` of one to the same in units of `unit` m."""
+    """Convert the answer of a problem in units of `unit` m to an answer for `problem`."""
     plan, primal, dual = answer.point, answer.primal_bound, answer.dual_bound
     return replace(
         answer,
@@ -123,7 +130,11 @@ def _conclude(
     groups: int,
     reason: str,
 ) -> Answer:
+<<<<<<< HEAD
     """Return the answer; `reason` is that of :func:`~.contacts.uncertifiable`."""
+=======
+    """Return the answer. `reason` explains why paths of `problem` cannot be certified."""
+>>>>>>> words6/words6
     statistics: dict[str, float | int | str] = {
         "iterations": sum(r.iterations for r in results),
         "refinements": max(r.rounds for r in results),
@@ -149,7 +160,7 @@ def _conclude(
             "durations differ too much",
         )  # fmt: skip
     objective = sum(r.objective for r in results)
-    # Each axis is a sum of squares, whatever rounding says of its bound.
+    # The objective of each axis is a sum of squares, so 0 is a valid bound despite rounding.
     bound = sum(max(r.bound, 0.0) for r in results)
     plan = Trajectory(problem.times, np.concatenate([r.powers for r in results], axis=2))
     settled = all(r.status == "solved" for r in results)
@@ -157,7 +168,7 @@ def _conclude(
     if not settled:
         worst = max(r.primal for r in results)
         if worst > request.tolerance:
-            # What violates its bounds has neither an objective nor a bound worth a claim.
+            # Objective and bound of an iterate that violates its bounds are meaningless.
             return Answer(
                 Termination.NO_SOLUTION, Limit.ITERATIONS, statistics=statistics, message=message
             )

@@ -1,4 +1,4 @@
-"""The structured interior point on one chain: instants are added while the barrier falls."""
+"""Structured interior point on one chain, which adds instants while the barrier decreases."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ __all__ = ["ChainResult", "Settings", "solve_chain"]
 
 Floats = NDArray[np.float64]
 
-#: Relative complementarities at which the instants are reviewed, before the last.
+#: Relative complementarities at which missing instants are added, before the final one.
 LEVELS = (1e2, 1e1, 1e0, 1e-1, 1e-2, 1e-3)
-#: Violation between the instants, at most, of a certified path.
+#: Largest violation between the instants for a certified path.
 BETWEEN = 1e-10
-#: By how much wider the barrier is at the start of each new beginning after a stall.
+#: Factors of the barrier parameter at each restart after a stall.
 BOOSTS = (1e4, 1e6, 1e8)
 
 
 @dataclass(frozen=True)
 class ChainResult:
-    """What the interior point found for one chain.
+    """Result of the interior point for one chain.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ class ChainResult:
     primal, dual : float
         Largest residuals: of the rows, and of the gradient relative to the largest multiplier.
     iterations, rounds, instants : int
-        Counts.
+        Numbers of iterations, of rounds and of instants.
     conflict : ndarray of int
-        Segments whose bounds prove that there is no solution.
+        Segments whose bounds prove infeasibility.
     correction : float
         Last Newton step of a certified path, as a share of the extent; infinite without a certificate.
     """
@@ -61,11 +61,12 @@ class ChainResult:
 
 
 def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> ChainResult:
-    """Solve one chain: the barrier falls in levels, and at each the instants are reviewed.
+    """Solve one chain with a decreasing barrier, and add missing instants at each level.
 
-    An iterate close to the end is a bad start for more rows: its slacks are too small to give way.
-    So the iterates of all levels are kept, rows that come late begin at one whose barrier is as
-    wide as their violation, and where that stalls, at a wider one, at last from the beginning.
+    An iterate near convergence is a poor start after adding rows, because its slacks are too small.
+    Therefore the iterates of all levels are stored. After rows are added, the solver restarts from
+    the level whose barrier is as large as the violation. If that stalls, it restarts from a larger
+    barrier, and finally from the initial iterate.
     """
     state = State(chain, settings, flag)
     gaps = [*LEVELS, settings.gap]
@@ -81,7 +82,7 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
             status = "stopped"
             break
         if code != CONVERGED and not (last and state.is_settled(primal)):
-            # Only rows that came late make a start too narrow: without them it is the beginning.
+            # Only added rows make a start too narrow. Without them, this is the initial iterate.
             spent = rounds == 0 or retreat == 0
             if find_contradiction(state) is not None or (spent and restarts == len(BOOSTS)):
                 break
@@ -107,7 +108,7 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
         rounds += 1
         kept = state.add(fresh, [*kept, state.copy()])
         if last:
-            # As deep as the violation is small.
+            # Smaller violations allow a start at a smaller barrier.
             wanted = 1 + int(np.searchsorted(-np.array(LEVELS), -10.0 * worst))
             retreat = level = min(wanted, len(LEVELS) - 1)
             del kept[level + 1 :]
@@ -118,7 +119,7 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
     conflict = np.empty(0, np.int64)
     objective, bound, dual = prove_bound(state)
     if status == "stalled":
-        # Good enough is for the caller to judge by the bound; else see whether nothing can be.
+        # The caller assesses optimality by the bound. Otherwise test for infeasibility.
         small = max(1e-6 * abs(objective), state.nothing)
         if abs(objective - bound) <= small and primal <= 1e-7:
             status = "solved"

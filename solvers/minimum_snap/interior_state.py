@@ -1,4 +1,4 @@
-"""The iterate of the structured interior point on one chain, and the instants it holds."""
+"""Iterate of the structured interior point on one chain, and the imposed instants."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ __all__ = ["Iterate", "Settings", "State"]
 
 Floats = NDArray[np.float64]
 
-#: Share of the first guess's objective that counts as 0.
+#: Objectives below this share of the initial objective are treated as 0.
 NOTHING = 1e-9
-#: Mean square of a segment's costs, of the order of 1 in the first guess, below which their unit
-#: is made smaller, and by how much at most.
+#: Mean square of the costs of a segment below which their unit is reduced, and the largest
+#: reduction. The mean square is about 1 in the initial iterate.
 SMALL, MOST = 1e-6, 30.0
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How far to go.
+    """Termination criteria and limits of the interior point.
 
     Parameters
     ----------
     gap : float
-        Relative complementarity at the end.
+        Final relative complementarity.
     tolerance : float
-        Largest violation at the held instants, in normalised rows.
+        Largest violation at the imposed instants, in normalised rows.
     between : float
         Largest violation between the instants, relative to ``max(1, |bound|)``.
     samples : int
-        Instants of each segment held from the start.
+        Initial instants per segment.
     iterations : int
-        Most Newton steps for one set of instants.
+        Largest number of Newton steps for one set of instants.
     rounds : int
-        Most additions of instants.
+        Largest number of additions of instants.
     certify : bool
-        Whether the path itself is refined and certified, see :mod:`~.contacts`.
+        Whether to refine and certify the path itself, see :mod:`~.contacts`.
     """
 
     gap: float = 1e-10
@@ -76,13 +76,13 @@ class Iterate(NamedTuple):
 
 
 class State:
-    """The iterate of one chain."""
+    """Iterate of one chain."""
 
     def __init__(self, chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> None:
         self.chain, self.settings, self.flag = chain, settings, flag
         self.fixed, self.knots = chain.start()
         self.inner = np.zeros((chain.model.segments, chain.interior))
-        # J = Σ |C y|² is twice what the kernel minimises, |C y|² / 2.
+        # The kernel minimises |C y|² / 2, half of J = Σ |C y|².
         self.cost = chain.cost()
         self.held = chain.first_instants(settings.samples)
         self._pose()
@@ -92,8 +92,8 @@ class State:
     def _pose(self) -> None:
         count = self.chain.model.segments
         self.rows, self.lower, self.upper, share = self.chain.rows(self.held)
-        # A corridor without width has no interior. It is given one within what counts as kept,
-        # and so is relaxed: what is proven of it is proven of the model.
+        # A corridor without width has no interior. It is relaxed within the tolerance, so that
+        # bounds and infeasibility proofs remain valid for the model.
         size = np.maximum(share * self.chain.model.position_scale.max(), 1e-3)
         room = 0.1 * self.settings.between * size
         with np.errstate(invalid="ignore"):
@@ -124,13 +124,13 @@ class State:
             self.inner += inner
 
     def begin(self, boost: float = 1.0) -> None:
-        """Start smooth and near the middle of the bounds, with slacks and multipliers alike.
+        """Initialise a smooth path near the middle of the bounds, with slacks and multipliers.
 
         Parameters
         ----------
         boost : float
-            Multiplies the barrier's parameter. Bounds that leave hardly any room have multipliers
-            far beyond those of the first guess, and a barrier below them stalls at the boundary.
+            Factor of the barrier parameter. Narrow bounds have multipliers far above those of the
+            initial guess, and a smaller barrier stalls at the boundary.
         """
         low, high = np.isfinite(self.lower), np.isfinite(self.upper)
         target = np.where(
@@ -142,7 +142,7 @@ class State:
         weight = np.full(self.rows.shape[0], 1.0)
         self.newton(weight, target, self.cost / max(float(typical), 1e-300))
         value = multiply(self.cost, self.knots, self.inner)
-        # Costs of the order of 1 keep multipliers, slacks and tolerances comparable.
+        # Costs of about 1 keep multipliers, slacks and tolerances comparable.
         share = 1.0 / max(float(np.sqrt(np.sum(value**2) / max(value.shape[0], 1))), 1e-12)
         self.scale, self.cost = self.scale * share, self.cost * share
         at = row_values(self.rows, self.start, self.knots, self.inner)
@@ -156,7 +156,7 @@ class State:
         self.z_above = np.where(high, mu / self.above, 0.0)
 
     def enlarge(self) -> bool:
-        """Make the objective of the order of 1 where the first guess's was far above; else False."""
+        """Rescale an objective far below its initial value to about 1. Return False otherwise."""
         mean = float(np.sum(multiply(self.cost, self.knots, self.inner) ** 2)) / len(self.cost)
         if mean >= SMALL:
             return False
@@ -167,27 +167,27 @@ class State:
         return True
 
     def copy(self) -> Iterate:
-        """Return a copy of the present iterate."""
+        """Return a copy of the current iterate."""
         parts = (self.knots, self.inner, self.below, self.above, self.z_below, self.z_above)
         return Iterate(*(part.copy() for part in parts))
 
     def restore(self, iterate: Iterate) -> None:
-        """Take up an iterate that was kept."""
+        """Restore a stored iterate."""
         copies = [part.copy() for part in iterate]
         self.knots, self.inner, self.below, self.above, self.z_below, self.z_above = copies
 
     @property
     def nothing(self) -> float:
-        """The objective, in the model's units, that counts as 0 beside the first guess's."""
+        """Objective treated as 0, in the model's units, relative to the initial objective."""
         return NOTHING * self.chain.model.segments * 2.0 / self.scale**2
 
     @property
     def pairs(self) -> int:
-        """Number of bounds that are finite."""
+        """Number of finite bounds."""
         return max(int(np.isfinite(self.lower).sum() + np.isfinite(self.upper).sum()), 1)
 
     def descend(self, gap: float) -> tuple[int, int, float, float, float, float]:
-        """Run the kernel down to a relative complementarity of `gap`."""
+        """Run the kernel to a relative complementarity of `gap`, and return its result."""
         settings = self.settings
         outcome: tuple[int, int, float, float, float, float] = interior_point(
             self.cost, self.rows, self.start, self.lower, self.upper, self.fixed, self.knots,
@@ -198,23 +198,23 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
         return outcome
 
     def powers(self) -> Floats:
-        """Return the coefficients of the iterate."""
+        """Return the coefficients of the iterate in ascending powers of s."""
         return self.chain.powers(self.knots, self.inner)
 
     def is_settled(self, primal: float) -> bool:
-        """Whether an iterate that stalled is settled all the same, at the rounding of its rows."""
+        """Return whether a stalled iterate has converged to the rounding error of its rows."""
         comp = float(np.sum(self.below * self.z_below) + np.sum(self.above * self.z_above))
         value = multiply(self.cost, self.knots, self.inner)
         size = max(0.5 * float(np.sum(value**2)), NOTHING * self.chain.model.segments)
         return primal <= 1e-8 and comp <= 1e-7 * size
 
     def find_violations(self, threshold: float) -> tuple[Instants | None, float]:
-        """Return the instants at which the iterate lies outside, and by how much at most.
+        """Return the instants at which the iterate violates bounds, and the largest violation.
 
         Parameters
         ----------
         threshold : float
-            Violations count from here on, relative to what the verification holds them against.
+            Smallest violation reported, in the scale of the verification.
         """
         polynomials, limits, owners = self.chain.polynomials(self.powers())
         row, s, share = outside(polynomials, *limits, threshold)
@@ -224,13 +224,13 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
         return (fresh if fresh.s.size else None), float(share.max())
 
     def add(self, fresh: Instants, iterates: Sequence[Iterate]) -> list[Iterate]:
-        """Hold the bounds at more instants; return `iterates` with rows for them."""
+        """Impose the bounds at more instants, and return `iterates` extended by their rows."""
         self.held, order = self.held.joined(fresh).sorted()
         self._pose()
         return [self._extended(iterate, order) for iterate in iterates]
 
     def _extended(self, iterate: Iterate, order: NDArray[np.int64]) -> Iterate:
-        """Return an iterate with slacks and multipliers for new rows at its barrier's own level."""
+        """Return an iterate with slacks and multipliers for new rows at its barrier parameter."""
         knots, inner, *old = iterate
         at = row_values(self.rows, self.start, knots, inner)
         before = old[0].size

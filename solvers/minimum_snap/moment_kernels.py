@@ -1,9 +1,9 @@
-"""The gradient of the objective by the derivatives at the knots, by way of the Legendre moments.
+"""Gradient of the objective with respect to the derivatives at the knots, via Legendre moments.
 
-A short segment between long ones is nearly free to move, and its highest derivatives are what is
-left when the jets at its ends cancel. Hence jets, and the sums that make moments of them, are
-unevaluated sums of two floats (Dekker, "A floating-point technique for extending the available
-precision", Numerische Mathematik 18, 1971). So are forces, of which knots see the difference.
+A short segment between long ones is nearly free to move, and its highest derivatives are small
+differences of the jets at its ends. Jets and the sums in their moments are therefore unevaluated
+sums of two floats (Dekker, "A floating-point technique for extending the available precision",
+Numerische Mathematik 18, 1971). The same applies to forces, whose differences act on the knots.
 """
 
 from __future__ import annotations
@@ -63,18 +63,18 @@ def differentiate(
     moments: Floats,
     objective: Floats,
 ) -> None:
-    """Fill in what the jets cost, and half the gradient of that.
+    """Compute the cost of the jets and half its gradient.
 
     Parameters
     ----------
     durations : ndarray, shape (M,)
-        T_k.
+        T_k, s.
     rows, factors, orders : ndarray
-        See ``tables.Table``.
+        Fields of ``tables.Table``.
     jets, lows : ndarray, shape (A, M, 2, r)
-        Derivatives at both ends of each segment, and what rounding left of them.
+        Derivatives at both ends of each segment, and their rounding remainders.
     forces, rests : ndarray, shape (A, M, 2, r)
-        Filled with half the derivative of J by each of them, and what rounding left of that.
+        Filled with half the derivative of J with respect to each, and its rounding remainder.
     moments : ndarray, shape (A, M, N)
         Filled with the moments, for the rows of the table.
     objective : ndarray, shape (A,)
@@ -96,7 +96,7 @@ def differentiate(
         for a in range(axes):
             own, rest = jets[a, k], lows[a, k]
             moments[a, k], low_moments[:] = 0.0, 0.0
-            # Positions count from the start of the segment, so the first entry is 0.
+            # Positions are relative to the start of the segment, so the first entry is 0.
             for p in range(1, size):
                 i = p % order
                 d, e = own[p // order, i], rest[p // order, i]
@@ -136,10 +136,10 @@ def blend(
     factorials: Floats,
     coefficients: Floats,
 ) -> None:
-    """Fill `coefficients`, shape (M, 2r, A), by ``tables.moment_tables``.
+    """Fill `coefficients`, shape (M, 2r, A), with the tables of ``tables.moment_tables``.
 
-    `moments` of shape (A, M, r) are those of the r-th derivative; with no axes, they come from the
-    jets.
+    `moments`, shape (A, M, r), are those of the r-th derivative. If A is 0, they are computed from
+    the jets.
     """
     axes, count, _, order = jets.shape
     given = moments.shape[0] > 0

@@ -1,14 +1,14 @@
-"""One fused kernel an order for the usual case: positions fixed, ends fixed, the rest free.
+"""Fused kernel per order for the usual case: positions fixed, ends fixed, the rest free.
 
 The unknowns are the derivatives of order 1 … r-1 at the inner knots, and the Hessian is block
 tridiagonal with blocks of r-1. One sweep forward assembles block row k, eliminates it (LDL', no
-square roots) and reduces the right-hand sides of all axes at once; one sweep backward writes the
+square roots) and reduces the right-hand sides of all axes at once. One sweep backward writes the
 jets, sums up the objective and forms the gradient, which is the right-hand side of the next two
-sweeps. The gradient comes from differences of jets, which are accurate where the entries of the
-Hessian are not: one refinement gives back the digits that elimination lost.
+sweeps. The gradient is computed from differences of jets, which are more accurate than the entries of
+the Hessian: one refinement recovers the digits lost in the elimination.
 
-The factors of powers of 1 / T are the units of the rows: an LDL' factorisation does not change its
-relative errors when rows and columns are scaled, so no local time is divided out beforehand.
+The factors of powers of 1 / T are the units of the rows. Scaling rows and columns does not change the
+relative errors of an LDL' factorisation, so local times are not divided out beforehand.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ __all__ = ["FUSED"]
 
 Floats = NDArray[np.float64]
 
-#: Least pivot, as a share of its diagonal entry, above which nothing is refined: coefficients are
-#: right to 1e-11 then, as measured with durations over ratios of 1 to 400.
+#: Smallest pivot without refinement, as a share of its diagonal entry. Coefficients are then accurate
+#: to 1e-11, as measured for ratios of durations from 1 to 400.
 _CALM = 1e-2
-#: Least pivot that says anything: below, refinement does not converge.
+#: Smallest meaningful pivot. Below it, refinement does not converge.
 _LEAST = 1e-13
-#: Correction after which the next one is known to be its square, and not waited for.
+#: Correction below which the next one is known to be its square and is skipped.
 _QUADRATIC = 1e-5
-#: Refinements at most, and by how much each must be less than the one before.
+#: Largest number of refinements, and the required ratio of consecutive corrections.
 _REFINEMENTS = 5
 _CONTRACTION = 0.1
 _ULP = float(np.finfo(float).eps)
 
 
 def _fused(r: int) -> Any:
-    """Return the kernel of order `r`: a constant, so that the loops over a block are unrolled."""
+    """Return the kernel of order `r`, a constant that lets the compiler unroll loops over a block."""
     n = r - 1
 
     @kernel(interpretable=True)
@@ -62,40 +62,42 @@ def _fused(r: int) -> Any:
         Parameters
         ----------
         durations : ndarray, shape (M,)
-            T_k.
+            T_k, s.
         values : ndarray, shape (A, M + 1, r)
             Positions at all knots, derivatives at the two ends.
         rows, factors : ndarray
-            See ``tables.Table``.
+            Fields of ``tables.Table``.
         certify : bool
-            Whether to refine until the last correction proves the shape, once at least.
+            Whether to refine at least once and until the last correction proves the shape.
         given : bool
-            Whether `jets` hold a solution already, which is then refined.
+            Whether `jets` already contain a solution to refine.
         jets : ndarray, shape (A, M, 2, r)
             Filled with the derivatives at the start and the end of each segment.
         objective : ndarray, shape (A,)
             Filled with J.
         blocks : ndarray, shape (M, 2, r - 1, r - 1)
-            Room for the coupling of each knot with the next one, and the factor of its block. Room
-            is lent, since NumPy asks the system for large pages and compiled code does not.
+            Workspace for the coupling of each knot with the next one and for the factor of its
+            block. The caller allocates it, because NumPy uses large memory pages and compiled code
+            does not.
         work : ndarray, shape (A, M, r - 1)
-            Room for reduced right-hand sides.
+            Workspace for reduced right-hand sides.
 
         Returns
         -------
         failed : int
-            The knot whose pivot says nothing, M where refinement does not converge, or -1.
+            Index of the knot with a pivot at rounding level, M if refinement does not converge, or
+            -1.
         refinements : int
-            Solves after the first one.
+            Number of solves after the first one.
         correction : float
-            The largest last correction of a scaled derivative, relative to its segment's size; 0
-            where nothing was refined.
+            Largest last correction of a scaled derivative, relative to its segment's size; 0
+            without refinement.
         segment : int
-            Where that is.
+            Index of the segment with that correction.
         gap : float
             J less its optimum before the last refinement.
         rounding : float
-            What rounding of the moments may change in J.
+            Effect of rounding errors of the moments on J.
         """
         count, axes = durations.size, values.shape[0]
         unit = np.zeros((2 * r, 2 * r))
@@ -107,10 +109,10 @@ def _fused(r: int) -> Any:
                     unit[p, q] += factors[m] * rows[m, p] * rows[m, q]
         y, up, moments = np.empty(n), np.empty(r), np.empty(r)
         before, after = np.empty(2 * r), np.empty(2 * r)
-        # Differences and sums of the scaled jets at both ends: moments are made of one or the other.
+        # Differences and sums of the scaled jets at both ends. Each moment uses one of the two.
         pair = np.empty((2, r))
-        # Of each axis: the solution of the knot to the right, and the gradient by its derivatives
-        # that the segment to the right has.
+        # For each axis: solution of the knot to the right, and the gradient with respect to its
+        # derivatives from the segment to the right.
         moved, pull = np.empty((axes, n)), np.empty((axes, n))
         sums, least = np.empty((axes, 2)), np.zeros(axes)
         share, former = 1.0, np.inf
@@ -287,7 +289,7 @@ def _fused(r: int) -> Any:
     return solve
 
 
-#: The kernel of each order.
+#: Kernel of each order.
 FUSED: dict[int, Callable[..., tuple[int, int, float, int, float, float]]] = {
     order: _fused(order) for order in (2, 3, 4, 5)
 }

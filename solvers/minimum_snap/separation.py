@@ -1,4 +1,4 @@
-"""Where polynomials leave their bounds: the local extremes outside, from the roots of the slopes."""
+"""Separation of violated bounds: local extremes of polynomials from the roots of the slopes."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ def outside(
     high_scale: Floats,
     threshold: float,
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Return the local extremes beyond a bound.
+    """Return the local extremes that violate a bound.
 
     Parameters
     ----------
     powers : ndarray, shape (N, degree + 1)
         Ascending powers of s in [0, 1].
     lower, upper : ndarray, shape (N,)
-        Bounds; infinite where there is none.
+        Bounds; infinite for unbounded rows.
     low_scale, high_scale : ndarray, shape (N,)
-        What violations are held against.
+        Scales of violations from below and from above.
     threshold : float
-        Smallest violation reported, relative to those.
+        Smallest violation reported, relative to the scales.
 
     Returns
     -------
     tuple
-        Row, argument and relative violation of each.
+        Row, argument and relative violation of each extreme.
     """
     control = powers @ bernstein_matrix(powers.shape[1] - 1).T
-    # The control polygon encloses the curve: only where it sticks out can there be any.
+    # The control polygon encloses the curve, so only rows whose polygon violates a bound matter.
     near = np.flatnonzero((control.min(axis=1) < lower) | (control.max(axis=1) > upper))
     places = np.sort(critical_points(powers[near]), axis=1)
     value = horner(powers[near][:, :, None], places)
@@ -47,7 +47,7 @@ def outside(
         (lower[near, None] - value) / low_scale[near, None],
         (value - upper[near, None]) / high_scale[near, None],
     )
-    # Of candidates side by side the worst: the others are no extremes, or the same one again.
+    # Of adjacent candidates, keep the largest violation. The others are not extremes or repeat it.
     edge = np.full((near.size, 1), -np.inf)
     peak = share >= np.concatenate([edge, share[:, :-1]], axis=1)
     peak &= share > np.concatenate([share[:, 1:], edge], axis=1)

@@ -1,4 +1,4 @@
-"""Tables of piecewise Hermite polynomials, from whole numbers and fractions: see ``hermite``."""
+"""Tables of piecewise Hermite polynomials from integers and fractions, for ``hermite``."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ Ints = NDArray[np.int64]
 
 
 class Table(NamedTuple):
-    """The objective of a segment on [0, 1], its orders one below the other.
+    """Objective of a segment on [0, 1], with the rows of all orders stacked.
 
     Parameters
     ----------
     rows : ndarray, shape (N, 2r)
-        Legendre moments g of every derivative that has a weight, from the scaled jet y, each times
-        the number that makes its row whole.
+        Map from the scaled jet y to the Legendre moments g of every derivative with a weight. Each
+        row is scaled to integers.
     factors : ndarray, shape (N,)
-        Their ``(2i + 1) w_j``, that number divided out.
+        ``(2i + 1) w_j`` of each row, divided by the square of its scale.
     orders : ndarray of int, shape (N,)
-        Their j, so that ``J = Σ factors T^(1 - 2 orders) g²``.
+        Order j of each row, so that ``J = Σ factors T^(1 - 2 orders) g²``.
     """
 
     rows: Floats
@@ -38,7 +38,7 @@ class Table(NamedTuple):
 
 
 def _legendre(index: int) -> list[int]:
-    """Return the powers of the Legendre polynomial on [0, 1], which is 1 at 1."""
+    """Return the coefficients of the Legendre polynomial on [0, 1] that equals 1 at 1."""
     sign = (-1) ** index
     return [
         sign * (-1) ** m * math.comb(index, m) * math.comb(index + m, m) for m in range(index + 1)
@@ -47,9 +47,9 @@ def _legendre(index: int) -> list[int]:
 
 @cache
 def _hermite_powers(order: int) -> tuple[tuple[Fraction, ...], ...]:
-    """Return the powers 0 … 2r-1 (rows) of the Hermite functions (columns), exactly.
+    """Return exact coefficients of powers 0 … 2r-1 (rows) of the Hermite functions (columns).
 
-    The powers below r are y_i / i!. The others come from x^(r) = Σ (2i + 1) g_i P_i.
+    The coefficients below r are y_i / i!. The others follow from x^(r) = Σ (2i + 1) g_i P_i.
     """
     r = order
     moments = _end_moments(r)
@@ -65,7 +65,7 @@ def _hermite_powers(order: int) -> tuple[tuple[Fraction, ...], ...]:
 
 
 def _end_moments(order: int) -> list[list[int]]:
-    """Return ∫ x^(r) P_i ds for i < r from the jet, by parts: whole numbers.
+    """Return the integer map from the jet to ∫ x^(r) P_i ds for i < r, by integration by parts.
 
     The m-th derivative of P_i is (i + m)! / (m! (i - m)!) at 1, and that times (-1)^(i + m) at 0.
     """
@@ -82,16 +82,16 @@ def _end_moments(order: int) -> list[list[int]]:
 
 @cache
 def moment_tables(order: int) -> tuple[Floats, Floats, Floats]:
-    """Return how to get powers by way of the moments of the r-th derivative.
+    """Return the tables that compute powers of s via the moments of the r-th derivative.
 
     Returns
     -------
     rows : ndarray, shape (r, 2r)
-        Moments from the scaled jet, whole numbers.
+        Integer map from the scaled jet to the moments.
     blend : ndarray, shape (r, r)
-        The powers r … 2r-1 from the moments.
+        Map from the moments to the coefficients of powers r … 2r-1.
     factorials : ndarray, shape (r,)
-        i!, so that the powers below r are y_i / i!.
+        i!, so that the coefficients below r are y_i / i!.
     """
     blend = np.zeros((order, order))
     for i in range(order):
@@ -121,9 +121,9 @@ def _power_moments(order: int, derivative: int) -> tuple[tuple[Fraction, ...], .
 
 @cache
 def _exact_rows(order: int, derivative: int) -> tuple[tuple[Fraction, ...], ...]:
-    """Return the Legendre moments of the j-th derivative from the scaled jet, (2r - j, 2r).
+    """Return the map from the scaled jet to Legendre moments of the j-th derivative, (2r - j, 2r).
 
-    Those beyond index r-1 vanish for j = r, where x^(r) has degree r-1; they are left out.
+    For j = r, x^(r) has degree r-1, so moments above index r-1 vanish and are omitted.
     """
     powers = _hermite_powers(order)
     places = range(2 * order)
@@ -142,7 +142,7 @@ def _table(weights: tuple[float, ...]) -> Table:
             continue
         own = _exact_rows(r, j)
         for i, row in enumerate(own):
-            # Whole numbers are exact in floating point, so that what costs nothing costs nothing.
+            # Integers are exact in floating point, so that motions without cost have a cost of 0.
             common = math.lcm(*(value.denominator for value in row))
             rows.append([float(value * common) for value in row])
             factors.append(weight * float(Fraction(2 * i + 1, common * common)))
@@ -155,5 +155,5 @@ def _table(weights: tuple[float, ...]) -> Table:
 
 
 def table_of(weights: Floats) -> Table:
-    """Return the table for weights of the orders 1 … r, which are kept for the next call."""
+    """Return the cached table for weights of the orders 1 … r."""
     return _table(tuple(map(float, weights)))

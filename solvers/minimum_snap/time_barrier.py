@@ -1,4 +1,4 @@
-"""Corridor and limits at given durations: the barrier problem, its slope and its curvature."""
+"""Barrier problem for corridor and limits at given durations: value, slope and curvature."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ __all__ = ["Barrier", "Inner", "inner_problem"]
 
 Floats = NDArray[np.float64]
 
-#: Newton steps for one barrier problem.
+#: Largest number of Newton steps for one barrier problem.
 STEPS = 40
-#: Relative error of slack times multiplier, and of the gradient by the coordinates.
+#: Relative error of slack times multiplier, and of the gradient with respect to the coordinates.
 ACCURACY = 1e-6
-#: Largest violation of a held bound, relative to what it is held against.
+#: Largest violation of an imposed bound, relative to its scale.
 FEASIBLE = 1e-10
-#: Share of a slack that a foreseen step may use.
+#: Largest share of a slack that a predicted step may use.
 REACH = 0.95
-#: Relative complementarity of a plan, and its largest violation between the instants.
+#: Relative complementarity of a plan, and its largest relative violation between the instants.
 SHARP, BETWEEN = 1e-9, 2e-10
 
 
 class _Response(NamedTuple):
-    """What durations do to a group: see :func:`~.time_curvature.curvature`."""
+    """Response of a group to the durations: see :func:`~.time_curvature.curvature`."""
 
     knots: Floats
     inner: Floats
@@ -44,7 +44,7 @@ class _Response(NamedTuple):
 
 
 class _Course(NamedTuple):
-    """Where a step begins, its change of the durations, and what it should do to the iterates."""
+    """Start of a step, its change of the durations, and the predicted change of the iterates."""
 
     origin: Floats
     change: Floats
@@ -53,14 +53,14 @@ class _Course(NamedTuple):
 
 
 class Barrier:
-    """The barrier problem, group by group, each from where it last was.
+    """Barrier problem of all groups, each warm-started from its last iterate.
 
     Parameters
     ----------
     model : TimeAllocation
-        The model.
+        Problem with free times.
     flag : ndarray of int8, shape (1,)
-        Nonzero halts the Newton steps.
+        Stop flag. A nonzero value stops the Newton steps.
 
     Attributes
     ----------
@@ -89,14 +89,14 @@ class Barrier:
     # -- values ----------------------------------------------------------------------------------
 
     def value(self, durations: Floats, *, afresh: bool = False) -> Value:
-        """Return the barrier's value and its slope; what was found is kept to start from.
+        """Return the value of the barrier problem and its slope. Store the iterate for warm starts.
 
         Parameters
         ----------
         durations : ndarray, shape (M,)
             T_k, s.
         afresh : bool
-            Where the last iterate leads nowhere, start once more without it.
+            Whether to retry with a cold start if the last iterate leads to no solution.
         """
         if self._latest is not None:
             last, mu, known = self._latest
@@ -104,7 +104,7 @@ class Barrier:
                 return known
         self.solves += 1
         durations = np.ascontiguousarray(durations)
-        # Durations are > 0: their own share of the barrier keeps free knots apart.
+        # A barrier term for durations > 0 keeps free knots apart.
         slope = -self.mu / durations
         total, objective = -self.mu * float(np.log(durations).sum()), 0.0
         found = []
@@ -129,7 +129,7 @@ class Barrier:
     def _solved(
         self, group: Group, durations: Floats, trial: Iterate, slope: Floats, *, warm: bool
     ) -> tuple[int, float, float]:
-        """Solve one group in place; return the status, J, and the sum of the slacks' logarithms."""
+        """Solve one group in place. Return status, J and the sum of the logarithms of the slacks."""
         forms, rows = self.forms, group.rows
         status, steps, cost, logs = evaluate(
             durations, self.model.order, len(group.axes), forms.unit_cost, forms.cost_orders,
@@ -142,9 +142,9 @@ class Barrier:
         return status, cost, logs
 
     def curvature(self, durations: Floats) -> Floats | None:
-        """Return the second derivatives of :meth:`value`, shape (M, M); None where it is infinite.
+        """Return the second derivatives of :meth:`value`, shape (M, M), or None if it is infinite.
 
-        They take O(M²).
+        The cost is O(M²).
         """
         if not np.isfinite(self.value(durations).value):
             return None
@@ -163,13 +163,13 @@ class Barrier:
         symmetric: Floats = 0.5 * (hessian + hessian.T)
         return symmetric
 
-    # -- steps that are foreseen -----------------------------------------------------------------
+    # -- predicted steps -------------------------------------------------------------------------
 
     def aim(self, change: Floats) -> float:
-        """Foresee what a `change` of the durations does, for :meth:`value` to start from.
+        """Predict the effect of a `change` of the durations, as a warm start of :meth:`value`.
 
-        To be called after :meth:`curvature`. Returns the share of the change at which a slack would
-        be used up, were everything linear.
+        Call it after :meth:`curvature`. Return the share of the change at which the linear
+        prediction uses up a slack.
         """
         assert self._latest is not None
         far = np.inf
@@ -191,7 +191,7 @@ class Barrier:
         return far
 
     def _begin(self, durations: Floats) -> list[Iterate]:
-        """Return iterates to start from: as foreseen, where the durations lie on the course."""
+        """Return initial iterates, predicted if the durations are on the course."""
         course = self._course
         if course is not None:
             away = durations - course.origin
@@ -208,7 +208,7 @@ class Barrier:
     ) -> Iterate:
         orders = np.tile(np.arange(self.model.order), len(group.axes))
         knots = (now.knots + share * step.knots) * ratio[:, None] ** orders
-        # A slack or multiplier that would vanish keeps a part of what it was.
+        # Slacks and multipliers keep at least a part of their previous value.
         rest = [
             np.maximum(part + share * change, 0.1 * part)
             for part, change in zip(now[2:], step[2:], strict=True)
@@ -224,7 +224,7 @@ class Barrier:
         jets = knots.reshape(len(knots), -1, order.size)
         begin = (durations / scales[:-1])[:, None, None] ** order * jets[:-1]
         end = (durations / scales[1:])[:, None, None] ** order * jets[1:]
-        # Relative to the start: Hermite functions take differences of positions.
+        # Positions relative to the start: the Hermite functions subtract positions.
         start = jets[:-1, :, 0]
         begin[:, :, 0] = 0.0
         end[:, :, 0] -= start
@@ -234,7 +234,7 @@ class Barrier:
         return powers
 
     def _bounded(self, group: Group, durations: Floats) -> Floats:
-        """Return what is bounded as polynomials in s, padded to one width, (N, degree + 1)."""
+        """Return the bounded values as polynomials in s, padded to shape (N, degree + 1)."""
         segment, spans = group.owners.segment, group.spans
         powers = np.einsum("npa,na->np", self._powers(group, durations)[segment], spans.mix)
         rows = np.zeros(powers.shape)
@@ -246,14 +246,14 @@ class Barrier:
         return rows
 
     def exchange(self, durations: Floats, threshold: float) -> int:
-        """Hold the bounds where the iterate at `durations` leaves them; return at how many instants.
+        """Impose violated bounds at the instants of violation, and return their number.
 
         Parameters
         ----------
         durations : ndarray, shape (M,)
-            Those of the last :meth:`value`.
+            Durations of the last :meth:`value`, s.
         threshold : float
-            Smallest violation that counts, relative to what it is held against.
+            Smallest violation considered, relative to its scale.
         """
         count = 0
         for group in self.groups:
@@ -270,7 +270,7 @@ class Barrier:
         return count
 
     def settle(self, durations: Floats, threshold: float, rounds: int = 25) -> Value:
-        """Return the value at `durations` with the bounds held wherever it takes."""
+        """Return the value at `durations` after imposing the bounds at all violations."""
         found = self.value(durations, afresh=True)
         for _ in range(rounds):
             if not np.isfinite(found.value):
@@ -281,9 +281,10 @@ class Barrier:
         return found
 
     def plan(self, durations: Floats) -> Trajectory | None:
-        """Return the best trajectory: the bounds kept at every instant, the barrier next to none.
+        """Return the optimal trajectory at `durations`, with a negligible barrier, or None.
 
-        What is held meanwhile is forgotten: when a plan is asked for must not change the search.
+        The bounds hold at every instant. Instants added here are removed afterwards, so that the
+        search does not depend on the times of calls.
         """
         kept, mu = [replace(group) for group in self.groups], self.mu
         latest, course = self._latest, self._course
@@ -314,11 +315,11 @@ class Barrier:
         return powers
 
 
-#: What solves the problem at given times: ``value(durations)``, ``plan(durations)`` and the counts
-#: ``solves`` and ``steps`` (Newton steps).
+#: Solver of the problem at given times, with ``value(durations)``, ``plan(durations)`` and the
+#: counts ``solves`` and ``steps`` (Newton steps).
 Inner: TypeAlias = Spline | Barrier
 
 
 def inner_problem(model: TimeAllocation, flag: NDArray[np.int8]) -> Inner:
-    """Return what solves `model` at given durations; a nonzero `flag` halts it."""
+    """Return the solver of `model` at given durations. A nonzero `flag` stops it."""
     return Barrier(model, flag) if model.bounded else Spline(model)

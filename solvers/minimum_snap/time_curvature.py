@@ -1,8 +1,9 @@
-"""Compiled: the second derivatives of the barrier problem's optimal value by the durations.
+"""Compiled second derivatives of the barrier problem's optimal value by the durations.
 
-With φ(y, T) the Lagrangian of :mod:`~crosstrack.solvers.minimum_snap.time_rows` and K its Hessian in the coordinates y, the
-optimal value has the Hessian ``φ_TT - φ_yT' K⁻¹ φ_yT``. φ_TT is diagonal and a column of φ_yT
-touches the two knots of its segment; K is factorised knot by knot, so that all of it takes O(M²).
+Let φ(y, T) be the Lagrangian of :mod:`~crosstrack.solvers.minimum_snap.time_rows` and K its Hessian
+in the coordinates y. The optimal value has the Hessian ``φ_TT - φ_yT' K⁻¹ φ_yT``. φ_TT is diagonal,
+and a column of φ_yT involves the two knots of its segment. K is factorised knot by knot, so that the
+total cost is O(M²).
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ def curvature(
     fixed: Flags, knots: Floats, inner: Floats, below: Floats, above: Floats, z_below: Floats,
     z_above: Floats, unit: float, hessian: Floats,
 ) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
-    """Add one group's second derivatives by the durations to `hessian`, shape (M, M).
+    """Add the second derivatives of one group by the durations to `hessian`, shape (M, M).
 
-    The parameters are those of :func:`~crosstrack.solvers.minimum_snap.time_kernels.evaluate`, the
-    iterate being its result at the same durations.
+    The parameters are those of :func:`~crosstrack.solvers.minimum_snap.time_kernels.evaluate`. The
+    iterate is its result at the same durations.
 
     Returns
     -------
     response : ndarray, shape (M, M + 1, n)
-        Change of the knots' coordinates by each duration, at fixed scales of the knots.
+        Derivatives of the knots' coordinates by each duration, at fixed scales of the knots.
     response_inner : ndarray, shape (M, M, interior)
-        The same of the segments' own coordinates.
+        Derivatives of the inner coordinates of the segments by each duration.
     rows : ndarray, shape (Q, width)
-        Of the bounds, in coordinates; not normalised.
+        Rows of the bounds in coordinates, not normalised.
     rate : ndarray, shape (Q,)
-        Change of each bounded value by its segment's duration, at fixed derivatives.
+        Derivative of each bounded value by its segment's duration, at fixed derivatives of the path.
     """
     count, size = durations.size, unit_cost.shape[1]
     extra = size - 2 * order
@@ -64,7 +65,7 @@ def curvature(
         weight[q] = np.sqrt(firm[q] / unit) / share[q]
     factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
     factorise(cost, rows, start, weight, fixed, factors, last)
-    # A coordinate of one axis: its power of the duration, and what turns it into y.
+    # For each coordinate of an axis: its power of the duration, and its factor to y.
     power = np.zeros(size)
     for i in range(order):
         power[i] = power[order + i] = float(i)
@@ -161,16 +162,16 @@ def foreseen(
     start: Ints, rows: Floats, rates: Floats, change: Floats, knots: Floats, inner: Floats,
     below: Floats, above: Floats, lower: Floats, upper: Floats, share: float, step: Floats,
 ) -> float:  # fmt: skip
-    """Return how far durations can change along `change` before a slack would be used up.
+    """Return the share of `change` at which the linear prediction uses up a slack.
 
     Parameters
     ----------
     change : ndarray, shape (M,)
-        Of the durations.
+        Change of the durations, s.
     knots, inner : ndarray
-        What it does to the coordinates.
+        Resulting change of the coordinates.
     share : float
-        Of a slack that may be used.
+        Largest share of a slack that may be used.
     step : ndarray, shape (Q,)
         Receives the changes of the bounded values.
     """
@@ -194,9 +195,9 @@ def foreseen(
 
 @kernel
 def shifted_solve(matrix: Floats, shift: float, right: Floats) -> bool:
-    """Solve ``(matrix + shift I) x = right`` in place by Cholesky; False where it is not positive.
+    """Solve ``(matrix + shift I) x = right`` in place by Cholesky. Return False if not positive.
 
-    Compiled rather than LAPACK's, whose threads cost more than such sizes take where cores are busy.
+    It is compiled because LAPACK's threads are slower for such sizes if the cores are busy.
     """
     n = right.size
     factor = np.zeros((n, n))
@@ -226,7 +227,7 @@ def shifted_solve(matrix: Floats, shift: float, right: Floats) -> bool:
 
 @kernel
 def _place(i: int, axis: int, order: int, n: int, extra: int) -> int:
-    """Return where coordinate `i` of `axis` stands among a segment's."""
+    """Return the index of coordinate `i` of `axis` among the coordinates of a segment."""
     if i < order:
         return axis * order + i
     if i < 2 * order:

@@ -1,4 +1,4 @@
-"""The descent on the logarithms of the durations, barrier by barrier."""
+"""Descent on the logarithms of the durations for a sequence of barriers."""
 
 from __future__ import annotations
 
@@ -18,25 +18,26 @@ __all__ = ["Allocated", "Factor", "Variables", "allocate"]
 
 Floats = NDArray[np.float64]
 
-#: Relative complementarity of the barriers, one after the other.
+#: Relative complementarities of the sequence of barriers.
 GAPS = tuple(float(gap) for gap in np.geomspace(1e-1, 1e-6, 9))
-#: Gradient at which the descent on a barrier ends, beside its complementarity.
+#: Gradient at which the descent on a barrier ends, relative to its complementarity.
 LOOSE = 1.0
-#: Segments up to which second derivatives, O(M²) and dense, are worth their time.
+#: Largest number of segments for which dense second derivatives, O(M²), are efficient.
 NEWTON = 400
-#: Share of the way back to the last durations that had a path, tried where new ones have none.
+#: Shares of the way back to the last feasible durations, tried if new durations have no path.
 BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
-#: Stretches, as logarithms, tried before that where a slower motion keeps all limits.
+#: Logarithms of stretch factors, tried first if slower motions satisfy all limits.
 SLOWER = (1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-#: Descents on the last barrier, each with bounds held at more instants.
+#: Largest number of descents on the last barrier, each with bounds at more instants.
 ROUNDS = 20
-#: What bounds held anew may cost at the end, relative to the objective and to the gradient's tolerance.
+#: Largest final increase of the objective by added instants, as a multiple of the gradient's tolerance
+#: times the objective.
 CLOSE = 0.1
 
 
 @dataclass(frozen=True)
 class Variables:
-    """Durations by unbounded variables: ``T = exp(x)``, or their shares of a given total.
+    """Durations as functions of unbounded variables: ``T = exp(x)``, or shares of a given total.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ class Variables:
     total: float | None
 
     def durations(self, x: Floats) -> Floats:
-        """Return T, shape (M,)."""
+        """Return the durations T, s, shape (M,)."""
         if self.total is None:
             whole: Floats = np.exp(x)
             return whole
@@ -59,7 +60,7 @@ class Variables:
         return durations
 
     def slope(self, durations: Floats, slope: Floats) -> Floats:
-        """Return the derivatives of J + ρ ΣT by x, from those of J by T."""
+        """Return the derivatives of J + ρ ΣT by x from those of J by T."""
         if self.total is None:
             return durations * (slope + self.weight)
         mean = float(durations @ slope) / self.total
@@ -90,14 +91,14 @@ class Variables:
 
 @dataclass(frozen=True)
 class Factor:
-    """One variable: the logarithm of a factor of given durations.
+    """Single variable: the logarithm of a factor of given durations.
 
     Parameters
     ----------
     weight : float
         ρ.
     base : ndarray, shape (M,)
-        The durations of factor 1.
+        Durations for factor 1, s.
     """
 
     weight: float
@@ -105,31 +106,31 @@ class Factor:
     total: ClassVar[None] = None
 
     def durations(self, x: Floats) -> Floats:
-        """Return T, shape (M,)."""
+        """Return the durations T, s, shape (M,)."""
         whole: Floats = self.base * np.exp(np.clip(x[0], -50.0, 50.0))
         return whole
 
     def slope(self, durations: Floats, slope: Floats) -> Floats:
-        """Return the derivative of J + ρ ΣT by x, shape (1,), from those of J by T."""
+        """Return the derivative of J + ρ ΣT by x, shape (1,), from the derivatives of J by T."""
         return np.array([float(durations @ (slope + self.weight))])
 
 
 @dataclass
 class Allocated:
-    """Where the descent on the times ended.
+    """Result of the descent on the durations.
 
     Parameters
     ----------
     durations : ndarray, shape (M,)
-        The best durations.
+        Best durations, s.
     value : float
-        The objective there.
+        Objective at the best durations.
     gradient : float
-        Largest entry of the gradient by x there, relative to the objective.
+        Largest entry of the gradient by x at the best durations, relative to the objective.
     settled : bool
-        Whether it is as small as was asked.
+        Whether the gradient satisfies the tolerance.
     iterations, evaluations : int
-        Counts.
+        Numbers of iterations and of evaluations.
     """
 
     durations: Floats
@@ -161,17 +162,18 @@ def allocate(
     Parameters
     ----------
     tolerance : float
-        The gradient that is small enough, relative to the objective.
+        Largest final gradient, relative to the objective.
     most : int
-        Iterations.
+        Largest number of iterations.
     between : float
-        Largest violation of a bound between instants at the end, relative.
+        Largest final violation of a bound between instants, relative to its scale.
     stopped : callable
-        Whether to end here.
+        Function that returns True to stop the descent.
     heard : callable
-        Told better durations and their objective.
+        Callback for improved durations and their objective.
     first : float
-        Relative complementarity of the first barrier: a large one leads away from the bounds.
+        Relative complementarity of the first barrier. A large value moves the path away from the
+        bounds.
     proportional : bool
         Whether the durations keep their proportions.
     """
@@ -255,7 +257,7 @@ def allocate(
             now = variables.durations(x)
             after = inner.value(now).objective + price * float(now.sum())
             best = min(best, (after, x), key=_first)
-            # A minimum of fewer bounds that keeps all of them is one of all.
+            # A minimum with a subset of the bounds that satisfies all bounds is a minimum with all.
             if settled and after - before <= CLOSE * tolerance * abs(after):
                 break
             settled = False
@@ -294,10 +296,10 @@ def _inside(
     threshold: float,
     rounds: int,
 ) -> Floats | None:
-    """Return `x`, or a point near it with a path that keeps all bounds; None if none is found.
+    """Return `x` or a nearby point whose path satisfies all bounds, or None without success.
 
-    Bounds that are held at more instants may leave no path for durations that had one. From rest
-    to rest a slower motion is the way out, else the way back to where there was one.
+    With bounds at additional instants, durations may no longer have a path. From rest to rest, try
+    slower motions. Otherwise try points on the way back to `safe`.
     """
     for point in _ways(inner, variables, x, safe):
         if np.isfinite(inner.settle(variables.durations(point), threshold, rounds).value):

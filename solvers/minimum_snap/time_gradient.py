@@ -1,4 +1,4 @@
-"""``time-gradient``: our own allocation of times, L-BFGS on their logarithms."""
+"""``time-gradient``: native time allocation, L-BFGS on the logarithms of the durations."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ __all__ = ["TimeGradient"]
 
 Floats = NDArray[np.float64]
 
-#: Seconds between two incumbents that are worked out.
+#: Minimum time between two incumbents, s.
 PAUSE = 0.1
-#: Relative difference of two objectives that counts as rounding.
+#: Largest relative difference of two objectives that is attributed to rounding.
 ROUNDING = 1e-9
-#: Standard deviation of the logarithms of the durations of a further start.
+#: Standard deviation of the logarithms of the durations of additional starts.
 SPREAD = 0.4
-#: Most steps of one descent where free knots are added one by one.
+#: Largest number of steps per descent while free knots are added one by one.
 EACH = 400
-#: Relative complementarity of the first barrier after a warm start, lest it lose its neighbourhood.
+#: Relative complementarity of the first barrier after a warm start, which stays near its start.
 WARM = 1e-3
 
 
@@ -43,7 +43,7 @@ def _concluded(
     statistics: dict[str, float | int | str],
     message: str = "",
 ) -> Answer:
-    """Return the answer with the plan at `durations`, which a passed deadline does not prevent."""
+    """Return the answer with the plan at `durations`, even after the deadline."""
     from .time_inner import Spline
 
     limit = None
@@ -75,13 +75,15 @@ def _concluded(
 class TimeGradient(Backend):
     """Newton and quasi-Newton descent on log T, with the slope of J by the envelope theorem.
 
-    The first start is the better of the trapezoid's and the distance's durations, scaled for
-    J + ρ ΣT and stretched until there is a path within the bounds; a seed above 0 perturbs it.
-    Corridor and limits enter by a barrier that falls; durations without a path are infinitely bad.
-    Where knots are free, fewer of them come first: what these find, with a segment halved, is a
-    start for one more, so that more free knots never cost time.
-    What it finds is a local optimum: the gradient by log T, relative to the objective, is among
-    the statistics.
+    The first start is the better of the durations by trapezoid and by distance, scaled for
+    J + ρ ΣT and stretched until a path satisfies the bounds. A seed above 0 perturbs it. A
+    decreasing barrier represents corridor and limits. Durations without a path have an infinite
+    value. With free knots, the solver first solves problems with fewer of them. Their solution with
+    a halved segment is the start for an additional knot, so that more free knots never increase the
+    objective.
+
+    The result is a local optimum. The statistics include the gradient by log T, relative to the
+    objective.
     """
 
     name = "time-gradient"
@@ -108,7 +110,7 @@ class TimeGradient(Backend):
     summary = "L-BFGS on log T with exact gradients, limits by a barrier; ours"
 
     def refuses(self, problem: TimeAllocation) -> str:
-        """Return what of `problem` our solvers at given times do not cover."""
+        """Return the features of `problem` that the inner solvers do not support, or empty."""
         from .direct import Banded
         from .interior_point import InteriorPoint
 
@@ -117,14 +119,14 @@ class TimeGradient(Backend):
         return InteriorPoint().refuses(problem.unit)
 
     def run(self, problem: TimeAllocation, request: Request) -> Answer:
-        """Descend from a start, and return the warm start where nothing better was found."""
+        """Descend from a start, and return the warm start if the result is not better."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         return _no_worse(problem, request, self._descend(problem, request))
 
     def _descend(self, problem: TimeAllocation, request: Request) -> Answer:
-        """Return where the descent ends, and how flat that is."""
+        """Return the answer of the descent, with its final gradient."""
         from .time_barrier import Barrier, inner_problem
         from .time_descent import Allocated, allocate
         from .time_inner import Spline
@@ -154,7 +156,7 @@ class TimeGradient(Backend):
             if control.stopped:
                 break
             last = model is problem
-            # From the rules' durations and, where these end higher, from what fewer knots found.
+            # Start from the rules' durations and, if that result is worse, from that of fewer knots.
             for carried in (False, True):
                 own = inner if last else inner_problem(model, control.flag)
                 if carried:
@@ -214,9 +216,10 @@ class TimeGradient(Backend):
 
 
 def _no_worse(problem: TimeAllocation, request: Request, answer: Answer) -> Answer:
-    """Return `answer`, or the warm start where that is better by more than rounding.
+    """Return `answer`, or the warm start if that is better by more than rounding.
 
-    The first barrier leads away from the bounds, so a run that ends early may end above its start.
+    The first barrier moves the path away from the bounds, so that an early end may be worse than the
+    start.
     """
     if request.warm_start is None:
         return answer
@@ -230,7 +233,7 @@ def _no_worse(problem: TimeAllocation, request: Request, answer: Answer) -> Answ
 
 
 def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | None:
-    """Return durations that have a path: the warm start's, or the better rule's."""
+    """Return durations with a path, from the warm start or the better rule, or None."""
     from .time_inner import Spline
     from .time_rules import distance, hurried, resumed, scaled, started, trapezoid
 

@@ -1,4 +1,4 @@
-"""Axes that belong together under corridor and limits: where bounds are held, and the iterate."""
+"""Groups of axes coupled by corridor and limits: imposed instants and iterates."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-#: Instants of each segment at which bounds are held from the start.
+#: Initial instants per segment at which bounds are imposed.
 SAMPLES = 8
-#: Slack of a bound that is held anew, relative to its scale.
+#: Initial slack of an added bound, relative to its scale.
 FRESH = 1e-3
 
 
@@ -33,17 +33,17 @@ class Rows(NamedTuple):
     Parameters
     ----------
     unit : ndarray, shape (Q, degree + 1)
-        In the Hermite coordinates of a segment 1 s long.
+        Coefficients in the Hermite coordinates of a segment of 1 s.
     mix : ndarray, shape (Q, axes)
-        Of which axes each is the sum.
+        Weights of the axes in the sum.
     derivative : ndarray of int, shape (Q,)
-        Of which order in time.
+        Order of the derivative in time.
     start : ndarray of int, shape (M + 1,)
-        Where those of each segment begin.
+        Index of the first row of each segment.
     lower, upper : ndarray, shape (Q,)
-        Their bounds.
+        Bounds of each row.
     low_scale, high_scale : ndarray, shape (Q,)
-        What violations of each are held against.
+        Scales of violations from below and from above.
     """
 
     unit: Floats
@@ -62,11 +62,11 @@ class Iterate(NamedTuple):
     Parameters
     ----------
     knots : ndarray, shape (M + 1, n)
-        Derivatives at the knots, times the knot's own time to their order.
+        Derivatives at the knots, multiplied by the time of the knot to the power of their order.
     inner : ndarray, shape (M, interior)
-        What a degree beyond 2r-1 leaves free.
+        Inner coefficients of a degree above 2r-1.
     below, above, z_below, z_above : ndarray, shape (Q,)
-        Slacks and multipliers; 1 and 0 where there is no bound.
+        Slacks and multipliers; 1 and 0 for infinite bounds.
     """
 
     knots: Floats
@@ -77,23 +77,23 @@ class Iterate(NamedTuple):
     z_above: Floats
 
     def copied(self) -> Iterate:
-        """Return a copy that may be written to."""
+        """Return a writable copy."""
         return Iterate(*(part.copy() for part in self))
 
 
 class Forms(NamedTuple):
-    """What all groups share.
+    """Data shared by all groups.
 
     Parameters
     ----------
     model : TimeAllocation
-        The model.
+        Problem with free times.
     basis : ndarray, shape (degree + 1, degree + 1)
-        Powers of the Hermite functions.
+        Coefficients of the Hermite functions in powers of s.
     unit_cost, cost_orders : ndarray, shapes (C, degree + 1), (C,)
-        Rows with J = Σ T^(1-2j) |row y|² for one axis, and their j.
+        Rows with J = Σ T^(1-2j) |row y|² for one axis, and their orders j.
     origin : ndarray, shape (dimensions,)
-        Where positions count from.
+        Origin of the positions, m.
     """
 
     model: TimeAllocation
@@ -105,26 +105,26 @@ class Forms(NamedTuple):
 
 @dataclass
 class Group:
-    """Axes that half-spaces tie together, or one axis alone.
+    """Axes coupled by half-spaces, or a single axis.
 
     Parameters
     ----------
     axes : tuple of int
-        Which.
+        Indices of the axes.
     fixed, values : ndarray, shape (knots, n)
-        Which derivatives are given, and their values.
+        Mask of the fixed derivatives, and their values.
     held : Instants
-        The instants at which the bounds are held, and
+        Instants at which the bounds are imposed.
     rows : Rows
-        the bounded values there.
+        Bounded values at these instants.
     owners : Instants
-        One place for every bound of a segment, and
+        One entry for every bound of a segment.
     spans : Rows
-        what is bounded there.
+        Bounded values of these entries.
     iterate : Iterate
-        The last solution of the barrier problem.
+        Last iterate of the barrier problem.
     warm : bool
-        Whether it is one.
+        Whether the iterate solves the barrier problem.
     """
 
     axes: tuple[int, ...]
@@ -143,9 +143,9 @@ class Group:
         return int(np.isfinite(self.rows.lower).sum() + np.isfinite(self.rows.upper).sum())
 
     def hold(self, forms: Forms, fresh: Instants, mu: float) -> int:
-        """Hold the bounds at more instants, with slacks times multipliers of `mu`.
+        """Impose the bounds at more instants, with slack times multiplier equal to `mu`.
 
-        Returns how many are new.
+        Return the number of new instants.
         """
         fresh = self.held.fresh(fresh)
         if not fresh.s.size:
@@ -175,7 +175,7 @@ class Group:
 
 
 def forms_of(model: TimeAllocation) -> Forms:
-    """Return what all groups of `model` share."""
+    """Return the data shared by all groups of `model`."""
     parts, orders = [], []
     for order, weight in enumerate(model.order_weights, start=1):
         if weight:
@@ -192,12 +192,12 @@ def forms_of(model: TimeAllocation) -> Forms:
 
 
 def groups_of(forms: Forms) -> list[Group]:
-    """Return the groups of axes of a model, their iterates still to be found."""
+    """Return the groups of axes of a model, without solved iterates."""
     model = forms.model
     values, fixed, _ = jets_of(model)
     groups = []
     for chain in chains(model.unit):
-        # Coordinates of a knot: axis by axis, the orders within.
+        # Coordinates of a knot are ordered by axis, then by order of the derivative.
         take = list(chain.axes)
         shape = (len(model.waypoints), chain.jets)
         own_fixed = np.ascontiguousarray(np.moveaxis(fixed[take], 0, 1).reshape(shape))
@@ -218,7 +218,7 @@ def groups_of(forms: Forms) -> list[Group]:
 
 
 def _rows(forms: Forms, axes: tuple[int, ...], held: Instants) -> Rows:
-    """Return what is bounded at the instants `held`."""
+    """Return the rows of the bounded values at the instants `held`."""
     model, basis, origin = forms.model, forms.basis, forms.origin
     size = held.s.size
     unit, mix = np.zeros((size, model.degree + 1)), np.zeros((size, len(axes)))
@@ -251,13 +251,13 @@ def _rows(forms: Forms, axes: tuple[int, ...], held: Instants) -> Rows:
 
 
 def _owners(chain: Chain) -> Instants:
-    """Return a place (at s = 0) for every bound of every segment of a chain."""
+    """Return one instant (at s = 0) for every bound of every segment of a chain."""
     model = chain.model
     none = np.empty(0, np.int64)
     columns: list[tuple[Ints, Ints, Ints]] = [(none, none, none)]
     for number, bound in enumerate(model.bounds):
         if bound.derivative > model.degree:
-            continue  # it vanishes, which every limit allows
+            continue  # the derivative is 0, which satisfies every limit
         finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
         for axis in chain.axes:
             segment = np.flatnonzero(finite[:, axis])

@@ -1,9 +1,9 @@
-"""J of the best trajectory at given durations, and its slope: what an allocation of times descends.
+"""Optimal J at given durations and its slope: the function that time allocation minimises.
 
-Without corridor and limits the banded solver gives both. With them a barrier problem does: its
-value ``min J - μ Σ log slack`` is smooth in the durations wherever there is a path inside, so that
-quasi-Newton steps are at home, and it falls to J with μ. The slope needs no second solve (the
-envelope theorem): the derivatives at the knots are stationary.
+Without corridor and limits the banded solver computes both. Otherwise they follow from a barrier
+problem. Its value ``min J - μ Σ log slack`` is smooth in the durations if a strictly feasible path
+exists, as quasi-Newton steps require, and converges to J with μ. The slope requires no second solve
+(envelope theorem), because the derivatives at the knots are stationary.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Value:
-    """J at some durations.
+    """J at given durations, with its slope.
 
     Parameters
     ----------
     value : float
-        What is minimised inside: J, less the barrier's share; inf where there is no path.
+        Minimum of the inner problem: J plus the barrier term; inf without a path.
     objective : float
-        J itself.
+        J without the barrier term.
     slope : ndarray, shape (M,)
-        The derivative of `value` by each duration.
+        Derivative of `value` by each duration.
     """
 
     value: float
@@ -45,18 +45,18 @@ class Value:
 
 
 def jets_of(model: TimeAllocation) -> tuple[Floats, Flags, Floats]:
-    """Return the fixed derivatives below r, which they are, and where positions count from.
+    """Return the fixed derivatives below order r, their mask and the origin of positions.
 
-    Far from the origin, the differences that count would lose their digits.
+    Relative positions retain the digits of differences far from the coordinate origin.
 
     Returns
     -------
     values : ndarray, shape (axes, knots, r)
-        0 where free; positions relative to `origin`.
+        Fixed values, 0 for free entries; positions are relative to `origin`.
     fixed : ndarray of bool, shape (axes, knots, r)
-        Which are given.
+        Mask of the fixed entries.
     origin : ndarray, shape (axes,)
-        The first position given.
+        First fixed position of each axis, m.
     """
     r = model.order
     rows = min(r, model.conditions.shape[1])
@@ -71,7 +71,7 @@ def jets_of(model: TimeAllocation) -> tuple[Floats, Flags, Floats]:
 
 
 class Spline:
-    """No corridor and no limits: one banded solve."""
+    """Inner problem without corridor and limits: one banded solve per evaluation."""
 
     def __init__(self, model: TimeAllocation) -> None:
         self.model = model
@@ -80,7 +80,7 @@ class Spline:
         self.solves = self.steps = 0
 
     def solve(self, durations: Floats) -> Any:
-        """Return the banded solver's result, None where it has none."""
+        """Return the result of the banded solver, or None without a solution."""
         self.solves += 1
         continuity = min(self.model.continuity, self.model.order - 1)
         found = solve_hermite(durations, self.values, self.fixed, self.weights, continuity)
@@ -95,7 +95,7 @@ class Spline:
         return Value(objective, objective, duration_gradient(durations, found.jets, self.weights))
 
     def plan(self, durations: Floats) -> Trajectory | None:
-        """Return the spline itself."""
+        """Return the optimal spline at `durations`, or None without a solution."""
         found = self.solve(durations)
         if found is None:
             return None

@@ -1,4 +1,4 @@
-"""Compiled: the barrier problem of one group of axes at given durations, by Newton steps."""
+"""Compiled Newton steps for the barrier problem of one group of axes at given durations."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ def centre(
 ) -> tuple[int, int, float, float]:  # fmt: skip
     """Minimise ``|cost @ y|² / 2 - mu Σ log slack`` by primal-dual Newton steps, in place.
 
-    The barrier stays at `mu`: values for neighbouring durations are then values of one smooth
-    function, and a few steps lead from one to the next.
+    The barrier parameter `mu` is constant, so that the value is a smooth function of the durations
+    and a few steps lead to the solution for similar durations.
 
     Parameters
     ----------
@@ -93,12 +93,12 @@ def centre(
     accuracy : float
         Largest relative error of slack times multiplier, and of the gradient.
     most : int
-        Newton steps after which the bounds are taken for contradictory.
+        Largest number of Newton steps. Without convergence, the bounds are treated as infeasible.
 
     Returns
     -------
     tuple
-        Status, steps, the largest share of the room that is used, the largest entry of the gradient.
+        Status, steps, largest violation relative to the allowed one, largest entry of the gradient.
     """
     count, _, width = cost.shape
     n = fixed.shape[1]
@@ -117,7 +117,7 @@ def centre(
         at = row_values(rows, start, knots, inner)
         g_knots, g_inner = np.zeros(knots.shape), np.zeros(inner.shape)
         transposed(cost, value, g_knots, g_inner)
-        # Gradients are judged beside what they are sums of.
+        # Gradients are compared with the size of their summands.
         typical = 0.0
         for k in range(count):
             for i in range(cost.shape[1]):
@@ -143,12 +143,12 @@ def centre(
                 largest = max(largest, z_above[q])
         if primal <= 1.0 and off <= accuracy:
             ratio = dual / max(typical, largest, 1e-300)
-            # Rounding may leave more than was asked for: then it falls no further.
+            # Rounding may prevent the requested accuracy. Accept a ratio that no longer decreases.
             if ratio <= accuracy or (ratio <= 1e-5 and ratio > 0.5 * before):
                 return SETTLED, iteration, primal, dual
             before = ratio
         if primal > 1.0:
-            # Where there is no way in, the violation stops falling.
+            # Without a feasible path, the violation stops decreasing.
             if primal < 0.7 * best:
                 best, idle = primal, 0
             else:
@@ -209,22 +209,22 @@ def evaluate(
     z_below: Floats, z_above: Floats, warm: bool, unit: float, mu: float, tolerance: float,
     accuracy: float, most: int, flag: NDArray[np.int8], slope: Floats,
 ) -> tuple[int, int, float, float]:  # fmt: skip
-    """Solve one group's barrier problem at `durations` and add its slopes to `slope`.
+    """Solve the barrier problem of one group at `durations` and add its slopes to `slope`.
 
-    The iterate stands in `knots` and `inner` (coordinates), and in `below`, `above`, `z_below` and
-    `z_above` (slacks and multipliers in the model's own units); it is improved in place, from where
-    it is if `warm`.
+    The iterate consists of `knots` and `inner` (coordinates) and of `below`, `above`, `z_below` and
+    `z_above` (slacks and multipliers in the model's units). It is updated in place, and is the
+    starting point if `warm`.
 
     Parameters
     ----------
     low_scale, high_scale : ndarray, shape (Q,)
-        What violations are held against, and
+        Scales of violations from below and from above.
     tolerance : float
-        the largest ones relative to it.
+        Largest violation, relative to its scale.
     values : ndarray, shape (M + 1, n)
-        Derivatives where `fixed`.
+        Values of the derivatives with `fixed`.
     unit : float
-        A typical J, that the kernel's numbers may be of the order of 1.
+        Typical J, which scales the kernel's numbers to about 1.
     mu : float
         Slack times multiplier, in units of J.
 
@@ -254,7 +254,7 @@ def evaluate(
         cold_start(cost, rows, start, low, high, fixed, knots, inner)
     at = row_values(rows, start, knots, inner)
     inside = mu / unit
-    # In normalised rows: slacks that the new durations leave, but never far below the old ones.
+    # In normalised rows: slacks at the new durations, but never far below the previous slacks.
     for q in range(at.size):
         has_low, has_high = low[q] > -np.inf, high[q] < np.inf
         wide = 1.0

@@ -1,7 +1,7 @@
-"""Free knots merged: time allocations that ask the same of fewer segments.
+"""Merging of free knots: equivalent time allocations with fewer segments.
 
-A path is one of more segments too once a segment is split at any of its points. So what fewer free
-knots find is a start for more, and more of them never cost time.
+Splitting a segment at any point turns a path into one with more segments. Therefore a solution with
+fewer free knots is a start for more, and additional free knots never increase the objective.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ __all__ = ["coarser", "runs_of", "subdivided"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Free knots up to which they are added one by one; of more, half are left out at once.
+#: Largest number of free knots that are added one by one. With more, the number doubles.
 SINGLY = 20
 
 
 def runs_of(model: TimeAllocation) -> Ints:
-    """Return of how many segments each run consists that free knots alone divide, shape (runs,).
+    """Return the number of segments in each run between knots that are not free, shape (runs,).
 
-    A knot is free where nothing is fixed and its two segments have the same bounds.
+    A knot is free if it has no fixed entry and its two segments have the same bounds.
     """
     free = np.asarray(~np.isfinite(model.conditions).any(axis=(1, 2)))[1:-1]
     for bound in model.bounds:
@@ -45,7 +45,7 @@ def runs_of(model: TimeAllocation) -> Ints:
 
 
 def coarser(model: TimeAllocation) -> Iterator[tuple[Ints, TimeAllocation]]:
-    """Yield the runs and the models of fewer segments, from one segment a run on to `model` itself."""
+    """Yield segment counts per run and models, from one segment per run up to `model` itself."""
     runs = runs_of(model)
     counts = [runs]
     while counts[-1].max() > 1:
@@ -59,13 +59,13 @@ def coarser(model: TimeAllocation) -> Iterator[tuple[Ints, TimeAllocation]]:
         try:
             fewer = _merged(model, runs, now)
         except InvalidData:
-            continue  # a loop of one segment, which may stand still
+            continue  # a closed loop of one segment may have no motion
         yield now, fewer
     yield runs, model
 
 
 def _merged(model: TimeAllocation, runs: Ints, counts: Ints) -> TimeAllocation:
-    """Return the model whose runs have `counts` segments."""
+    """Return the model with `counts` segments in its runs."""
     begin = np.cumsum(runs) - runs
     segments = np.concatenate(
         [at + np.arange(count) for at, count in zip(begin, counts, strict=True)]
@@ -89,7 +89,7 @@ def _merged(model: TimeAllocation, runs: Ints, counts: Ints) -> TimeAllocation:
 
 
 def subdivided(durations: Floats, runs: Ints, counts: Ints) -> Floats:
-    """Return the durations of more segments: of each run the longest are halved."""
+    """Return the durations after halving the longest segments of each run."""
     parts = []
     for part, count in zip(np.split(durations, np.cumsum(runs)[:-1]), counts, strict=True):
         now = part

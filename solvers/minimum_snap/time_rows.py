@@ -1,9 +1,9 @@
-"""Compiled: the cost and the bounds of one group of axes at given durations, and their slopes.
+"""Compiled cost and bound rows of one group of axes at given durations, with their slopes.
 
-At fixed derivatives of the knots and fixed instants s, everything depends on the durations through
-``y_i = T^i d_i`` alone: the cost ``Σ w_j T^(1-2j) |U_j y|²`` and a bounded derivative
-``T^-j u'y``. So a row of either is one unit row, scaled; and where the derivatives are optimal, the
-slope of the optimal value is that of the Lagrangian with them held (the envelope theorem).
+At fixed derivatives at the knots and fixed instants s, the cost ``Σ w_j T^(1-2j) |U_j y|²`` and a
+bounded derivative ``T^-j u'y`` depend on the durations through T and ``y_i = T^i d_i``. Each row is
+therefore a scaled unit row. At optimal derivatives, the slope of the optimal value is the slope of
+the Lagrangian at fixed derivatives (envelope theorem).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def knot_scales(durations: Floats) -> Floats:
 
 @kernel
 def _column_scales(durations: Floats, scales: Floats, order: int, size: int) -> Floats:
-    """Return what turns a segment's coordinates of one axis into y, shape (M, degree + 1)."""
+    """Return the factors from the coordinates of one axis to y, shape (M, degree + 1)."""
     columns = np.ones((durations.size, size))
     for k in range(durations.size):
         before, after = durations[k] / scales[k], durations[k] / scales[k + 1]
@@ -47,12 +47,12 @@ def pose(
     durations: Floats, order: int, axes: int, unit_cost: Floats, cost_orders: Ints,
     unit_rows: Floats, mix: Floats, derivative: Ints, start: Ints,
 ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
-    """Return the rows of the cost and of the bounds in local coordinates, and the latter's scale.
+    """Return the cost rows and normalised bound rows in local coordinates, and their factors.
 
     Parameters
     ----------
     durations : ndarray, shape (M,)
-        T_k.
+        T_k, s.
     order, axes : int
         r, and the number of axes in the group.
     unit_cost, cost_orders : ndarray, shapes (C, degree + 1), (C,)
@@ -60,15 +60,16 @@ def pose(
     unit_rows, mix, derivative : ndarray, shapes (Q, degree + 1), (Q, axes), (Q,)
         A bounded value is ``T^-derivative Σ_axis mix[axis] row'y[axis]``.
     start : ndarray of int, shape (M + 1,)
-        Where the bounds of each segment begin.
+        Index of the first bound of each segment.
 
     Returns
     -------
     cost : ndarray, shape (M, C axes, width)
+        Rows of the cost.
     rows : ndarray, shape (Q, width)
-        Normalised: the largest entry is 1.
+        Rows of the bounds, normalised to a largest entry of 1.
     share : ndarray, shape (Q,)
-        What each row was multiplied by.
+        Normalisation factor of each bound row.
     """
     count, size = durations.size, unit_cost.shape[1]
     extra = size - 2 * order
@@ -116,7 +117,7 @@ def slopes(
     unit_rows: Floats, mix: Floats, derivative: Ints, start: Ints,
     knots: Floats, inner: Floats, pull: Floats, slope: Floats,
 ) -> float:  # fmt: skip
-    """Add the derivatives of the Lagrangian by the durations to `slope`, and return J.
+    """Add the derivatives of the Lagrangian by the durations to `slope`. Return J.
 
     Parameters
     ----------
@@ -125,7 +126,7 @@ def slopes(
     pull : ndarray, shape (Q,)
         Multiplier of the upper bound less that of the lower one, in units of J per unit.
     slope : ndarray, shape (M,)
-        Receives the sums.
+        Receives the derivatives.
     """
     count, size = durations.size, unit_cost.shape[1]
     extra = size - 2 * order
@@ -139,7 +140,7 @@ def slopes(
             for i in range(order):
                 y[a, i] = knots[k, a * order + i] * columns[k, i]
                 y[a, order + i] = knots[k + 1, a * order + i] * columns[k, order + i]
-                # d y_i / dT = i y_i / T at a fixed derivative; a coordinate within does not move.
+                # d y_i / dT = i y_i / T at a fixed derivative, and 0 for inner coordinates.
                 weighted[a, i] = i * y[a, i]
                 weighted[a, order + i] = i * y[a, order + i]
             for i in range(extra):

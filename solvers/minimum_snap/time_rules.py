@@ -1,7 +1,7 @@
-"""Durations by rule of thumb, and what turns any durations into some that the bounds allow.
+"""Heuristic durations, and methods that modify durations until the bounds allow a path.
 
-Source of the trapezoid: Richter, Bry and Roy 2013 and common practice: from rest to rest along each
-segment at a limited acceleration and velocity.
+Source of the trapezoid: Richter, Bry and Roy 2013 and common practice. Each segment is a motion from
+rest to rest with limited acceleration and velocity.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ __all__ = ["distance", "fitted", "hurried", "resumed", "scaled", "started", "tra
 
 Floats = NDArray[np.float64]
 
-#: Share of the mean length below which a segment's length counts as that.
+#: Minimum length of a segment, as a share of the mean length.
 LEAST = 1e-2
-#: Relative complementarity at which a barrier problem shows whether there is a way inside.
+#: Relative complementarity of the barrier problem that tests for a feasible path.
 ROUGH = 1e-1
-#: Prices of a second that make a path hurry, relative to what it costs.
+#: Costs per second that shorten the total time, relative to the cost of the path.
 DEAR = (1e2, 1e4, 1e6)
-#: Largest violation, relative, that a start may have between the instants.
+#: Largest relative violation of a start between the instants.
 BETWEEN = 1e-4
 
 
 def _lengths(model: TimeAllocation) -> Floats:
-    """Return how far each axis goes on each segment, shape (M, dimensions); gaps interpolated."""
+    """Return the distance per segment and axis, m, shape (M, dimensions), with gaps interpolated."""
     points = np.array(model.waypoints)
     index = np.arange(len(points))
     for axis in range(points.shape[1]):
@@ -57,8 +57,8 @@ def distance(model: TimeAllocation) -> Floats:
 def trapezoid(model: TimeAllocation) -> Floats:
     """Return durations (s) of a trapezoidal velocity profile on each segment, from rest to rest.
 
-    Each axis accelerates to its limits; the slowest axis counts. Without limits, the cruising
-    velocity is the mean length of a segment a second, reached within half a second.
+    Each axis uses its limits, and the slowest axis determines the duration. Without limits, the
+    cruising velocity is the mean length of a segment per second, reached within half a second.
     """
     along = _floored(np.linalg.norm(_lengths(model), axis=1))[:, None]
     lengths = np.concatenate([_lengths(model), along], axis=1)
@@ -68,7 +68,7 @@ def trapezoid(model: TimeAllocation) -> Floats:
     for derivative, table in ((1, cruise), (2, pull)):
         if derivative in limits:
             table[:, :-1] = np.where(limits[derivative] > 0, limits[derivative], np.inf)
-            # Along the path, the least of the axes: a segment that hardly moves has a length too.
+            # Limit along the path: the minimum of the axes. Segments with little motion need it.
             table[:, -1] = table[:, :-1].min(axis=1) * np.sqrt(lengths.shape[1] - 1.0)
     typical = float(along.mean())
     nothing = ~np.isfinite(cruise) & ~np.isfinite(pull)
@@ -82,10 +82,10 @@ def trapezoid(model: TimeAllocation) -> Floats:
 
 
 def scaled(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats:
-    """Return `durations` times the factor that is best for J + ρ ΣT, bounds left aside.
+    """Return `durations` times the optimal factor for J + ρ ΣT without bounds.
 
-    From rest to rest J falls as ``s^(1-2r)``, so that ``s^2r = (2r - 1) J / (ρ ΣT)``; for a sum of
-    orders, or with an end in motion, a search along s finds a local optimum.
+    From rest to rest J is proportional to ``s^(1-2r)``, so that ``s^2r = (2r - 1) J / (ρ ΣT)``. For a
+    sum of orders or an end in motion, a search along s finds a local optimum.
     """
     if model.total_time is not None:
         given: Floats = durations * (model.total_time / durations.sum())
@@ -105,7 +105,7 @@ def scaled(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats:
 
 
 def _peaks(model: TimeAllocation, spline: Spline, durations: Floats) -> float:
-    """Return the factor by which the unbounded path must be stretched to keep the limits."""
+    """Return the factor that stretches the unbounded path until it satisfies the limits."""
     plan = spline.plan(durations)
     if plan is None:
         return 1.0
@@ -120,7 +120,7 @@ def _peaks(model: TimeAllocation, spline: Spline, durations: Floats) -> float:
 
 
 def _factors(model: TimeAllocation) -> Iterator[float]:
-    """Yield stretches to try: only longer ones where a slower motion keeps all limits."""
+    """Yield stretch factors to try, only larger ones if slower motions satisfy all limits."""
     yield 1.0
     if model.total_time is not None:
         return
@@ -131,10 +131,10 @@ def _factors(model: TimeAllocation) -> Iterator[float]:
 
 
 def fitted(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
-    """Return `durations` stretched so that there is a path within the bounds, None if none is found.
+    """Return `durations` stretched until a path satisfies the bounds, or None without success.
 
-    From rest to rest, a slower motion keeps all limits; with an end in motion it may not, as there
-    a longer path may have to leave the corridor, and shorter durations are tried as well.
+    From rest to rest, slower motions satisfy all limits. With an end in motion, a slower path may
+    have to leave the corridor, so that shorter durations are tried as well.
     """
     spline = Spline(model)
     if model.from_rest_to_rest and model.total_time is None:
@@ -150,7 +150,7 @@ def fitted(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats |
 
 
 def resumed(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
-    """Return `durations` that are known to have a path, or a little slower ones, as :func:`fitted`."""
+    """Return feasible `durations` or slightly longer ones with a path, like :func:`fitted`."""
     slower = SLOWER if model.from_rest_to_rest and model.total_time is None else ()
     spline = Spline(model)
     for share in (0.0, *slower):
@@ -164,7 +164,7 @@ def resumed(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats 
 
 
 def typical(model: TimeAllocation, inner: Barrier, spline: Spline, durations: Floats) -> None:
-    """Set the barrier by what the path costs without bounds."""
+    """Set the barrier parameter from the cost of the path without bounds."""
     cost = spline.value(durations).objective
     price = model.time_weight * float(durations.sum())
     if not np.isfinite(cost) or cost <= 0.0:
@@ -174,17 +174,17 @@ def typical(model: TimeAllocation, inner: Barrier, spline: Spline, durations: Fl
 
 
 def started(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats | None:
-    """Return `durations` scaled for J + ρ ΣT and, where there are bounds, stretched to fit them."""
+    """Return `durations` scaled for J + ρ ΣT and, with bounds, stretched until a path exists."""
     if isinstance(inner, Spline):
         return scaled(model, inner, durations)
     return fitted(model, inner, scaled(model, Spline(model), durations))
 
 
 def hurried(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
-    """Return durations of the given total that leave a path within the bounds, None if none is found.
+    """Return durations of the given total with a path within the bounds, or None without success.
 
-    From rest to rest whatever takes less time may be slowed down: so the total is left free and made
-    dear, until it is short enough.
+    From rest to rest, a faster path can be slowed down. Therefore the total is free and its cost is
+    increased until it is short enough.
     """
     total = model.total_time
     if total is None or not model.from_rest_to_rest:

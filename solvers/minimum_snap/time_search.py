@@ -1,7 +1,7 @@
 """Newton and quasi-Newton (L-BFGS) descent for functions that may be infinite, in plain NumPy.
 
 Source of the line search: Lewis and Overton, "Nonsmooth optimization via quasi-Newton methods",
-2013: bisection to the weak Wolfe conditions, which ends beside an infinite value or a kink too.
+2013: bisection to the weak Wolfe conditions, which also terminates near infinite values or kinks.
 """
 
 from __future__ import annotations
@@ -18,39 +18,41 @@ __all__ = ["Descent", "Reached"]
 Floats = NDArray[np.float64]
 Function = Callable[[Floats], tuple[float, Floats]]
 
-#: Share of the promised decrease that a step must bring, and of the slope that may stay.
+#: Required share of the predicted decrease, and largest remaining share of the slope.
 ARMIJO, WOLFE = 1e-4, 0.9
-#: Relative rounding of the values: two that differ by less may come in either order.
+#: Relative rounding error of the values. Smaller differences do not order two values.
 NOISE = 1e-13
-#: Trials along one direction.
+#: Largest number of trials along one direction.
 TRIALS = 30
-#: What Newton's step may still promise at the end, relative to the value and to the gradient's tolerance:
-#: in a narrow valley the gradient is large across it for next to no gain.
+#: Largest predicted decrease of a Newton step at the end, relative to the value times the gradient's
+#: tolerance. In a narrow valley the gradient may be large without a possible decrease.
 DECREMENT = 1e-3
-#: Steps aside from a trial in a bent valley.
+#: Largest number of corrections of a trial in a curved valley.
 CORRECTIONS = 3
-#: Pairs of steps and slopes that are kept. With limits on 5 to 100 segments, 60 were measured to take
-#: up to 0.6 of the time that 12 take; without limits their number hardly counts.
+#: Number of stored pairs of steps and slopes. With limits on 5 to 100 segments, 60 pairs were measured
+#: to reduce the time of 12 pairs to as little as 0.6. Without limits the number has little effect.
 MEMORY = 60
-#: Variables above which no eigenvectors are formed, and shares of the curvature that are added then.
+#: Largest number of variables with an eigendecomposition, and shifts for more variables, as shares of
+#: the curvature.
 DENSE = 40
 SHIFTS = (1e-8, 1e-6, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 
 
 @dataclass(frozen=True)
 class Reached:
-    """Where a descent ended.
+    """Result of a descent.
 
     Parameters
     ----------
     point, slope : ndarray
-        The best point and the gradient there.
+        Best point and its gradient.
     value : float
-        Its value.
+        Value at the best point.
     iterations, evaluations : int
-        Counts.
+        Numbers of iterations and of evaluations.
     settled : bool
-        Whether the gradient is as small as was asked; else the steps ended or no longer helped.
+        Whether the gradient satisfies the tolerance. If False, the descent reached a limit or made
+        no further progress.
     """
 
     point: Floats
@@ -62,12 +64,12 @@ class Reached:
 
 
 class Descent:
-    """L-BFGS whose curvature outlives a change of the function: from one barrier to the next.
+    """L-BFGS that keeps its curvature if the function changes, as from one barrier to the next.
 
     Parameters
     ----------
     memory : int
-        Pairs of steps and slopes that are kept.
+        Number of stored pairs of steps and slopes.
     longest : float
         Largest change of any variable in one step.
     """
@@ -78,7 +80,7 @@ class Descent:
         self.boldness = 4.0
 
     def _direction(self, slope: Floats) -> Floats:
-        """Return minus the slope, turned by the curvature that was met."""
+        """Return the quasi-Newton direction for this slope."""
         way = -slope
         shares = []
         for step, change, curvature in reversed(self.pairs):
@@ -104,23 +106,34 @@ class Descent:
         curvature: Callable[[Floats], Floats | None] | None = None,
         aim: Callable[[Floats, Floats], float] | None = None,
     ) -> Reached:
-        """Minimise `function` from `point`, where it must be finite.
+        """Minimise `function` from a `point` with a finite value.
 
         Parameters
         ----------
         function : callable
-            Gives value and gradient; an infinite value's gradient is not read.
+            Function that returns value and gradient. The gradient is ignored if the value is
+            infinite.
+        point : ndarray, shape (n,)
+            Starting point.
         tolerance : float
-            The largest entry of the gradient accepted, relative to the value.
+            Largest entry of the final gradient, relative to the value.
         most : int
-            Iterations.
+            Largest number of iterations.
         stopped : callable, optional
-            Asked before every evaluation.
+            Function that returns True to stop, called before every evaluation.
         heard : callable, optional
-            Told every point that is better than those before.
+            Callback for every improved point and its value.
         curvature : callable, optional
-            Gives the second derivatives, for Newton's steps; negative curvature counts as if it
-            were positive, so that they always descend.
+            Function that returns the second derivatives for Newton steps, or None. The absolute
+            values of negative curvatures are used, so that every step is a descent direction.
+        aim : callable, optional
+            Function of a point and a direction, called before the trials. It returns the largest
+            predicted step length.
+
+        Returns
+        -------
+        Reached
+            Best point.
         """
         value, slope = function(point)
         evaluations, iterations, idle, settled = 1, 0, 0, False
@@ -156,7 +169,7 @@ class Descent:
                 evaluations += 1
                 enough = value + ARMIJO * length * fall + noise
                 for _ in range(CORRECTIONS):
-                    # Back into a valley that bends away: steps of its first curvature.
+                    # Return to a curved valley by Newton steps with the initial curvature.
                     if bent is None or not np.isfinite(new) or new <= enough:
                         break
                     aside = _newton(bent, new_slope)
@@ -171,7 +184,7 @@ class Descent:
                 along = float(new_slope @ way) if np.isfinite(new) else np.inf
                 if not new <= enough:
                     high = length
-                    # A parabola where the value tells more than that it is infinite.
+                    # Use quadratic interpolation if the value is finite.
                     best = 0.5 * (low + high)
                     if np.isfinite(new) and low == 0.0:
                         bend = new - value - length * fall
@@ -182,7 +195,7 @@ class Descent:
                     length = min(max(best, low + 0.1 * (high - low)), low + 0.7 * (high - low))
                 else:
                     found = (trial, new, new_slope)
-                    # Newton's steps need no curvature along the way.
+                    # Newton steps do not require the curvature condition.
                     if bent is not None or along >= WOLFE * fall or length * size >= self.longest:
                         break
                     low = length
@@ -192,7 +205,7 @@ class Descent:
                     break
             if found is None:
                 if self.pairs and not stopped():
-                    # The curvature may be that of another barrier: once more without.
+                    # The stored curvature may be that of a previous barrier. Retry without it.
                     self.pairs.clear()
                     iterations += 1
                     continue
@@ -203,7 +216,7 @@ class Descent:
             if turn > 1e-12 * float(np.sqrt((step @ step) * (change @ change))):
                 self.pairs.append((step, change, turn))
             if bent is not None:
-                # What is foreseen is linear: by how much it may be exceeded is learnt.
+                # The prediction is linear. Adapt the factor that lets a step exceed it.
                 went = length >= first or length * size >= self.longest
                 self.boldness = min(max(self.boldness * (2.0 if went else 0.5), 1.0), 1e4)
             gained = value - new
@@ -223,10 +236,10 @@ class Descent:
 
 
 def _newton(bent: Floats, slope: Floats) -> Floats:
-    """Return the step to the minimum of the parabola, curved upwards along every axis of it."""
+    """Return the Newton step of the quadratic model with absolute values of its eigenvalues."""
     count = slope.size
     if count > DENSE:
-        # Cholesky with as much of the identity as it takes: eigenvectors cost a hundred times more.
+        # Cholesky with the smallest sufficient shift. Eigenvectors cost a hundred times more.
         from .time_curvature import shifted_solve
 
         typical = max(float(np.abs(bent).max()), 1e-300)

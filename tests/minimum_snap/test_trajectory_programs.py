@@ -92,8 +92,8 @@ def test_hermite_keeps_the_constant_and_has_no_rows():
 
 @pytest.mark.parametrize("name", ["legendre", "monomial", "hermite"])
 @pytest.mark.parametrize(("option", "words"), [
-    ({"samples": 1}, r"samples must lie in \[2, 1000\], got 1"),
-    ({"samples": 1001}, "must lie in"),
+    ({"samples": 1}, r"samples must be in \[2, 1000\], got 1"),
+    ({"samples": 1001}, "must be in"),
     ({"samples": 8.0}, "must be a whole number"),
     ({"samples": True}, "must be a whole number"),
     ({"samples": "8"}, "must be a whole number"),
@@ -108,12 +108,12 @@ def test_options_are_checked(name, option, words):
 @pytest.mark.parametrize(
     ("name", "changes", "words"),
     [
-        ("paper", {"velocity_limit": 9}, "knows no velocity limit"),
-        ("paper", {"corridor_lower": -9}, "knows no corridor"),
+        ("paper", {"velocity_limit": 9}, "does not support velocity limit"),
+        ("paper", {"corridor_lower": -9}, "does not support corridor"),
         (
             "paper",
             {"polytope_segments": [0], "polytope_normals": [[1, 0]], "polytope_offsets": [9]},
-            "knows no polytopes",
+            "does not support polytopes",
         ),
         (
             "paper",

@@ -1,1 +1,1 @@
-"""A trajectory problem as a quadratic program, in several bases."""
+"""Quadratic and nonlinear programs of trajectory problems, in several bases."""

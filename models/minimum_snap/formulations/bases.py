@@ -1,4 +1,4 @@
-"""The monomial and the Legendre basis, each in a segment's own time."""
+"""Monomial and Legendre bases in the scaled time of a segment."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of the sum of the terms' sizes below which a value of a basis function is 0.
+#: Values of a basis function below this share of the sum of its terms' sizes are set to 0.
 NOUGHT = 16 * float(np.finfo(float).eps)
 
 
 @cache
 def legendre_basis(order: int, degree: int) -> Floats:
-    """Return the powers of the basis functions, a column each, shape (degree + 1, degree + 1).
+    """Return the coefficients of the basis functions in powers of s, shape (degree + 1, degree + 1).
 
-    1, s, …, s^(order-1), then the order-fold integrals from 0 of the Legendre polynomials that are
-    orthonormal on [0, 1]. Those of a Legendre degree from `order` vanish, with their derivatives
-    below `order`, at both ends.
+    Each column is a function: 1, s, …, s^(order-1), then the order-fold integrals from 0 of the
+    Legendre polynomials that are orthonormal on [0, 1]. Integrals of Legendre polynomials of degree
+    at least `order` vanish at both ends, together with their derivatives below `order`.
     """
     basis = np.zeros((degree + 1, degree + 1))
     basis[np.arange(order), np.arange(order)] = 1.0
     for number in range(degree + 1 - order):
         shifted = np.polynomial.legendre.Legendre.basis(number, domain=[0.0, 1.0])
-        # The coefficients are whole numbers; the norm comes last, so that nothing is rounded twice.
+        # The coefficients are integers. Normalisation comes last, so that each is rounded once.
         whole = np.round(shifted.convert(kind=np.polynomial.Polynomial).coef)
         integral = np.asarray(np.polynomial.polynomial.polyint(whole, order), float)
         integral *= np.sqrt(2 * number + 1.0)
@@ -47,7 +47,7 @@ def legendre_basis(order: int, degree: int) -> Floats:
 
 
 def unit_gram(basis: Floats, order: int) -> Floats:
-    """Return ∫ φ_m^(order) φ_n^(order) ds over [0, 1] by an exact quadrature."""
+    """Return ∫ φ_m^(order) φ_n^(order) ds over [0, 1] by exact quadrature, as a matrix (m, n)."""
     degree = basis.shape[0] - 1
     nodes, weights = gauss_legendre(degree + 1)
     rows = power_rows(nodes, order, degree) @ basis
@@ -57,30 +57,30 @@ def unit_gram(basis: Floats, order: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class UnitBasisFormulation(PiecewiseFormulation):
-    """Base of the bases in s = (t - t_k) / T_k, the same on every segment up to column scales."""
+    """Base of formulations whose basis in s = (t - t_k) / T_k differs between segments by scales."""
 
     @cached_property
     def powers(self) -> Floats:
-        """Powers of the basis functions, a column each."""
+        """Coefficients of the basis functions in powers of s, with one column per function."""
         return np.eye(self.model.degree + 1)
 
     @cached_property
     def scales(self) -> Floats:
-        """What multiplies each column, shape (segments, degree + 1)."""
+        """Scale of each basis function, shape (segments, degree + 1)."""
         return np.ones((self.model.segments, self.model.degree + 1))
 
     def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
-        """Return the derivatives in time, one row an instant."""
+        """Return the derivatives of the basis functions in time, one row per instant."""
         powers = power_rows(s, derivative, self.model.degree)
         unit = powers @ self.powers
-        # What rounding left of a 0 would be an entry on which no proof by multipliers cancels.
+        # Rounding noise in place of a 0 is an entry that a proof by multipliers cannot cancel.
         unit[np.abs(unit) <= NOUGHT * (np.abs(powers) @ np.abs(self.powers))] = 0.0
         long = self.model.durations[segments] ** -float(derivative)
         rows: Floats = unit * self.scales[segments] * long[:, None]
         return rows
 
     def gram(self) -> Floats:
-        """Return the blocks of the objective."""
+        """Return the blocks of the objective, shape (segments, degree + 1, degree + 1)."""
         model = self.model
         total = np.zeros((model.segments, model.degree + 1, model.degree + 1))
         for order, weight in enumerate(model.order_weights, start=1):
@@ -89,20 +89,20 @@ class UnitBasisFormulation(PiecewiseFormulation):
                 total += (weight * model.durations ** (1.0 - 2 * order))[:, None, None] * unit
         return total * self.scales[:, :, None] * self.scales[:, None, :]
 
-    @np.errstate(over="ignore", invalid="ignore")  # a trajectory refuses what is beyond floats
+    @np.errstate(over="ignore", invalid="ignore")  # Trajectory rejects values that are not finite
     def to_powers(self, local: Floats) -> Floats:
-        """Return the coefficients as powers of s."""
+        """Convert coefficients in this basis to powers of s."""
         return (local * self.scales[:, None, :]) @ self.powers.T
 
     def from_powers(self, powers: Floats) -> Floats:
-        """Return powers of s in this basis."""
+        """Convert powers of s to coefficients in this basis."""
         local = np.linalg.solve(self.powers, np.moveaxis(powers, -1, -2))
         return np.moveaxis(local, -1, -2) / self.scales[:, None, :]
 
 
 @dataclass(frozen=True, eq=False)
 class MonomialFormulation(UnitBasisFormulation):
-    """Powers of each segment's scaled time: the paper's program without its absolute time."""
+    """Powers of the scaled time of each segment: the paper's program without absolute time."""
 
     name = "monomial"
     summary = "powers of a segment's own time, scaled to [0, 1]"
@@ -112,7 +112,8 @@ class MonomialFormulation(UnitBasisFormulation):
 class LegendreFormulation(UnitBasisFormulation):
     """1, s, …, s^(r-1) and r-fold integrals of Legendre polynomials: the Hessian is diag(0, 1).
 
-    Interior-point solvers get corridors of 1000 segments right in it. With weights for lower orders, only the part of the order r is diagonal.
+    Interior-point solvers solve corridors of 1000 segments in this basis. With weights for lower
+    orders, only the part of order r is diagonal.
     """
 
     name = "legendre"
@@ -120,12 +121,12 @@ class LegendreFormulation(UnitBasisFormulation):
 
     @cached_property
     def powers(self) -> Floats:
-        """Powers of the basis functions, a column each."""
+        """Coefficients of the basis functions in powers of s, with one column per function."""
         return legendre_basis(self.model.order, self.model.degree)
 
     @cached_property
     def scales(self) -> Floats:
-        """Scales that make the Hessian's nonzero diagonal 1."""
+        """Scales for which the nonzero diagonal entries of the Hessian are 1."""
         model = self.model
         scales = np.ones((model.segments, model.degree + 1))
         weight = 2.0 * model.order_weights[-1]
@@ -135,7 +136,7 @@ class LegendreFormulation(UnitBasisFormulation):
         return scales
 
     def gram(self) -> Floats:
-        """Return the blocks of the objective, the identity written exactly."""
+        """Return the blocks of the objective, with an exact identity for order r."""
         model = self.model
         total = super().gram()
         if np.count_nonzero(model.order_weights) == 1:

@@ -1,4 +1,4 @@
-"""The reduced program: the free derivatives at the knots are the only unknowns."""
+"""Reduced program whose only unknowns are the free derivatives at the knots."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ __all__ = ["HermiteFormulation", "hermite_basis", "knot_times"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Curvature's root in every column of an unbounded program, beside the median in metres: below it
-#: the absolute tolerances of OSQP and SCS end before the slow modes are found (measured at 1 to 1000).
+#: Square root of the curvature of each column of an unbounded program, relative to the median of the
+#: program in metres. With smaller values, OSQP and SCS reach their absolute tolerances before the
+#: slow modes converge (measured with 1 to 1000).
 UNIT = 1e3
 
 
 @cache
 def hermite_basis(order: int, degree: int) -> Floats:
-    """Return the powers of the Hermite functions on [0, 1], a column each.
+    """Return the coefficients of the Hermite functions on [0, 1] in powers of s, one per column.
 
-    The derivatives 0 … order-1 at 0, the same at 1, then for a degree beyond ``2 order - 1`` the
-    functions that vanish with these derivatives at both ends.
+    The functions belong to the derivatives 0 … order-1 at 0 and to the same derivatives at 1. For a
+    degree above ``2 order - 1``, functions follow that vanish at both ends with these derivatives.
     """
     ends = np.concatenate(
         [power_rows(np.array([s]), j, 2 * order - 1) for s in (0.0, 1.0) for j in range(order)]
@@ -44,9 +45,9 @@ def hermite_basis(order: int, degree: int) -> Floats:
 
 
 def knot_times(durations: Floats) -> Floats:
-    """Return a time for each knot that scales its derivatives, shape (segments + 1,).
+    """Return the time that scales the derivatives at each knot, s, shape (segments + 1,).
 
-    The geometric mean of the durations beside it, the same for both segments that share it.
+    It is the geometric mean of the durations of the adjacent segments.
     """
     times: Floats = np.sqrt(
         np.concatenate([durations[:1], durations]) * np.concatenate([durations, durations[-1:]])
@@ -55,7 +56,7 @@ def knot_times(durations: Floats) -> Floats:
 
 
 class _Reduction(NamedTuple):
-    """``local = matrix @ columns + constant``, and a local entry that each column is read from."""
+    """Map ``local = matrix @ columns + constant``, and the source entry of each column."""
 
     matrix: sp.csr_array
     constant: Floats
@@ -65,12 +66,13 @@ class _Reduction(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class HermiteFormulation(UnitBasisFormulation):
-    """Richter, Bry and Roy's unconstrained program: what is fixed or shared is substituted.
+    """Unconstrained program of Richter, Bry and Roy, without fixed and shared derivatives.
 
-    The columns are the free derivatives at the knots (times the local time to their order, so that
-    they are positions in size), and what the constants cost stays in the objective. Without
-    corridor and limits it has no rows at all, and its columns are scaled to curvatures alike, by
-    powers of two. With them its Hessian is nearly singular for the slow modes of a long path.
+    The columns are the free derivatives at the knots, multiplied by the local time to the power of
+    their order, so that they have the size of positions. The objective includes the constant cost
+    of the fixed values. Without corridor and limits, the program has no rows and its columns are
+    scaled by powers of two to similar curvatures. With them, its Hessian is nearly singular for the
+    slow modes of a long path.
     """
 
     name = "hermite"
@@ -111,7 +113,7 @@ class HermiteFormulation(UnitBasisFormulation):
     def reduction(self) -> _Reduction:
         model = self.model
         r, count, size = model.order, model.segments, model.degree + 1
-        # The unknown that each local entry is: -1 where it is fixed.
+        # Column of each local entry; -1 for fixed entries.
         fixed = np.full((count + 1, r, model.dimensions), np.inf)
         rows = min(r, model.conditions.shape[1])
         fixed[:, :rows] = model.conditions[:, :rows]
@@ -131,7 +133,7 @@ class HermiteFormulation(UnitBasisFormulation):
             total += int(free.sum())
             number[:, :, order], number[:, :, r + order] = shared[:-1], shared[1:]
             if order > model.continuity:
-                # The start of every later segment has its own.
+                # The start of every later segment is an unknown of its own.
                 own = free.copy()
                 own[[0, -1]] = False
                 extra = np.full(free.shape, -1, np.int64)
@@ -162,24 +164,24 @@ class HermiteFormulation(UnitBasisFormulation):
 
     @cached_property
     def parabola(self) -> tuple[sp.csr_array, Floats]:
-        """Hessian and linear cost of the objective by the free derivatives, bounds left aside."""
+        """Hessian and linear cost of the objective in the free derivatives, without bounds."""
         matrix, local = self.reduction.matrix, self._hessian()
         return matrix.T @ local @ matrix, matrix.T @ (local @ self.reduction.constant)
 
     @cached_property
     def unit(self) -> Floats:
-        """What a column of the program counts in, m; of the order of 1 where bounds say its size."""
+        """Unit of each column of the program, m; 1 if the model has bounds."""
         hessian = self.parabola[0]
         bend = np.sqrt(hessian.diagonal())
         if self.model.bounded or not (bend > 0).any():
             return np.ones(bend.size)
-        # Without rows nothing but the curvature says what size a column has.
+        # Without rows, the curvature alone determines the size of a column.
         usual = UNIT * float(np.median(bend[bend > 0]))
         ratio = usual / np.where(bend > 0, bend, usual)
         return np.asarray(np.exp2(np.round(np.log2(ratio))), float)
 
     def build(self) -> QuadraticProgram:
-        """Return the reduced program, the constant of its objective included."""
+        """Return the reduced program, including the constant of its objective."""
         reduction = self.reduction
         matrix, constant = reduction.matrix, reduction.constant
         hessian, cost = self.parabola
@@ -191,12 +193,12 @@ class HermiteFormulation(UnitBasisFormulation):
                 shift = rows.matrix @ constant
                 reduced = sp.csr_array(rows.matrix @ matrix)
                 reduced.eliminate_zeros()
-                # Rows without a free column say something of the data, which the model has checked.
-                kept = np.diff(reduced.indptr) > 0
-                lower, upper = (rows.lower - shift)[kept], (rows.upper - shift)[kept]
-                parts.append((reduced[np.flatnonzero(kept)], lower, upper))
-                size = int(kept.sum())
-                blocks.append(Block(name, equation, at, size, template, rows.places[kept], unit))
+                # Rows without a free column constrain only the data, which the model has checked.
+                active = np.diff(reduced.indptr) > 0
+                lower, upper = (rows.lower - shift)[active], (rows.upper - shift)[active]
+                parts.append((reduced[np.flatnonzero(active)], lower, upper))
+                size = int(active.sum())
+                blocks.append(Block(name, equation, at, size, template, rows.places[active], unit))
                 at += size
         count = matrix.shape[1]
         rows_matrix = sp.vstack([p[0] for p in parts]) if parts else sp.csr_array((0, count))
@@ -224,7 +226,7 @@ class HermiteFormulation(UnitBasisFormulation):
         return {bound.name for bound in self.model.bounds} | {"polytope"}
 
     def encode(self, plan: Trajectory) -> NDArray[np.float64]:
-        """Return the free derivatives of `plan`."""
+        """Return the free derivatives of `plan` in units of the columns."""
         local = super().encode(plan)
         reduction = self.reduction
         scale = np.asarray(reduction.matrix[reduction.source].sum(axis=1)).ravel()

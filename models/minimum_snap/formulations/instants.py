@@ -1,4 +1,4 @@
-"""Instants at which a program holds what must hold at every one, and those that it lacks."""
+"""Instants at which a program imposes continuous-time bounds, and the instants to add."""
 
 from __future__ import annotations
 
@@ -25,19 +25,23 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of the tolerance that a violation between the instants may keep: less than rounding.
+#: Largest violation between the instants, as a share of the tolerance. It is below rounding.
 SETTLED = 5e-4
 
 
 class Instants(NamedTuple):
-    """Where bounds are held.
+    """Instants at which bounds are imposed.
 
     Parameters
     ----------
-    bound, segment, axis : ndarray of int, shape (Q,)
-        The bound (the half-spaces count as the last), the segment, the axis or half-space.
+    bound : ndarray of int, shape (Q,)
+        Index of the bound. The half-spaces share the last index.
+    segment : ndarray of int, shape (Q,)
+        Index of the segment.
+    axis : ndarray of int, shape (Q,)
+        Index of the axis or of the half-space.
     s : ndarray, shape (Q,)
-        The instant, in the segment's scaled time.
+        Scaled time in the segment, in [0, 1].
     """
 
     bound: Ints
@@ -46,11 +50,11 @@ class Instants(NamedTuple):
     s: Floats
 
     def taken(self, index: Ints) -> Instants:
-        """Return the instants at `index`."""
+        """Return the instants with the given indices."""
         return Instants(self.bound[index], self.segment[index], self.axis[index], self.s[index])
 
     def joined(self, other: Instants) -> Instants:
-        """Return these instants and then the others."""
+        """Return these instants followed by `other`."""
         return Instants(
             np.concatenate([self.bound, other.bound]),
             np.concatenate([self.segment, other.segment]),
@@ -59,14 +63,14 @@ class Instants(NamedTuple):
         )
 
     def sorted(self) -> tuple[Instants, Ints]:
-        """Return the instants by segment, and the permutation that sorts them."""
+        """Return the instants sorted by segment, and the permutation that sorts them."""
         order = np.lexsort((self.s, self.axis, self.bound, self.segment)).astype(np.int64)
         return self.taken(order), order
 
     def fresh(self, others: Instants) -> Instants:
-        """Return those of `others` that are not held yet, each once, in their order.
+        """Return the new and distinct instants of `others`, in their order.
 
-        Instants closer than a billionth count as one.
+        Instants are equal if their scaled times agree to nine decimals.
         """
         both = self.joined(others)
         place = np.round(both.s * 1e9).astype(np.int64)
@@ -81,7 +85,7 @@ NOWHERE = Instants(_NO_INTS, _NO_INTS, _NO_INTS, np.empty(0))
 
 
 class Limits(NamedTuple):
-    """Bounds, and what a violation of each is held against."""
+    """Bounds, and the scales of violations from below and from above."""
 
     lower: Floats
     upper: Floats
@@ -92,32 +96,32 @@ class Limits(NamedTuple):
 def first_instants(
     model: MinimumDerivative, samples: int, continuity: int, axes: Sequence[int] | None = None
 ) -> Instants:
-    """Return the instants at which bounds are held from the start.
+    """Return the initial instants at which bounds are imposed.
 
-    Chebyshev's extreme points of every bounded segment, denser where derivatives peak. What is
-    fixed at a knot cannot be moved by a row, and what is continuous there and bounded alike on both
-    sides needs one row only.
+    They are the Chebyshev extreme points of every bounded segment, which are denser near its ends,
+    where derivatives peak. Values that are fixed at a knot need no row. Values that are continuous
+    at a knot with equal bounds on both sides need one row.
 
     Parameters
     ----------
     model : MinimumDerivative
-        The model.
+        Problem at given times.
     samples : int
-        Instants of each segment, 2 or more.
+        Instants per segment, at least 2.
     continuity : int
-        The highest derivative that is the same on both sides of a knot.
+        Highest order of a derivative that is equal on both sides of a knot.
     axes : sequence of int, optional
-        Leave out the bounds of other axes; half-spaces are of all.
+        Axes whose bounds are imposed, all by default. Half-spaces are always included.
     """
     nodes = (1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2
-    own = np.zeros(model.dimensions, bool)
-    own[list(range(model.dimensions) if axes is None else axes)] = True
-    found = NOWHERE
+    included = np.zeros(model.dimensions, bool)
+    included[list(range(model.dimensions) if axes is None else axes)] = True
+    result = NOWHERE
     for number, bound in enumerate(model.bounds):
         derivative = bound.derivative
         if derivative > model.degree:
-            continue  # it vanishes, which every limit allows
-        finite = (np.isfinite(bound.lower) | np.isfinite(bound.upper)) & own
+            continue  # the derivative is 0, which satisfies every limit
+        finite = (np.isfinite(bound.lower) | np.isfinite(bound.upper)) & included
         segment, axis = (np.repeat(part, samples) for part in np.nonzero(finite))
         s = np.tile(nodes, segment.size // samples)
         keep = np.ones(s.size, bool)
@@ -132,18 +136,18 @@ def first_instants(
             )
             keep &= ~((s == 1.0) & alike & (segment + 1 < model.segments))
         numbers = np.full(int(keep.sum()), number)
-        found = found.joined(Instants(numbers, segment[keep], axis[keep], s[keep]))
+        result = result.joined(Instants(numbers, segment[keep], axis[keep], s[keep]))
     spaces = model.halfspaces
     if spaces is not None:
         which = np.repeat(np.arange(spaces.segments.size), samples)
         numbers = np.full(which.size, len(model.bounds))
         s = np.tile(nodes, spaces.segments.size)
-        found = found.joined(Instants(numbers, spaces.segments[which], which, s))
-    return found
+        result = result.joined(Instants(numbers, spaces.segments[which], which, s))
+    return result
 
 
 def violation(value: Floats, limits: Limits) -> Floats:
-    """Return the violation relative to what the verification holds it against."""
+    """Return the violation relative to the scale that the verification uses."""
     with np.errstate(invalid="ignore"):
         low = (limits.lower - value) / limits.low_scale
         high = (value - limits.upper) / limits.high_scale
@@ -158,7 +162,7 @@ def sticking_out(
     rows: Floats, limits: Limits, tolerance: float, number: int, segment: Ints, axis: Ints,
     reached: float,
 ) -> Instants:  # fmt: skip
-    """Return the local extremes of the polynomials in `rows` that lie outside their bounds."""
+    """Return the instants of local extremes of the polynomials `rows` that violate their bounds."""
     control = rows @ bernstein_matrix(rows.shape[1] - 1).T
     out = (control.min(axis=1) < limits.lower) | (control.max(axis=1) > limits.upper)
     near = np.flatnonzero(out)
@@ -170,9 +174,9 @@ def sticking_out(
     threshold = max(SETTLED * tolerance, 2.0 * reached)
     row, column = np.nonzero(share > threshold)
     at: Any = near[row]
-    # One instant stands for all that rounding tells apart.
-    found = np.round(s[row, column], 9)
-    keys = np.unique(np.column_stack([at, found]), axis=0)
+    # Rounding merges instants that differ only by rounding errors.
+    rounded = np.round(s[row, column], 9)
+    keys = np.unique(np.column_stack([at, rounded]), axis=0)
     at = keys[:, 0].astype(np.int64)
     return Instants(
         np.full(at.size, number),

@@ -1,4 +1,4 @@
-"""The quadratic program as the paper prints it: powers of absolute time, continuity C²."""
+"""Quadratic program as printed in the paper: powers of absolute time, continuity C²."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class PaperFormulation(PiecewiseFormulation):
-    """Eq. 5-13 and 23-25 as printed: kept so that the reader sees it break.
+    """Program of eq. 5-13 and 23-25 as printed, which demonstrates its numerical failure.
 
-    The powers are of absolute time, so the last segments multiply t^7 by coefficients that cancel:
-    the condition number of its optimality system grows by orders of magnitude with every segment.
-    Position, velocity and acceleration are continuous and fixed at the ends, whatever the model
-    asks; for the paper's own problem say ``continuity=2`` and give two rows of `start` and `end`.
-    With a model that asks for more, this program is a relaxation: its plan is verified against the
-    model, and rejected where its jerk jumps.
+    The basis is powers of absolute time, so the last segments multiply t^7 by coefficients that
+    cancel. The condition number of the optimality system grows by orders of magnitude with every
+    segment. Continuity and the fixed values at the ends include position, velocity and acceleration
+    only. For the problem of the paper, pass ``continuity=2`` and two rows of `start` and `end`. If
+    the model requires more, this program is a relaxation: its plan is verified against the model,
+    and rejected if its jerk jumps.
     """
 
     name = "paper"
@@ -40,18 +40,18 @@ class PaperFormulation(PiecewiseFormulation):
         model = self.model
         if model.bounded:
             what = ", ".join(b.name for b in model.bounds) or "polytopes"
-            raise UnsupportedFormulation(f"the paper's program knows no {what}")
+            raise UnsupportedFormulation(f"the paper's program does not support {what}")
         if model.conditions.shape[1] > 1 and np.isfinite(model.conditions[1:-1, 1:]).any():
             raise UnsupportedFormulation("the paper's program fixes no derivative at inner knots")
 
     @property
     def continuity(self) -> int:
-        """The highest derivative that eq. 25 keeps continuous."""
+        """Highest order of a derivative that eq. 25 keeps continuous."""
         return min(self.PAPER_CONTINUITY, self.model.continuity)
 
     @property
     def highest_fixed(self) -> int:
-        """The highest derivative that eq. 23 fixes."""
+        """Highest order of a derivative that eq. 23 fixes."""
         return min(self.PAPER_CONTINUITY, self.model.highest_fixed)
 
     def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
@@ -76,7 +76,7 @@ class PaperFormulation(PiecewiseFormulation):
         return total
 
     def to_powers(self, local: Floats) -> Floats:
-        """Return powers of s: each polynomial expanded about the start of its segment."""
+        """Convert powers of absolute time to powers of s by expansion about the segment's start."""
         model = self.model
         powers = np.zeros_like(local)
         for order in range(model.degree + 1):
@@ -86,7 +86,7 @@ class PaperFormulation(PiecewiseFormulation):
         return powers
 
     def from_powers(self, powers: Floats) -> Floats:
-        """Return powers of absolute time."""
+        """Convert powers of s to powers of absolute time."""
         model = self.model
         local = np.zeros_like(powers)
         start, long = model.times[:-1, None], model.durations[:, None]

@@ -1,10 +1,10 @@
-"""What the quadratic programs of a piecewise polynomial share: knots, bounds, and refinement.
+"""Common parts of the quadratic programs of a piecewise polynomial: knots, bounds, refinement.
 
-A corridor or limit holds at every instant, which no finite number of rows can say. The program
-holds it at some instants of each segment, which makes it a relaxation: its optimum is a lower
-bound, and where it is infeasible, so is the model. :meth:`PiecewiseFormulation.refined` then adds
-the instants at which the solution sticks out most (the exchange method for semi-infinite programs),
-until none does.
+Corridor and limits apply at every instant, which a finite number of rows cannot express. The
+program imposes them at some instants of each segment and is therefore a relaxation: its optimum is
+a lower bound, and its infeasibility proves that the model is infeasible.
+:meth:`PiecewiseFormulation.refined` adds the instants of the largest violations (the exchange
+method for semi-infinite programs) until the solution satisfies the bounds.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ __all__ = ["PiecewiseFormulation", "power_rows"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Rounds of refinement after which the rest is the verification's to judge.
+#: Largest number of refinement rounds. The verification reports any remaining violation.
 ROUNDS = 25
 
 
 class _Rows(NamedTuple):
-    """Rows under construction: entries in local coordinates, bounds, and where each lies."""
+    """Rows under construction: entries in local coordinates, bounds, and places for reports."""
 
     matrix: sp.csr_array
     lower: Floats
@@ -57,16 +57,21 @@ def power_rows(s: Floats, derivative: int, degree: int) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
-    """Base of the formulations with one vector of coefficients a segment and axis.
+    """Base of the formulations with one vector of coefficients per segment and axis.
 
     Parameters
     ----------
     model : MinimumDerivative
-        The model.
+        Problem at given times.
     samples : int
-        Instants of each segment at which corridor and limits hold from the start; more are added
-        where they are needed. Few are better: where a limit binds along a whole segment, more rows
-        than its polynomial has coefficients depend on one another.
+        Initial instants per segment at which corridor and limits are imposed, 2 to 1000; 5 by
+        default. Refinement adds more as needed. Prefer few: if a limit is active along a whole
+        segment, more rows than the polynomial has coefficients are linearly dependent.
+
+    Raises
+    ------
+    UnsupportedOption
+        `samples` is not an integer in [2, 1000].
     """
 
     samples: int = 5
@@ -74,39 +79,53 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     rounds: int = field(default=0, init=False, repr=False)
 
     program_type = QuadraticProgram
-    # The terms of a row may be several times what they sum to.
+    # The terms of a row may be several times larger than their sum.
     precision = 0.25
-    #: What of the paper the rows of continuity stand for.
+    #: Equation of the paper for the rows of continuity.
     continuity_equation: ClassVar[str] = "25"
 
     def __post_init__(self) -> None:
         if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
             raise UnsupportedOption(f"samples must be a whole number, got {show(self.samples)}")
         if not 2 <= self.samples <= 1000:
-            raise UnsupportedOption(f"samples must lie in [2, 1000], got {show(self.samples)}")
+            raise UnsupportedOption(f"samples must be in [2, 1000], got {show(self.samples)}")
 
     # -- the basis -------------------------------------------------------------------------------
 
     @abstractmethod
     def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
-        """Return the derivatives in *time* of a segment's basis functions, one row an instant."""
+        """Return the derivatives of the basis functions in time, one row per instant.
+
+        Parameters
+        ----------
+        segments : ndarray of int, shape (instants,)
+            Segment of each instant.
+        s : ndarray, shape (instants,)
+            Scaled time of each instant, in [0, 1].
+        derivative : int
+            Order of the derivative.
+
+        Returns
+        -------
+        ndarray, shape (instants, degree + 1)
+        """
 
     @abstractmethod
     def gram(self) -> Floats:
-        """Return the objective's symmetric blocks Q_k, J = Σ p'Q_k p, shape (segments, n, n)."""
+        """Return the symmetric blocks Q_k of J = Σ p'Q_k p, shape (segments, n, n)."""
 
     @abstractmethod
     def to_powers(self, local: Floats) -> Floats:
-        """Return coefficients (segments, dimensions, n) as ascending powers of s."""
+        """Convert coefficients, shape (segments, dimensions, n), to ascending powers of s."""
 
     @abstractmethod
     def from_powers(self, powers: Floats) -> Floats:
-        """Return what :meth:`to_powers` inverts."""
+        """Convert ascending powers of s to coefficients: the inverse of :meth:`to_powers`."""
 
     # -- the program -----------------------------------------------------------------------------
 
     def build(self) -> QuadraticProgram:
-        """Return the program."""
+        """Return the quadratic program."""
         model = self.model
         hessian = self._hessian()
         blocks, parts, at = [], [], 0
@@ -176,12 +195,12 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     @property
     def continuity(self) -> int:
-        """The highest derivative that the rows keep continuous."""
+        """Highest order of a derivative that the rows keep continuous."""
         return self.model.continuity
 
     @property
     def highest_fixed(self) -> int:
-        """The highest derivative that the rows fix at knots."""
+        """Highest order of a derivative that the rows fix at knots."""
         return self.model.highest_fixed
 
     def _columns(self, segment: Ints, axis: Ints) -> Ints:
@@ -191,7 +210,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         return columns
 
     def _sparse(self, *parts: tuple[Ints, Floats]) -> sp.csr_array:
-        """Return rows from blocks of columns and values side by side."""
+        """Return sparse rows from adjacent blocks of column indices and values."""
         columns = np.concatenate([c for c, _ in parts], axis=1)
         values = np.concatenate([v for _, v in parts], axis=1)
         size = self.model.segments * self.model.dimensions * (self.model.degree + 1)
@@ -201,28 +220,28 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         )
 
     def _scaled(self, matrix: sp.csr_array, lower: Floats, upper: Floats, index: Ints) -> _Rows:
-        """Normalise rows to a largest entry of 1: derivatives of short segments are huge."""
+        """Scale rows to a largest entry of 1. Derivatives of short segments are huge."""
         size = abs(matrix).max(axis=1).toarray().ravel() if matrix.shape[0] else np.empty(0)
         share = 1.0 / np.where(size > 0, size, 1.0)
         return _Rows(sp.csr_array(matrix * share[:, None]), lower * share, upper * share, index)
 
     def _fixed(self, order: int, take: NDArray[np.bool_]) -> _Rows:
-        """Rows that fix a derivative at knots: at the end before it and at the start after it."""
+        """Return the rows that fix a derivative at the adjacent segment ends of knots."""
         model = self.model
         knots, axes = (a.astype(np.int64) for a in np.nonzero(take))
         value = model.conditions[knots, order, axes]
         parts = []
-        # Where the derivative is continuous by other rows, one side is enough.
+        # If other rows make the derivative continuous, one side is enough.
         twice = order > self.continuity
         for side in (0, 1):
             segment = knots - side
-            there = (segment >= 0) & (segment < model.segments)
+            exists = (segment >= 0) & (segment < model.segments)
             if side and not twice:
-                there &= knots == model.segments
-            rows = self.basis_rows(segment[there], np.full(int(there.sum()), float(side)), order)
-            matrix = self._sparse((self._columns(segment[there], axes[there]), rows))
-            index = np.column_stack([knots[there], axes[there]])
-            parts.append(self._scaled(matrix, value[there], value[there], index))
+                exists &= knots == model.segments
+            rows = self.basis_rows(segment[exists], np.full(int(exists.sum()), float(side)), order)
+            matrix = self._sparse((self._columns(segment[exists], axes[exists]), rows))
+            index = np.column_stack([knots[exists], axes[exists]])
+            parts.append(self._scaled(matrix, value[exists], value[exists], index))
         return _Rows(
             sp.csr_array(sp.vstack([p.matrix for p in parts])),
             *(np.concatenate(column) for column in list(zip(*parts, strict=True))[1:]),
@@ -247,7 +266,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     # -- corridor and limits ---------------------------------------------------------------------
 
     def held(self) -> Instants:
-        """All instants: the first ones of every bounded segment, and those that were added."""
+        """Return all instants: the initial ones of every bounded segment and the added ones."""
         first = first_instants(self.model, self.samples, self.continuity)
         return first.joined(self.instants)
 
@@ -285,21 +304,35 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     def refined(
         self, point: NDArray[np.float64], tolerance: float, duals: NDArray[np.float64] | None = None
     ) -> Self | None:
-        """Return the formulation that also holds where `point` sticks out between the instants."""
+        """Return the formulation with the instants at which `point` violates bounds.
+
+        Parameters
+        ----------
+        point : ndarray, shape (columns,)
+            Solution of the current program.
+        tolerance : float
+            Tolerance of the verification.
+        duals : ndarray, optional
+            Not used.
+
+        Returns
+        -------
+        PiecewiseFormulation or None
+            None if no instant is missing or after the last round.
+        """
         if not self.model.bounded or self.rounds >= ROUNDS:
             return None
         plan = self.decode(point)
-        found = [
+        violated = [
             self._violated(plan, number, bound, tolerance)
             for number, bound in enumerate(self.model.bounds)
         ]
-        found.append(self._violated_halfspaces(plan, tolerance))
-        added = Instants(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        violated.append(self._violated_halfspaces(plan, tolerance))
+        added = Instants(*(np.concatenate(column) for column in zip(*violated, strict=True)))
         if not added.s.size:
             return None
         finer = replace(self)
-        held = self.instants.joined(added)
-        object.__setattr__(finer, "instants", held)
+        object.__setattr__(finer, "instants", self.instants.joined(added))
         object.__setattr__(finer, "rounds", self.rounds + 1)
         return finer
 
@@ -328,16 +361,16 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         return sticking_out(rows, limits, tolerance, number, spaces.segments, which, reached)
 
     def _space_limits(self, which: Ints) -> Limits:
-        """Return the half-spaces' right-hand sides, each with what it is held against."""
+        """Return the right-hand sides of half-spaces with the scales of their violations."""
         spaces = self.model.halfspaces
         assert spaces is not None
         size = np.full(which.size, self.model.position_scale.max())
         return Limits(np.full(which.size, -np.inf), spaces.offsets[which], size, size)
 
     def _reached(self, plan: Trajectory, number: int) -> float:
-        """Return by how much the solver breaks a bound, relatively, where a row holds it.
+        """Return the solver's largest relative violation of a bound at the imposed instants.
 
-        More rows do not help against what is the solver's own inaccuracy.
+        It measures the inaccuracy of the solver, which additional rows cannot reduce.
         """
         instants = self.held()
         take = instants.bound == number

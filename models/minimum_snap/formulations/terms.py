@@ -1,8 +1,9 @@
-"""A nonlinear program from many terms of a few kinds, with its exact sparse derivatives.
+"""Nonlinear program from many terms of a few kinds, with its exact sparse derivatives.
 
-A term reads the logarithm of one duration and the local entries of its segment: the derivatives at
-both ends and, beyond degree 2r-1, the coefficients within. With ``y_i = T^i d_i`` the segment is one
-of 1 s, so its cost is ``Σ_j w_j T^(1-2j) y'G_j y`` and a bounded derivative ``T^-j u'y``.
+A term is a function of the logarithm of one duration and the local entries of its segment: the
+derivatives at both ends and, above degree 2r-1, the inner coefficients. With ``y_i = T^i d_i`` the
+segment has a duration of 1 s. Its cost is then ``Σ_j w_j T^(1-2j) y'G_j y``, and a bounded
+derivative is ``T^-j u'y``.
 """
 
 from __future__ import annotations
@@ -22,17 +23,17 @@ __all__ = ["Functions", "Kind", "Terms", "assemble", "bounded", "cost"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Entries of a Gram matrix below this share of the largest one are rounding.
+#: Entries of a Gram matrix below this share of the largest entry are rounding errors.
 NOISE = 1e-14
 
 
 class Kind:
-    """A term ``(z, c) -> number`` of z = (log T, local entries) and constants c, differentiated twice.
+    """Scalar function of z = (log T, local entries) and constants c, with two derivatives.
 
     Attributes
     ----------
     value, first, second : casadi.Function
-        Of (z, c): the number, its gradient, and the nonzeros of its Hessian's upper triangle.
+        Functions of (z, c): value, gradient, and nonzeros of the upper triangle of the Hessian.
     pattern : ndarray of int, shape (2, nonzeros)
         Rows and columns of those nonzeros.
     """
@@ -47,20 +48,20 @@ class Kind:
 
 
 class Terms(NamedTuple):
-    """Many terms of one kind.
+    """Batch of terms of the same kind.
 
     Parameters
     ----------
     kind : Kind
-        Which.
+        Function of every term.
     segment : ndarray of int, shape (N,)
-        Whose duration each reads.
+        Segment whose duration is the first argument.
     entries : ndarray of int, shape (N, n)
-        Which local entries each reads.
+        Indices of the local entries that are the other arguments.
     constants : ndarray, shape (N, c)
-        Its constants.
+        Constants of each term.
     row : ndarray of int, shape (N,), optional
-        The row that each is; None for parts of the objective.
+        Row of the program for each term; None for terms of the objective.
     """
 
     kind: Kind
@@ -71,7 +72,7 @@ class Terms(NamedTuple):
 
 
 class Functions(NamedTuple):
-    """What a :class:`~crosstrack.models.NonlinearProgram` is made of, in its own conventions."""
+    """Functions of a :class:`~crosstrack.models.NonlinearProgram`, in its conventions."""
 
     function: casadi.Function
     derivatives: casadi.Function
@@ -84,11 +85,11 @@ def cost(weights: Floats, powers: Floats, order: int) -> Kind:
     Parameters
     ----------
     weights : ndarray, shape (order,)
-        Of the orders 1 … r.
+        Weights of the orders 1 … r.
     powers : ndarray, shape (n, n)
-        Powers of the basis functions on [0, 1], a column each.
+        Coefficients of the basis functions on [0, 1] in powers of s, one function per column.
     order : int
-        r.
+        r, the highest order in the objective.
     """
     z = casadi.SX.sym("z", 1 + len(powers))
     y = _unit(z[0], z[1:], order)
@@ -101,14 +102,14 @@ def cost(weights: Floats, powers: Floats, order: int) -> Kind:
 
 
 def bounded(size: int, order: int, derivative: int, axes: int) -> Kind:
-    """Return a derivative in time as ``T^-derivative c'y``, the entries of several axes stacked."""
+    """Return the term ``T^-derivative c'y`` of a derivative in time, with stacked axes in y."""
     z, c = casadi.SX.sym("z", 1 + axes * size), casadi.SX.sym("c", axes * size)
     y = [_unit(z[0], own, order) for own in casadi.vertsplit(z[1:], size)]
     return Kind(z, c, casadi.exp(-derivative * z[0]) * casadi.dot(c, casadi.vertcat(*y)))
 
 
 def _unit(log: Any, entries: Any, order: int) -> Any:
-    """Return the entries of a segment of 1 s with the same path."""
+    """Return the entries of the same path scaled to a duration of 1 s."""
     count = entries.numel()
     power = [*range(order), *range(order), *([0] * (count - 2 * order))]
     return casadi.vertcat(*(entries[i] * casadi.exp(p * log) for i, p in enumerate(power)))
@@ -123,11 +124,11 @@ def assemble(
     Parameters
     ----------
     groups : list of Terms
-        All terms, those of rows in the order of the rows.
+        All terms. Terms of rows are in the order of the rows.
     matrix, constant : sparse array and ndarray, shapes (L, free), (L,)
-        Local entries are ``matrix @ d + constant``; a row of `matrix` has one entry at most.
+        Local entries are ``matrix @ d + constant``. Each row of `matrix` has at most one entry.
     time_weight : float
-        Price of a second, added to the objective.
+        Cost per second, added to the objective.
     rows : int
         Number of rows.
     total : bool
@@ -143,7 +144,7 @@ def assemble(
     durations = casadi.exp(x[:count])
     objective = time_weight * casadi.sum1(durations)
     gradient, jacobian, hessian = Triplets(), Triplets(), Triplets()
-    # Durations stand first among what both kinds of derivatives are sums of.
+    # The durations are the first summands of the gradient and of the Hessian.
     values, firsts, seconds = [], [durations], [durations * weight * time_weight]
     first = second = count
     gradient.add(every, 0, time_weight, every)

@@ -1,8 +1,9 @@
-"""The durations and the derivatives at the knots as the columns of one nonlinear program.
+"""Nonlinear program whose columns are the durations and the derivatives at the knots.
 
 Source: Richter, Bry and Roy, "Polynomial trajectory planning for aggressive quadrotor flight in
-dense indoor environments", ISRR 2013: the derivatives at the knots as unknowns, and a price of time.
-There the times are sought around a quadratic program; here both at once.
+dense indoor environments", ISRR 2013: unknown derivatives at the knots and a cost of time. The
+paper optimises the times in an outer loop around a quadratic program. This program optimises both
+simultaneously.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ __all__ = ["TimesFormulation"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Share of the mean length below which a segment's length counts as that, for the guess.
+#: Minimum length of a segment in the guess, as a share of the mean length.
 LEAST = 1e-2
 
 
 class _Rows(NamedTuple):
-    """A block of rows: its kind's arguments, where it reads, what it reads with, and its bounds."""
+    """Block of rows: labels, arguments of its kind, places, coefficients and bounds."""
 
     name: str
     unit: str
@@ -53,27 +54,28 @@ class _Rows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
-    """Logarithms of the durations, and the free derivatives at the knots; what is fixed is substituted.
+    """Nonlinear program in log durations and free derivatives at the knots.
 
-    Logarithms keep durations positive without a bound, and were measured to take a fifth to two
-    fifths less of Ipopt's time than the durations themselves. Corridor and limits hold at the first
-    instants of every segment, in its scaled time, and wherever a solution leaves them (the exchange
-    method). So no plan is left out; yet the program is not convex, and what a solver makes of it is
-    a local optimum: it bounds nothing, and does not count as a relaxation.
+    Fixed values are substituted. Logarithms keep durations positive without a bound and were
+    measured to reduce Ipopt's time by a fifth to two fifths, compared with durations. Corridor and
+    limits are imposed at the initial instants of every segment, in its scaled time, and at
+    violations of a solution (the exchange method). The program therefore excludes no plan. It is
+    not convex, so that a solver returns a local optimum without a lower bound, and the formulation
+    is not marked as a relaxation.
 
     Parameters
     ----------
     model : TimeAllocation
-        The model.
+        Problem with free times.
     samples : int
-        Instants of each segment at which corridor and limits hold from the start.
+        Initial instants per segment at which corridor and limits are imposed, 2 to 1000.
 
     Raises
     ------
     UnsupportedFormulation
-        A continuity above r - 1, or a fixed derivative above it: columns are derivatives up to it.
+        The continuity or a fixed derivative is above r - 1, the highest derivative in the columns.
     UnsupportedOption
-        `samples` is no whole number in [2, 1000].
+        `samples` is not an integer in [2, 1000].
     """
 
     samples: int = 5
@@ -85,7 +87,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
     summary = "the durations and the free derivatives at the knots, as a nonlinear program"
     program_type = NonlinearProgram
     relaxes = False
-    # The terms of a row may be several times what they sum to.
+    # The terms of a row may be several times larger than their sum.
     precision = 0.25
 
     def __post_init__(self) -> None:
@@ -93,7 +95,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         self._at(self.model.unit.times)
 
     def _at(self, times: Floats) -> HermiteFormulation:
-        """Return the quadratic program at given times, which holds bounds where this one does."""
+        """Return the quadratic program at given times, with the same instants."""
         at = HermiteFormulation(self.model.at(times), samples=self.samples)
         object.__setattr__(at, "instants", self.instants)
         object.__setattr__(at, "rounds", self.rounds)
@@ -101,14 +103,14 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
 
     @cached_property
     def _unit(self) -> HermiteFormulation:
-        """The quadratic program of segments that take 1 s: what is fixed, shared or free."""
+        """Quadratic program of segments of 1 s, which defines fixed, shared and free entries."""
         return self._at(self.model.unit.times)
 
     @cached_property
     def _shift(self) -> Floats:
-        """Where each local entry counts from: positions from the first waypoint of their axis.
+        """Origin of each local entry: the first waypoint of the axis for positions, else 0.
 
-        Far from the origin, the differences that count would lose their digits.
+        Far from the coordinate origin, position differences would lose digits.
         """
         r, model = self.model.order, self.model
         shift = np.zeros((model.segments, model.dimensions, model.degree + 1))
@@ -124,7 +126,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
     # -- the program -----------------------------------------------------------------------------
 
     def build(self) -> NonlinearProgram:
-        """Return the program, with its exact derivatives."""
+        """Return the nonlinear program with its exact derivatives."""
         from .terms import Terms, assemble, bounded, cost
 
         model, count, size = self.model, self.model.segments, self.model.degree + 1
@@ -154,7 +156,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
             at += 1
         low, high = (np.concatenate([np.empty(0), *parts]) for parts in (lower, upper))
         size_of = np.where(np.isfinite(high), np.abs(high), np.abs(low))
-        # Constants that are fixed count from the origin as well as columns do.
+        # Fixed constants are relative to the same origin as the columns.
         fixed = np.diff(reduction.matrix.indptr) == 0
         constant = reduction.constant - np.where(fixed, self._shift, 0.0)
         made = assemble(
@@ -189,7 +191,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         )
 
     def _all_rows(self) -> Iterator[_Rows]:
-        """Yield the rows of every bound, and those of the half-spaces, at the instants held."""
+        """Yield the rows of every bound and of the half-spaces at the imposed instants."""
         model, powers, held = self.model, self._unit.powers, self._unit.held()
         for number, bound in enumerate(model.bounds):
             now, _ = held.taken(np.flatnonzero(held.bound == number)).sorted()
@@ -216,13 +218,13 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
             )  # fmt: skip
 
     def _entries(self, segment: Ints, axis: Any) -> Ints:
-        """Return where a segment's coefficients of an axis stand among all local entries."""
+        """Return the indices of the coefficients of a segment and axis among the local entries."""
         size = self.model.degree + 1
         entries: Ints = ((segment * self.model.dimensions + axis) * size)[:, None] + np.arange(size)
         return entries
 
     def _sizes(self, durations: Floats) -> Floats:
-        """Return typical sizes of the free derivatives: a typical length by time to their order."""
+        """Return typical sizes of the free derivatives: typical length / time^order."""
         model, place = self.model, self._unit.reduction.places
         apart = np.abs(np.diff(model.waypoints, axis=0))
         apart = apart[np.isfinite(apart) & (apart > 0.0)]
@@ -237,10 +239,10 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
 
     @cached_property
     def guess(self) -> Trajectory:
-        """The solution refined, or the smoothest path at durations that suit the distances.
+        """Last refined solution, or the smoothest path at durations proportional to distances.
 
-        Their total is the given one, or that which is best from rest to rest for J + ρ ΣT, stretched
-        until limits of derivatives hold. A corridor or polytopes may not.
+        The total is the given one, or the optimum of J + ρ ΣT from rest to rest, stretched until the
+        path satisfies the limits of derivatives. It may violate the corridor or polytopes.
         """
         if self.near is not None:
             return self.near
@@ -259,9 +261,9 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         factor = 1.0
         for bound in model.bounds:
             if bound.derivative:
-                found = plan.extremes(bound.derivative)
-                most = np.maximum(-found.least, found.largest)
-                worst = float((most / np.where(bound.upper > 0, bound.upper, np.inf)).max())
+                extremes = plan.extremes(bound.derivative)
+                peak = np.maximum(-extremes.least, extremes.largest)
+                worst = float((peak / np.where(bound.upper > 0, bound.upper, np.inf)).max())
                 factor = max(factor, worst ** (1.0 / bound.derivative))
         return plan if factor == 1.0 else self._smoothest(factor * plan.durations)
 
@@ -270,18 +272,18 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         from scipy.sparse import csc_array
         from scipy.sparse.linalg import spsolve
 
-        at = HermiteFormulation(self.model.at(self.model.times(durations)))
-        hessian, slope = at.parabola
-        return at.decode(
+        timed = HermiteFormulation(self.model.at(self.model.times(durations)))
+        hessian, slope = timed.parabola
+        return timed.decode(
             np.atleast_1d(spsolve(csc_array(hessian), -slope)) if slope.size else slope
         )
 
     # -- plans -----------------------------------------------------------------------------------
 
     def encode(self, plan: Trajectory) -> Floats:
-        """Return the logarithms of the durations, then the free derivatives of `plan`."""
-        at = HermiteFormulation(self.model.at(plan.times))
-        local = UnitBasisFormulation.encode(at, plan) - self._shift
+        """Return the logarithms of the durations followed by the free derivatives of `plan`."""
+        timed = HermiteFormulation(self.model.at(plan.times))
+        local = UnitBasisFormulation.encode(timed, plan) - self._shift
         point: Floats = np.concatenate([np.log(plan.durations), local[self._unit.reduction.source]])
         return point
 
@@ -289,12 +291,12 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         """Return the trajectory with these durations and derivatives."""
         count, reduction = self.model.segments, self._unit.reduction
         point = np.asarray(point, float)
-        at = HermiteFormulation(self.model.at(self.model.times(np.exp(point[:count]))))
+        timed = HermiteFormulation(self.model.at(self.model.times(np.exp(point[:count]))))
         free = point[count:] + self._shift[reduction.source]
-        return UnitBasisFormulation.decode(at, reduction.matrix @ free + reduction.constant)
+        return UnitBasisFormulation.decode(timed, reduction.matrix @ free + reduction.constant)
 
     def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
-        """Return the formulation that also holds where `point` sticks out between the instants."""
+        """Return the formulation with the instants at which `point` violates bounds, else None."""
         plan = self.decode(point)
         at = self._at(plan.times)
         more = at.refined(at.encode(plan), tolerance)

@@ -1,1 +1,1 @@
-"""The picture of a trajectory."""
+"""Figures of trajectories."""

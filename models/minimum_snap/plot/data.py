@@ -1,4 +1,4 @@
-"""What the picture of a trajectory shows, apart from how: samples, bounds, and broken places."""
+"""Data of a trajectory figure: samples, bounds and locations of violations."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ __all__ = ["Scene", "Violation", "given_times", "scene_of"]
 
 Floats = NDArray[np.float64]
 
-#: About as many points as a line is drawn through, whatever the number of segments.
+#: Approximate number of points of a curve, independent of the number of segments.
 _POINTS = 8000
-#: Points a segment: fewer do not show its shape, more are not seen.
+#: Smallest and largest number of points per segment. Fewer hide its shape, more are invisible.
 _FEWEST, _MOST = 4, 240
 
 
 class Violation(NamedTuple):
-    """The place where a plan breaks one condition most.
+    """Location of the largest violation of one condition.
 
     Parameters
     ----------
     check : Check
-        The condition, and by how much it is broken.
+        Violated condition.
     order, axis : int
-        Which derivative of which axis; the axis is -1 where it is none alone.
+        Order of the derivative and index of the axis; axis -1 if several axes are involved.
     time, value : float
-        When, and the value of the derivative there (not a number without an axis).
+        Time (s) and value of the derivative; NaN without a single axis.
     position : ndarray, shape (dimensions,)
-        Where on the path.
+        Position on the path, m.
     """
 
     check: Check
@@ -52,37 +52,37 @@ class Violation(NamedTuple):
 
 
 def given_times(model: Any) -> Any:
-    """Return the times of a model's knots, None where they are sought."""
+    """Return the times of a model's knots, or None if they are free."""
     times = getattr(model, "times", None)
     return None if callable(times) else times
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A model and a plan as the picture needs them; a model without times takes the plan's.
+    """Model and plan for a figure. A model without times uses those of the plan.
 
     Parameters
     ----------
     model : Model
-        Anything with ``waypoints``; times, bounds and half-spaces where it has them.
+        Model with ``waypoints``; its times, bounds and half-spaces are optional.
     plan : Trajectory, optional
-        The plan.
+        Plan to draw.
     names : tuple of str
         Names of the axes.
     waypoints : ndarray, shape (knots, dimensions)
-        Positions at the knots, infinite where free.
+        Positions at the knots (m); free components are infinite.
     conditions : ndarray, shape (knots, orders, dimensions)
-        What is fixed at the knots, infinite where free.
+        Fixed values at the knots; free components are infinite.
     timed : bool
-        Whether the knots have times: the model's, or the plan's.
+        Whether the knots have times from the model or the plan.
     times : ndarray, shape (knots,)
-        Times of the knots, or their numbers where nothing tells the times.
+        Times of the knots (s), or their indices without times.
     bounds : tuple of Bound
-        The corridor's boxes and the limits.
+        Corridor boxes and limits.
     halfspaces : Halfspaces, optional
-        The polytopes.
+        Half-spaces of the polytopes.
     verification : Verification, optional
-        The model's own check of the plan.
+        The model's verification of the plan.
     """
 
     model: Any
@@ -103,12 +103,12 @@ class Scene:
 
     @property
     def segments(self) -> int:
-        """Number of polynomials an axis."""
+        """Number of segments."""
         return len(self.waypoints) - 1
 
     @property
     def flown(self) -> Floats:
-        """Times of the plan's own knots, which are between its segments."""
+        """Times of the knots of the plan, s."""
         return self.times if self.plan is None else self.plan.times
 
     def bounds_of(self, order: int) -> list[Bound]:
@@ -119,7 +119,7 @@ class Scene:
 
     @cached_property
     def _rows(self) -> NDArray[np.int64]:
-        """The segments that are drawn: all, or evenly chosen ones."""
+        """Indices of the drawn segments: all, or a subset at equal steps."""
         most = _POINTS // _FEWEST
         if self.segments <= most:
             return np.arange(self.segments)
@@ -132,7 +132,7 @@ class Scene:
 
     @cached_property
     def sample_times(self) -> Floats:
-        """Times of the samples; a knot comes twice, for what jumps there, shape (samples,)."""
+        """Times of the samples, s, shape (samples,). Knots occur twice, to show jumps."""
         plan = self._planned()
         starts, lengths = plan.times[self._rows], plan.durations[self._rows]
         times: Floats = (starts[:, None] + lengths[:, None] * self._grid).ravel()
@@ -152,16 +152,16 @@ class Scene:
         assert self.plan is not None
         return self.plan
 
-    # -- what is broken --------------------------------------------------------------------------
+    # -- violations ------------------------------------------------------------------------------
 
     @property
     def violated(self) -> tuple[Check, ...]:
-        """The checks that the plan does not pass."""
+        """Failed checks of the plan."""
         return () if self.verification is None else tuple(self.verification.violated)
 
     @cached_property
     def marks(self) -> tuple[Violation, ...]:
-        """The worst place of each broken condition that has a place."""
+        """Locations of the largest violation of each failed check that has a location."""
         return tuple(mark for check in self.violated for mark in self._located(check))
 
     def _located(self, check: Check) -> Iterator[Violation]:
@@ -196,7 +196,8 @@ class Scene:
     def _at_knot(
         self, check: Check, order: int, off: Floats, values: Floats, first: int
     ) -> Violation:
-        # The check names the place that uses most of its tolerance, which may differ from place to place.
+        # The check reports the largest violation relative to the local tolerance, which varies
+        # along the path. Find the location with the reported absolute violation.
         near = int(np.abs(off - check.worst).argmin())
         row, axis = (int(k) for k in np.unravel_index(near, off.shape))
         time = float(self.flown[row + first])
@@ -208,7 +209,7 @@ class Scene:
         found = plan.extremes(bound.derivative)
         edges = np.stack([bound.lower, bound.upper])
         off = np.stack([bound.lower - found.least, found.largest - bound.upper])
-        # As large as the check would find it: relative to the bound, where that is above 1.
+        # Scaled like the check: relative to the bound if that is above 1.
         share = off / np.maximum(1.0, np.where(np.isfinite(edges), np.abs(edges), 1.0))
         side, row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
         time = float((found.least_time, found.largest_time)[side][row, axis])
@@ -249,7 +250,7 @@ def scene_of(model: Any, plan: Any, names: Any) -> Scene:
 
 def _names(names: Any, dimensions: int) -> tuple[str, ...]:
     if names is None:
-        # Beyond three, the numbers that the checks speak of.
+        # Above three axes, use the axis numbers of the checks.
         return tuple("xyz"[k] if k < 3 else f"axis {k}" for k in range(dimensions))
     allowed = f"hold {dimensions} different word{'s' if dimensions > 1 else ''}, one an axis"
     return tuple(

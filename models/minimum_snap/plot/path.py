@@ -1,4 +1,4 @@
-"""The left half of a trajectory's picture: the path, its waypoints and its corridor."""
+"""Left half of a trajectory figure: path, waypoints and corridor."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ __all__ = ["draw_path", "line_by_speed"]
 Floats = NDArray[np.float64]
 
 _CORRIDOR, _EDGE = "#dfe9f1", "#8fabc2"
-#: More regions than this are drawn as their union, without the edges between them.
+#: Largest number of regions with their own edges. More regions are drawn as their union.
 _MOST_OUTLINES = 40
-#: More bodies than this are not drawn.
+#: Largest number of bodies drawn.
 _MOST_BODIES = 400
-#: More waypoints than this would hide the path.
+#: Largest number of waypoints drawn. More would hide the path.
 _MOST_WAYPOINTS = 150
-#: More waypoints than this are not numbered.
+#: Largest number of waypoints with numbers.
 _MOST_NUMBERS = 25
-#: Places on a segment that tell the way of its line.
+#: Points per segment that represent its curve when labels are placed.
 _BETWEEN = 6
-#: All edges first and all faces over them: what is left is the outline of the union.
+#: Styles that draw all edges first and all faces over them, so that the union's outline remains.
 _UNION: list[tuple[Any, Any, float]] = [
     (_EDGE, _EDGE, 1.6),
     (_CORRIDOR, _CORRIDOR, 0.4),
 ]
-#: A side of the space shorter than this part of the longest is widened, at the same scale.
+#: Minimum length of a side of the 3-D box, as a share of the longest side. Scales remain equal.
 _FLATTEST = 0.3
 
 
@@ -50,20 +50,20 @@ def draw_path(
     scene : Scene
         Model and plan.
     shown : tuple of int
-        The axes, two for a plane and three for space.
+        Indices of the axes, two for a plane and three for space.
     axes : matplotlib axes
-        Plane or space alike.
+        2-D or 3-D axes.
     labels : bool, optional
-        Whether to number the waypoints, by default where they are few.
+        Whether to number the waypoints, by default if they are few.
 
     Returns
     -------
     Collection or None
-        What is coloured by speed.
+        Path coloured by speed.
     list of artists
-        For a legend.
+        Handles for a legend.
     list of str
-        Notes on what is not shown.
+        Notes on omitted elements.
     """
     low, high = _extent(scene)
     space = len(shown) == 3
@@ -92,7 +92,7 @@ def draw_path(
 
 
 def _extent(scene: Scene) -> tuple[Floats, Floats]:
-    """Return the corners of a box around what is drawn, over all axes."""
+    """Return the lower and upper corner of a box around the drawn elements, over all axes."""
     waypoints = scene.waypoints
     parts = [np.where(np.isfinite(waypoints), waypoints, np.nan)]
     if scene.plan is not None:
@@ -101,7 +101,7 @@ def _extent(scene: Scene) -> tuple[Floats, Floats]:
     free = np.isnan(points).all(axis=0)
     points[-1, free] = 0.0
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    # A corridor is shown as far as it does not dwarf the path.
+    # A large corridor is cut, so that the path remains visible.
     reach = 0.35 * (float((high - low).max()) or 1.0)
     for box in scene.bounds_of(0):
         below = np.where(np.isfinite(box.lower), box.lower, np.inf).min(axis=0)
@@ -114,12 +114,12 @@ def _extent(scene: Scene) -> tuple[Floats, Floats]:
 
 
 def _places(scene: Scene, own: list[int]) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return where to draw each waypoint (not a number: nowhere), and which are fixed there."""
+    """Return the position of each waypoint (NaN: not drawn), and which components are fixed."""
     wanted = scene.waypoints[:, own]
     known = np.isfinite(wanted)
     places = np.where(known, wanted, np.nan)
     if scene.plan is not None:
-        # A coordinate that is free is where the plan has put it; with none fixed, there is none.
+        # Free coordinates follow the plan. Knots without a fixed coordinate are not drawn.
         chosen = scene.plan(np.clip(scene.times, scene.plan.times[0], scene.plan.times[-1]))
         partly = ~_whole(~known)[:, None] & ~known
         places = np.where(partly, chosen[:, own], places)
@@ -135,7 +135,7 @@ def _corridor(
     from matplotlib.patches import Patch
 
     space = len(shown) == 3
-    # Where a region has no end it runs out of the picture; in space it ends with the picture.
+    # Unbounded regions extend beyond a plane figure. In 3-D they end at the box of the figure.
     far = 0.0 if space else 4.0 * float((high - low).max())
     window = _window(low, high, tuple(range(scene.dimensions))) if space else (low, high)
     found, total, omitted = regions(
@@ -175,7 +175,7 @@ def _faces(found: list[list[Floats]], axes: Any, space: bool) -> None:
 
 
 def line_by_speed(way: Floats, speed: Floats, axes: Any) -> Collection:
-    """Draw a line through places of a plane or of space, (samples, 2 or 3), coloured by speed."""
+    """Draw a line through points, shape (samples, 2 or 3), coloured by speed (m/s)."""
     import matplotlib
     from matplotlib.collections import LineCollection
     from matplotlib.colors import ListedColormap, Normalize
@@ -183,13 +183,13 @@ def line_by_speed(way: Floats, speed: Floats, axes: Any) -> Collection:
 
     space = way.shape[1] == 3
     pieces = np.stack([way[:-1], way[1:]], axis=1)
-    # Two samples stand at each knot.
+    # Each knot has two samples.
     long = (pieces[:, 0] != pieces[:, 1]).any(axis=1)
     whole = matplotlib.colormaps["viridis"]
     kind: Any = Line3DCollection if space else LineCollection
     found: Collection = kind(
         pieces[long], array=(speed[:-1] + speed[1:])[long] / 2,
-        # Without viridis's end, which is too pale on white paper.
+        # The last part of viridis is too pale on white paper.
         cmap=ListedColormap([whole(k / 280) for k in range(256)], name="speed"),
         norm=Normalize(0.0, float(speed.max()) or 1.0), linewidths=2.2, capstyle="round", zorder=3,
     )  # fmt: skip
@@ -202,11 +202,11 @@ def _waypoints(scene: Scene, axes: Any, places: Floats, known: NDArray[np.bool_]
     knot = np.arange(len(places))
     first, last = drawn & (knot == 0), drawn & (knot == knot[-1])
     inner = drawn & ~first & ~last & (scene.plan is None or len(places) <= _MOST_WAYPOINTS)
-    # Many waypoints are dots: rings would hide the path.
+    # Many waypoints are drawn as dots, because rings would hide the path.
     crowd = len(places) > MOST_KNOTS
     size, edge = (max(2.0, 10.0 * MOST_KNOTS / len(places)), "none") if crowd else (22, BLACK)
     partly = "waypoint, partly free"
-    # Where both are one place, the start is seen on the end.
+    # The start is drawn last, so that it is visible if it coincides with the end.
     return [
         dots(axes, places[rows], marker, face, size=size, edge=edge, zorder=zorder, label=label)
         for rows, marker, face, size, edge, zorder, label in (
@@ -220,11 +220,11 @@ def _waypoints(scene: Scene, axes: Any, places: Floats, known: NDArray[np.bool_]
 
 
 def _numbers(scene: Scene, own: list[int], axes: Any, places: Floats) -> None:
-    """Write the numbers of the knots, each where it hides least."""
+    """Draw the numbers of the knots at positions that hide the least of the figure."""
     knots = np.flatnonzero(_whole(np.isfinite(places)))
     at, texts = places[knots], [str(knot) for knot in knots]
     if scene.plan is not None:
-        # Nameless places between the knots tell the way of the line that is not to be hidden.
+        # Unlabelled points between the knots represent the curve, which labels must not hide.
         part = np.arange(_BETWEEN * scene.segments + 1) / _BETWEEN
         at = scene.plan(np.interp(part, np.arange(len(places)), scene.plan.times))[:, own]
         at[_BETWEEN * knots] = places[knots]
@@ -235,7 +235,7 @@ def _numbers(scene: Scene, own: list[int], axes: Any, places: Floats) -> None:
 
 
 def _whole(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which rows are true throughout."""
+    """Return which rows are true in all columns."""
     return np.asarray(known.all(axis=1), bool)
 
 
@@ -243,7 +243,7 @@ def _whole(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _window(low: Floats, high: Floats, shown: tuple[int, ...]) -> tuple[Floats, Floats]:
-    """Return the limits of the shown axes, a flat side widened."""
+    """Return the limits of the shown axes, with flat sides widened."""
     own = list(shown)
     span = (high - low)[own]
     longest = float(span.max()) or 1.0
@@ -255,7 +255,7 @@ def _window(low: Floats, high: Floats, shown: tuple[int, ...]) -> tuple[Floats, 
 def _frame(scene: Scene, shown: tuple[int, ...], axes: Any, low: Floats, high: Floats) -> None:
     begin, end = _window(low, high, shown)
     if len(shown) == 2:
-        # Equal scales: the side that has room to spare is widened.
+        # For equal scales, widen the side with spare room.
         box = axes.get_position()
         paper = np.array([box.width, box.height]) * inches(axes.figure)
         half = paper * ((end - begin) / paper).max() / 2
@@ -268,6 +268,6 @@ def _frame(scene: Scene, shown: tuple[int, ...], axes: Any, low: Floats, high: F
         bare(axes)
         return
     sides = end - begin
-    # A tall box fills the frame to its foot, where the labels of the floor want room as well.
+    # A tall box fills the frame down to the bottom, where the tick labels of the floor need room.
     axes.set_box_aspect(sides, zoom=1.0 if sides[2] <= sides[:2].max() else 0.86)
     dress_space(axes)

@@ -1,8 +1,8 @@
-"""The picture of a trajectory: where it flies, and its derivatives over time against their limits.
+"""Figure of a trajectory: its path, and its derivatives over time with their limits.
 
-On the left the path through its waypoints, coloured by speed, in the corridor; on the right one
-panel a derivative, one line an axis. Dashed lines are limits, and where the plan breaks a condition
-the worst place is ringed in red on both sides.
+The left half shows the path through its waypoints, coloured by speed, in the corridor. The right
+half has one panel per derivative and one line per axis. Dashed lines are limits. If the plan
+violates a condition, a red ring marks the largest violation on both sides.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ...plots.style import (
 )
 from ..bounds import derivative_name
 from .data import Scene, given_times, scene_of
-from .panels import panel_of, span_of, told
+from .panels import describe_violation, panel_of, span_of
 from .path import draw_path, line_by_speed
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 
 __all__ = ["draw"]
 
-#: The share of the path in the width, where derivatives stand beside it.
+#: Share of the figure's width for the path if derivatives are drawn.
 _LEFT = 0.53
-#: The highest derivative that can be drawn.
+#: Highest order of a derivative that can be drawn.
 _HIGHEST = 15
 
 
@@ -59,35 +59,36 @@ def draw(
     Parameters
     ----------
     model : MinimumDerivative
-        The model, or any other with ``waypoints``; without ``times`` of its own, those of the plan
-        count.
+        Model, or any other model with ``waypoints``. A model without ``times`` uses those of the
+        plan.
     plan : Trajectory, optional
-        A trajectory with as many segments, valid or not; where it breaks a condition, the worst
-        place is ringed in red. None draws the data only.
+        Trajectory with the model's segments, feasible or not. Red rings mark the largest violation
+        of each condition. None draws the data only.
     axes : tuple of int, optional
-        The axes of the path's picture: three for space, two for a plane, one for its position
-        over time. By default the first three, or as many as there are.
+        Axes of the path: three for space, two for a plane, one for the position over time. By
+        default the first three, or all if there are fewer.
     derivatives : int or tuple of int, optional
-        The derivatives over time: up to this one, or these. By default up to the order of the
-        model; an empty tuple draws the path alone.
+        Derivatives over time: all up to this order, or a tuple of orders. By default up to the order
+        of the model. An empty tuple draws the path alone.
     names : tuple of str, optional
-        Names of the axes, by default x, y, z, and numbers for more.
+        Names of the axes, by default x, y, z, and numbers if there are more than three.
     labels : bool, optional
-        Whether to number the waypoints, by default where they are few enough to be read.
+        Whether to number the waypoints, by default if they are few enough to be legible.
     title : str, optional
-        Instead of the instance's name, what is minimised, its value and the duration.
+        Title of the figure. By default the instance's name, the objective, its value and the
+        duration.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        The path's axes, the colour bar of its speed, then one for each derivative.
+        Figure with the axes of the path, the colour bar of its speed, and one panel per derivative.
 
     Raises
     ------
     InvalidData
-        The plan is no trajectory of the model's shape.
+        `plan` is not a trajectory of the model's shape.
     UnsupportedOption
         An option has a value that is not allowed.
     """
@@ -118,22 +119,22 @@ def _shown(axes: Any, dimensions: int) -> tuple[int, ...]:
         return tuple(range(min(dimensions, 3)))
     last = dimensions - 1
     allowed = f"hold 1 to 3 different axes from 0 to {last}"
-    return tuple(check_list("axes", axes, lambda one: is_whole(one, 0, last), allowed, most=3))
+    return tuple(check_list("axes", axes, lambda item: is_whole(item, 0, last), allowed, most=3))
 
 
 def _orders(derivatives: Any, scene: Scene) -> list[int]:
     if derivatives is None:
-        # With one axis, the position over time stands on the left already.
+        # With one axis, the left half already shows the position over time.
         first = 1 if scene.dimensions == 1 else 0
-        found = list(range(first, int(getattr(scene.model, "order", 4)) + 1))
+        orders = list(range(first, int(getattr(scene.model, "order", 4)) + 1))
     elif is_whole(derivatives, 0, _HIGHEST):
-        found = list(range(int(derivatives) + 1))
+        orders = list(range(int(derivatives) + 1))
     else:
         allowed = f"be a whole number from 0 to {_HIGHEST}, or different ones in a tuple"
-        found = check_list(
-            "derivatives", derivatives, lambda one: is_whole(one, 0, _HIGHEST), allowed, least=0
+        orders = check_list(
+            "derivatives", derivatives, lambda item: is_whole(item, 0, _HIGHEST), allowed, least=0
         )
-    return [] if scene.plan is None else found
+    return [] if scene.plan is None else orders
 
 
 def _title(scene: Scene) -> str:
@@ -143,11 +144,11 @@ def _title(scene: Scene) -> str:
     else:
         count = scene.segments
         parts = [_what(model), f"{count} segment{'' if count == 1 else 's'}"]
-        found = scene.verification
-        if found is not None and found.objective is not None:
+        verification = scene.verification
+        if verification is not None and verification.objective is not None:
             unit = pretty_unit(model.objective_unit)
             letter = "J" if given_times(model) is not None else "objective"
-            parts.append(f"{letter} = {number(found.objective)} {unit}".rstrip())
+            parts.append(f"{letter} = {number(verification.objective)} {unit}".rstrip())
         parts.append(f"{number(scene.plan.duration, 5)} s")
     return title_of(getattr(model, "name", ""), parts, scene.verification)
 
@@ -185,20 +186,24 @@ def _left(
         axes = space_axes(figure, place) if space else figure.add_axes(place)
         coloured, handles, notes = draw_path(scene, shown, axes, labels=labels)
     if coloured is not None:
-        # The frame of space needs the width, so the bar lies below it.
+        # 3-D axes need the full width, so the colour bar is below them.
         across = (0.27, 0.85 / tall, 0.4, 0.09 / tall)
         upright = (end + 0.22 / broad, low + 0.15 * (high - low), 0.13 / broad, 0.7 * (high - low))
         _speed_bar(scene, shown, figure, coloured, across if space else upright)
     legend_below(figure, handles, 0.47)
-    # What no panel tells.
-    broken = [told(one) for one in scene.marks if one.axis < 0 or one.order not in orders]
+    # Violations that no panel shows are listed as text.
+    broken = [
+        describe_violation(mark)
+        for mark in scene.marks
+        if mark.axis < 0 or mark.order not in orders
+    ]
     for text, colour, line in (("; ".join(broken), RED, 0.02), ("; ".join(notes), "#505050", 0.16)):
         if text:
             figure.text(0.02, high + line / tall, text, fontsize=7.5, color=colour, va="bottom")
 
 
 def _margins(length: float, before: float, after: float) -> tuple[float, float]:
-    """Return where a frame begins and ends, with these margins (inch) where there is room."""
+    """Return start and end of a frame as shares of `length`, with margins in inches if they fit."""
     return min(before / length, 0.35), max(1 - after / length, 0.55)
 
 

@@ -1,4 +1,4 @@
-"""The regions where a corridor lets a segment be: polygons in a plane, bodies in space."""
+"""Regions that a corridor allows for segments: polygons in a plane, bodies in space."""
 
 from __future__ import annotations
 
@@ -12,35 +12,34 @@ __all__ = ["regions"]
 
 Floats = NDArray[np.float64]
 
-#: Normals are of length 1; what is below this counts as 0.
+#: Components of normals of length 1 below this value are treated as 0.
 _TILT = 1e-9
 
 
 def regions(
     scene: Scene, shown: tuple[int, ...], low: Floats, high: Floats, most: int | None = None
 ) -> tuple[list[list[Floats]], int, bool]:
-    """Return the regions of the corridor, cut off at a box, as seen along the shown axes.
+    """Return the regions of the corridor, clipped at a box, in the shown axes.
 
     Parameters
     ----------
     scene : Scene
-        The model.
+        Model of the figure.
     shown : tuple of int
-        Two or three axes.
+        Indices of two or three axes.
     low, high : ndarray, shape (dimensions,)
-        The box at which what has no end is cut off.
+        Box that clips unbounded regions, m.
     most : int, optional
-        Draw no more, evenly chosen.
+        Largest number of regions, selected at equal steps. All by default.
 
     Returns
     -------
     list of lists of ndarray, each of shape (corners, shown axes)
-        The faces of each region: one polygon in a plane, those of a body in space. Empty regions are
-        left out.
+        Faces of each nonempty region: one polygon in a plane, the faces of a body in space.
     int
-        How many different regions there are.
+        Number of distinct regions.
     bool
-        Whether half-spaces were left out, for they are tilted into an axis that is not shown.
+        Whether half-spaces were omitted because they depend on an axis that is not shown.
     """
     boxes = scene.bounds_of(0)
     spaces = scene.halfspaces
@@ -48,30 +47,30 @@ def regions(
         return [], 0, False
     lower = np.broadcast_to(low, (scene.segments, low.size)).copy()
     upper = np.broadcast_to(high, lower.shape).copy()
-    held = np.zeros(scene.segments, bool)
+    bounded = np.zeros(scene.segments, bool)
     for box in boxes:
         lower, upper = np.maximum(lower, box.lower), np.minimum(upper, box.upper)
-        held |= (np.isfinite(box.lower) | np.isfinite(box.upper))[:, shown].any(axis=1)
+        bounded |= (np.isfinite(box.lower) | np.isfinite(box.upper))[:, shown].any(axis=1)
     members: dict[int, list[int]] = {}
     if spaces is not None:
         for row, segment in enumerate(spaces.segments.tolist()):
             members.setdefault(segment, []).append(row)
-        held[list(members)] = True
-    # One box for many segments is one region.
-    chosen: list[int] = []
-    seen: set[bytes] = set()
-    for segment in np.flatnonzero(held).tolist():
+        bounded[list(members)] = True
+    # Segments with equal boxes share one region.
+    selection: list[int] = []
+    keys: set[bytes] = set()
+    for segment in np.flatnonzero(bounded).tolist():
         key = lower[segment].tobytes() + upper[segment].tobytes()
-        if segment in members or key not in seen:
-            chosen.append(segment)
+        if segment in members or key not in keys:
+            selection.append(segment)
         if segment not in members:
-            seen.add(key)
-    total = len(chosen)
+            keys.add(key)
+    total = len(selection)
     if most is not None and total > most:
-        chosen = [chosen[k] for k in np.linspace(0, total - 1, most).round().astype(int)]
-    found, omitted = [], False
+        selection = [selection[k] for k in np.linspace(0, total - 1, most).round().astype(int)]
+    result, omitted = [], False
     axes = list(shown)
-    for segment in chosen:
+    for segment in selection:
         normals, offsets = np.zeros((0, low.size)), np.zeros(0)
         if segment in members:
             assert spaces is not None
@@ -87,12 +86,12 @@ def regions(
             shape = _body if len(axes) == 3 else _polygon
             faces = shape(*ends, part, offsets[~tilted])
         if faces:
-            found.append(faces)
-    return found, total, omitted
+            result.append(faces)
+    return result, total, omitted
 
 
 def _polygon(lower: Floats, upper: Floats, normals: Floats, offsets: Floats) -> list[Floats]:
-    """Return the polygon of a rectangle and half-planes, or nothing."""
+    """Return the intersection of a rectangle and half-planes as one polygon, or an empty list."""
     if (lower > upper).any():
         return []
     (left, bottom), (right, top) = lower, upper
@@ -103,7 +102,7 @@ def _polygon(lower: Floats, upper: Floats, normals: Floats, offsets: Floats) -> 
 
 
 def _body(lower: Floats, upper: Floats, normals: Floats, offsets: Floats) -> list[Floats]:
-    """Return the faces of a box cut by half-spaces, or nothing."""
+    """Return the faces of a box cut by half-spaces, or an empty list."""
     if (lower > upper).any():
         return []
     normals = np.vstack([np.eye(3), -np.eye(3), normals])
@@ -111,12 +110,12 @@ def _body(lower: Floats, upper: Floats, normals: Floats, offsets: Floats) -> lis
     middle, reach = (lower + upper) / 2, 2 * float(np.linalg.norm(upper - lower)) + 1e-9
     faces = []
     for row, (normal, offset) in enumerate(zip(normals, offsets, strict=True)):
-        # A square in the plane of the face, larger than the box, cut by all the others.
-        one = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
-        one /= np.linalg.norm(one)
-        other = np.cross(normal, one)
+        # A square in the plane of the face, larger than the box, clipped by all other planes.
+        u = np.cross(normal, np.eye(3)[int(np.abs(normal).argmin())])
+        u /= np.linalg.norm(u)
+        v = np.cross(normal, u)
         centre = middle + (offset - middle @ normal) * normal
-        face = centre + reach * np.array([one + other, other - one, -one - other, one - other])
+        face = centre + reach * np.array([u + v, v - u, -u - v, u - v])
         for k in range(len(normals)):
             if k != row and len(face):
                 face = _clip(face, normals[k], offsets[k])
@@ -126,25 +125,25 @@ def _body(lower: Floats, upper: Floats, normals: Floats, offsets: Floats) -> lis
 
 
 def _clip(corners: Floats, normal: Floats, offset: float) -> Floats:
-    """Return the part of a convex polygon where ``normal @ x <= offset`` (Sutherland, Hodgman)."""
+    """Return the part of a convex polygon in ``normal @ x <= offset`` (Sutherland, Hodgman)."""
     if not len(corners):
         return corners
     slack = offset - corners @ normal
     inside = slack >= -1e-12 * max(1.0, abs(offset))
     if inside.all():
         return corners
-    kept = []
+    clipped = []
     for k in range(len(corners)):
         if inside[k - 1] != inside[k]:
             share = slack[k - 1] / (slack[k - 1] - slack[k])
-            kept.append(corners[k - 1] + share * (corners[k] - corners[k - 1]))
+            clipped.append(corners[k - 1] + share * (corners[k] - corners[k - 1]))
         if inside[k]:
-            kept.append(corners[k])
-    return np.array(kept).reshape(-1, corners.shape[1])
+            clipped.append(corners[k])
+    return np.array(clipped).reshape(-1, corners.shape[1])
 
 
 def _hull(points: Floats) -> list[Floats]:
-    """Return the convex hull of points in a plane, nothing where they lie on a line."""
+    """Return the convex hull of points in a plane, or an empty list if they are collinear."""
     ordered = np.unique(points.round(12), axis=0)
     size = np.abs(ordered).max(initial=1.0)
     if np.linalg.matrix_rank(ordered[1:] - ordered[:1], tol=1e-9 * size) < 2:
