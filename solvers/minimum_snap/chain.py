@@ -138,13 +138,8 @@ class Chain:
     def rows(self, held: Instants, *, slope: bool = False) -> tuple[Floats, Floats, Floats, Floats]:
         """Return normalised rows of the bounds at `held`, with lower and upper bounds and factors.
 
-        <<<<<<< HEAD
-        The largest entry of a row is 1; the factor comes last. With `slope` the rows
-        are the slopes in s of what is bounded.
-        =======
-        The largest entry of a row is 1. The last result is the factor of each row. With `slope`, the
+                The largest entry of a row is 1. The last result is the factor of each row. With `slope`, the
         rows are the derivatives in s of the bounded values.
-        >>>>>>> words6/words6
         """
         model = self.model
         scales = self._column_scales()

@@ -1,13 +1,5 @@
 """Certified paths within bounds: Newton's method on the path and the instants of contact together.
 
-<<<<<<< HEAD
-The interior point finds the bounds that press, but not their exact instants, and the objective hides
-the shape of long segments beside short ones. At the optimum a path touches a bound at tops of its own, each with a
-force λ > 0. With ``n_s`` the row of an instant s, ``C'C y + Σ λ n_s = 0`` and ``n_s y = b``. A top moves
-with the path, ``ds = n'_s dy / |n''_s y|``, so the Newton system of y has one more term for each contact,
-``λ / |n''_s y| n'_s' n'_s`` (the reduced Hessian of semi-infinite programs: Hettich and Kortanek, SIAM
-Review 35, 1993). The last step proves the path, as it does without bounds: see :mod:`~.banded`.
-=======
 The interior point identifies the active bounds but not the exact instants, and the objective is
 insensitive to the shape of long segments next to short ones. At the optimum the path touches a bound
 at local extremes, each with a multiplier ("force") λ > 0. With ``n_s`` the row of an instant s,
@@ -15,7 +7,6 @@ at local extremes, each with a multiplier ("force") λ > 0. With ``n_s`` the row
 ``ds = n'_s dy / |n''_s y|``, so the Newton system of y has an additional term for each contact,
 ``λ / |n''_s y| n'_s' n'_s`` (the reduced Hessian of semi-infinite programs: Hettich and Kortanek,
 SIAM Review 35, 1993). The last step proves the path, as in :mod:`~.banded` without bounds.
->>>>>>> words6/words6
 """
 
 from __future__ import annotations
@@ -51,20 +42,12 @@ CERTIFIED = 1e-7
 DONE = 1e-11
 #: Largest numbers of Newton steps per set of contacts, and of sets per interior-point iterate.
 STEPS, ROUNDS = 15, 6
-<<<<<<< HEAD
-#: Relative complementarities at which the interior point continues if its last iterate is too coarse: forces on long segments are 1e-18 of those on segments 400 times shorter.
-DEPTHS = (1e-14, 1e-18, 1e-22)
-#: Smallest violation that adds rows to these iterates; Newton's method removes smaller ones.
-ROUGH = 1e-6
-#: Weight of a contact's row beside the curvature along it; the next step removes the residual.
-=======
 #: Relative complementarities for further interior-point iterations if its last iterate does not
 #: determine the contacts. Forces on long segments are 1e-18 of those on segments 400 times shorter.
 DEPTHS = (1e-14, 1e-18, 1e-22)
 #: Smallest violation that adds rows to these iterates. Newton's method corrects smaller violations.
 ROUGH = 1e-6
 #: Weight of a contact's row relative to the curvature along it. The next step removes its residual.
->>>>>>> words6/words6
 WEIGHT = 1e6
 #: Instants closer than this, in scaled time, are one contact: initially, and at extremes.
 NEAR, SAME = 3e-2, 1e-2
@@ -98,11 +81,7 @@ class Certified(NamedTuple):
 class _Contacts(NamedTuple):
     """Instants of contact: side 1 at upper and -1 at lower bounds, and the force λ on the path.
 
-<<<<<<< HEAD
-    If ``flat``, the path follows the bound throughout the segment, and the instants stay.
-=======
     If ``flat``, the path coincides with the bound on the whole segment and the instants are fixed.
->>>>>>> words6/words6
     """
 
     at: Instants
@@ -167,11 +146,7 @@ def certify_chain(state: State, threshold: float) -> Certified | None:
     Parameters
     ----------
     state : State
-<<<<<<< HEAD
-        The last iterate. The interior point continues there if it is too coarse.
-=======
         Last iterate of the interior point, which continues from it if necessary.
->>>>>>> words6/words6
     threshold : float
         Largest violation between the instants, in the scale of the verification.
     """
@@ -195,15 +170,9 @@ def _deeper(state: State, depth: float) -> bool:
     return state.descend(depth)[0] != STOPPED
 
 
-<<<<<<< HEAD
-@np.errstate(all="ignore")  # overflow gives NaN, which is never certified
-def _refined(state: State, threshold: float) -> Certified | None:
-    """Solve for the contacts of the iterate; drop those that pull, add the tops beyond a bound."""
-=======
 @np.errstate(all="ignore")  # an overflow yields NaN, which proves nothing
 def _refined(state: State, threshold: float) -> Certified | None:
     """Solve with the contacts of the iterate. Drop those with negative force, add violated ones."""
->>>>>>> words6/words6
     path = _Path(state.chain, state.knots)
     contacts = _flattened(_pressing(state, path.stiffness).merged(NEAR), state.chain)
     for _ in range(ROUNDS):

@@ -27,18 +27,10 @@ __all__ = ["InteriorPoint"]
 class InteriorPoint(Backend):
     """Mehrotra's predictor-corrector method on the knots' derivatives, O(segments) per iteration.
 
-<<<<<<< HEAD
-    Every axis is a problem of its own unless half-spaces tie them. Corridor and limits hold at
-    instants that are added where the trajectory leaves them in between, so that the bound is one
-    for the model itself. Its proof are its own residuals: see
-    :class:`~crosstrack.solvers.minimum_snap.interior_solver.ChainResult`. The path is certified apart:
-    see :mod:`~crosstrack.solvers.minimum_snap.contacts`.
-=======
     Every axis is a separate problem unless half-spaces couple the axes. Corridor and limits are
     imposed at instants, and violations between them add further instants. The lower bound is
     therefore valid for the model. Its residuals are the proof: see
     :class:`~crosstrack.solvers.minimum_snap.interior_solver.ChainResult`.
->>>>>>> words6/words6
     """
 
     name = "interior-point"
@@ -130,11 +122,7 @@ def _conclude(
     groups: int,
     reason: str,
 ) -> Answer:
-<<<<<<< HEAD
-    """Return the answer; `reason` is that of :func:`~.contacts.uncertifiable`."""
-=======
     """Return the answer. `reason` explains why paths of `problem` cannot be certified."""
->>>>>>> words6/words6
     statistics: dict[str, float | int | str] = {
         "iterations": sum(r.iterations for r in results),
         "refinements": max(r.rounds for r in results),
