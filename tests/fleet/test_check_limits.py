@@ -158,7 +158,7 @@ def test_vehicles_return_to_their_own_depots():
 
 @pytest.mark.parametrize("node", [-1, 4])
 def test_a_node_that_does_not_exist_is_refused(node):
-    with pytest.raises(InvalidData, match=rf"routes\[1\]\[1\] must lie in 0 … 3, got {node}"):
+    with pytest.raises(InvalidData, match=rf"routes\[1\]\[1\] must be in 0 … 3, got {node}"):
         fleet(1.0).verify(FleetPlan([[1, 2], [3, node]]))
 
 

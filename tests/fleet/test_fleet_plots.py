@@ -155,7 +155,7 @@ def test_nodes_that_are_missed_or_met_twice_are_ringed(six):
     assert rings.get_offsets().tolist() == POINTS[[0, 2, 3, 4]].tolist()
     assert "each node visited once" in figure.get_suptitle()
     assert "not visited once" in legend(figure)
-    with pytest.raises(InvalidData, match=r"routes\[0\]\[0\] must lie in 0 … 5"):
+    with pytest.raises(InvalidData, match=r"routes\[0\]\[0\] must be in 0 … 5"):
         ct.plot(six[0], FleetPlan([[6], []]))
 
 
