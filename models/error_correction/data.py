@@ -47,7 +47,7 @@ class RoutingData(Declared):
         if delta is not None:
             if present:
                 raise InvalidData(
-                    f"delta stands for both rates: give it or {present[0]}, not both", field="delta"
+                    f"delta sets both rates: give it or {present[0]}, not both", field="delta"
                 )
             delta = Real(lower=0).coerce("delta", delta, {})
             for name in rates:

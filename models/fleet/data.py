@@ -129,7 +129,7 @@ class FleetData(Declared):
             )
         if self.use_all and self.vehicles > count:
             raise InvalidData(
-                f"vehicles must be at most the {count} nodes to visit where all are used, got "
+                f"vehicles must be at most the {count} nodes to visit if all are used, got "
                 f"{self.vehicles}",
                 field="vehicles",
             )
@@ -189,7 +189,7 @@ class FleetData(Declared):
             a, b = (int(x) for x in unreachable[0])
             start = int(self.depots[0])
             cut_off = np.flatnonzero(~np.isfinite(self.distances[start]))
-            # Prefer to name a node that the depot cannot reach.
+            # Prefer nodes that the depot cannot reach.
             a, b = (start, int(cut_off[0])) if cut_off.size else (a, b)
             raise InvalidData(
                 f"node {self.label(b)} cannot be reached from node {self.label(a)}",

@@ -97,7 +97,7 @@ def draw(
     shown = _parts(model, plan, parts)
     check_option("legs", legs, legs in (None, "paths", "straight"), "be 'paths' or 'straight'")
     if legs == "paths" and model.map is None:
-        raise UnsupportedOption("legs can be 'paths' only where the model has a map")
+        raise UnsupportedOption("legs can be 'paths' only if the model has a map")
     if labels is not None:
         check_flags(labels=labels)
     check_tolerance(tolerance)
@@ -143,10 +143,10 @@ def _parts(
             check_list("parts", parts, _PARTS.__contains__, "hold some of 'routes', 'loads'")
         )
     if "loads" in shown and plan is None:
-        raise UnsupportedOption("parts can hold 'loads' only where there is a plan")
+        raise UnsupportedOption("parts can hold 'loads' only with a plan")
     if "routes" in shown and places_of(model) is None:
         raise UnsupportedOption(
-            f"parts can hold 'routes' only where there are points, or costs of up to 1500 nodes, got "
+            f"parts can hold 'routes' only with points, or costs of up to 1500 nodes, got "
             f"{model.size}"
         )
     return shown

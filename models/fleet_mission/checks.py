@@ -84,7 +84,7 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
         for stop, node in enumerate(route):
             if not 0 <= node < len(model.nodes):
                 raise InvalidData(
-                    f"routes[{k}][{stop}] must lie in 0 … {len(model.nodes) - 1}, got {node}",
+                    f"routes[{k}][{stop}] must be in 0 … {len(model.nodes) - 1}, got {node}",
                     field="routes",
                 )
     flown = [(k, one) for k, one in enumerate(plan.trajectories) if one is not None]

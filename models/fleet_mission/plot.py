@@ -166,7 +166,7 @@ def _shown(plan: MissionPlan | None, parts: Sequence[str] | None) -> list[str]:
     words = f"hold some of {', '.join(map(repr, _PARTS))}"
     shown = check_list("parts", parts, _PARTS.__contains__, words)
     if plan is None and shown != ["map"]:
-        raise UnsupportedOption("parts can hold more than 'map' only where there is a plan")
+        raise UnsupportedOption("parts can hold more than 'map' only with a plan")
     return shown
 
 

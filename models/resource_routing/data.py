@@ -81,7 +81,7 @@ class RoutingData(Declared):
             self._check_arcs(self.arcs)
         if self.uses is not None and self.uses.shape[1] != len(self.resources):
             raise InvalidData(
-                f"uses has {self.uses.shape[1]} columns where there are {len(self.resources)} resources",
+                f"uses has {self.uses.shape[1]} columns, but there are {len(self.resources)} resources",
                 field="uses",
             )
         names: dict[str, int] = {}

@@ -116,7 +116,7 @@ def route_of_indices(value: Any, count: int) -> Route:
             )
         if not 0 <= entry < count:
             raise InvalidData(
-                f"route[{stop}] must lie in 0 … {count - 1}, got {show(entry)}", field="route"
+                f"route[{stop}] must be in 0 … {count - 1}, got {show(entry)}", field="route"
             )
         route.append(int(entry))
     return Route(tuple(route))

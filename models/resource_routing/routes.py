@@ -58,7 +58,8 @@ def require_route(model: Ends, plan: Route) -> tuple[int, ...]:
     if len(set(route)) != len(route):
         repeated = next(k for k in route if route.count(k) > 1)
         raise InvalidData(
-            f"point {repeated} stands twice in the route: no column says so", field="route"
+            f"point {repeated} is in the route twice, which the formulation does not allow",
+            field="route",
         )
     return route
 

@@ -73,10 +73,10 @@ class OrToolsRouting(FleetHeuristic):
         if best.problem.use_all:
             # The library often finds no first solution if vehicles must be used. So find one without
             # this constraint, fill the empty vehicles and continue from there.
-            solutions += _solve(best, request, used=False, most=1)
+            solutions += _solve(best, request, used=False, solution_limit=1)
         most = request.options["solutions"]
         if not request.control.stopped:
-            solutions += _solve(best, request, used=best.problem.use_all, most=most)
+            solutions += _solve(best, request, used=best.problem.use_all, solution_limit=most)
         return {"solutions": solutions}
 
 

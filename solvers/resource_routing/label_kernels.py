@@ -214,7 +214,7 @@ def best_first(
     labels.point[0], labels.parent[0], labels.length[0] = net.start, -1, 0.0
     for k in range(resources):
         labels.level[0, k] = net.initial[k]
-    # Lengths and bounds are summed in different orders, hence the margin.
+    # Lengths and bounds are summed in different orders, so a margin is needed.
     high = ceiling * (1.0 + _ROUNDING)
     used, settled, pruned = 1, 0, 0
     nothing = np.empty(0, np.int64)

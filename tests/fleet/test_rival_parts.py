@@ -334,7 +334,7 @@ def test_stretches_are_moved_and_children_are_tours() -> None:
         _cross(one, two, child, rng)
         assert sorted(child) == list(range(1, 9))
         kept = child == one
-        # What is not of the first parent stands in the order of the second.
+        # The other nodes are in the order of the second parent.
         rest = [node for node in two if node in child[~kept]]
         assert child[~kept].tolist() == rest
 
