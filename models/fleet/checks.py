@@ -93,7 +93,7 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
     if len(plan.routes) != model.vehicles:
         return Verification(None, tuple(checks))
 
-    def limited(name: str, values: Floats, limits: Floats, unit: str) -> Check:
+    def check_each(name: str, values: Floats, limits: Floats, unit: str) -> Check:
         excess = values - limits
         share = excess / np.maximum(limits, 1e-300)
         k = int(np.argmax(np.where(excess > 0, share, -1.0)))
@@ -105,7 +105,7 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
             tolerance, scale, limit=limit,
         )  # fmt: skip
 
-    def whole(name: str, value: float, limit: float) -> Check:
+    def check_total(name: str, value: float, limit: float) -> Check:
         """Return the check of a limit on all routes; `noise` absorbs rounding in the lengths."""
         noise = 1e-12 * float(loads.max(initial=0.0))
         return Check.scaled(
@@ -115,17 +115,17 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
     if model.capacity is not None:
         assert model.demands is not None
         carried = np.array([model.demands[list(route)].sum() for route in plan.routes])
-        checks.append(limited("demands within capacity", carried, model.capacity, ""))
+        checks.append(check_each("demands within capacity", carried, model.capacity, ""))
     if model.battery is not None:
-        checks.append(limited("route within battery", loads, model.battery, unit))
+        checks.append(check_each("route within battery", loads, model.battery, unit))
     if model.budget is not None:
-        checks.append(whole("sum within budget", float(loads.sum()), model.budget))
+        checks.append(check_total("sum within budget", float(loads.sum()), model.budget))
     if model.deviation_limit is not None:
         spread = deviation_of(model, loads)
-        checks.append(whole("deviation within limit", spread, model.deviation_limit))
+        checks.append(check_total("deviation within limit", spread, model.deviation_limit))
     if model.range_limit is not None:
         spread = float(np.ptp(loads))
-        checks.append(whole("range within limit", spread, model.range_limit))
+        checks.append(check_total("range within limit", spread, model.range_limit))
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective is Objective.RANGE else 0.0
     return Verification(objective_of(model, loads), tuple(checks), scale=scale)

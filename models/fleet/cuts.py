@@ -20,7 +20,15 @@ from scipy.sparse import csgraph
 from ...errors import InvalidData, UnsupportedOption, show
 from ..programs.linear import MixedIntegerProgram
 
-__all__ = ["Cut", "Edges", "check_rounds", "grown", "isolated", "strengthened", "weak_sets"]
+__all__ = [
+    "Cut",
+    "Edges",
+    "add_root_cuts",
+    "check_rounds",
+    "find_isolated_sets",
+    "find_weak_sets",
+    "merge_cuts",
+]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -155,14 +163,16 @@ class Edges:
         return sp.csr_array(half + half.T)
 
 
-def isolated(edges: Edges, weight: Floats) -> list[tuple[int, ...]]:
+def find_isolated_sets(edges: Edges, weight: Floats) -> list[tuple[int, ...]]:
     """Return the connected components of two or more customers that exclude the depot."""
     count, part = csgraph.connected_components(edges.network(weight), directed=False)
     groups = (np.flatnonzero(part == k) for k in range(count) if k != part[edges.customers])
     return [tuple(group.tolist()) for group in groups if group.size > 1]
 
 
-def weak_sets(edges: Edges, weight: Floats, need: Floats) -> Iterator[tuple[tuple[int, ...], int]]:
+def find_weak_sets(
+    edges: Edges, weight: Floats, need: Floats
+) -> Iterator[tuple[tuple[int, ...], int]]:
     """Yield sets of customers whose subtour cut is violated, by minimum cuts from the depot.
 
     Parameters
@@ -201,7 +211,7 @@ def weak_sets(edges: Edges, weight: Floats, need: Floats) -> Iterator[tuple[tupl
             yield tuple(members.tolist()), node
 
 
-def strengthened(
+def add_root_cuts(
     program: Callable[[tuple[Cut, ...]], MixedIntegerProgram],
     separate: Callable[[Floats], Iterable[Cut]],
     rounds: int,
@@ -239,7 +249,7 @@ def strengthened(
         # Drop slack cuts: separation returns them if a later point violates them.
         slack = (linear.row_upper - linear.matrix @ result.x)[linear.row_count - len(cuts) :]
         active = tuple(cut for cut, room in zip(cuts, slack, strict=True) if room < 0.1)
-        extended = grown(active, separate(result.x))
+        extended = merge_cuts(active, separate(result.x))
         if len(extended) == len(active):
             return active
         cuts = extended
@@ -247,7 +257,7 @@ def strengthened(
     return cuts
 
 
-def grown(cuts: tuple[Cut, ...], more: Iterable[Cut]) -> tuple[Cut, ...]:
+def merge_cuts(cuts: tuple[Cut, ...], more: Iterable[Cut]) -> tuple[Cut, ...]:
     """Return `cuts` followed by the new cuts of `more`."""
     return tuple(dict.fromkeys((*cuts, *more)))
 

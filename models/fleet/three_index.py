@@ -29,7 +29,15 @@ from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
 from .checks import deviation_of, variance_of
-from .cuts import Cut, Edges, check_rounds, grown, isolated, strengthened, weak_sets
+from .cuts import (
+    Cut,
+    Edges,
+    add_root_cuts,
+    check_rounds,
+    find_isolated_sets,
+    find_weak_sets,
+    merge_cuts,
+)
 from .data import LEXICOGRAPHIC, Deviation, Objective
 from .model import FleetRouting
 from .plan import FleetPlan
@@ -135,7 +143,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         """Subtour cuts of the program."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds, _WORK)
+        return add_root_cuts(self._build, self._separate, self.root_rounds, _WORK)
 
     @cached_property
     def tangents(self) -> tuple[tuple[float, ...], ...]:
@@ -151,9 +159,9 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     def build(self) -> MixedIntegerProgram:
         """Return the program described in the module's docstring."""
-        return self._posed(self.cuts)
+        return self._build(self.cuts)
 
-    def _posed(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
+    def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
         model, b = self.model, ProgramBuilder()
         x, y, lengths = self._route_rows(b)
         self._order_rows(b, y)
@@ -305,20 +313,20 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         slope: Floats = away / (np.sqrt(share) * np.linalg.norm(away))
         return slope
 
-    def _missed(self, point: Floats) -> Iterator[Cut]:
+    def _separate(self, point: Floats) -> Iterator[Cut]:
         """Yield cuts that a point of the relaxation violates."""
         edges, m = self._edges, self.model.vehicles
         n = edges.customers
         used = point[: m * edges.size].reshape(m, -1)
         visited = point[used.size : used.size + m * n].reshape(m, n)
         together = used.sum(axis=0)
-        subtours = isolated(edges, together)
+        subtours = find_isolated_sets(edges, together)
         yield from map(Cut, subtours)
         if not subtours:
-            for members, _ in weak_sets(edges, together, np.ones(n)):
+            for members, _ in find_weak_sets(edges, together, np.ones(n)):
                 yield Cut(members)
         for k in range(m):
-            for members, node in weak_sets(edges, used[k], visited[k]):
+            for members, node in find_weak_sets(edges, used[k], visited[k]):
                 yield Cut(members, k, node)
 
     def refined(
@@ -328,7 +336,9 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         edges, model = self._edges, self.model
         m = model.vehicles
         used = np.rint(point[: m * edges.size]).reshape(m, -1)
-        cuts = grown(self.cuts, (Cut(s) for one in used for s in isolated(edges, one)))
+        cuts = merge_cuts(
+            self.cuts, (Cut(s) for one in used for s in find_isolated_sets(edges, one))
+        )
         more = self._more
         loads = (used * self._lengths).sum(axis=1)
         rounding = _ROUNDING * float(loads.max())

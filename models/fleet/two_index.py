@@ -22,7 +22,15 @@ from ..fields import Array, required
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .cuts import Cut, Edges, check_rounds, grown, isolated, strengthened, weak_sets
+from .cuts import (
+    Cut,
+    Edges,
+    add_root_cuts,
+    check_rounds,
+    find_isolated_sets,
+    find_weak_sets,
+    merge_cuts,
+)
 from .data import Objective
 from .model import FleetRouting
 from .plan import FleetPlan
@@ -95,13 +103,13 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         """Subtour cuts of the program."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds, _WORK)
+        return add_root_cuts(self._build, self._separate, self.root_rounds, _WORK)
 
     def build(self) -> MixedIntegerProgram:
         """Return the program described in the module's docstring."""
-        return self._posed(self.cuts)
+        return self._build(self.cuts)
 
-    def _posed(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
+    def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
         model, edges = self.model, self._edges
         n, labels = edges.customers, self._nodes
         tails, heads = edges.ends
@@ -133,20 +141,22 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         )  # fmt: skip
         return b.build(name=f"{model.name}:two-index" if model.name else "two-index")
 
-    def _missed(self, point: Floats) -> Iterator[Cut]:
+    def _separate(self, point: Floats) -> Iterator[Cut]:
         """Yield cuts that a point of the relaxation violates."""
         edges, used = self._edges, point[: self._edges.size]
-        subtours = isolated(edges, used)
+        subtours = find_isolated_sets(edges, used)
         if not subtours:
-            subtours = [members for members, _ in weak_sets(edges, used, np.ones(edges.customers))]
+            subtours = [
+                members for members, _ in find_weak_sets(edges, used, np.ones(edges.customers))
+            ]
         yield from map(Cut, subtours)
 
     def refined(
         self, point: Floats, tolerance: float, duals: Floats | None = None
     ) -> TwoIndexFormulation | None:
         """Return the formulation that cuts off the routes of `point` that miss the depot."""
-        subtours = isolated(self._edges, np.rint(point[: self._edges.size]))
-        cuts = grown(self.cuts, map(Cut, subtours))
+        subtours = find_isolated_sets(self._edges, np.rint(point[: self._edges.size]))
+        cuts = merge_cuts(self.cuts, map(Cut, subtours))
         if len(cuts) == len(self.cuts):
             return None
         refinement = replace(self)

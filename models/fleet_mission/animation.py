@@ -14,7 +14,7 @@ from ..plots.options import check_frames
 from ..plots.routes import draw_routes
 from ..plots.space import dots
 from ..plots.style import BLACK, DARK, GREY, axis_style, key, legend_row
-from .drawn import sampled
+from .drawn import sample_times
 from .model import FleetMission
 from .plan import MissionPlan
 
@@ -96,7 +96,7 @@ def animate_mission(
     flown = [one for one in plan.trajectories if one is not None]
     robots = [k for k, one in enumerate(plan.trajectories) if one is not None]
     looks = [axis_style(k)["color"] for k in robots]
-    curves = [(sampled(one), one(sampled(one))) for one in flown]
+    curves = [(sample_times(one), one(sample_times(one))) for one in flown]
     times = np.linspace(0.0, plan.end, frames)
     visited = np.full(len(model.nodes), np.inf)
     faces = [DARK] * len(model.nodes)

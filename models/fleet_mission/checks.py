@@ -148,7 +148,10 @@ def _places(
     ends = Worst("begins and ends at the depot", "m", tolerance)
     rest = [
         Worst(
-            f"{derivative_name(j)} 0 at both ends", derivative_unit(j), tolerance, _printed("23", j)
+            f"{derivative_name(j)} 0 at both ends",
+            derivative_unit(j),
+            tolerance,
+            _equation_number("23", j),
         )
         for j in range(1, model.continuity + 1)
     ]
@@ -183,7 +186,7 @@ def _places(
     yield from (one.check() for one in (passed, late, ends, *rest))
 
 
-def _printed(equation: str, order: int) -> str:
+def _equation_number(equation: str, order: int) -> str:
     """Return the equation number, empty for the jerk, which the paper does not constrain."""
     return equation if order <= 2 else ""
 
@@ -212,7 +215,7 @@ def _knots(
     """Yield the checks of jumps at knots, from the position to the derivative `continuity`."""
     for order in range(model.continuity + 1):
         name, unit = f"continuity of {derivative_name(order)}", derivative_unit(order)
-        worst = Worst(name, unit, tolerance, _printed("25", order))
+        worst = Worst(name, unit, tolerance, _equation_number("25", order))
         for k, one in flown:
             begin, end = one.at_ends(order)
             own = _noise(one, order)

@@ -156,7 +156,7 @@ def deepest(
         pieces = pieces.take(open_)
         if best[0] > slack and len(pieces.times) > MOST:
             break
-        pieces = pieces.halved()
+        pieces = pieces.halve()
     return best
 
 

@@ -47,7 +47,7 @@ class Pieces(NamedTuple):
         """Return the pieces selected by `rows`."""
         return Pieces(self.control[rows], self.times[rows], self.owner[rows])
 
-    def halved(self) -> Pieces:
+    def halve(self) -> Pieces:
         """Return both halves of each piece: all first halves, then all second halves."""
         left, right = _halving(self.control.shape[1] - 1)
         middle = self.times.mean(axis=1)
@@ -255,5 +255,5 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
             k = open_[int(np.argmin(np.hypot(*box[open_].T)))]
             one, other = pairs[first.owner[k]].tolist()
             return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (one, other))
-        first, second = first.take(open_).halved(), second.take(open_).halved()
+        first, second = first.take(open_).halve(), second.take(open_).halve()
     return best

@@ -13,7 +13,15 @@ from ..verification import Check, Verification
 from .model import FleetMission
 from .plan import MissionPlan
 
-__all__ = ["FAR", "apart_of", "broken_places", "missed_nodes", "owners_of", "sampled", "stops_of"]
+__all__ = [
+    "FAR",
+    "apart_of",
+    "broken_places",
+    "missed_nodes",
+    "owners_of",
+    "sample_times",
+    "stops_of",
+]
 
 Floats = NDArray[np.float64]
 
@@ -26,7 +34,7 @@ _WHO = re.compile(r"robots? (\d+)(?: and (\d+))?")
 _WHEN = re.compile(r"\(t = (\S+) s\)")
 
 
-def sampled(trajectory: Trajectory | None) -> Floats:
+def sample_times(trajectory: Trajectory | None) -> Floats:
     """Return the sampling times of a curve, s, including its knots."""
     if trajectory is None:
         return np.empty(0)

@@ -46,15 +46,15 @@ class MissionPlan:
     def __post_init__(self) -> None:
         routes = tuple(
             tuple(Array((f"n{k}",), int).coerce(f"routes[{k}]", route, {}).tolist())
-            for k, route in enumerate(_listed("routes", self.routes))
+            for k, route in enumerate(_require_list("routes", self.routes))
         )
         trajectories = tuple(
             _trajectory(f"trajectories[{k}]", one)
-            for k, one in enumerate(_listed("trajectories", self.trajectories))
+            for k, one in enumerate(_require_list("trajectories", self.trajectories))
         )
         visits = tuple(
             Array((f"n{k}",)).coerce(f"visits[{k}]", one, {})
-            for k, one in enumerate(_listed("visits", self.visits))
+            for k, one in enumerate(_require_list("visits", self.visits))
         )
         for name, entries in (("trajectories", trajectories), ("visits", visits)):
             if len(entries) != len(routes):
@@ -112,7 +112,7 @@ class MissionPlan:
         return f"{routes}, {self.end:.10g} s"
 
 
-def _listed(name: str, value: Any) -> Sequence[Any]:
+def _require_list(name: str, value: Any) -> Sequence[Any]:
     if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
         raise InvalidData(f"{name} must be a list, got {show(value)}", field=name)
     return value

@@ -39,7 +39,7 @@ from .drawn import (
     broken_places,
     missed_nodes,
     owners_of,
-    sampled,
+    sample_times,
     stops_of,
 )
 from .model import FleetMission
@@ -124,7 +124,7 @@ def draw(
     --------
     animate_mission : Animation of the plan.
     """
-    shown = _shown(plan, parts)
+    shown = _select_parts(plan, parts)
     drawn_layers = check_list(
         "layers", layers, _LAYERS.__contains__, f"hold some of {', '.join(map(repr, _LAYERS))}"
     )
@@ -160,7 +160,7 @@ def draw(
     return figure
 
 
-def _shown(plan: MissionPlan | None, parts: Sequence[str] | None) -> list[str]:
+def _select_parts(plan: MissionPlan | None, parts: Sequence[str] | None) -> list[str]:
     if parts is None:
         return list(_PARTS if plan is not None else _PARTS[:1])
     words = f"hold some of {', '.join(map(repr, _PARTS))}"
@@ -226,7 +226,7 @@ def _draw_map(
     """Draw obstacles, layers and nodes, and return the entries of the legend."""
     curves: list[Floats] = []
     if plan is not None:
-        times = ((one, sampled(one)) for one in plan.trajectories)
+        times = ((one, sample_times(one)) for one in plan.trajectories)
         curves = [np.empty((0, 2)) if one is None else one(at) for one, at in times]
         curves = [np.clip(np.nan_to_num(curve), -FAR, FAR) for curve in curves]
     low, high = model.bounds[:2], model.bounds[2:]
@@ -285,7 +285,7 @@ def _panels(
         if part not in parts:
             continue
         flown = [
-            (k, sampled(one), one(sampled(one), order))
+            (k, sample_times(one), one(sample_times(one), order))
             for k, one in enumerate(plan.trajectories)
             if one is not None
         ]

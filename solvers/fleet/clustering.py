@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...models.fleet import FleetRouting, Metric
 from .clustering_kernels import reclassify
 
-__all__ = ["assigned", "k_means", "move_centres", "positions"]
+__all__ = ["assign_vehicles", "k_means", "move_centres", "positions"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,13 +31,13 @@ def positions(model: FleetRouting) -> Floats:
         places = model.points[model.customers]
     else:
         d = model.distances[np.ix_(model.customers, model.customers)]
-        places = _embedded((d + d.T) / 2)
+        places = _embed((d + d.T) / 2)
     low, span = places.min(axis=0), np.ptp(places)
     scale = float(np.ptp(places, axis=0).max()) if span > 0 else 0.0
     return np.ascontiguousarray((places - low) / scale if scale > 0 else np.zeros_like(places))
 
 
-def _embedded(distances: Floats) -> Floats:
+def _embed(distances: Floats) -> Floats:
     from scipy.linalg import eigh
     from scipy.sparse.linalg import eigsh
 
@@ -88,7 +88,7 @@ def move_centres(points: Floats, labels: Ints, centres: Floats) -> Floats:
     return np.where(counts > 0, sums / np.maximum(counts, 1), centres)
 
 
-def assigned(model: FleetRouting, labels: Ints) -> Ints:
+def assign_vehicles(model: FleetRouting, labels: Ints) -> Ints:
     """Return the vehicle of each customer, one cluster per vehicle, shape (customers,).
 
     The assignment minimises the excess over capacities first and the total distance between depots

@@ -248,7 +248,7 @@ class _Search:
         )  # fmt: skip
 
     @property
-    def ended(self) -> bool:
+    def must_stop(self) -> bool:
         """Whether a stop was requested or the time limit is reached."""
         return self.request.control.stopped or self.request.left() == 0.0
 
@@ -268,7 +268,7 @@ class _Search:
         if request.warm_start is not None:
             self.offer(self.routes_of([list(route) for route in request.warm_start.routes]))
             return
-        routes = first_routes(model, self.packing, lambda: self.ended)
+        routes = first_routes(model, self.packing, lambda: self.must_stop)
         if routes is not None:
             plan = FleetPlan(tuple(map(tuple, routes)))
             checked = model.verify(plan, tolerance=ROUNDING)
@@ -289,9 +289,9 @@ class _Search:
             return routes.anneal(self.data, hot, steps, flag, draw)
 
         while idle < options["patience"] and not self.within_gap:
-            if self.ended:
+            if self.must_stop:
                 return
-            jobs = [self.drawn(draw) for draw in self.draws]
+            jobs = [self.select_start(draw) for draw in self.draws]
             self.steps += sum(threads.map(work, jobs))
             self.rounds += 1
             before = self.pool[0].key if self.pool else None
@@ -328,18 +328,18 @@ class _Search:
         """Remove the overload of annealed routes and offer them; return whether they are the best."""
         if not (routes.carried > self.data.capacity).any():
             return False
-        fixed = repair(self.model, routes.lists(self.data), self.packing, lambda: self.ended)
+        fixed = repair(self.model, routes.lists(self.data), self.packing, lambda: self.must_stop)
         return fixed is not None and self.offer(self.routes_of(fixed))
 
-    def drawn(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
+    def select_start(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
         """Return routes to anneal, empty or recombined from the pool, and their temperature."""
         if self.born < BORN:
             self.born += 1
             return _Routes.empty(self.data), HOT, draw
         a, b = (int(k) for k in draw.integers(0, len(self.pool), 2))
-        return self.crossed(self.pool[a], self.pool[b], draw), WARM, draw
+        return self.cross(self.pool[a], self.pool[b], draw), WARM, draw
 
-    def crossed(self, one: _Routes, other: _Routes, draw: np.random.Generator) -> _Routes:
+    def cross(self, one: _Routes, other: _Routes, draw: np.random.Generator) -> _Routes:
         """Return the crossover of two fleets: random routes of `one`, completed from `other`."""
         first, second = one.lists(self.data), other.lists(self.data)
         m = len(first)

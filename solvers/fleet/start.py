@@ -119,7 +119,7 @@ def repair(
         if not over.size and left:
             left -= 1
             k, other = draw.choice(m, 2, replace=False).tolist()
-            split = _shared(model, sets[k], sets[other], most[[k, other]], draw, 1.0)
+            split = _redistribute(model, sets[k], sets[other], most[[k, other]], draw, 1.0)
             if split is not None:
                 sets[k], sets[other] = split
                 loads[k], loads[other] = (demands[stops].sum() for stops in split)
@@ -128,14 +128,14 @@ def repair(
         if not over.size:
             result = [list(stops) for stops in routes]
             for k in changed:
-                result[k] = _reordered(model, k, sets[k])
+                result[k] = _reorder(model, k, sets[k])
             return result
         if m == 1:
             return None
         k = int(over[draw.integers(0, over.size)])
         other = int(draw.integers(0, m - 1))
         other += other >= k
-        split = _shared(model, sets[k], sets[other], most[[k, other]], draw)
+        split = _redistribute(model, sets[k], sets[other], most[[k, other]], draw)
         if split is not None:
             sets[k], sets[other] = split
             loads[k], loads[other] = (demands[stops].sum() for stops in split)
@@ -143,7 +143,7 @@ def repair(
     return None
 
 
-def _shared(
+def _redistribute(
     model: FleetRouting,
     one: list[int],
     other: list[int],
@@ -215,10 +215,10 @@ def _best_fit(model: FleetRouting) -> Routes:
             k = int(np.where(open_, remaining, -np.inf).argmax())
         routes[k].append(node)
         remaining[k] -= need
-    return [_reordered(model, k, stops) for k, stops in enumerate(routes)]
+    return [_reorder(model, k, stops) for k, stops in enumerate(routes)]
 
 
-def _reordered(model: FleetRouting, k: int, stops: list[int]) -> list[int]:
+def _reorder(model: FleetRouting, k: int, stops: list[int]) -> list[int]:
     """Return the stops of vehicle `k` in the order of a nearest-neighbour tour."""
     if len(stops) < 2:
         return stops

@@ -184,14 +184,14 @@ class ClusterFirst(TwoPhases):
 
     def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
         """Cluster the nodes, find the tours and offer the plan."""
-        from .clustering import assigned, k_means
+        from .clustering import assign_vehicles, k_means
 
         rng = np.random.default_rng(seeds)
         weights = self.weights(stage)
         share = float(weights.sum()) / stage.clusters
         rounds = stage.request.options["rounds"]
         labels = k_means(stage.points, stage.clusters, weights, share, rounds, rng)
-        routes, counts = self.tours(stage, assigned(stage.problem, labels), rng)
+        routes, counts = self.tours(stage, assign_vehicles(stage.problem, labels), rng)
         best.offer_filled(routes)
         stage.count(**counts)
 
