@@ -1,4 +1,4 @@
-"""Instances of error-correction routing that the paper describes in words."""
+"""Example instances of error-correction routing from the text of the paper."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ __all__ = ["example_1"]
 
 
 def example_1() -> ErrorCorrectionRouting:
-    """Return the paper's example 1: the shorter way to a point may lead nowhere.
+    """Return the paper's example 1: the shorter path to a point may be a dead end.
 
-    Points 1 (A) to 5 (B), of which 2 and 4 are horizontal and 3 is vertical. Point 3 is 2 from
-    point 1, or 2.5 by way of point 2; but only the longer way arrives there without a horizontal
-    error too large for the flight on to B. The optimal route is 1-2-3-5 of length 4.5.
+    Points 1 (A) to 5 (B); 2 and 4 are horizontal and 3 is vertical. Point 3 is 2 m from point 1, or
+    2.5 m via point 2. Only the longer path arrives with a horizontal error small enough to reach B.
+    The optimal route is 1-2-3-5 of length 4.5.
 
     The paper publishes d12 = 2, d13 = 2, d23 = 0.5, d35 = 2, δ = 0.1 and thresholds of 0.3. The
-    coordinates that have these distances are ours, and so is the place of point 4, by way of
-    which 3 and then B can be reached too, but not as soon.
+    coordinates with these distances and the position of point 4 are ours. The route via point 4 is
+    feasible and longer.
     """
-    # Points 2 and 4 are 2 from point 1, and 0.5 and 0.8 from point 3, on either side.
+    # Points 2 and 4 are 2 m from point 1, and 0.5 m and 0.8 m from point 3, on opposite sides.
     x2, x4 = (8 - 0.5**2) / 4, (8 - 0.8**2) / 4
     return ErrorCorrectionRouting(
         points=np.array(

@@ -1,9 +1,9 @@
-"""Points of error-correction routing in CSV and Excel files, and instances that refer to them.
+"""Readers and writers of points in CSV and Excel files, and of instances that refer to them.
 
-A file has the columns ``id,x,y,z,kind`` in any order, ``id`` where it likes, and ``fail`` where
-corrections may fail: 1 or 0. It counts where the residual is given, as `residual` beside the
-thresholds. Further columns are named in a warning. Without a header they stand as ``id,x,y,z,kind`` or ``x,y,z,kind``. Kinds are
-words (A, horizontal, vertical, B) or codes: -1 (A), 0 (horizontal), 1 (vertical), 2 (B).
+A file has the columns ``x,y,z,kind`` and optionally ``id`` and ``fail`` in any order. ``fail`` (1 or 0)
+marks corrections that may fail and is used only with a given `residual`. A warning names further
+columns. Without a header the columns are ``id,x,y,z,kind`` or ``x,y,z,kind``. Kinds are words (A,
+horizontal, vertical, B) or codes: -1 (A), 0 (horizontal), 1 (vertical), 2 (B).
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ __all__ = [
 log = logging.getLogger("crosstrack")
 
 _COLUMNS = ("id", "x", "y", "z", "kind")
-#: Columns that a file may lack.
+#: Optional columns.
 _OPTIONAL = ("id", "fail")
-#: What else columns may be called; the Chinese names are those of the contest's own file.
+#: Other names of columns; the Chinese ones are from the contest's file.
 _NAMES = {
     **{name: name for name in (*_COLUMNS, "fail")},
     "suspect": "fail",
@@ -58,17 +58,17 @@ _NAMES = {
     "校正点标记": "kind",
 }
 
-#: What the column ``fail`` may hold, and the data that a file of points holds.
+#: Values of the column ``fail``, and the fields stored in a file of points.
 _MARKS = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 _OF_POINTS = ("points", "kinds", "ids", "suspect")
 
-#: A whole number written the one way that Python writes it, so that "007" stays a word.
+#: Whole number in Python's canonical form, so that "007" remains a word.
 _WHOLE = re.compile(r"0|-?[1-9][0-9]*")
 
 
 @dataclass(frozen=True, eq=False)
 class PointTable:
-    """The points in a file.
+    """Points of a file.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ class PointTable:
     kinds : tuple of str, length n
         The kinds as words.
     ids : tuple of int or str, optional
-        The points' names, numbers where all are whole numbers; None where they are 0 … n-1.
+        Names of the points, as numbers if all are whole numbers; None for 0 … n-1.
     fail : tuple of bool, optional
-        Which corrections may fail; None where the file has no such column.
+        Whether each correction may fail; None if the file has no such column.
     """
 
     points: NDArray[np.float64]
@@ -88,27 +88,37 @@ class PointTable:
     fail: tuple[bool, ...] | None = None
 
     def data(self) -> dict[str, Any]:
-        """Return what the constructor of the model takes."""
-        found = {"points": self.points, "kinds": self.kinds, "ids": self.ids}
-        return found if self.fail is None else {**found, "fail": self.fail}
+        """Return the fields for the constructor of the model."""
+        fields = {"points": self.points, "kinds": self.kinds, "ids": self.ids}
+        return fields if self.fail is None else {**fields, "fail": self.fail}
 
 
 # -- reading -------------------------------------------------------------------------------------
 
 
 def read_points(path: str | os.PathLike[str]) -> PointTable:
-    """Return the points in a CSV file, or in the first sheet of an Excel file (``.xlsx``).
+    """Read the points in a CSV file, or in the first sheet of an Excel file (``.xlsx``).
 
-    Columns that are not used are named in a warning of the log.
+    A warning in the log names unused columns.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    PointTable
+        The points.
 
     Raises
     ------
     BackendMissing
         It is an Excel file, and openpyxl is not installed.
     InvalidData
-        Naming file, line, column and value: a missing column, an id that repeats, what is no
-        finite number, an unknown kind, a row too short or too long, not one A and one B, an
-        empty file, an encoding other than UTF-8.
+        The file is invalid; the error names file, line, column and value. Examples: a missing column,
+        a repeated id, a number that is not finite, an unknown kind, a row of another length, not
+        exactly one A and one B, an empty file, or an encoding other than UTF-8.
     """
     file = as_path(path)
     return _parse(list(_rows_of(file)), str(file))
@@ -117,17 +127,27 @@ def read_points(path: str | os.PathLike[str]) -> PointTable:
 def read_csv(
     path: str | os.PathLike[str], *, name: str | None = None, **data: Any
 ) -> ErrorCorrectionRouting:
-    """Return the model of the points in a CSV or Excel file and of the thresholds in `data`.
+    """Read points from a CSV or Excel file and return the model with the fields in `data`.
 
     Parameters
     ----------
     path : path-like
         The file.
     name : str, optional
-        The model's name; by default the file's.
+        Name of the model; by default that of the file.
     **data
-        What the file does not hold: ``alpha1``, …, ``theta``, ``delta`` or the two rates,
-        ``revisits``, ``residual`` where corrections may fail.
+        Fields that are not in the file: ``alpha1``, …, ``theta``, ``delta`` or the two rates, and
+        optionally ``revisits`` and ``residual``.
+
+    Returns
+    -------
+    ErrorCorrectionRouting
+        The model.
+
+    Raises
+    ------
+    InvalidData
+        As for :func:`read_points`, or a field is in the file, too, or invalid.
     """
     table = read_points(path)
     for key in _OF_POINTS[:3] + (("suspect",) if table.fail is not None else ()):
@@ -138,28 +158,28 @@ def read_csv(
 
 
 def points_of_table(file: Path) -> dict[str, Any]:
-    """Return the data of an instance that a file of points holds."""
+    """Return the instance data of a file of points."""
     return read_points(file).data()
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     """Return `data` of an instance with ``"points": "file.csv"`` replaced by the file's content."""
-    found = dict(data)
-    reference = found.get("points")
+    content = dict(data)
+    reference = content.get("points")
     if not isinstance(reference, str):
-        return found
+        return content
     for key in _OF_POINTS[1:]:
-        if key in found:
+        if key in content:
             raise InvalidData(
                 f"{key} must not be given beside points {reference!r}: the file holds them",
                 field=key,
             )
-    return {**found, **read_points(find(reference)).data()}
+    return {**content, **read_points(find(reference)).data()}
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where the columns stand, which of them are not used, and which row comes first."""
+    """Positions of the columns, names of unused columns, and index of the first row of points."""
 
     places: Mapping[str, int]
     unused: tuple[str, ...]
@@ -191,8 +211,7 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
                 raise InvalidData(f"{where}, column id: must not be empty", field="ids")
             if label in ids:
                 raise InvalidData(
-                    f"{where}, column id: {label!r} stands in line {ids[label]} too: "
-                    "ids must differ",
+                    f"{where}, column id: {label!r} is in line {ids[label]} too: ids must differ",
                     field="ids",
                 )
             ids[label] = line
@@ -235,8 +254,8 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
 
 
 def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
-    """Return where the columns stand, by a header or by what they hold; None where neither says."""
-    # A title above the header is one cell of a row that has several, as contest files have it.
+    """Return the layout given by a header or by the values; None if neither determines it."""
+    # Contest files have a title above the header: a row with a single value.
     titles = 0
     while titles < min(len(rows), 3) and len(list(filter(str.strip, rows[titles][1]))) == 1:
         titles += 1
@@ -249,8 +268,12 @@ def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
                 unused = [name for name, known in zip(header, names, strict=True) if not known]
                 return _Layout(places, tuple(unused), first + 1)
     for kind in (4, 3):  # id,x,y,z,kind or x,y,z,kind, and what may follow
-        held = [as_kind(row[kind]) for _, row in rows if len(row) > kind]
-        if len(held) == len(rows) and None not in held and held.count("A") == held.count("B") == 1:
+        kinds = [as_kind(row[kind]) for _, row in rows if len(row) > kind]
+        if (
+            len(kinds) == len(rows)
+            and None not in kinds
+            and kinds.count("A") == kinds.count("B") == 1
+        ):
             places = {name: kind - 3 + k for k, name in enumerate("xyz")} | {"kind": kind}
             unused = [f"column {k + 1}" for k in range(kind + 1, len(rows[0][1]))]
             return _Layout(places | ({"id": 0} if kind == 4 else {}), tuple(unused), 0)
@@ -263,10 +286,10 @@ def _bare(name: str) -> str:
 
 
 def _rows_of(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows of a CSV or Excel file that are not blank, each with its number."""
+    """Yield the non-blank rows of a CSV or Excel file, each with its number."""
     if Path(path).suffix.casefold() == ".xlsx":
         rows = list(xlsx_rows(path))
-        # Excel stores no cell where nothing is written.
+        # Excel stores no empty cells, so rows are padded.
         width = max([len(row) for _, row in rows], default=0)
         yield from ((line, row + [""] * (width - len(row))) for line, row in rows)
     else:
@@ -274,7 +297,7 @@ def _rows_of(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows that are not blank, each with the number of its first line."""
+    """Yield the non-blank rows, each with the number of its first line."""
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     line = 1
     while True:
@@ -290,7 +313,7 @@ def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:
-    """Return where the columns stand that `names` recognises in `header`."""
+    """Return the position of each known column in `header`."""
     for column in (*_COLUMNS, "fail"):
         if names.count(column) > 1:
             raise InvalidData(f"{where}: column {column!r} stands twice", field=column)
@@ -303,7 +326,7 @@ def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:
 
 
 def _refuse(rows: Sequence[tuple[int, list[str]]], file: str) -> NoReturn:
-    """Say what the first row lacks of a header, and what columns without one must be."""
+    """Raise an error that names a missing column and the columns of files without a header."""
     line, header = rows[0]
     names = [_NAMES.get(_bare(name), "") for name in header]
     lacking = next((column for column in _COLUMNS[1:] if column not in names), "kind")
@@ -329,12 +352,24 @@ def _labels(words: list[str]) -> tuple[int | str, ...] | None:
 
 
 def write_csv(model: ErrorCorrectionRouting, path: str | os.PathLike[str]) -> Path:
-    """Write the points of `model`, exactly and in one step; return the path.
+    """Write the points of `model` as CSV, losslessly and atomically; return the path.
+
+    Parameters
+    ----------
+    model : ErrorCorrectionRouting
+        The model.
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
     InvalidData
-        An id would not be read back as it is, such as the word ``"7"`` among whole numbers.
+        An id would be read back as another value, such as the word ``"7"`` among whole numbers.
     """
     required("model", model, ErrorCorrectionRouting)
     path = as_path(path)
@@ -352,28 +387,28 @@ def write_csv(model: ErrorCorrectionRouting, path: str | os.PathLike[str]) -> Pa
 
 
 def _require_same(model: ErrorCorrectionRouting, text: str, file: str) -> None:
-    """Read `text` back and compare: what CSV cannot say about an id is found here."""
-    wanted = tuple(range(len(model.points))) if model.ids is None else model.ids
+    """Read `text` back and raise unless all ids are the same."""
+    expected = tuple(range(len(model.points))) if model.ids is None else model.ids
     try:
         table = _parse(list(_rows(text, file)), file)
         ids = tuple(range(len(model.points))) if table.ids is None else table.ids
     except InvalidData:
         ids = ()
-    for have, want in zip(ids, wanted, strict=False):
+    for have, want in zip(ids, expected, strict=False):
         if have != want or type(have) is not type(want):
             raise InvalidData(
                 f"{file}: id {want!r} would be read back from CSV as {have!r}: use JSON, or ids "
                 "that are all whole numbers or all words",
                 field="ids",
             )
-    if len(ids) != len(wanted):
+    if len(ids) != len(expected):
         raise InvalidData(f"{file}: the ids cannot be written as CSV: use JSON", field="ids")
 
 
 def write_json(
     model: ErrorCorrectionRouting, path: str | os.PathLike[str], *, points: str | None = None
 ) -> Path:
-    """Write `model` as an instance file, exactly and in one step; return the path.
+    """Write `model` as an instance file, losslessly and atomically; return the path.
 
     Parameters
     ----------
@@ -383,7 +418,12 @@ def write_json(
         The JSON file.
     points : str, optional
         Write points, kinds and ids to this CSV file, relative to the folder of `path`, and refer
-        to it; by default they stand in the JSON file itself.
+        to it; by default they are part of the JSON file.
+
+    Returns
+    -------
+    Path
+        The JSON file.
     """
     required("model", model, ErrorCorrectionRouting)
     if points is None:
@@ -392,6 +432,6 @@ def write_json(
     required("points", points, str)
     content = model.to_dict()
     data = {k: v for k, v in content["data"].items() if k not in _OF_POINTS}
-    # The CSV first: a JSON file never refers to what is not there yet.
+    # Write the CSV first, so that a JSON file never refers to a missing file.
     write_csv(model, file.parent / points)
     return write_text(file, pretty({**content, "data": {"points": points, **data}}))

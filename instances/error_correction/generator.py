@@ -1,9 +1,8 @@
 """Seeded instances of error-correction routing.
 
-Purely uniform points are solvable in about one seed of a thousand, so :func:`generate` plants one
-feasible route and draws the other points uniformly. Only ``Generator.random`` is drawn from, and
-planted coordinates are rounded to the centimetre, so that a seed means the same points wherever
-it is used.
+Uniform points are feasible for about one seed in a thousand, so :func:`generate` plants one feasible
+route and draws the other points uniformly. Only ``Generator.random`` is used, and planted coordinates
+are rounded to the centimetre, so that a seed gives the same points on every platform.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from .settings import BOX, DELTA, Thresholds
 
 __all__ = ["generate", "generate_with_route", "random_small", "uniform_slab", "with_suspects"]
 
-#: A planted stop uses at most this part of what its thresholds leave.
+#: Largest share of a threshold used by a planted route.
 _MARGIN = 0.95
-#: A planted leg shorter than this part of the box leads nowhere: begin anew.
+#: Shortest planted leg relative to the box; shorter legs end an attempt.
 _SHORTEST = 0.02
-#: How often planting begins anew before it gives up.
+#: Maximum number of attempts to plant a route.
 _ATTEMPTS = 2000
 
-#: Points of either kind that an instance may have.
+#: Maximum number of points of either kind.
 MOST = 10_000_000
 
 _Point = NDArray[np.float64]
@@ -46,10 +45,10 @@ def generate(
     planted_under: Sequence[float] | None = None,
     name: str = "",
 ) -> ErrorCorrectionRouting:
-    """Return an instance that has a feasible route: A and B on opposite faces of a box.
+    """Return a feasible instance with A and B on opposite faces of a box.
 
-    A (first) lies on the face x = 0 and B (last) on the opposite one. A route of both kinds of
-    points is planted that keeps a margin to every threshold; the other points are uniform.
+    A (first) is on the face x = 0 and B (last) on the opposite one. A planted route of both kinds of
+    points has a margin to every threshold; the other points are uniform.
 
     Parameters
     ----------
@@ -58,21 +57,26 @@ def generate(
     thresholds : sequence of 5 floats
         α1, α2, β1, β2, θ, for instance :class:`Thresholds`.
     seed : int
-        Same seed, same points.
+        Seed of the random numbers; the same seed gives the same points.
     delta : float
         Error gained per metre flown, of both kinds.
     box : float or 3 floats
         Edge (m) of the cube, or the three edges of the box.
     planted_under : sequence of 5 floats, optional
-        Thresholds that the planted route keeps, nowhere wider than `thresholds`: instances with
-        the same seed and the same `planted_under` have the same points.
+        Thresholds of the planted route, none wider than in `thresholds`: instances with the same seed
+        and the same `planted_under` have the same points.
     name : str
-        The model's name.
+        Name of the model.
+
+    Returns
+    -------
+    ErrorCorrectionRouting
+        The instance.
 
     Raises
     ------
     InvalidData
-        A value is not allowed, or no route can be planted under these thresholds.
+        An argument is invalid, or no route can be planted under these thresholds.
     """
     return generate_with_route(
         n_horizontal,
@@ -97,10 +101,30 @@ def generate_with_route(
     planted_under: Sequence[float] | None = None,
     name: str = "",
 ) -> tuple[ErrorCorrectionRouting, Route]:
-    """Return what :func:`generate` returns, and the planted route, which is seldom the best."""
-    wanted = _thresholds("thresholds", thresholds)
-    kept = wanted if planted_under is None else _thresholds("planted_under", planted_under)
-    for field, tight, wide in zip(Thresholds._fields, kept, wanted, strict=True):
+    """Return the instance of :func:`generate` and its planted route, which is rarely optimal.
+
+    Parameters
+    ----------
+    n_horizontal, n_vertical, thresholds, seed, delta, box, planted_under, name
+        As for :func:`generate`.
+
+    Returns
+    -------
+    model : ErrorCorrectionRouting
+        The instance.
+    route : Route
+        The planted route.
+
+    Raises
+    ------
+    InvalidData
+        As for :func:`generate`.
+    """
+    limits = _thresholds("thresholds", thresholds)
+    planted_limits = (
+        limits if planted_under is None else _thresholds("planted_under", planted_under)
+    )
+    for field, tight, wide in zip(Thresholds._fields, planted_limits, limits, strict=True):
         if tight > wide:
             raise InvalidData(
                 f"planted_under must nowhere be wider than thresholds: {field} is {tight:g} "
@@ -112,11 +136,11 @@ def generate_with_route(
     edges = _edges("box", (box, box, box) if isinstance(box, int | float) else box)
     rng = _generator(seed)
 
-    planted = _plant(counts, kept, rate, edges, rng)
+    planted = _plant(counts, planted_limits, rate, edges, rng)
     if planted is None:
         raise InvalidData(
             f"no route could be planted: {counts[0]} horizontal and {counts[1]} vertical points "
-            f"under thresholds {tuple(kept)} do not lead through a box of {tuple(edges)} m at "
+            f"under thresholds {tuple(planted_limits)} do not lead through a box of {tuple(edges)} m at "
             f"delta = {rate:g}; take wider thresholds, more points or a smaller box",
             field="thresholds",
         )
@@ -126,12 +150,12 @@ def generate_with_route(
     others = _round(rng.random((sum(rest), 3)) * edges)
     points = np.concatenate([np.reshape(inner, (-1, 3)), others])
     words = np.array(["horizontal", "vertical"])[kinds + [0] * rest[0] + [1] * rest[1]]
-    # Sorted random keys are a permutation that depends on nothing but the stream of `random`.
+    # Sorting random keys gives a permutation that depends only on the stream of `random`.
     order = np.argsort(rng.random(len(points)), kind="stable")
     model = ErrorCorrectionRouting(
         points=np.concatenate([stops[:1], points[order], stops[-1:]]),
         kinds=np.array(["A", *words[order].tolist(), "B"]),
-        **wanted._asdict(),
+        **limits._asdict(),
         delta=rate,
         name=name,
     )
@@ -146,13 +170,13 @@ def _plant(
     edges: _Point,
     rng: np.random.Generator,
 ) -> tuple[list[_Point], list[int]] | None:
-    """Return the stops of a feasible route, A and B included, and the kinds of those between."""
+    """Return the stops of a feasible route, A and B included, and the kinds of the others."""
     for _ in range(_ATTEMPTS):
         start = _round(np.array([0.0, *(0.25 + 0.5 * rng.random(2))]) * edges)
         end = _round(np.array([1.0, *(0.25 + 0.5 * rng.random(2))]) * edges)
-        found = _walk(start, end, counts, thresholds, rate, edges, rng)
-        if found is not None:
-            return found
+        walk = _walk(start, end, counts, thresholds, rate, edges, rng)
+        if walk is not None:
+            return walk
     return None
 
 
@@ -165,7 +189,7 @@ def _walk(
     edges: _Point,
     rng: np.random.Generator,
 ) -> tuple[list[_Point], list[int]] | None:
-    """Walk at random from `start` towards `end`; None where that leads nowhere."""
+    """Return a random walk from `start` towards `end`; None after a failure."""
     # Largest (horizontal, vertical) error on arrival by kind: 0 horizontal, 1 vertical.
     limits = [(thresholds.beta2, thresholds.beta1), (thresholds.alpha2, thresholds.alpha1)]
     errors = [0.0, 0.0]
@@ -177,7 +201,7 @@ def _walk(
         ahead = math.dist(here, end)
         if max(errors) + rate * ahead <= _MARGIN * thresholds.theta:
             return [*stops, end], kinds
-        # Kinds alternate but for one time in seven: a route need not be regular.
+        # Kinds alternate in six of seven cases, so routes are irregular.
         kind = 1 - kind if rng.random() < 0.86 else kind
         room = min(_MARGIN * limits[kind][axis] - errors[axis] for axis in (0, 1)) / rate
         leg = min(room * (0.55 + 0.45 * rng.random()), 0.9 * ahead)
@@ -204,10 +228,10 @@ def uniform_slab(
     delta: float = DELTA,
     name: str = "",
 ) -> ErrorCorrectionRouting:
-    """Return `n` points of which all but A and B are uniform in a slab, for scaling benchmarks.
+    """Return an instance of `n` uniform points in a slab, for scaling benchmarks.
 
-    A and B lie in the middles of the faces x = 0 and x = ``size[0]``; about half of the other
-    points are of each kind. Nothing is planted: dense points make routes by themselves.
+    A and B are the centres of the faces x = 0 and x = ``size[0]``; about half of the other points are
+    of each kind. No route is planted: dense points make the instance feasible.
 
     Parameters
     ----------
@@ -216,7 +240,7 @@ def uniform_slab(
     thresholds : sequence of 5 floats
         α1, α2, β1, β2, θ.
     seed : int
-        Same seed, same points.
+        Seed of the random numbers; the same seed gives the same points.
     size : 3 floats
         Edges (m) of the slab.
     delta : float
@@ -238,18 +262,18 @@ def uniform_slab(
 def with_suspects(
     model: ErrorCorrectionRouting, share: float, residual: float, *, seed: int, name: str = ""
 ) -> ErrorCorrectionRouting:
-    """Return `model` with some of its correction points suspect, each by itself.
+    """Return `model` with independently drawn suspect correction points.
 
     Parameters
     ----------
     model : ErrorCorrectionRouting
-        Whose points, thresholds and rates are taken.
+        Source of points, thresholds and rates.
     share : float
         Probability that a correction point is suspect.
     residual : float
-        Most of an error that a failed correction leaves.
+        Largest error after a failed correction.
     seed : int
-        Same seed, same suspects.
+        Seed of the random numbers; the same seed gives the same suspects.
     name : str
         The model's name.
     """
@@ -262,24 +286,24 @@ def with_suspects(
 def random_small(
     n: int, seed: int, *, revisits: bool = False, name: str = ""
 ) -> ErrorCorrectionRouting:
-    """Return a small instance for property tests, feasible in about half of all seeds.
+    """Return a small instance for property tests, feasible for about half of all seeds.
 
-    A and B stand anywhere in the list; now and then two points coincide, the two rates differ,
-    or a threshold is 0.
+    A and B are anywhere in the list. In some instances two points coincide, the two rates differ, or a
+    threshold is 0.
 
     Parameters
     ----------
     n : int
-        Number of points, 2 to 9: few enough to try every route.
+        Number of points, 2 to 9, so that all routes can be enumerated.
     seed : int
-        Same seed, same instance.
+        Seed of the random numbers; the same seed gives the same instance.
     revisits : bool
         Whether a point may be visited more than once.
     name : str
         The model's name.
     """
     if not 2 <= _count("n", n) <= 9:
-        raise InvalidData(f"n must lie in 2 … 9, got {n}", field="n")
+        raise InvalidData(f"n must be in 2 … 9, got {n}", field="n")
     rng = _generator(seed)
     points = rng.random((n, 3)) * (1.0, 0.6, 0.6)
     kinds = ["horizontal" if draw < 0.5 else "vertical" for draw in rng.random(n)]
@@ -290,10 +314,10 @@ def random_small(
     if n > 3 and rng.random() < 0.2:
         points[order[1]] = points[order[2]]
     rates = [1.0, 1.0] if rng.random() < 0.5 else (0.6 + 0.8 * rng.random(2)).tolist()
-    # Few points need wide thresholds: the level is such that about half are feasible.
+    # Few points need wide thresholds: the level makes about half of the instances feasible.
     level = _LEVELS[n] * (0.7 + 0.6 * rng.random())
     thresholds = [level * (0.6 + 0.8 * draw) for draw in rng.random(5).tolist()]
-    thresholds[4] *= 0.6  # lest the flight without corrections be the answer to most
+    thresholds[4] *= 0.6  # so that most routes need corrections
     if rng.random() < 0.05:
         thresholds[int(5 * rng.random())] = 0.0
     return ErrorCorrectionRouting(
@@ -312,7 +336,7 @@ _LEVELS = {2: 1.89, 3: 1.9, 4: 1.71, 5: 1.56, 6: 1.43, 7: 1.36, 8: 1.28, 9: 1.2}
 
 
 def _round(points: _Point) -> _Point:
-    """Return `points` to the centimetre."""
+    """Return `points` rounded to the centimetre."""
     return np.round(points, 2)
 
 

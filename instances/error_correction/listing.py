@@ -1,4 +1,4 @@
-"""What the catalogue holds of error-correction routing."""
+"""Catalogue entries of error-correction routing."""
 
 from __future__ import annotations
 

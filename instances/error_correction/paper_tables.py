@@ -11,27 +11,27 @@ from .listing import setting_model
 __all__ = ["table_1", "table_2", "table_3"]
 
 
-def _seconds(found: Run) -> float | str:
-    """Return the seconds of the search, without imports and proofs, or the limit that ended it."""
-    if found.limit is not None:
-        return f"{found.limit} limit"
-    seconds: float = found.statistics.get("search_seconds", found.seconds["solve"])
+def _seconds(run: Run) -> float | str:
+    """Return the time of the search without imports and proofs, s, or the limit that ended it."""
+    if run.limit is not None:
+        return f"{run.limit} limit"
+    seconds: float = run.statistics.get("search_seconds", run.seconds["solve"])
     return seconds
 
 
-def _length(found: Run) -> float | str:
+def _length(run: Run) -> float | str:
     """Return the length of the plan of a run, in metres."""
-    return "no route" if found.primal_bound is None else found.primal_bound
+    return "no route" if run.primal_bound is None else run.primal_bound
 
 
 def _quickest(model: Any, backend: str, trials: Trials) -> Run:
-    """Return the run with the least seconds of the search: these backends are deterministic."""
-    found = [trials.run(model, backend)[0] for _ in range(trials.runs)]
-    return min(found, key=lambda one: one.statistics["search_seconds"])
+    """Return the run with the shortest search time; these backends are deterministic."""
+    runs = [trials.run(model, backend)[0] for _ in range(trials.runs)]
+    return min(runs, key=lambda one: one.statistics["search_seconds"])
 
 
-def _is_optimal(found: Run) -> bool:
-    return str(found.termination) == "optimal"
+def _is_optimal(run: Run) -> bool:
+    return str(run.termination) == "optimal"
 
 
 def table_1(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:

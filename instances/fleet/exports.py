@@ -22,11 +22,11 @@ __all__ = ["CSV", "GEOJSON", "VRPLIB", "write_routes_csv", "write_routes_geojson
 
 
 def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting) -> Path:
-    """Write one row a stop as CSV, in one step; return the path.
+    """Write one row per stop as CSV, atomically; return the path.
 
-    The columns are ``vehicle,stop,node,x,y,arrival``: numbers from 0, the name of the node, m, and the
-    length of the route until there. Each route begins and ends with its depot; where there are
-    costs and no points, x and y are empty.
+    The columns are ``vehicle,stop,node,x,y,arrival``: vehicle and stop numbers from 0, the name of
+    the node, its coordinates in m, and the route length up to the stop. Each route begins and ends
+    with its depot. For models with costs and without points, x and y are empty.
 
     Parameters
     ----------
@@ -35,12 +35,17 @@ def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: Fl
     path : path-like
         The file.
     model : FleetRouting
-        What they are for.
+        The model of the routes.
+
+    Returns
+    -------
+    Path
+        The file.
 
     Raises
     ------
     InvalidData
-        A plan with other nodes or vehicles, an id that a row of CSV cannot hold, or a file that cannot
+        The plan has other nodes or vehicles, an id does not fit into a CSV row, or the file cannot
         be written.
     """
     import csv
@@ -62,11 +67,10 @@ def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: Fl
 def write_routes_geojson(
     plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting
 ) -> Path:
-    """Write each route as a LineString of a GeoJSON file, in one step; return the path.
+    """Write each route as a LineString of a GeoJSON file, atomically; return the path.
 
-    Coordinates are metres in the plane, not longitudes and latitudes. Lines lead straight from node to
-    node, also where the distances are those of paths on a map. A vehicle that stays at its depot has
-    no line.
+    Coordinates are metres in the plane, not longitudes and latitudes. Lines are straight from node to
+    node, even if the distances are lengths of paths on a map. An idle vehicle has no line.
 
     Parameters
     ----------
@@ -102,7 +106,7 @@ def write_routes_geojson(
 
 
 def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting) -> Path:
-    """Write the routes as a solution of VRPLIB, in one step; return the path.
+    """Write the routes as a VRPLIB solution, atomically; return the path.
 
     Customers are numbered from 1, without the depot, in the order of the nodes.
 
@@ -129,7 +133,7 @@ def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetR
 
 
 def _walks(plan: FleetPlan, model: FleetRouting) -> Iterator[tuple[int, list[int]]]:
-    """Yield the number and the stops, depots included, of every vehicle that is used."""
+    """Yield the index and the stops, depots included, of every used vehicle."""
     required("plan", plan, FleetPlan)
     required("model", model, FleetRouting)
     if len(plan.routes) != model.vehicles:

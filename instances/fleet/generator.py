@@ -1,7 +1,7 @@
 """Seeded instances of fleet routing: nodes in a square.
 
-Only ``Generator.random`` is drawn from, and what is computed of it is rounded, so that a seed means
-the same nodes wherever it is used.
+Only ``Generator.random`` is used and its results are rounded, so that a seed gives the same nodes on
+every platform.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from ...models.fleet.model import FleetRouting
 
 __all__ = ["generate"]
 
-#: Digits of a node's place within the square.
+#: Decimal digits of a node's position in the unit square.
 _DIGITS = 4
 
 
 def generate(
     nodes: int, vehicles: int, seed: int, *, side: float = 200.0, name: str = "", **fields: Any
 ) -> FleetRouting:
-    """Return routes from the middle of a square through nodes that lie uniformly in it.
+    """Return a fleet model with the depot in the middle of a square and uniformly random nodes.
 
     Parameters
     ----------
@@ -32,18 +32,23 @@ def generate(
     vehicles : int
         Number of vehicles.
     seed : int
-        Same seed, same nodes.
+        Seed of the random numbers; the same seed gives the same nodes.
     side : float
-        Of the square, m.
+        Side of the square, m.
     name : str
-        Of the model.
+        Name of the model.
     **fields
         Other fields of :class:`~crosstrack.models.fleet.FleetRouting`, such as ``objective``.
+
+    Returns
+    -------
+    FleetRouting
+        The model.
 
     Raises
     ------
     InvalidData
-        A number that is not allowed, named.
+        An argument is invalid; the error names it.
     """
     count = Whole(1, MOST - 1).coerce("nodes", nodes, {})
     rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))

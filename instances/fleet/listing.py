@@ -1,4 +1,4 @@
-"""What the catalogue holds of fleet routing: small fleets of every kind, and table 3's sizes."""
+"""Catalogue entries of fleet routing: small fleets of every kind, and the sizes of Table 3."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PAPER = (
 
 #: Robots and nodes of Table 3, and five of its weights of the variance.
 ROBOTS, NODES, WEIGHTS = 4, 75, (0.0, 0.2, 0.4, 0.6, 0.8)
-#: Where they begin on the map, x, y (m): no obstacle is there.
+#: Depot on the map, x, y (m), in a free cell.
 DEPOT = (100.0, 100.0)
 
 _SPECIAL = "Ours: the paper has no such instance."
@@ -39,8 +39,8 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
 
 
 def _small() -> tuple[CatalogueEntry, ...]:
-    drawn: tuple[tuple[str, str, int, int, str, dict[str, Any]], ...]
-    drawn = (
+    specifications: tuple[tuple[str, str, int, int, str, dict[str, Any]], ...]
+    specifications = (
         ("sum-9", "the shortest routes in all", 9, 3, "sum", {}),
         ("max-8", "the longest route shortest", 8, 2, "max", {}),
         ("max-10", "the longest route shortest", 10, 3, "max", {}),
@@ -60,7 +60,7 @@ def _small() -> tuple[CatalogueEntry, ...]:
                 partial(generate, n, m, n + 100 * m, objective=objective, **more),
                 _SPECIAL,
             )
-            for name, title, n, m, objective, more in drawn
+            for name, title, n, m, objective, more in specifications
         ),
     )  # fmt: skip
 

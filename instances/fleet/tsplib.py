@@ -1,4 +1,4 @@
-"""Instances of TSPLIB and VRPLIB files, the public collections of tours and of vehicle routes.
+"""Readers of TSPLIB and VRPLIB files, the public collections of tours and vehicle routes.
 
 Sources: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991;
 CVRPLIB, http://vrp.galgos.inf.puc-rio.br.
@@ -26,7 +26,7 @@ __all__ = ["read_tsplib", "read_vrplib"]
 
 Floats = NDArray[np.float64]
 
-#: How the numbers of a matrix of distances follow one another.
+#: Row and column indices of the numbers in a distance matrix, by format.
 _FORMATS: dict[str, Callable[[int], Any]] = {
     "FULL_MATRIX": lambda n: np.indices((n, n)).reshape(2, -1),
     "UPPER_ROW": lambda n: np.triu_indices(n, 1),
@@ -36,7 +36,7 @@ _FORMATS: dict[str, Callable[[int], Any]] = {
 }
 #: Sections whose rows begin with the number of a node.
 _NUMBERED = ("NODE_COORD", "DISPLAY_DATA", "DEMAND")
-#: Keywords that a reader uses, or that cannot change the answer; every other one is refused.
+#: Keywords that a reader uses or can ignore; all others are refused.
 _KEYS = frozenset({
     "NAME", "TYPE", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT",
     "NODE_COORD_TYPE", "DISPLAY_DATA_TYPE", "NODE_COORD_SECTION", "EDGE_WEIGHT_SECTION",
@@ -46,11 +46,11 @@ _VEHICLE_KEYS = _KEYS | {
     "CAPACITY", "VEHICLES", "DISTANCE", "VEHICLES_MAX_DISTANCE", "SERVICE_TIME", "DEMAND_SECTION",
     "DEPOT_SECTION",
 }  # fmt: skip
-#: Values of keywords that say what the file is about.
+#: Supported values of keywords.
 _TYPES = ("TSP", "ATSP")
 _VEHICLE_TYPES = ("CVRP", "ACVRP", "DCVRP", "DVRP", "VRP")
 _PLANES = ("TWOD_COORDS", "NO_COORDS")
-#: Numbers of vehicles that names of instances end in, as in A-n32-k5.
+#: Number of vehicles at the end of an instance's name, as in A-n32-k5.
 _FLEET = re.compile(r"-k([0-9]{1,4})\b")
 
 
@@ -62,7 +62,7 @@ def read_tsplib(
     display: bool = False,
     **fields: Any,
 ) -> FleetRouting:
-    """Return routes through the nodes of a TSPLIB file, from its first node.
+    """Read a TSPLIB file as a fleet model whose depot is the first node.
 
     Parameters
     ----------
@@ -73,23 +73,29 @@ def read_tsplib(
     vehicles : int
         Number of routes.
     rounded : bool
-        Whether distances of coordinates are rounded to whole numbers, as TSPLIB says, rather than
-        real.
+        Whether Euclidean distances are rounded to whole numbers, as TSPLIB defines them.
     display : bool
-        Whether the coordinates that are meant for pictures are taken where there is a matrix.
+        Whether to use the display coordinates instead of a given matrix.
     **fields
         Other fields of :class:`~crosstrack.models.fleet.FleetRouting`, such as ``objective``.
+
+    Returns
+    -------
+    FleetRouting
+        The model.
 
     Raises
     ------
     InvalidData
-        Naming the file: no TSPLIB file, numbers that are missing or none, distances of another kind,
-        or a keyword that the model does not express, such as ``FIXED_EDGES_SECTION``.
+        The file is not a TSPLIB file, numbers are missing or invalid, the type of distances is not
+        supported, or a keyword such as ``FIXED_EDGES_SECTION`` does not fit the model. The error
+        names the file.
     """
     file = as_path(path)
-    held = _read(file, _KEYS, _TYPES)
+    sections = _read(file, _KEYS, _TYPES)
     return FleetRouting.from_data(
-        {**_distances(file, held, rounded, display), "vehicles": vehicles, **fields}, name=file.stem
+        {**_distances(file, sections, rounded, display), "vehicles": vehicles, **fields},
+        name=file.stem,
     )
 
 
@@ -100,59 +106,64 @@ def read_vrplib(
     rounded: bool = False,
     **fields: Any,
 ) -> FleetRouting:
-    """Return the routes of least total length that a VRPLIB file of capacitated vehicles asks for.
+    """Read a VRPLIB file of capacitated vehicles as a fleet model with the objective "sum".
 
-    A limit on the length of a route (``DISTANCE``) becomes ``battery``. Files that ask for more, such
-    as time windows, service times, backhauls or prizes, are refused by the name of the keyword.
+    A limit on the length of a route (``DISTANCE``) becomes ``battery``. Files with other features,
+    such as time windows, service times, backhauls or prizes, are refused; the error names the keyword.
 
     Parameters
     ----------
     path : path-like
         The file, with capacity, demands and one depot.
     vehicles : int, optional
-        Number of vehicles; by default what the file says, or its name ends in, as in ``A-n32-k5``.
+        Number of vehicles; by default as in the file or at the end of its name, as in ``A-n32-k5``.
     rounded : bool
-        Whether distances of coordinates are rounded to whole numbers, rather than real.
+        Whether Euclidean distances are rounded to whole numbers.
     **fields
         Other fields of :class:`~crosstrack.models.fleet.FleetRouting`, such as ``use_all``.
+
+    Returns
+    -------
+    FleetRouting
+        The model.
 
     Raises
     ------
     InvalidData
-        Naming the file: as for :func:`read_tsplib`; no capacity, demands or depot, several depots, no
-        number of vehicles, or a keyword that the model does not express.
+        As for :func:`read_tsplib`, or capacity, demands, depot or number of vehicles are missing, or
+        there are several depots. The error names the file.
     """
     file = as_path(path)
-    held = _read(file, _VEHICLE_KEYS, _VEHICLE_TYPES)
-    if held.get("service_time", 0) != 0:
+    sections = _read(file, _VEHICLE_KEYS, _VEHICLE_TYPES)
+    if sections.get("service_time", 0) != 0:
         raise InvalidData(
-            f"{file}: SERVICE_TIME must be 0 or absent, got {show(held['service_time'])}: routes have "
+            f"{file}: SERVICE_TIME must be 0 or absent, got {show(sections['service_time'])}: routes have "
             "no durations",
             field="service_time",
         )
-    lengths = [held[key] for key in ("distance", "vehicles_max_distance") if key in held]
+    lengths = [sections[key] for key in ("distance", "vehicles_max_distance") if key in sections]
     if any(isinstance(one, bool) or not isinstance(one, int | float) for one in lengths):
         raise InvalidData(
             f"{file}: DISTANCE must be a number, got {show(lengths[0])}", field="distance"
         )
-    size = _size(file, held)
-    demands = _column(file, held, "demand", (size,))
-    depots = _column(file, held, "depot", (1,))
-    capacity = held.get("capacity")
+    size = _size(file, sections)
+    demands = _column(file, sections, "demand", (size,))
+    depots = _column(file, sections, "depot", (1,))
+    capacity = sections.get("capacity")
     if isinstance(capacity, bool) or not isinstance(capacity, int | float):
         raise InvalidData(
             f"{file}: CAPACITY must be a number, got {show(capacity)}", field="capacity"
         )
     if vehicles is None:
-        named = _FLEET.search(file.stem)
-        vehicles = held.get("vehicles", int(named[1]) if named else None)
+        match = _FLEET.search(file.stem)
+        vehicles = sections.get("vehicles", int(match[1]) if match else None)
     if vehicles is None:
         raise InvalidData(
-            f"{file}: vehicles must be given, or stand in the file or its name, as in A-n32-k5",
+            f"{file}: vehicles must be given, or be in the file or its name, as in A-n32-k5",
             field="vehicles",
         )
     data = {
-        **_distances(file, held, rounded, False),
+        **_distances(file, sections, rounded, False),
         "vehicles": vehicles,
         "depots": depots,
         "demands": demands,
@@ -165,14 +176,14 @@ def read_vrplib(
 
 
 def _require_known(file: Path, text: str, known: frozenset[str], types: tuple[str, ...]) -> None:
-    """Raise unless all keywords of a file are known, and no part follows its end."""
-    met: set[str] = set()
+    """Raise unless all keywords of the file are known and EOF is the last one."""
+    keywords: set[str] = set()
     for line in text.splitlines():
         key, sign, value = (part.strip() for part in line.partition(":"))
         words = line.split()
         if not words:
             continue
-        if "EOF" in met:
+        if "EOF" in keywords:
             raise InvalidData(f"{file}: nothing may follow EOF, got {show(words[0])}", field="eof")
         word = key if sign else words[0]
         if not sign and "_SECTION" not in word and word != "EOF":
@@ -182,9 +193,9 @@ def _require_known(file: Path, text: str, known: frozenset[str], types: tuple[st
                 f"{file}: {word} is not supported, and leaving it out would change the problem",
                 field=word.lower(),
             )
-        if word in met and word != "COMMENT":
+        if word in keywords and word != "COMMENT":
             raise InvalidData(f"{file}: {word} must be there once", field=word.lower())
-        met.add(word)
+        keywords.add(word)
         allowed = {"TYPE": types, "NODE_COORD_TYPE": _PLANES}.get(word)
         if allowed and value.split()[:1] not in [[one] for one in allowed]:
             raise InvalidData(
@@ -194,14 +205,15 @@ def _require_known(file: Path, text: str, known: frozenset[str], types: tuple[st
 
 
 def _read(file: Path, known: frozenset[str], types: tuple[str, ...]) -> dict[str, Any]:
-    """Return what a file says, by the names of its parts in lower case.
+    """Return the content of a file by the lower-case names of its parts.
 
-    vrplib reads all but matrices, of which it knows two formats: ``matrix`` has their words. It drops
-    the numbers of the nodes, which must be 1, 2, …, so they are looked at before.
+    vrplib reads everything except matrices, as it supports only two formats; ``matrix`` holds the
+    words of that section. vrplib ignores the node numbers, so this function checks that they are
+    1, 2, ….
     """
     from vrplib.parse import parse_vrplib
 
-    kept, words, section, count = list[str](), list[str](), "", 0
+    lines, words, section, count = list[str](), list[str](), "", 0
     text = read_text(file)
     _require_known(file, text, known, types)
     for line in text.splitlines():
@@ -220,12 +232,12 @@ def _read(file: Path, known: frozenset[str], types: tuple[str, ...]) -> dict[str
                     field=section.lower(),
                 )
         if section != "EDGE_WEIGHT":
-            kept.append(line)
+            lines.append(line)
     try:
-        held: dict[str, Any] = dict(parse_vrplib("\n".join(kept), compute_edge_weights=False))
-    except Exception as error:  # whatever the parser trips over
+        sections: dict[str, Any] = dict(parse_vrplib("\n".join(lines), compute_edge_weights=False))
+    except Exception as error:  # the parser raises errors of many types
         raise InvalidData(f"{file}: no TSPLIB or VRPLIB file: {error}") from None
-    return {**held, "matrix": words}
+    return {**sections, "matrix": words}
 
 
 def _size(file: Path, held: dict[str, Any]) -> int:
@@ -239,25 +251,25 @@ def _size(file: Path, held: dict[str, Any]) -> int:
 
 
 def _column(file: Path, held: dict[str, Any], name: str, shape: tuple[int, ...]) -> Floats:
-    """Return the numbers of a section, which must have `shape`."""
+    """Return the numbers of a section; raise unless they have `shape`."""
     section = f"{name.upper()}_SECTION"
     try:
-        found = np.array(held[name], float)
+        numbers = np.array(held[name], float)
     except KeyError:
         raise InvalidData(f"{file}: must have a {section}", field=name) from None
     except (TypeError, ValueError) as error:
         raise InvalidData(f"{file}: {section} must hold numbers: {error}", field=name) from None
-    if found.shape != shape or not np.isfinite(found).all():
+    if numbers.shape != shape or not np.isfinite(numbers).all():
         raise InvalidData(
             f"{file}: {section} must hold {' × '.join(map(str, shape))} finite numbers, got shape "
-            f"{found.shape}",
+            f"{numbers.shape}",
             field=name,
         )
-    return found
+    return numbers
 
 
 def _distances(file: Path, held: dict[str, Any], rounded: bool, display: bool) -> dict[str, Any]:
-    """Return the points or costs of an instance."""
+    """Return the points and metric, or the costs, of an instance."""
     whole = Flag().coerce("rounded", rounded, {})
     size, kind = _size(file, held), held.get("edge_weight_type")
     if kind == "EXPLICIT" and not Flag().coerce("display", display, {}):
@@ -280,14 +292,14 @@ def _distances(file: Path, held: dict[str, Any], rounded: bool, display: bool) -
 
 def _ceiled(points: Floats) -> Floats:
     """Return the distances of type ``CEIL_2D``: straight lines, rounded up."""
-    apart: Floats = np.ceil(np.hypot(*(points[:, None] - points).transpose(2, 0, 1)))
-    return apart
+    distances: Floats = np.ceil(np.hypot(*(points[:, None] - points).transpose(2, 0, 1)))
+    return distances
 
 
 def _pseudo_euclidean(points: Floats) -> Floats:
     """Return the distances of type ``ATT``: lines divided by the root of 10, rounded up."""
-    apart: Floats = np.ceil(np.sqrt(np.square(points[:, None] - points).sum(axis=2) / 10.0))
-    return apart
+    distances: Floats = np.ceil(np.sqrt(np.square(points[:, None] - points).sum(axis=2) / 10.0))
+    return distances
 
 
 def _geographical(points: Floats) -> Floats:
@@ -302,11 +314,11 @@ def _geographical(points: Floats) -> Floats:
     q2 = np.cos(latitude[:, None] - latitude)
     q3 = np.cos(latitude[:, None] + latitude)
     cosine = 0.5 * ((1.0 + q1) * q2 - (1.0 - q1) * q3)
-    apart: Floats = np.floor(6378.388 * np.arccos(np.clip(cosine, -1.0, 1.0)) + 1.0)
-    return apart
+    distances: Floats = np.floor(6378.388 * np.arccos(np.clip(cosine, -1.0, 1.0)) + 1.0)
+    return distances
 
 
-#: Types of distances that are whole numbers by their definition.
+#: Types of distances that are defined as whole numbers.
 _ROUNDED: dict[str, Callable[[Floats], Floats]] = {
     "CEIL_2D": _ceiled,
     "ATT": _pseudo_euclidean,
@@ -315,7 +327,7 @@ _ROUNDED: dict[str, Callable[[Floats], Floats]] = {
 
 
 def _matrix(file: Path, held: dict[str, Any], size: int) -> Floats:
-    """Return the distances that the file's numbers write."""
+    """Return the distance matrix of the file, shape (size, size)."""
     form, words = held.get("edge_weight_format"), held["matrix"]
     if form not in _FORMATS:
         raise InvalidData(
@@ -329,6 +341,8 @@ def _matrix(file: Path, held: dict[str, Any], size: int) -> Floats:
         raise InvalidData(
             f"{file}: EDGE_WEIGHT_SECTION must hold {len(rows)} numbers, got {what}", field="costs"
         )
-    found = np.zeros((size, size))
-    found[rows, columns] = np.array(words, float)
-    return found if form == "FULL_MATRIX" else found + np.tril(found, -1).T + np.triu(found, 1).T
+    matrix = np.zeros((size, size))
+    matrix[rows, columns] = np.array(words, float)
+    return (
+        matrix if form == "FULL_MATRIX" else matrix + np.tril(matrix, -1).T + np.triu(matrix, 1).T
+    )

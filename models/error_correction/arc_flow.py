@@ -1,22 +1,23 @@
-"""An arc-flow program of an error-correction route: no big M, no distance columns.
+"""Arc-flow program of an error-correction route, without big M and distance columns.
 
 After a correction one error survives: the vertical one at a horizontal point, the horizontal one
-at a vertical point. The program carries it along the arcs. With x_a (arc a used) and e_a (error
-with which a's tail was left, 0 when a is not used), for an arc a from i to j of length d_a:
+at a vertical point. The program carries it along the arcs. The columns are x_a (arc a used) and e_a
+(error on leaving the tail of a, 0 for unused arcs). For an arc a from i to j of length d_a:
 
-* the head's thresholds bound what may be carried, ``e_a <= (threshold of j - rate * d_a) x_a``,
-  so they need no big M, and an arc whose bound is negative does not exist;
-* at a point the carried errors leaving are at least those arriving: an arc between points of one
-  kind hands on ``e_a + rate * d_a``, one between different kinds renews the error, ``rate * d_a``;
-* at most one arc leaves a point, as many as arrive.
+* the head's thresholds bound the carried error, ``e_a <= (threshold of j - rate * d_a) x_a``, without
+  big M. An arc with a negative bound is omitted;
+* at a point, the carried error on leaving is at least the error on arrival. An arc between points of
+  the same kind passes on ``e_a + rate * d_a``; an arc between different kinds renews the error,
+  ``rate * d_a``;
+* at most one arc leaves a point, and the same number arrives.
 
-The length is ``sum d_a x_a``, so no l_j is needed. The optimal value is the paper's: a route
-satisfies the rows with the errors it carries, and integral x splits into one route from A to B and
-cycles beside it, whose lengths the objective counts and :meth:`ArcFlowFormulation.decode` drops;
-along the route the carried errors bound the real ones from above.
+The length is ``sum d_a x_a``, so no l_j is needed. The optimal value equals the paper's: a route
+satisfies the rows with its errors, and integral x decomposes into one route from A to B and separate
+cycles. The objective includes the cycles; :meth:`ArcFlowFormulation.decode` drops them. Along the
+route the carried errors are upper bounds of the true ones.
 
-Where corrections may fail both errors survive: the program is then that of the model with resources,
-with a binary for what each suspect point leaves, see :mod:`crosstrack.models.resource_routing.arc_flow`.
+If corrections may fail, both errors survive. The program is then that of the model with resources,
+with one binary per suspect point, see :mod:`crosstrack.models.resource_routing.arc_flow`.
 """
 
 from __future__ import annotations
@@ -42,14 +43,14 @@ __all__ = ["ArcFlowFormulation"]
 
 @dataclass(frozen=True, eq=False)
 class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
-    """Arcs that the thresholds leave possible, with the surviving error carried on them.
+    """Program of the arcs that the thresholds allow, with the surviving error carried on them.
 
     Parameters
     ----------
     model : ErrorCorrectionRouting
         The model; ``revisits`` must be off.
     length_bound : float, optional
-        Length (m) of a verified route: arcs through which every way is longer are left out.
+        Length of a verified route, m; arcs that only longer routes can use are omitted.
 
     Raises
     ------
@@ -70,12 +71,12 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         require_positive(self.name, length_bound=self.length_bound)
 
     def bounded(self, objective: float) -> ArcFlowFormulation:
-        """Leave out arcs through which every route is longer than a verified one."""
+        """Return the formulation without arcs that only longer routes can use; `objective` in m."""
         return replace(self, length_bound=objective)
 
     @cached_property
     def _general(self) -> ResourceFlowFormulation | None:
-        """The program with both errors on every arc, where a correction may leave some of its own."""
+        """Program with both errors on every arc, if corrections may fail; else None."""
         suspect = self.model.suspect
         if suspect is None or not suspect.any():
             return None
@@ -83,23 +84,23 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     @cached_property
     def arcs(self) -> Arcs:
-        """The arcs that have columns."""
+        """Arcs with columns in the program."""
         return possible_arcs(self.model, np.inf if self.length_bound is None else self.length_bound)
 
     @cached_property
     def floor(self) -> float:
-        """The length (m) of the shortest way from A to B over the possible arcs."""
+        """Length of the shortest path from A to B over the possible arcs, m."""
         if self._general is not None:
             return self._general.floor
         return shortest_length(self.model, self.arcs)
 
     @cached_property
     def _carrying(self) -> NDArray[np.int64]:
-        """Arcs that carry an error: all that do not leave A."""
+        """Indices of the arcs that carry an error: all except those leaving A."""
         return np.flatnonzero(self.model.codes[self.arcs.tail] != START)
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module, or the general one."""
+        """Return the program of the module's docstring, or the general one for suspect points."""
         if self._general is not None:
             return self._general.build()
         model, arcs, carrying = self.model, self.arcs, self._carrying
@@ -201,7 +202,7 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         return b.build(name=f"{model.name}:arc-flow" if model.name else "arc-flow")
 
     def encode(self, plan: Route) -> NDArray[np.float64]:
-        """Return the columns of a simple route; an arc that the thresholds exclude raises."""
+        """Return the columns of a simple route; raise for an excluded arc."""
         if self._general is not None:
             return self._general.encode(plan)
         route = require_route(self.model, plan)
@@ -227,7 +228,7 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         return point
 
     def decode(self, point: NDArray[np.float64]) -> Route:
-        """Return the route that the used arcs make; idle cycles beside it are dropped."""
+        """Return the route formed by the used arcs; separate cycles are dropped."""
         if self._general is not None:
             return self._general.decode(point)
         arcs = self.arcs

@@ -1,4 +1,4 @@
-"""The arcs of an error-correction instance that its thresholds leave possible."""
+"""Arcs of an error-correction instance that its thresholds allow."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .model import END, HORIZONTAL, START, ErrorCorrectionRouting
 __all__ = ["Arcs", "all_arcs", "least_errors", "possible_arcs", "shortest_length"]
 
 _CHUNK = 512
-#: Arcs above which a program would not fit into the memory of a common machine.
+#: Maximum number of arcs of a program that fits into the memory of a common machine.
 MOST_ARCS = 30_000_000
 
 
 @dataclass(frozen=True)
 class Arcs:
-    """Arcs with their lengths, in order of tail and then head.
+    """Arcs with their lengths, sorted by tail and head.
 
     Parameters
     ----------
@@ -40,19 +40,19 @@ class Arcs:
         return int(self.tail.size)
 
     def where(self, keep: NDArray[np.bool_]) -> Arcs:
-        """Return the arcs that `keep` marks."""
+        """Return the arcs selected by the mask `keep`."""
         return Arcs(self.tail[keep], self.head[keep], self.length[keep])
 
 
 def all_arcs(model: ErrorCorrectionRouting) -> Arcs:
-    """Return every arc that neither enters A, leaves B, nor joins a point to itself."""
+    """Return all arcs except those into A, out of B, and from a point to itself."""
     return _collect(model, by_threshold=False)
 
 
 def _collect(
     model: ErrorCorrectionRouting, *, by_threshold: bool, length_bound: float = np.inf
 ) -> Arcs:
-    """Return the arcs, without those that the thresholds or the straight way to B exclude."""
+    """Return the arcs not excluded by thresholds or by the straight line to B."""
     from_start = np.linalg.norm(model.points - model.points[model.start], axis=1)
     to_end = np.linalg.norm(model.points - model.points[model.end], axis=1)
     most = length_bound * (1 + 1e-9)
@@ -77,7 +77,7 @@ def _collect(
         total += tail.size
         if total > MOST_ARCS:
             raise UnsupportedFormulation(
-                f"a program with one column an arc would have more than {MOST_ARCS} of them for "
+                f"a program with one column per arc would have more than {MOST_ARCS} of them for "
                 f"{len(model.points)} points: use a native backend, such as 'label-setting', or "
                 "give the plan of one as a warm start"
             )
@@ -87,35 +87,34 @@ def _collect(
 
 
 def possible_arcs(model: ErrorCorrectionRouting, length_bound: float = np.inf) -> Arcs:
-    """Return the arcs that a route within the thresholds, and within `length_bound`, may use.
+    """Return the arcs that a feasible route of at most `length_bound` (m) may use.
 
-    An arc goes when its head's thresholds refuse it even with the least error with which its tail
-    can be left, when its ends are not joined to A and B, or when the shortest way through it is
-    longer than `length_bound` (m). All three only remove arcs that no such route uses, and are
-    repeated until nothing more goes.
+    An arc is removed if it violates the head's thresholds even with the least error on leaving the
+    tail, if A or B is not connected to it, or if the shortest path through it is longer than
+    `length_bound`. The tests are repeated until no arc is removed.
     """
     arcs = _collect(model, by_threshold=True, length_bound=length_bound)
     limit = model.rounded_limits[model.codes]
     while True:
         least = least_errors(model, arcs)
-        own = np.where(model.codes[arcs.tail] == HORIZONTAL, 1, 0)
-        rate = np.where(own == 1, model.vertical_rate, model.horizontal_rate)
-        keep = least[arcs.tail] + rate * arcs.length <= limit[arcs.head, own]
-        arcs_kept = arcs.where(keep)
-        ahead, behind = shortest_ways(model, arcs_kept)
-        through = ahead[arcs_kept.tail] + arcs_kept.length + behind[arcs_kept.head]
-        arcs_kept = arcs_kept.where((through <= length_bound * (1 + 1e-9)) & np.isfinite(through))
-        if len(arcs_kept) == len(arcs):
-            return arcs_kept
-        arcs = arcs_kept
+        axis = np.where(model.codes[arcs.tail] == HORIZONTAL, 1, 0)
+        rate = np.where(axis == 1, model.vertical_rate, model.horizontal_rate)
+        keep = least[arcs.tail] + rate * arcs.length <= limit[arcs.head, axis]
+        remaining = arcs.where(keep)
+        ahead, behind = shortest_ways(model, remaining)
+        through = ahead[remaining.tail] + remaining.length + behind[remaining.head]
+        remaining = remaining.where((through <= length_bound * (1 + 1e-9)) & np.isfinite(through))
+        if len(remaining) == len(arcs):
+            return remaining
+        arcs = remaining
 
 
 def shortest_ways(
     model: ErrorCorrectionRouting, arcs: Arcs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the least lengths (m) over `arcs` from A to each point and from each point to B, shape (n,).
+    """Return the shortest-path lengths over `arcs` from A to each point and from each point to B.
 
-    They are infinite where there is no way.
+    Both have shape (n,) and are in m; entries without a path are infinite.
     """
     n = len(model.points)
     # Zero-length arcs would vanish from a sparse graph.
@@ -125,16 +124,16 @@ def shortest_ways(
 
 
 def shortest_length(model: ErrorCorrectionRouting, arcs: Arcs) -> float:
-    """Return the least length (m) of a way from A to B over `arcs`, below which no route is; -inf without one."""
-    found = float(shortest_ways(model, arcs)[1][model.start])
-    return found if np.isfinite(found) else -np.inf
+    """Return the shortest-path length from A to B over `arcs`, m, a lower bound; -inf without a path."""
+    length = float(shortest_ways(model, arcs)[1][model.start])
+    return length if np.isfinite(length) else -np.inf
 
 
 def least_errors(model: ErrorCorrectionRouting, arcs: Arcs) -> NDArray[np.float64]:
-    """Return the least error with which each point can be left, shape (n,); inf where it cannot.
+    """Return a lower bound on the error on leaving each point, shape (n,); inf for unreachable points.
 
-    What survives a correction grew over the last arc at least: the vertical error at a horizontal
-    point, the horizontal one at a vertical point. It is 0 at A.
+    The surviving error is at least the gain on the last arc: the vertical error at a horizontal point,
+    the horizontal one at a vertical point. It is 0 at A.
     """
     least = np.full(len(model.points), np.inf)
     rate = np.where(

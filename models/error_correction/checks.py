@@ -17,18 +17,18 @@ __all__ = ["Stop", "verify_route", "walk_route"]
 
 @dataclass(frozen=True)
 class Stop:
-    """One stop of a route: the errors on arrival and on leaving, before and after correction.
+    """Stop of a route with the errors before and after correction.
 
-    The errors are those of the worst case, in which every correction that may fail does.
+    The errors are worst-case errors: every correction that may fail does.
 
     Parameters
     ----------
     point : int
-        Where.
+        Index of the point.
     kind : str
-        The kind of the point.
+        Kind of the point.
     distance : float
-        Length of the route up to here, m.
+        Length of the route up to the point, m.
     horizontal, vertical : float
         Errors on arrival.
     horizontal_after, vertical_after : float
@@ -36,7 +36,7 @@ class Stop:
     suspect : bool
         Whether the correction may fail.
     chance : float
-        Probability that no threshold has been exceeded, this one included.
+        Probability that no threshold is exceeded up to and including this stop.
     """
 
     point: int
@@ -51,7 +51,7 @@ class Stop:
 
 
 def _length(legs: list[float]) -> float:
-    """Return the sum of the legs, exactly rounded; infinity where it is beyond all floats."""
+    """Return the correctly rounded sum of the legs, m; inf on overflow."""
     try:
         return math.fsum(legs)
     except OverflowError:
@@ -61,9 +61,9 @@ def _length(legs: list[float]) -> float:
 def walk_route(model: RoutingData, plan: Route) -> list[Stop]:
     """Return every stop of `plan` with its errors, recomputed from coordinates and rates.
 
-    The errors are those of the worst case; :attr:`Stop.chance` counts all cases. The two errors
-    fail independently of one another, so each has its own distribution, whose values are few: a
-    success ends what was before.
+    The errors are worst-case errors; :attr:`Stop.chance` is a probability over all cases. Corrections
+    fail independently, so each error has a separate distribution. It has few values, as a successful
+    correction resets the error.
     """
     stops: list[Stop] = []
     legs: list[float] = []
@@ -79,24 +79,24 @@ def walk_route(model: RoutingData, plan: Route) -> list[Stop]:
             vertical += model.vertical_rate * leg
             gained = (model.horizontal_rate * leg, model.vertical_rate * leg)
             for axis, gain in enumerate(gained):
-                most = model.limits[code, axis] * (1 + ROUNDING)
+                limit = model.limits[code, axis] * (1 + ROUNDING)
                 chances[axis] = {
                     error + gain: share
                     for error, share in chances[axis].items()
-                    if error + gain <= most
+                    if error + gain <= limit
                 }
         chance = sum(chances[0].values()) * sum(chances[1].values())
-        left = float(model.residual or 0.0) if suspect else 0.0
+        residual = float(model.residual or 0.0) if suspect else 0.0
         after = (
-            min(horizontal, left) if kind == "horizontal" else horizontal,
-            min(vertical, left) if kind == "vertical" else vertical,
+            min(horizontal, residual) if kind == "horizontal" else horizontal,
+            min(vertical, residual) if kind == "vertical" else vertical,
         )
         if kind in ("horizontal", "vertical"):
             axis = 0 if kind == "horizontal" else 1
             success = model.success if suspect else 1.0
             corrected: dict[float, float] = {}
             for error, share in chances[axis].items():
-                for value, part in ((0.0, success), (min(error, left), 1.0 - success)):
+                for value, part in ((0.0, success), (min(error, residual), 1.0 - success)):
                     if part:
                         corrected[value] = corrected.get(value, 0.0) + part * share
             chances[axis] = corrected
@@ -117,7 +117,7 @@ def walk_route(model: RoutingData, plan: Route) -> list[Stop]:
 
 
 def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verification:
-    """Walk the route from the raw data: its length, and every constraint of the paper."""
+    """Compute the length and check every constraint of the paper from the raw data."""
     check_tolerance(tolerance)
     if not isinstance(plan, Route):
         raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
@@ -130,13 +130,15 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
         ),
     ]
     if not model.revisits:
-        seen: set[int] = set()
-        again = [s for s in stops if s.point in seen or seen.add(s.point)]  # type: ignore[func-returns-value]
-        ends.append(_count(model, "no point twice", "4-5", again, lambda s: True))
+        visited: set[int] = set()
+        repeated = [s for s in stops if s.point in visited or visited.add(s.point)]  # type: ignore[func-returns-value]
+        ends.append(_count(model, "no point twice", "4-5", repeated, lambda s: True))
     if model.corrections_limit is not None:
-        most = model.corrections_limit
-        over = max(plan.corrections - most, 0)
-        ends.append(Check(f"at most {most} corrections", "", float(over), "points", 0.0, "", 0.0))
+        limit = model.corrections_limit
+        excess = max(plan.corrections - limit, 0)
+        ends.append(
+            Check(f"at most {limit} corrections", "", float(excess), "points", 0.0, "", 0.0)
+        )
     thresholds = [
         _worst(
             model,
@@ -178,7 +180,7 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
         _worst(model, "vertical error at B", "18", "B", model.theta, stops, tolerance),
     ]
     length = stops[-1].distance if len(stops) > 1 else None
-    # A length is its own scale.
+    # The scale of a length is the length itself.
     return Verification(length, (*ends, *thresholds), scale=0.0)
 
 
@@ -205,5 +207,5 @@ def _worst(
     if arrivals:
         error, stop = max(arrivals, key=lambda pair: pair[0])
         worst, where = max(error - limit, 0.0), f"point {model.label(stop.point)}"
-    # Sums of errors round relative to themselves, and they meet the threshold there.
+    # Rounding is relative to the error, which is close to the threshold here.
     return Check.scaled(name, equation, worst, "error", where, tolerance, limit, limit=limit)

@@ -1,4 +1,4 @@
-"""The data of an error-correction route: points, thresholds, rates, and which corrections may fail."""
+"""Data of error-correction routing: points, thresholds, rates and suspect corrections."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["RoutingData"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RoutingData(Declared):
-    """What :class:`~crosstrack.models.ErrorCorrectionRouting` asks; the fields are said there."""
+    """Fields of :class:`~crosstrack.models.ErrorCorrectionRouting`, documented there."""
 
     points: NDArray[np.float64] = declared(Array(("n", 3)))
     kinds: NDArray[np.str_] = declared(Kinds())
@@ -43,17 +43,17 @@ class RoutingData(Declared):
 
     def __post_init__(self, delta: float | None) -> None:
         rates = {"horizontal_rate": self.horizontal_rate, "vertical_rate": self.vertical_rate}
-        given = [name for name, value in rates.items() if value is not None]
+        present = [name for name, value in rates.items() if value is not None]
         if delta is not None:
-            if given:
+            if present:
                 raise InvalidData(
-                    f"delta stands for both rates: give it or {given[0]}, not both", field="delta"
+                    f"delta sets both rates: give it or {present[0]}, not both", field="delta"
                 )
             delta = Real(lower=0).coerce("delta", delta, {})
             for name in rates:
                 object.__setattr__(self, name, delta)
-        elif len(given) < 2:
-            absent = next(name for name in rates if name not in given)
+        elif len(present) < 2:
+            absent = next(name for name in rates if name not in present)
             raise InvalidData(
                 f"{absent} is missing: give delta, or horizontal_rate and vertical_rate",
                 field=absent,
@@ -61,13 +61,13 @@ class RoutingData(Declared):
         super().__post_init__()
 
     def check(self) -> None:
-        """Refuse anything but one A and one B, and suspect points that correct nothing."""
+        """Raise unless there is exactly one A and one B, and only correction points are suspect."""
         for code, word in ((START, "A"), (END, "B")):
             rows = np.flatnonzero(self.codes == code).tolist()
             if len(rows) != 1:
-                found = f"rows {show(rows)}" if rows else "none"
+                text = f"rows {show(rows)}" if rows else "none"
                 raise InvalidData(
-                    f"kinds must hold {word!r} exactly once, got {found}", field="kinds"
+                    f"kinds must hold {word!r} exactly once, got {text}", field="kinds"
                 )
         if self.suspect is None:
             return
@@ -85,13 +85,13 @@ class RoutingData(Declared):
 
     @property
     def is_plain(self) -> bool:
-        """Whether this is the paper's problem: no corrections that may fail, no limit on them."""
-        none = self.suspect is None or not self.suspect.any() or self.residual == 0
-        return none and self.corrections_limit is None
+        """Whether this is the paper's problem, without failing corrections and a limit on them."""
+        reliable = self.suspect is None or not self.suspect.any() or self.residual == 0
+        return reliable and self.corrections_limit is None
 
     @cached_property
     def codes(self) -> NDArray[np.int8]:
-        """The kinds as codes: ``START``, ``HORIZONTAL``, ``VERTICAL``, ``END``; shape (n,)."""
+        """Kinds as codes ``START``, ``HORIZONTAL``, ``VERTICAL``, ``END``, shape (n,)."""
         codes = np.zeros(len(self.kinds), np.int8)
         for code, word in enumerate(KIND_WORDS):
             codes[self.kinds == word] = code
@@ -123,7 +123,7 @@ class RoutingData(Declared):
 
     @cached_property
     def rounded_limits(self) -> NDArray[np.float64]:
-        """:attr:`limits` with what rounding excuses added, as searches compare; shape (4, 2)."""
+        """:attr:`limits` plus the rounding tolerance, as used by searches, shape (4, 2)."""
         return frozen(self.limits + ROUNDING * self.limits)
 
     def label(self, point: int) -> str:

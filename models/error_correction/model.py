@@ -27,7 +27,7 @@ __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "ErrorCorrectionRouting", "
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ErrorCorrectionRouting(RoutingData, Model[Route]):
-    """The shortest route from A to B whose positioning errors are corrected in time.
+    """Shortest route from A to B with corrections of the positioning errors.
 
     Flying a distance d adds ``horizontal_rate * d`` to the horizontal error and
     ``vertical_rate * d`` to the vertical one. A vertical correction point may be visited only if
@@ -36,8 +36,8 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
     and the horizontal one at most `beta2`; the horizontal error is 0 afterwards. At B both are at
     most `theta`. Minimise the straight-line length of the route.
 
-    The correction of a suspect point may fail: then the error is the lesser of what it was and
-    `residual`. The thresholds must hold in the worst case, in which all of them fail.
+    The correction of a suspect point may fail: the error is then the minimum of its previous value and
+    `residual`. The thresholds must hold in the worst case: all of these corrections fail.
 
     Parameters
     ----------
@@ -54,26 +54,27 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
     horizontal_rate, vertical_rate : float
         Error gained per metre flown (paper: δ for both).
     revisits : bool
-        Whether a point may be visited more than once; the paper's program forbids it.
+        Whether a point may be visited more than once, which the paper's program forbids; False by
+        default.
     ids : sequence of int or str, optional
-        The points' names in the file they come from; 0 … n-1 where there are none.
+        Names of the points; 0 … n-1 by default.
     suspect : sequence of bool, length n, optional
-        Correction points whose correction may fail; none without it.
+        Whether the correction of each point may fail; by default all corrections succeed.
     residual : float, optional
-        Most of an error that a failed correction leaves; needed where points are suspect.
+        Largest error after a failed correction; required if points are suspect.
     success : float
-        Probability that the correction of a suspect point succeeds, each by itself: for the chance
-        of arrival in :meth:`walk`, which no threshold asks for.
+        Probability that the correction of a suspect point succeeds, independently of the others; 0
+        by default. It determines the chance of arrival in :meth:`walk` and no threshold.
     corrections_limit : int, optional
-        Most corrections on the way.
+        Maximum number of corrections on the route.
     delta : float, optional
-        Both rates at once, instead of the two; read them back as the two.
+        Value of both rates, instead of the two fields; not stored under this name.
 
     Raises
     ------
     InvalidData
-        Naming field, row and value: NaN, wrong shapes, unknown kinds, negative thresholds or
-        rates, not one A and one B, ids that repeat.
+        A field is invalid; the error names field, row and value. Examples: NaN, wrong shapes, unknown
+        kinds, negative thresholds or rates, not exactly one A and one B, or repeated ids.
     """
 
     kind: ClassVar[str] = "error-correction"
@@ -89,14 +90,14 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
 
     @classmethod
     def input_names(cls) -> frozenset[str]:
-        """Allow ``delta`` in files and in the constructor, and ``fail`` in data of files."""
+        """Return the additional input names: ``delta``, and ``fail`` in data of files."""
         return frozenset({"delta", "fail"})
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any], *, name: str = "") -> ErrorCorrectionRouting:
-        """Return the model in `data`; each of the two rates, or ``delta`` for both, must be there.
+        """Return the model in `data`, which must have both rates, or ``delta`` for both.
 
-        What a file of points marks as ``fail`` is suspect where the residual is given.
+        Points marked as ``fail`` in a file of points are suspect if the residual is given.
         """
         if isinstance(data, Mapping):
             for key in ("delta", "horizontal_rate", "vertical_rate"):
@@ -110,24 +111,24 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
         return super().from_data(data, name=name)
 
     def data(self) -> dict[str, Any]:
-        """Return the content as JSON data: ``delta`` where both rates are the same."""
-        found = super().data()
-        if found["horizontal_rate"] == found["vertical_rate"]:
-            found["delta"] = found.pop("horizontal_rate")
-            del found["vertical_rate"]
-        if found["ids"] is None:
-            del found["ids"]
-        return found
+        """Return the content as JSON data, with ``delta`` for equal rates."""
+        content = super().data()
+        if content["horizontal_rate"] == content["vertical_rate"]:
+            content["delta"] = content.pop("horizontal_rate")
+            del content["vertical_rate"]
+        if content["ids"] is None:
+            del content["ids"]
+        return content
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a one-line summary: points by kind, suspects and the limit on corrections."""
         count = 0 if self.suspect is None else int(self.suspect.sum())
         suspect = f", {count} suspect" if count else ""
-        most = self.corrections_limit
+        limit = self.corrections_limit
         return (
             f"{len(self.points)} points: {int((self.codes == HORIZONTAL).sum())} horizontal, "
             f"{int((self.codes == VERTICAL).sum())} vertical{suspect}"
-            + ("" if most is None else f"; at most {most} correction{'' if most == 1 else 's'}")
+            + ("" if limit is None else f"; at most {limit} correction{'' if limit == 1 else 's'}")
         )
 
     def second_objective(self, name: str, plan: Route) -> float:
@@ -141,9 +142,9 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
         return super().limited(name, float(np.floor(value)))
 
     def lower(self) -> ResourceRouting:
-        """Return the same as a route with resources: two errors, and corrections where limited.
+        """Return the equivalent route with resources: two errors, and limited corrections.
 
-        What fails in the worst case is reset to the residual at the most.
+        A correction that may fail resets the error to at most the residual.
         """
         none = [False] * len(self.points)
         words, resources = resources_of(
@@ -162,7 +163,7 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
     # -- plans -----------------------------------------------------------------------------------
 
     def plan_to_data(self, plan: Route) -> dict[str, Any]:
-        """Return ``{"route": [indices]}``, with ``"ids"`` where the file names its points."""
+        """Return ``{"route": [indices]}``, with ``"ids"`` if the points have names."""
         return route_to_data(plan, self.ids)
 
     def plan_from_data(self, data: Any) -> Route:
@@ -172,7 +173,7 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
     def walk(self, plan: Route) -> list[Stop]:
         """Return every stop of `plan` with its errors, recomputed from coordinates and rates.
 
-        The errors are those of the worst case; :attr:`Stop.chance` counts all cases.
+        The errors are worst-case errors; :attr:`Stop.chance` is a probability over all cases.
         """
         return walk_route(self, plan)
 
@@ -182,15 +183,15 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
         return f"{plan.corrections} correction{'' if plan.corrections == 1 else 's'}"
 
     def details(self, plan: Route) -> list[dict[str, Any]]:
-        """Return every stop with its errors before and after correction, and what is allowed there.
+        """Return every stop with its errors before and after correction, and its thresholds.
 
         The distance is in m; errors are in the unit of the thresholds.
         """
-        found = []
+        rows = []
         for stop in self.walk(plan):
             across, up = self.limits[self.codes[stop.point]].tolist()
             bound = stop.kind != "A"
-            found.append(
+            rows.append(
                 {
                     "point": self.label(stop.point),
                     "kind": stop.kind,
@@ -203,8 +204,8 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
                     "vertical after": stop.vertical_after,
                 }
             )
-        return found
+        return rows
 
     def verify(self, plan: Route, *, tolerance: float = TOLERANCE) -> Verification:
-        """Walk the route from the raw data: its length, and every constraint of the paper."""
+        """Compute the length and check every constraint of the paper from the raw data."""
         return verify_route(self, plan, tolerance)

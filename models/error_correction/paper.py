@@ -1,7 +1,7 @@
 """The paper's mixed-integer program of an error-correction route, equation for equation.
 
-The bilinear (12) and (15) are linearised exactly: at a vertical point that is used ``T_j = 0``. No arc leaves
-a point that is not used, so its ``T_j`` enters no other row. ``y_1`` and ``y_n`` are 1 by (2) to (5) and have no
+The bilinear (12) and (15) are linearised exactly: ``T_j = 0`` at a used vertical point. No arc leaves an
+unused point, so its ``T_j`` appears in no other row. ``y_1`` and ``y_n`` are 1 by (2) to (5) and have no
 columns.
 """
 
@@ -28,7 +28,7 @@ __all__ = ["PaperFormulation"]
 
 @dataclass(frozen=True, eq=False)
 class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
-    """Eq. 1-24 of the paper, for any number of points.
+    """Program of eq. 1-24 of the paper, for any number of points.
 
     Columns: x_ij (arc used), y_j (point used), l_j (distance on arrival), g_j, h_j (horizontal
     and vertical error on arrival), S_j, T_j (the same on leaving). A lower bound on l_n, the straight line from A
@@ -37,12 +37,12 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
     Parameters
     ----------
     model : ErrorCorrectionRouting
-        The model; ``revisits`` must be off, for the program forbids them.
+        The model; ``revisits`` must be off, as the program forbids them.
     big_m : float, optional
-        One M for every row, as printed. By default each row has the smallest M that is valid:
-        the largest value that the left point's column can take in a route.
+        A single M for all rows, as printed. By default each row has the smallest valid M: the
+        largest value of the tail's column in a route.
     length_bound : float, optional
-        Length (m) of a verified route, which bounds l_j and so M in (6).
+        Length of a verified route, m, which bounds l_j and therefore M in (6).
 
     Raises
     ------
@@ -68,7 +68,7 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         require_positive(self.name, big_m=self.big_m, length_bound=self.length_bound)
 
     def bounded(self, objective: float) -> PaperFormulation:
-        """Bound the length by that of a verified route."""
+        """Return the formulation with the length of a verified route as bound, m."""
         return replace(self, length_bound=objective)
 
     def _arcs(self) -> Arcs:
@@ -76,12 +76,12 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
 
     @cached_property
     def floor(self) -> float:
-        """The length (m) of the shortest way from A to B over arcs that the thresholds leave possible."""
+        """Length of the shortest path from A to B over the possible arcs, m."""
         most = np.inf if self.length_bound is None else self.length_bound
         return shortest_length(self.model, possible_arcs(self.model, most))
 
     def _longest(self) -> float:
-        """Return a length (m) that no simple route within the thresholds exceeds."""
+        """Return an upper bound on the length of feasible simple routes, m."""
         if self.length_bound is not None:
             return self.length_bound * (1 + 1e-9)
         arcs = possible_arcs(self.model)
@@ -101,8 +101,8 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         limit = model.limits[model.codes]
         to_end = np.linalg.norm(model.points - model.points[model.end], axis=1)
         longest = self._longest()
-        # What a column can hold in a route: l_i leaves room for the way to B, S_i and T_i are
-        # errors within the thresholds, and 0 where the point corrects them.
+        # Upper bounds of the columns: l_i plus the distance to B is at most the longest route. S_i and
+        # T_i are within the thresholds, and 0 if the point corrects them.
         reach = np.maximum(longest - to_end, 0.0)
         reach[model.end] = longest
         kept_g = np.where(model.codes == VERTICAL, limit[:, 0], 0.0)
@@ -134,7 +134,7 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         l = b.columns(  # noqa: E741
             "distance on arrival", n, lower=least, cost=cost, unit="m", index=points, **at
         )
-        # No row mentions the errors on arrival at A.
+        # The errors on arrival at A appear in no row.
         most = np.where(points == model.start, 0.0, np.inf)
         g = b.columns(
             "horizontal error on arrival", n, upper=most, unit="error", index=points, **at
@@ -284,7 +284,7 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         return point
 
     def decode(self, point: NDArray[np.float64]) -> Route:
-        """Return the route that the used arcs make; idle cycles beside it are dropped."""
+        """Return the route formed by the used arcs; separate cycles are dropped."""
         arcs = self._arcs()
         if point.size < len(arcs):
             raise InvalidData(

@@ -1,9 +1,8 @@
-"""The picture of an error-correction route: where it flies, and its errors on the way.
+"""Figure of an error-correction route: the path in space, and its errors.
 
-On the left the points by kind with the route through them; on the right both errors against the
-distance flown. An error grows with every metre and falls to 0 where it is corrected; a bar at each
-stop shows the largest error allowed on arrival there. Corrections that may fail do so: the errors are
-those of the worst case.
+The left panel shows the points by kind and the route through them, the right panels both errors
+against the distance flown. An error increases with the distance and is reset by a correction; a bar at
+each stop marks the largest error allowed on arrival. The errors are worst-case errors.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw", "violated_stops"]
 
-#: Numbers of the colours; the markers differ as well.
+#: Colour numbers of the kinds; the markers differ as well.
 _NUMBERS = {"A": 6, "horizontal": 0, "vertical": 1, "B": 6}
 _COLOURS = {word: axis_style(number)["color"] for word, number in _NUMBERS.items()}
 _MARKERS = {"A": ">", "horizontal": "o", "vertical": "^", "B": "s"}
@@ -49,9 +48,9 @@ _LEGEND = dict(
     zip(_MARKERS, ("start A", "horizontal correction", "vertical correction", "end B"), strict=True)
 )
 
-#: More labels than this are not readable.
+#: Largest number of labels drawn by default.
 _MOST_LABELS = 45
-#: A side of the box shorter than this part of the longest is stretched.
+#: Smallest side of the box relative to the longest; shorter sides are stretched.
 _FLATTEST = 0.3
 
 
@@ -72,24 +71,24 @@ def draw(
     plan : Route, optional
         A route; stops that break a rule are drawn in red. None draws the points only.
     labels : bool, optional
-        Whether to write the points' names: of the visited ones, or of all where there is no
-        plan. By default only where they are few enough to be read.
+        Whether to write the names of the visited points, or of all points without a plan. By
+        default, up to 45 names are written.
     title : str, optional
-        Instead of the instance's name, the length and the number of corrections.
+        Title; by default the name, the length and the number of corrections.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        With three axes, or one where there is no plan.
+        The figure, with three axes, or one without a plan.
 
     Raises
     ------
     InvalidData
-        The plan is no route, or names a point that does not exist.
+        The plan is not a route, or names a point that does not exist.
     UnsupportedOption
-        An option has a value that is not allowed.
+        An option has an invalid value.
     """
     if plan is not None and not isinstance(plan, Route):
         raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
@@ -119,25 +118,25 @@ def draw(
 
 
 def violated_stops(model: ErrorCorrectionRouting, stops: list[Stop]) -> list[int]:
-    """Return the places in the route where a rule is broken, in order.
+    """Return the indices of the stops that violate a constraint, ascending.
 
-    These are thresholds (beyond the tolerance of a verification), a route that does not begin at
-    A or end at B or passes through either, and a point visited again where that is forbidden.
+    Violations are thresholds exceeded by more than the tolerance of a verification, a route that does
+    not begin at A, does not end at B or passes through either, and a forbidden revisit.
     """
     last = len(stops) - 1
     allowed = model.limits * (1.0 + TOLERANCE)
     bad = []
-    seen: set[int] = set()
+    visited: set[int] = set()
     for place, stop in enumerate(stops):
         horizontal, vertical = allowed[KIND_WORDS.index(stop.kind)]
-        wrong = (
+        is_violated = (
             (stop.kind == "A") != (place == 0)
             or (stop.kind == "B") != (place == last)
-            or (not model.revisits and stop.point in seen)
+            or (not model.revisits and stop.point in visited)
             or (place > 0 and (stop.horizontal > horizontal or stop.vertical > vertical))
         )
-        seen.add(stop.point)
-        if wrong:
+        visited.add(stop.point)
+        if is_violated:
             bad.append(place)
     return bad
 
@@ -187,7 +186,7 @@ def _space(
             dots(axes, faint, _MARKERS[word], _COLOURS[word], size=area, alpha=clear, zorder=2)
     if stops:
         way = points[visited]
-        # The shadow on the floor and the stems tell how high a point is.
+        # The projection on the floor and the stems show the height of a point.
         axes.plot(way[:, 0], way[:, 1], floor, color=GREY, lw=0.9, alpha=0.6, zorder=1)
         for x, y, z in way:
             axes.plot([x, x], [y, y], [floor, z], color=GREY, lw=0.5, alpha=0.6, zorder=1)
@@ -206,7 +205,7 @@ def _space(
 
 
 def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
-    """Set limits and aspect: equal scales, but for a side too flat to be read."""
+    """Set limits and aspect: equal scales, except for stretched flat sides."""
     low, high = points.min(axis=0), points.max(axis=0)
     span = high - low
     longest = float(span.max()) or 1.0
@@ -216,7 +215,7 @@ def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
         shown[2] = 0.02 * longest
     stretched = []
     for axis, name in enumerate("xyz"):
-        # A side without any extent has no scale of its own: show it at that of the others.
+        # A side without extent is drawn with the scale of the others.
         flat = span[axis] <= 1e-9 * longest
         middle = (low[axis] + high[axis]) / 2
         half = shown[axis] / 2 if flat else span[axis] / 2
@@ -255,15 +254,15 @@ def _errors(
     model: ErrorCorrectionRouting, stops: list[Stop], bad: list[int], figure: Any, title: str,
     scale: float, unit: str,
 ) -> None:  # fmt: skip
-    """Draw both errors against the distance flown: they rise to each stop and may fall there."""
+    """Draw both errors against the distance flown, with the thresholds at each stop."""
     distance = np.array([stop.distance for stop in stops]) * scale
     flown, kinds = np.repeat(distance, 2), np.array([stop.kind for stop in stops])
     allowed = model.limits[[KIND_WORDS.index(word) for word in kinds]].T
     arrive = np.array([[stop.horizontal, stop.vertical] for stop in stops]).T
     leave = np.array([[stop.horizontal_after, stop.vertical_after] for stop in stops]).T
     error = np.stack([arrive, leave], axis=2).reshape(2, -1)
-    over = arrive > allowed
-    over[:, [place for place in range(len(stops)) if place == 0 or place not in bad]] = False
+    violated = arrive > allowed
+    violated[:, [place for place in range(len(stops)) if place == 0 or place not in bad]] = False
     panels = []
     for row, name in enumerate(("horizontal", "vertical")):
         label = f"{name} error"
@@ -274,8 +273,10 @@ def _errors(
                 text = f"at {word}" if word in "AB" else f"at a {word} point"
                 look = {"marker": _MARKERS[word], "ms": 5, "mec": "white", "mew": 0.5, "zorder": 5}
                 marks.append(Mark(text, distance[at], arrive[row, at], _NUMBERS[word], look))
-        if over[row].any():
-            marks.append(Mark("rule broken", distance[over[row]], arrive[row, over[row]], 0, RING))
+        if violated[row].any():
+            marks.append(
+                Mark("rule broken", distance[violated[row]], arrive[row, violated[row]], 0, RING)
+            )
         panels.append(
             Panel(label, "", [Curve(label, _NUMBERS[name], flown, error[row], 1.6)], marks=marks)
         )
@@ -286,7 +287,9 @@ def _errors(
         keys=[key("allowed there", marker="_", mew=1.6, ms=9, color=DARK)],
     )  # fmt: skip
     half = 0.011 * total
-    for axes, rise, most, wrong, panel in zip(places, arrive, allowed, over, panels, strict=True):
+    for axes, rise, most, wrong, panel in zip(
+        places, arrive, allowed, violated, panels, strict=True
+    ):
         colour = axis_style(panel.curves[0].colour)["color"]
         axes.fill_between(flown, panel.curves[0].values, color=colour, alpha=0.12, lw=0)
         at, most, red = distance[1:], most[1:], wrong[1:]

@@ -1,4 +1,4 @@
-"""What a file says of points: their kinds, as words or codes, and the names they bear."""
+"""Kinds of points as words and codes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = [
 
 START, HORIZONTAL, VERTICAL, END = range(4)
 
-#: Kinds as they are written, by code.
+#: Word of each kind, by code.
 KIND_WORDS = ("A", "horizontal", "vertical", "B")
 
 _CODES = {
@@ -41,7 +41,7 @@ _CODES = {
 
 
 def kind_word(value: Any, where: str) -> str:
-    """Return the kind that `value` means: a word, a code, or ``"A点"`` as the contest writes it."""
+    """Return the word for a kind given as a word, a code, or ``"A点"`` as in contest files."""
     word = as_kind(value)
     if word is None:
         raise InvalidData(
@@ -53,7 +53,7 @@ def kind_word(value: Any, where: str) -> str:
 
 
 def as_kind(value: Any) -> str | None:
-    """Return the word for the kind that `value` means, None where it means none."""
+    """Return the word for the kind `value`, or None for an unknown kind."""
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         value = str(int(value))
     if not isinstance(value, str):
@@ -65,7 +65,7 @@ def as_kind(value: Any) -> str | None:
 
 @dataclass(frozen=True)
 class Kinds(Spec):
-    """The kinds of the points, kept as words."""
+    """Field of the kinds of points, stored as words."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[np.str_]:
         if isinstance(value, str) or not isinstance(value, Iterable):

@@ -1,8 +1,8 @@
-"""Subtour cuts of fleet programs: where a point breaks them, and those that the root needs.
+"""Subtour cuts of fleet programs: separation, and the cuts active at the root node.
 
 With x(E(S)) the edges used within a set S of nodes and y_i whether node i is visited, every tour
-through the depot satisfies x(E(S)) <= y(S) - y_j for each j of S: what enters S is at least 2 y_j.
-A point breaks one of them where the least cut between the depot and j is below 2 y_j.
+through the depot satisfies x(E(S)) <= y(S) - y_j for each j of S: at least 2 y_j edges enter S.
+A point violates one of these cuts if the minimum cut between the depot and j is below 2 y_j.
 """
 
 from __future__ import annotations
@@ -20,31 +20,39 @@ from scipy.sparse import csgraph
 from ...errors import InvalidData, UnsupportedOption, show
 from ..programs.linear import MixedIntegerProgram
 
-__all__ = ["Cut", "Edges", "check_rounds", "grown", "isolated", "strengthened", "weak_sets"]
+__all__ = [
+    "Cut",
+    "Edges",
+    "add_root_cuts",
+    "check_rounds",
+    "find_isolated_sets",
+    "find_weak_sets",
+    "merge_cuts",
+]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: What a cut must be violated by to be added to a fractional point.
+#: Smallest violation for which a cut is added at a fractional point.
 _VIOLATED = 1e-3
-#: Capacities of the network are whole numbers, this many for 1.
+#: Integer capacity that represents 1: the maximum flow needs whole numbers.
 _UNIT = 1_000_000
-#: Vehicle of a cut that counts the edges of all of them.
+#: Value of :attr:`Cut.vehicle` for a cut on the edges of all vehicles together.
 ALL = -1
 
 
 @dataclass(frozen=True)
 class Cut:
-    """x(E(S)) <= y(S) - y_j for one vehicle, or <= (nodes of S) - 1 for the sum of all.
+    """Subtour cut x(E(S)) <= y(S) - y_j of one vehicle, or x(E(S)) <= (nodes of S) - 1 of all together.
 
     Parameters
     ----------
     members : tuple of int
         S, in ascending order.
     vehicle : int
-        The vehicle, -1 for all together.
+        The vehicle, or -1 for all together.
     node : int
-        j; of no account for all together.
+        j; ignored for all together.
     """
 
     members: tuple[int, ...]
@@ -54,14 +62,14 @@ class Cut:
 
 @dataclass(frozen=True)
 class Edges:
-    """The edges, or arcs, of n customers 0 … n-1 and the depot n.
+    """Complete graph on n customers 0 … n-1 and the depot n.
 
     Parameters
     ----------
     customers : int
         n.
     directed : bool
-        Whether there is an arc each way, rather than one edge.
+        Whether each pair of nodes has two arcs rather than one edge.
     """
 
     customers: int
@@ -69,19 +77,19 @@ class Edges:
 
     @cached_property
     def ends(self) -> tuple[Indices, Indices]:
-        """Tails and heads."""
+        """Tails and heads, each of shape (edges,)."""
         size = self.customers + 1
-        found = np.nonzero(~np.eye(size, dtype=bool)) if self.directed else np.triu_indices(size, 1)
-        return found[0].astype(np.int64), found[1].astype(np.int64)
+        pairs = np.nonzero(~np.eye(size, dtype=bool)) if self.directed else np.triu_indices(size, 1)
+        return pairs[0].astype(np.int64), pairs[1].astype(np.int64)
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of edges."""
         return len(self.ends[0])
 
     @cached_property
     def at(self) -> Indices:
-        """The number of each, by tail and head; -1 where there is none."""
+        """Index of each edge by tail and head, shape (n + 1, n + 1); -1 for absent edges."""
         tails, heads = self.ends
         place = np.full((self.customers + 1, self.customers + 1), -1)
         place[tails, heads] = np.arange(self.size)
@@ -90,18 +98,18 @@ class Edges:
         return place
 
     def lengths(self, distances: Floats) -> Floats:
-        """Return the length of each, from the distances of customers and depot in this order."""
+        """Return the length of each edge; `distances` lists the customers, then the depot."""
         return distances[self.ends]
 
     def within(self, members: Iterable[int]) -> Indices:
-        """Return those with both ends among `members`."""
+        """Return the indices of the edges with both ends in `members`."""
         inside = np.zeros(self.customers + 1, bool)
         inside[list(members)] = True
         tails, heads = self.ends
         return np.flatnonzero(inside[tails] & inside[heads])
 
     def of_routes(self, routes: Iterable[Iterable[int]]) -> Floats:
-        """Return how often each is used by closed routes from the depot."""
+        """Return how often each edge is used by closed routes from the depot, shape (edges,)."""
         used = np.zeros(self.size)
         for route in routes:
             stops = [self.customers, *route, self.customers]
@@ -110,74 +118,78 @@ class Edges:
         return used
 
     def routes(self, used: Floats) -> list[list[int]]:
-        """Return the closed routes from the depot that use the edges as often as `used` says.
+        """Return closed routes from the depot that use each edge `used` times.
 
         Raises
         ------
         InvalidData
-            They make no routes from the depot, or leave some edges over.
+            The edges do not form routes from the depot, or some edges are unused.
         """
         count = np.rint(used).astype(int)
         tails, heads = self.ends
-        ahead: dict[int, list[int]] = {}
+        unused: dict[int, list[int]] = {}
         for edge in np.repeat(np.arange(self.size), np.maximum(count, 0)).tolist():
-            ahead.setdefault(int(tails[edge]), []).append(edge)
+            unused.setdefault(int(tails[edge]), []).append(edge)
             if not self.directed:
-                ahead.setdefault(int(heads[edge]), []).append(edge)
-        found = []
+                unused.setdefault(int(heads[edge]), []).append(edge)
+        routes = []
         depot = self.customers
-        while ahead.get(depot):
+        while unused.get(depot):
             route, place = [], depot
             while True:
-                if not ahead.get(place):
+                if not unused.get(place):
                     raise InvalidData(
                         "point: the edges make no closed routes from the depot", field="point"
                     )
-                edge = ahead[place].pop()
+                edge = unused[place].pop()
                 other = int(heads[edge]) if int(tails[edge]) == place else int(tails[edge])
                 if not self.directed:
-                    ahead[other].remove(edge)
+                    unused[other].remove(edge)
                 if other == depot:
                     break
                 route.append(other)
                 place = other
-            found.append(route)
-        if any(ahead.values()):
+            routes.append(route)
+        if any(unused.values()):
             raise InvalidData("point: some edges make a route without the depot", field="point")
-        return found
+        return routes
 
     def network(self, weight: Floats) -> sp.csr_array:
-        """Return edges of positive weight as a symmetric matrix; arcs both ways are added up."""
-        take = weight > 1e-9
-        tails, heads = (ends[take] for ends in self.ends)
+        """Return the edges of positive weight as a symmetric matrix; opposite arcs are summed."""
+        positive = weight > 1e-9
+        tails, heads = (ends[positive] for ends in self.ends)
         size = self.customers + 1
-        one = sp.coo_array((weight[take], (tails, heads)), shape=(size, size))
-        return sp.csr_array(one + one.T)
+        half = sp.coo_array((weight[positive], (tails, heads)), shape=(size, size))
+        return sp.csr_array(half + half.T)
 
 
-def isolated(edges: Edges, weight: Floats) -> list[tuple[int, ...]]:
-    """Return the sets of connected customers, two or more, that the depot has no way to."""
+def find_isolated_sets(edges: Edges, weight: Floats) -> list[tuple[int, ...]]:
+    """Return the connected components of two or more customers that exclude the depot."""
     count, part = csgraph.connected_components(edges.network(weight), directed=False)
     groups = (np.flatnonzero(part == k) for k in range(count) if k != part[edges.customers])
     return [tuple(group.tolist()) for group in groups if group.size > 1]
 
 
-def weak_sets(edges: Edges, weight: Floats, need: Floats) -> Iterator[tuple[tuple[int, ...], int]]:
-    """Yield sets of customers that are entered by less than twice what one of them needs.
+def find_weak_sets(
+    edges: Edges, weight: Floats, need: Floats
+) -> Iterator[tuple[tuple[int, ...], int]]:
+    """Yield sets of customers whose subtour cut is violated, by minimum cuts from the depot.
 
     Parameters
     ----------
     edges : Edges
         Edges or arcs.
     weight : ndarray, shape (edges,)
-        How much each is used.
+        Value of x for each edge.
     need : ndarray, shape (customers,)
-        y, how much each customer is visited.
+        Value of y for each customer.
 
     Yields
     ------
-    tuple of int, int
-        The set, and the one.
+    members : tuple of int
+        The set S.
+    node : int
+        The customer j of the violated cut.
     """
     graph, depot = edges.network(weight), edges.customers
     capacity = sp.csr_array(
@@ -199,49 +211,54 @@ def weak_sets(edges: Edges, weight: Floats, need: Floats) -> Iterator[tuple[tupl
             yield tuple(members.tolist()), node
 
 
-def strengthened(
+def add_root_cuts(
     program: Callable[[tuple[Cut, ...]], MixedIntegerProgram],
     separate: Callable[[Floats], Iterable[Cut]],
     rounds: int,
     work: int,
 ) -> tuple[Cut, ...]:
-    """Return the cuts that the linear relaxation's optimum needs, found round by round.
+    """Return the cuts active at the optimum of the linear relaxation.
 
     Parameters
     ----------
     program : callable
-        The program with given cuts; its rows end with one a cut.
+        Builds the program for given cuts; its last rows are one per cut.
     separate : callable
-        Cuts that a point breaks.
+        Returns the cuts that a point violates.
     rounds : int
-        Linear programs that are solved at the most.
+        Maximum number of linear programs.
     work : int
-        Columns of all of them together at the most.
+        Maximum number of columns of all linear programs together.
+
+    Returns
+    -------
+    tuple of Cut
+        The cuts of the last round.
     """
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     cuts: tuple[Cut, ...] = ()
-    posed = program(cuts)
-    for _ in range(min(rounds, work // posed.size)):
-        rows = LinearConstraint(posed.matrix, posed.row_lower, posed.row_upper)
-        answer = milp(
-            posed.cost, constraints=rows, bounds=Bounds(posed.column_lower, posed.column_upper)
+    linear = program(cuts)
+    for _ in range(min(rounds, work // linear.size)):
+        rows = LinearConstraint(linear.matrix, linear.row_lower, linear.row_upper)
+        result = milp(
+            linear.cost, constraints=rows, bounds=Bounds(linear.column_lower, linear.column_upper)
         )
-        if answer.x is None:
+        if result.x is None:
             return cuts
-        # Cuts that the point does not need may go: they come back where they are missed.
-        slack = (posed.row_upper - posed.matrix @ answer.x)[posed.row_count - len(cuts) :]
-        kept = tuple(cut for cut, room in zip(cuts, slack, strict=True) if room < 0.1)
-        finer = grown(kept, separate(answer.x))
-        if len(finer) == len(kept):
-            return kept
-        cuts = finer
-        posed = program(cuts)
+        # Drop slack cuts: separation returns them if a later point violates them.
+        slack = (linear.row_upper - linear.matrix @ result.x)[linear.row_count - len(cuts) :]
+        active = tuple(cut for cut, room in zip(cuts, slack, strict=True) if room < 0.1)
+        extended = merge_cuts(active, separate(result.x))
+        if len(extended) == len(active):
+            return active
+        cuts = extended
+        linear = program(cuts)
     return cuts
 
 
-def grown(cuts: tuple[Cut, ...], more: Iterable[Cut]) -> tuple[Cut, ...]:
-    """Return `cuts` with those of `more` that are new."""
+def merge_cuts(cuts: tuple[Cut, ...], more: Iterable[Cut]) -> tuple[Cut, ...]:
+    """Return `cuts` followed by the new cuts of `more`."""
     return tuple(dict.fromkeys((*cuts, *more)))
 
 

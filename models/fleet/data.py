@@ -1,4 +1,4 @@
-"""The data of a fleet's routes: nodes, distances, vehicles, limits and the objective."""
+"""Data of fleet routing: nodes, distances, vehicles, limits and the objective."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ __all__ = ["Deviation", "FleetData", "Metric", "Objective"]
 
 Floats = NDArray[np.float64]
 
-#: Vehicles and nodes at the most.
+#: Maximum number of vehicles, and of nodes.
 MOST = 10_000
 #: Weight of the sum in the lexicographic objective.
 LEXICOGRAPHIC = 1e-6
 
 
 class Objective(StrEnum):
-    """What is minimised, of the lengths L_1 … L_m of the routes."""
+    """Objective to minimise, a function of the route lengths L_1 … L_m."""
 
     SUM = "sum"  #: Σ L_k (eq. 15)
     MAX = "max"  #: max L_k
@@ -55,37 +55,37 @@ class Metric(StrEnum):
 
 
 class EachVehicle(Array):
-    """One number a vehicle, or one for all."""
+    """Array with one number per vehicle; a scalar applies to all vehicles."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        given = self._numbers(name, value)
-        if given.ndim == 0:
-            given = np.full(sizes["vehicles"][0], Real(self.lower).coerce(name, value, {}))
-        return super().coerce(name, given, sizes)
+        array = self._numbers(name, value)
+        if array.ndim == 0:
+            array = np.full(sizes["vehicles"][0], Real(self.lower).coerce(name, value, {}))
+        return super().coerce(name, array, sizes)
 
 
 class Count(Whole):
-    """The number of vehicles, which other fields have entries for."""
+    """Number of vehicles, which sets the size of other fields."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> int:
-        found = super().coerce(name, value, sizes)
-        sizes["vehicles"] = (found, name)
-        return found
+        count = super().coerce(name, value, sizes)
+        sizes["vehicles"] = (count, name)
+        return count
 
 
 class Depots(Array):
-    """One node for all vehicles, or one for each."""
+    """Depot of all vehicles, or one depot per vehicle."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        given = self._numbers(name, value)
-        if given.ndim == 0:
-            given = np.array([Whole(0).coerce(name, value, {})])
-        return super().coerce(name, given, sizes)
+        array = self._numbers(name, value)
+        if array.ndim == 0:
+            array = np.array([Whole(0).coerce(name, value, {})])
+        return super().coerce(name, array, sizes)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FleetData(Declared):
-    """What :class:`~crosstrack.models.fleet.model.FleetRouting` asks; the fields are said there."""
+    """Fields of :class:`~crosstrack.models.fleet.model.FleetRouting`, documented there."""
 
     vehicles: int = declared(Count(1, MOST))
     costs: Floats | None = declared(Optional(Array(("n", "n"), lower=0)), default=None)
@@ -106,7 +106,7 @@ class FleetData(Declared):
     ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
-        """Fill in defaults, and refuse what contradicts itself."""
+        """Fill in defaults and validate constraints between fields."""
         self._check_distances()
         if self.size > MOST:
             raise InvalidData(f"points must be at most {MOST}, got {self.size}", field="points")
@@ -129,7 +129,7 @@ class FleetData(Declared):
             )
         if self.use_all and self.vehicles > count:
             raise InvalidData(
-                f"vehicles must be at most the {count} nodes to visit where all are used, got "
+                f"vehicles must be at most the {count} nodes to visit if all are used, got "
                 f"{self.vehicles}",
                 field="vehicles",
             )
@@ -178,19 +178,19 @@ class FleetData(Declared):
                 )
 
     def _check_reachable(self) -> None:
-        most = float(np.max(self.distances, where=np.isfinite(self.distances), initial=0.0))
-        if not np.isfinite(most * 4.0 * self.size):
+        longest = float(np.max(self.distances, where=np.isfinite(self.distances), initial=0.0))
+        if not np.isfinite(longest * 4.0 * self.size):
             raise InvalidData(
-                f"distances must be small enough to add up, got {most:g}",
+                f"distances must be small enough to add up, got {longest:g}",
                 field="points" if self.costs is None else "costs",
             )
-        far = np.argwhere(~np.isfinite(self.distances))
-        if far.size:
-            a, b = (int(x) for x in far[0])
+        unreachable = np.argwhere(~np.isfinite(self.distances))
+        if unreachable.size:
+            a, b = (int(x) for x in unreachable[0])
             start = int(self.depots[0])
-            apart = np.flatnonzero(~np.isfinite(self.distances[start]))
-            # Said of the node that the depot cannot reach, where there is one.
-            a, b = (start, int(apart[0])) if apart.size else (a, b)
+            cut_off = np.flatnonzero(~np.isfinite(self.distances[start]))
+            # Prefer nodes that the depot cannot reach.
+            a, b = (start, int(cut_off[0])) if cut_off.size else (a, b)
             raise InvalidData(
                 f"node {self.label(b)} cannot be reached from node {self.label(a)}",
                 field="map" if self.metric is Metric.GRID else "points",
@@ -198,29 +198,29 @@ class FleetData(Declared):
 
     @property
     def size(self) -> int:
-        """The number of nodes, depots included."""
-        held = self.points if self.costs is None else self.costs
-        assert held is not None
-        return len(held)
+        """Number of nodes, depots included."""
+        rows = self.points if self.costs is None else self.costs
+        assert rows is not None
+        return len(rows)
 
     @cached_property
     def customers(self) -> NDArray[np.int64]:
-        """The nodes that are to be visited: all but the depots."""
+        """Nodes to visit: all except the depots, ascending."""
         return np.setdiff1d(np.arange(self.size), self.depots)
 
     @cached_property
     def homes(self) -> NDArray[np.int64]:
-        """The depot of each vehicle."""
+        """Depot of each vehicle, shape (vehicles,)."""
         return np.broadcast_to(self.depots, (self.vehicles,)).copy()
 
     @cached_property
     def symmetric(self) -> bool:
-        """Whether every way back is as long as the way there."""
+        """Whether all distances are the same in both directions."""
         return bool(np.array_equal(self.distances, self.distances.T))
 
     @cached_property
     def distances(self) -> Floats:
-        """The cost of going from one node to another, shape (n, n)."""
+        """Cost or distance from one node to another, shape (n, n)."""
         if self.costs is not None:
             return self.costs
         assert self.points is not None
@@ -237,9 +237,9 @@ class FleetData(Declared):
 
     @cached_property
     def round_trips(self) -> Floats:
-        """The shortest way to each customer and back, other nodes passed or not, by vehicle.
+        """Length of the shortest round trip to each customer, shape (vehicles, customers).
 
-        No vehicle visits a customer on a shorter route. Shape (vehicles, customers).
+        Other nodes may be on the way, so no route that visits the customer is shorter.
         """
         near = np.array(self.distances)
         for k in range(self.size):
@@ -249,7 +249,7 @@ class FleetData(Declared):
 
     @property
     def length_unit(self) -> str:
-        """The unit of distances: none where they are given as costs."""
+        """Unit of distances: "m", or empty for costs."""
         return "" if self.costs is not None else "m"
 
     def label(self, node: int) -> str:

@@ -1,4 +1,4 @@
-"""The plain data of a fleet's picture: where nodes stand, and which way routes lead."""
+"""Data of a fleet's figure: positions of nodes and sequences of stops."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ __all__ = ["places_of", "stops_of", "wrong_nodes"]
 
 Floats = NDArray[np.float64]
 
-#: Nodes up to which costs are scaled to places in a plane.
+#: Largest number of nodes for which costs are embedded in a plane.
 _MOST_SCALED = 1500
 
 
 def places_of(model: FleetData) -> Floats | None:
-    """Return where nodes are drawn, shape (n, 2): None for costs between too many nodes.
+    """Return the positions at which nodes are drawn, shape (n, 2); None for costs of many nodes.
 
-    Costs are scaled to places whose distances fit them (classical multidimensional scaling), those of
-    both ways by their mean.
+    Costs are embedded in a plane by classical multidimensional scaling, after averaging both
+    directions.
     """
     if model.points is not None:
         return model.points
@@ -33,17 +33,17 @@ def places_of(model: FleetData) -> Floats | None:
     squares = (0.5 * (model.distances + model.distances.T) / scale) ** 2
     centred = squares - squares.mean(axis=0)
     centred = -0.5 * (centred - centred.mean(axis=1)[:, None])
-    found = np.zeros((count, 2))
-    kept = min(2, count)
-    values, vectors = eigh(0.5 * (centred + centred.T), subset_by_index=[count - kept, count - 1])
-    found[:, :kept] = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
-    # An eigenvector has no sign of its own.
-    found *= np.where(found[np.abs(found).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
-    return scale * found
+    places = np.zeros((count, 2))
+    axes = min(2, count)
+    values, vectors = eigh(0.5 * (centred + centred.T), subset_by_index=[count - axes, count - 1])
+    places[:, :axes] = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
+    # The sign of an eigenvector is arbitrary: make the largest entry positive.
+    places *= np.where(places[np.abs(places).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
+    return scale * places
 
 
 def stops_of(model: FleetData, plan: FleetPlan) -> list[list[int]]:
-    """Return the nodes of every route with its depot at both ends; an empty route has none."""
+    """Return the nodes of every route with its depot at both ends; an empty route stays empty."""
     last = model.vehicles - 1
     homes = [int(model.homes[min(k, last)]) for k in range(len(plan.routes))]
     return [
@@ -53,9 +53,9 @@ def stops_of(model: FleetData, plan: FleetPlan) -> list[list[int]]:
 
 
 def wrong_nodes(model: FleetData, plan: FleetPlan) -> NDArray[np.int64]:
-    """Return the nodes that are visited more often, or more seldom, than they should be."""
+    """Return the customers not visited exactly once, and the depots within a route."""
     visited = np.bincount(
         np.array([node for route in plan.routes for node in route], int), minlength=model.size
     )
-    wanted = np.isin(np.arange(model.size), model.customers)
-    return np.flatnonzero(visited != wanted)
+    customers = np.isin(np.arange(model.size), model.customers)
+    return np.flatnonzero(visited != customers)

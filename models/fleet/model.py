@@ -1,4 +1,4 @@
-"""Routes of several robots that share out task nodes, with the balance of their energy.
+"""Routing of several robots through shared task nodes, with balanced energy.
 
 Source: section 2 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot
 in Obstacle Environment", Wireless Communications and Mobile Computing, 2021.
@@ -19,7 +19,7 @@ from .plan import FleetPlan
 
 __all__ = ["FleetRouting"]
 
-#: Nodes up to which branch and bound ends in about a minute, for the sum and for all else.
+#: Largest number of nodes solved by branch and bound in about a minute: the sum, other objectives.
 SUM_NODES, BALANCE_NODES = 100, 12
 
 
@@ -36,7 +36,7 @@ class FleetRouting(FleetData, Model[FleetPlan]):
     * ``"range"``: :math:`\max_k L_k - \min_k L_k`,
     * ``"max-sum"``: max L_k and then the sum, stated as :math:`\max_k L_k + 10^{-6} \sum_k L_k`.
 
-    Known as the multiple travelling salesman problem. A vehicle that stays at its depot counts with
+    Known as the multiple travelling salesman problem. A vehicle that stays at its depot has
     length 0.
 
     Parameters
@@ -44,20 +44,20 @@ class FleetRouting(FleetData, Model[FleetPlan]):
     vehicles : int
         m.
     costs : ndarray, shape (n, n), optional
-        d_ij, the cost of going from i to j, >= 0 and 0 from a node to itself; need not be symmetric.
+        d_ij >= 0, the cost from i to j, with a zero diagonal; may be asymmetric.
     points : ndarray, shape (n, 2), optional
-        Where the nodes are, m, instead of `costs`.
+        Positions of the nodes, m, instead of `costs`.
     map : GridMap, optional
-        What the points lie on; paths then lead around blocked cells.
+        Map under the points; paths then avoid blocked cells.
     metric : {"euclidean", "rounded", "paper", "grid"}, optional
-        Distance between points, see :class:`~crosstrack.models.fleet.Metric`: "grid" by default where
-        there is a map, else "euclidean".
+        Distance between points, see :class:`~crosstrack.models.fleet.Metric`. The default is "grid"
+        with a map and "euclidean" without.
     depots : int or ndarray of int, shape (1,) or (vehicles,)
-        The node where all routes begin and end, or one for each vehicle.
+        Start and end node of all routes, or one node per vehicle; 0 by default.
     use_all : bool
-        Whether every vehicle must visit a node at least.
+        Whether every vehicle must visit at least one node; True by default.
     objective : {"max", "sum", "sum-variance", "sum-deviation", "range", "max-sum"}
-        The objective to minimise.
+        Objective to minimise; "max" by default.
     q : float
         Weight of the variance (1/m) or of the standard deviation (no unit), for the objectives
         "sum-variance" and "sum-deviation".
@@ -65,19 +65,19 @@ class FleetRouting(FleetData, Model[FleetPlan]):
         Divisor in the standard deviation: m - 1, as in the paper's Table 3, or m. The variance of
         "sum-variance" always divides by m (eq. 16).
     demands, capacity : ndarray, shape (n,) and (vehicles,), optional
-        What each node takes, and what a vehicle can give; one number counts for all vehicles.
+        Demand of each node and capacity of each vehicle; one number applies to all vehicles.
     battery : float or ndarray, shape (vehicles,), optional
-        The longest route of each vehicle.
+        Upper limit on the route length of each vehicle; one number applies to all vehicles.
     budget, deviation_limit, range_limit : float, optional
-        Limits on the sum of all lengths, their deviation, and their range.
+        Upper limits on the sum, the standard deviation and the range of the route lengths.
     ids : sequence of int or str, optional
         Names of the nodes.
 
     Raises
     ------
     InvalidData
-        Naming field, row and value: neither costs nor points, more vehicles than nodes, NaN, a node
-        in a blocked cell, one that cannot be reached.
+        A field is invalid; the error names field, row and value. Examples: neither costs nor points,
+        more vehicles than nodes, NaN, a node in a blocked cell, or an unreachable node.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class FleetRouting(FleetData, Model[FleetPlan]):
 
     @property
     def preferred_formulation(self) -> str:
-        """Two indices where they cover the model, as they are far fewer, else three."""
+        """Name "two-index" if it covers the model, as it has far fewer columns, else "three-index"."""
         limits = (self.capacity, self.battery, self.deviation_limit, self.range_limit)
         plain = self.objective is Objective.SUM and all(limit is None for limit in limits)
         covered = plain and self.depots.size == 1 and self.symmetric
@@ -112,17 +112,17 @@ class FleetRouting(FleetData, Model[FleetPlan]):
 
     @property
     def prefers_native(self) -> bool:
-        """Whether branch and bound would hardly end: above some hundred nodes, or a dozen with balance."""
-        most = SUM_NODES if self.preferred_formulation == "two-index" else BALANCE_NODES
-        return len(self.customers) > most
+        """Whether the model is too large for branch and bound: above 100 nodes, or 12 with balance."""
+        limit = SUM_NODES if self.preferred_formulation == "two-index" else BALANCE_NODES
+        return len(self.customers) > limit
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow yields NaN, which the checks treat as a violation
     def verify(self, plan: FleetPlan, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and every constraint, from the distances and the routes alone."""
+        """Compute the objective and check every constraint from the distances and routes alone."""
         return verify_routes(self, plan, tolerance)
 
     def second_objective(self, name: str, plan: FleetPlan) -> float:
-        """Return "max", "sum", "deviation" or "range" of the lengths of the routes."""
+        """Return the "max", "sum", "deviation" or "range" of the route lengths."""
         loads = loads_of(self, plan)
         if name == "deviation":
             return deviation_of(self, loads)
@@ -139,7 +139,7 @@ class FleetRouting(FleetData, Model[FleetPlan]):
         return FleetPlan.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a one-line summary: vehicles, nodes, objective and limits."""
         several = f"{self.vehicles} vehicles" if self.vehicles > 1 else "1 vehicle"
         what = str(self.objective)
         if self.objective in (Objective.VARIANCE, Objective.DEVIATION):

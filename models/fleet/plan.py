@@ -14,23 +14,30 @@ __all__ = ["FleetPlan"]
 
 @dataclass(frozen=True)
 class FleetPlan:
-    """Which nodes each vehicle visits, in which order.
+    """Routes of all vehicles: the nodes of each, in the order of visits.
 
     Parameters
     ----------
     routes : tuple of tuple of int
-        The nodes of each vehicle's route, without the depot at both ends; empty where it stays there.
+        Nodes of each vehicle's route, without the depot at both ends; empty for an idle vehicle.
+
+    Raises
+    ------
+    InvalidData
+        The routes are not a list of lists of whole numbers.
     """
 
     routes: tuple[tuple[int, ...], ...]
 
     def __post_init__(self) -> None:
-        given = self.routes
-        if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
-            raise InvalidData(f"routes must be a list of routes, got {show(given)}", field="routes")
+        entries = self.routes
+        if isinstance(entries, str | Mapping) or not isinstance(entries, Sequence):
+            raise InvalidData(
+                f"routes must be a list of routes, got {show(entries)}", field="routes"
+            )
         routes = tuple(
             tuple(Array((f"n{k}",), int).coerce(f"routes[{k}]", route, {}).tolist())
-            for k, route in enumerate(given)
+            for k, route in enumerate(entries)
         )
         object.__setattr__(self, "routes", routes)
 
@@ -40,7 +47,7 @@ class FleetPlan:
 
     @classmethod
     def from_data(cls, data: Any) -> FleetPlan:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan stored in `data` by :meth:`to_data`; bad data raises ``InvalidData``."""
         if not isinstance(data, Mapping) or set(data) != {"routes"}:
             raise InvalidData(
                 f"a plan must be an object with the key routes, got {show(data)}", field="plan"

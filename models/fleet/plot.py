@@ -1,4 +1,4 @@
-"""The picture of a fleet's routes: the map with every route in its colour, and their lengths."""
+"""Figure of a fleet's routes: a map with one colour per route, and their lengths."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ __all__ = ["draw"]
 
 Floats = NDArray[np.float64]
 
-#: More nodes than this have no names.
+#: Largest number of nodes that are named by default.
 _MOST_NAMES = 40
-#: What is longer than this part of the map's width has an arrow, where both ways differ.
+#: Shortest segment with an arrow on asymmetric routes, as a share of the map's width.
 _LONG = 0.04
 _PARTS = ("routes", "loads")
 
@@ -63,49 +63,48 @@ def draw(
     Parameters
     ----------
     model : FleetRouting
-        The model. One of costs alone is drawn with places whose distances fit the costs as well as
-        they can (multidimensional scaling), up to 1500 nodes.
+        The model. Costs without points are embedded in a plane (multidimensional scaling), up to
+        1500 nodes.
     plan : FleetPlan, optional
-        A plan for it, valid or not; nodes that are not visited once and lengths beyond the battery are
-        marked in red. None draws nodes only.
+        A plan for the model, feasible or not. Nodes not visited exactly once and lengths beyond the
+        battery are marked in red. None draws nodes only.
     parts : sequence of {"routes", "loads"}, optional
         What to draw: the routes on a map, the lengths of all routes as bars, or both.
     legs : {"paths", "straight"}, optional
-        Whether legs follow the shortest paths on the model's map, as they do by default where these
-        are what counts, or are straight.
+        Whether legs follow the shortest paths on the model's map or are straight. The default is
+        "paths" for the metric "grid" and "straight" otherwise.
     labels : bool, optional
-        Whether to name the nodes; by default where they are few.
+        Whether to name the nodes; by default, up to 40 nodes are named.
     tolerance : float
-        Largest violation accepted, relative, for what the title says and what is marked: that of the
-        solution.
+        Largest accepted relative violation, used for the title and the marks.
     title : str, optional
-        Instead of the name, the size and the objective.
+        Title; by default the name, the size and the objective.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        With a panel for each part.
+        The figure, with one panel per part.
 
     Raises
     ------
     InvalidData
         The plan names a node that does not exist.
     UnsupportedOption
-        An option has a value that is not allowed, or asks for what the model or the plan has not.
+        An option has an invalid value, or the model or plan lacks the data that it needs.
     """
     shown = _parts(model, plan, parts)
     check_option("legs", legs, legs in (None, "paths", "straight"), "be 'paths' or 'straight'")
     if legs == "paths" and model.map is None:
-        raise UnsupportedOption("legs can be 'paths' only where the model has a map")
+        raise UnsupportedOption("legs can be 'paths' only if the model has a map")
     if labels is not None:
         check_flags(labels=labels)
     check_tolerance(tolerance)
-    found = None
+    verification = None
     if plan is not None:
-        found = model.verify(required("plan", plan, FleetPlan), tolerance=tolerance)
-    text = _title(model, plan, found) if title is None else title
+        verification = model.verify(required("plan", plan, FleetPlan), tolerance=tolerance)
+    text = _title(model, plan, verification) if title is None else title
     bars = 0 if plan is None else len(plan.routes)
     high = {"routes": 6.0, "loads": min(6.0, 1.5 + 0.3 * bars)}
     wide = {"routes": 6.6, "loads": 4.2}
@@ -127,14 +126,14 @@ def draw(
         middle = (left + 0.5 * across) / broad
         legend_row(figure, keys, "lower center", (middle, 0.06 / tall), rows=1 + (len(keys) > 4))
         left += across
-    headline(figure, text, wrong=found is not None and not found.ok)
+    headline(figure, text, wrong=verification is not None and not verification.ok)
     return figure
 
 
 def _parts(
     model: FleetRouting, plan: FleetPlan | None, parts: Sequence[str] | None
 ) -> tuple[str, ...]:
-    """Return what is to be drawn and can be."""
+    """Return the names of the panels to draw."""
     if parts is None:
         shown = _PARTS if plan is not None else _PARTS[:1]
         if plan is not None and places_of(model) is None:
@@ -144,27 +143,31 @@ def _parts(
             check_list("parts", parts, _PARTS.__contains__, "hold some of 'routes', 'loads'")
         )
     if "loads" in shown and plan is None:
-        raise UnsupportedOption("parts can hold 'loads' only where there is a plan")
+        raise UnsupportedOption("parts can hold 'loads' only with a plan")
     if "routes" in shown and places_of(model) is None:
         raise UnsupportedOption(
-            f"parts can hold 'routes' only where there are points, or costs of up to 1500 nodes, got "
+            f"parts can hold 'routes' only with points, or costs of up to 1500 nodes, got "
             f"{model.size}"
         )
     return shown
 
 
-def _title(model: FleetRouting, plan: FleetPlan | None, found: Verification | None) -> str:
-    if plan is None or found is None or found.objective is None:
-        return title_of(model.name, [model.describe()], found)
+def _title(model: FleetRouting, plan: FleetPlan | None, verification: Verification | None) -> str:
+    if plan is None or verification is None or verification.objective is None:
+        return title_of(model.name, [model.describe()], verification)
     what = str(model.objective)
     if model.objective in (Objective.VARIANCE, Objective.DEVIATION):
         what = f"sum + {number(model.q, 4)} × {what.partition('-')[2]}"
     unit = f" {model.length_unit}" if model.length_unit else ""
     several = f"{model.vehicles} vehicle{'s' * (model.vehicles > 1)}"
-    parts = [several, f"{len(model.customers)} nodes", f"{what} {number(found.objective)}{unit}"]
+    parts = [
+        several,
+        f"{len(model.customers)} nodes",
+        f"{what} {number(verification.objective)}{unit}",
+    ]
     if model.objective is not Objective.SUM:
         parts.append(f"sum {number(float(loads_of(model, plan).sum()))}{unit}")
-    return title_of(model.name, parts, found)
+    return title_of(model.name, parts, verification)
 
 
 # -- the map -------------------------------------------------------------------------------------
@@ -195,18 +198,18 @@ def _draw_map(
             axes.invert_yaxis()
     stops = [] if plan is None else stops_of(model, plan)
     follow = grid if legs == "paths" or (legs is None and model.metric is Metric.GRID) else None
-    ways = [places[one] if follow is None else trail(follow, places[one]) for one in stops]
-    lines = [way * scale for way in ways]
+    paths = [places[one] if follow is None else trail(follow, places[one]) for one in stops]
+    lines = [way * scale for way in paths]
     draw_routes(axes, lines, gid="route")
-    # Rounding may tell both ways apart, which a picture cannot.
+    # The tolerance hides differences due to rounding.
     if not np.allclose(model.distances, model.distances.T, rtol=1e-9):
         _draw_ways(axes, lines)
     owners = np.full(model.size, -1)
     for k, route in enumerate(stops):
         owners[route] = k
     rest, homes = model.customers, np.unique(model.depots)
-    missed = np.empty(0, int) if plan is None else wrong_nodes(model, plan)
-    shown = (places[some] * scale for some in (homes, missed))
+    violated = np.empty(0, int) if plan is None else wrong_nodes(model, plan)
+    shown = (places[some] * scale for some in (homes, violated))
     keys += draw_stops(axes, places[rest] * scale, owners[rest], *shown)
     keys += name_vehicles(len(stops), "vehicle") if named else []
     if labels if labels is not None else model.size <= _MOST_NAMES:
@@ -216,7 +219,7 @@ def _draw_map(
 
 
 def _draw_ways(axes: Any, lines: list[Floats]) -> None:
-    """Draw arrows on the routes, where the ways there and back differ."""
+    """Draw arrows on the long segments of routes."""
     for k, line in enumerate(lines):
         steps = np.diff(line, axis=0)
         far = np.hypot(*steps.T) > _LONG * abs(np.subtract(*axes.get_xlim()))

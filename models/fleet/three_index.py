@@ -1,13 +1,13 @@
-"""The program of a fleet in three indices: which vehicle uses which edge, for every objective.
+"""Three-index program of a fleet: edges per vehicle, for every objective.
 
-Vehicle k uses the edge between i and j as often as x_ij^k says, visits i where y_i^k = 1, and leaves
-its depot where z^k = 1; its route has the length L_k = Σ d_ij x_ij^k, in a unit near the largest
-distance. Where distances depend on the direction there is an arc each way. No set S of nodes is left
-aside: x^k(E(S)) <= y^k(S) - y_j^k, of which only what is missed is held. The standard deviation of the
-lengths is convex: it is no less than any of its tangents, of which those that solutions miss are added.
+Vehicle k uses the edge between i and j x_ij^k times, visits i if y_i^k = 1, and leaves its depot if
+z^k = 1. Its route has the length L_k = Σ d_ij x_ij^k, in a unit near the largest distance. Asymmetric
+distances have two arcs instead of each edge. Subtours are excluded by x^k(E(S)) <= y^k(S) - y_j^k;
+violated cuts are added lazily. The standard deviation of the lengths is convex and therefore bounded
+below by its tangents; violated tangents are added lazily, too.
 
-Of plans that exchange the routes of vehicles that nothing tells apart, one is enough: a vehicle may
-visit a node only where the one before it visits a node that ranks earlier.
+Permutations of identical vehicles are excluded: a vehicle may visit a node only if the identical
+vehicle before it visits a node of earlier rank.
 Source: the three-index program of T. Bektas, "The multiple traveling salesman problem: an overview of
 formulations and solution procedures", Omega 34, 2006; eq. 15 and 16 are parts of the objective.
 """
@@ -29,7 +29,15 @@ from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
 from .checks import deviation_of, variance_of
-from .cuts import Cut, Edges, check_rounds, grown, isolated, strengthened, weak_sets
+from .cuts import (
+    Cut,
+    Edges,
+    add_root_cuts,
+    check_rounds,
+    find_isolated_sets,
+    find_weak_sets,
+    merge_cuts,
+)
 from .data import LEXICOGRAPHIC, Deviation, Objective
 from .model import FleetRouting
 from .plan import FleetPlan
@@ -39,34 +47,39 @@ __all__ = ["ThreeIndexFormulation"]
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Vehicles up to which tangents at all ways to split them in two are held from the start.
+#: Largest number of vehicles for which tangents at all 0-1 length vectors are initial rows.
 _FEW = 6
-#: Share of the objective, and of the lengths, below which a tangent missed is rounding.
+#: Violation of a tangent attributed to rounding, relative to the objective and to the lengths.
 _EXACT, _ROUNDING = 1e-8, 1e-12
 #: Columns of the linear programs at the root together: a few seconds.
 _WORK = 60_000
-#: What the length of each route counts in objectives.
+#: Weight of each route length in objectives.
 _WEIGHTS = {
     Objective.SUM: 1.0,
     Objective.VARIANCE: 1.0,
     Objective.DEVIATION: 1.0,
     Objective.LEXICOGRAPHIC: LEXICOGRAPHIC,
 }
-#: Objectives that count the longest route.
+#: Objectives that contain the longest route.
 _LONGEST = (Objective.MAX, Objective.LEXICOGRAPHIC, Objective.RANGE)
 
 
 @dataclass(frozen=True, eq=False)
 class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
-    """Edges a vehicle, subtour cuts and tangents: those of the root, and what solutions break.
+    """Program of edges per vehicle, with subtour cuts and tangents added at the root and lazily.
 
     Parameters
     ----------
     model : FleetRouting
-        Any.
+        Any fleet model.
     root_rounds : int
-        Linear programs solved beforehand for the cuts that the root needs; 0 leaves all cuts to
-        what solutions break.
+        Maximum number of linear programs solved in advance to find root cuts. With 0, cuts are
+        added only for solutions that violate them.
+
+    Raises
+    ------
+    UnsupportedOption
+        `root_rounds` is not a whole number >= 0.
     """
 
     root_rounds: int = 30
@@ -86,7 +99,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     @cached_property
     def unit(self) -> float:
-        """The unit of lengths in the program, a power of 2: solvers' tolerances are absolute."""
+        """Unit of lengths in the program, a power of 2, as solvers' tolerances are absolute."""
         return float(2.0 ** np.round(np.log2(self.model.distances.max() or 1.0)))
 
     @cached_property
@@ -98,14 +111,14 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     @cached_property
     def _ranks(self) -> Indices:
-        """The customers' places in the order that tells vehicles apart: the farthest comes first."""
+        """Rank of each customer in the symmetry-breaking order; the farthest has rank 0."""
         ranks = np.empty(self._edges.customers, np.int64)
         ranks[np.argsort(-self.model.round_trips[0], kind="stable")] = np.arange(ranks.size)
         return ranks
 
     @cached_property
     def _groups(self) -> list[list[int]]:
-        """The vehicles that nothing tells apart, together."""
+        """Groups of identical vehicles: same depot, capacity and battery."""
         model, groups = self.model, dict[Any, list[int]]()
         for k in range(model.vehicles):
             limits = (None if a is None else float(a[k]) for a in (model.capacity, model.battery))
@@ -114,7 +127,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     @property
     def _spreads(self) -> list[tuple[str, float, float]]:
-        """The columns of deviation and variance that the model needs: name, cost and upper bound."""
+        """Columns of deviation and variance that the model needs: name, cost and upper bound."""
         model, unit = self.model, self.unit
         squared = model.objective is Objective.VARIANCE
         spreads = []
@@ -127,14 +140,14 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     @cached_property
     def cuts(self) -> tuple[Cut, ...]:
-        """The subtour cuts that are held."""
+        """Subtour cuts of the program."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds, _WORK)
+        return add_root_cuts(self._build, self._separate, self.root_rounds, _WORK)
 
     @cached_property
     def tangents(self) -> tuple[tuple[float, ...], ...]:
-        """The lengths of routes at which the program has a tangent of their deviation or variance."""
+        """Vectors of route lengths at which the deviation or variance has a tangent row."""
         m = self.model.vehicles
         if not self._spreads or m < 2:
             return ()
@@ -145,10 +158,10 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return (*ways, *self._more)
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module."""
-        return self._posed(self.cuts)
+        """Return the program described in the module's docstring."""
+        return self._build(self.cuts)
 
-    def _posed(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
+    def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
         model, b = self.model, ProgramBuilder()
         x, y, lengths = self._route_rows(b)
         self._order_rows(b, y)
@@ -167,7 +180,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return b.build(name=f"{model.name}:three-index" if model.name else "three-index")
 
     def _route_rows(self, b: ProgramBuilder) -> tuple[Indices, Indices, Indices]:
-        """Write the routes' edges, nodes and lengths; return their columns."""
+        """Add columns and rows of edges, nodes and route lengths; return the columns."""
         model, edges = self.model, self._edges
         m, n, size = model.vehicles, edges.customers, edges.size
         tails, heads = edges.ends
@@ -223,7 +236,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return x, y, loads
 
     def _order_rows(self, b: ProgramBuilder, y: Indices) -> None:
-        """Rank vehicles that nothing tells apart by the first node of each."""
+        """Add rows that order identical vehicles by the first-ranked node of each."""
         order = np.argsort(self._ranks)
         n = order.size
         after, before = np.nonzero(np.tri(n, k=-1, dtype=bool))
@@ -236,7 +249,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
                 )  # fmt: skip
 
     def _limit_rows(self, b: ProgramBuilder, y: Indices, loads: Indices) -> None:
-        """Write the limits, and what of the lengths is minimised."""
+        """Add the rows of the limits and of the objective."""
         model, unit = self.model, self.unit
         each = np.arange(model.vehicles)
         if model.capacity is not None:
@@ -285,14 +298,14 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     @property
     def _extremes(self) -> list[tuple[str, float]]:
-        """The columns of the longest and the shortest length that are needed, with their senses."""
+        """Columns of the longest and shortest route length that the model needs, with signs."""
         model = self.model
         if model.objective is Objective.RANGE or model.range_limit is not None:
             return [("longest", 1.0), ("shortest", -1.0)]
         return [("longest", 1.0)] if model.objective in _LONGEST else []
 
     def _slope(self, name: str, loads: tuple[float, ...]) -> Floats:
-        """Return the gradient of the deviation or of the variance."""
+        """Return the gradient of the deviation or variance at `loads`, shape (vehicles,)."""
         away = np.array(loads) - np.mean(loads)
         if name == "variance":
             return np.asarray(2.0 * away / len(loads))
@@ -300,30 +313,32 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         slope: Floats = away / (np.sqrt(share) * np.linalg.norm(away))
         return slope
 
-    def _missed(self, point: Floats) -> Iterator[Cut]:
-        """Yield cuts that a point of the relaxation breaks."""
+    def _separate(self, point: Floats) -> Iterator[Cut]:
+        """Yield cuts that a point of the relaxation violates."""
         edges, m = self._edges, self.model.vehicles
         n = edges.customers
         used = point[: m * edges.size].reshape(m, -1)
         visited = point[used.size : used.size + m * n].reshape(m, n)
         together = used.sum(axis=0)
-        aside = isolated(edges, together)
-        yield from map(Cut, aside)
-        if not aside:
-            for members, _ in weak_sets(edges, together, np.ones(n)):
+        subtours = find_isolated_sets(edges, together)
+        yield from map(Cut, subtours)
+        if not subtours:
+            for members, _ in find_weak_sets(edges, together, np.ones(n)):
                 yield Cut(members)
         for k in range(m):
-            for members, node in weak_sets(edges, used[k], visited[k]):
+            for members, node in find_weak_sets(edges, used[k], visited[k]):
                 yield Cut(members, k, node)
 
     def refined(
         self, point: Floats, tolerance: float, duals: Floats | None = None
     ) -> ThreeIndexFormulation | None:
-        """Return the formulation that also has the cuts and the tangent that `point` misses."""
+        """Return the formulation with the cuts and tangent that `point` violates; None without any."""
         edges, model = self._edges, self.model
         m = model.vehicles
         used = np.rint(point[: m * edges.size]).reshape(m, -1)
-        cuts = grown(self.cuts, (Cut(s) for one in used for s in isolated(edges, one)))
+        cuts = merge_cuts(
+            self.cuts, (Cut(s) for one in used for s in find_isolated_sets(edges, one))
+        )
         more = self._more
         loads = (used * self._lengths).sum(axis=1)
         rounding = _ROUNDING * float(loads.max())
@@ -340,13 +355,13 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
                 more = (*more, way)
         if len(cuts) == len(self.cuts) and len(more) == len(self._more):
             return None
-        finer = replace(self)
-        object.__setattr__(finer, "_added", cuts)
-        object.__setattr__(finer, "_more", more)
-        return finer
+        refinement = replace(self)
+        object.__setattr__(refinement, "_added", cuts)
+        object.__setattr__(refinement, "_more", more)
+        return refinement
 
     def encode(self, plan: FleetPlan) -> Floats:
-        """Return the columns of a plan; routes of vehicles that nothing tells apart may be exchanged."""
+        """Return the columns of `plan`; routes of identical vehicles may be exchanged."""
         required("plan", plan, FleetPlan)
         model, edges = self.model, self._edges
         m, n = model.vehicles, edges.customers
@@ -359,11 +374,11 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
                     raise InvalidData(
                         f"routes[{k}][{stop}] must be a node to visit, got {node}", field="routes"
                     )
-        given = [[place[node] for node in route] for route in plan.routes]
+        positions = [[place[node] for node in route] for route in plan.routes]
         routes: list[list[int]] = [[]] * m
         for group in self._groups:
             ranked = sorted(
-                (given[k] for k in group), key=lambda r: min((int(self._ranks[i]) for i in r), default=n)
+                (positions[k] for k in group), key=lambda r: min((int(self._ranks[i]) for i in r), default=n)
             )  # fmt: skip
             for k, stops in zip(group, ranked, strict=True):
                 routes[k] = stops
@@ -379,23 +394,23 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return np.concatenate(parts)
 
     def _spread(self, name: str, loads: Floats) -> float:
-        """Return the deviation or the variance of the lengths of the routes, in units of the program."""
+        """Return the deviation or variance of the route lengths, in the program's unit."""
         return variance_of(loads) if name == "variance" else deviation_of(self.model, loads)
 
     def decode(self, point: Floats) -> FleetPlan:
-        """Return the routes that the used edges make; edges that miss the depot raise."""
+        """Return the routes formed by the used edges; raise for edges that miss the depot."""
         edges, model = self._edges, self.model
         m = model.vehicles
-        held = Array((self.program.size,)).coerce("point", point, {})
+        values = Array((self.program.size,)).coerce("point", point, {})
         routes = []
-        for k, used in enumerate(held[: m * edges.size].reshape(m, -1)):
-            found = edges.routes(used)
-            if len(found) > 1:
-                raise InvalidData(f"point: vehicle {k} has {len(found)} routes", field="point")
-            routes.append(tuple(model.customers[found[0]].tolist()) if found else ())
+        for k, used in enumerate(values[: m * edges.size].reshape(m, -1)):
+            parts = edges.routes(used)
+            if len(parts) > 1:
+                raise InvalidData(f"point: vehicle {k} has {len(parts)} routes", field="point")
+            routes.append(tuple(model.customers[parts[0]].tolist()) if parts else ())
         return FleetPlan(tuple(routes))
 
     def statistics(self, plan: FleetPlan) -> dict[str, float | int | str]:
-        """Return how many cuts and tangents are held."""
+        """Return the number of subtour cuts, and of tangents."""
         counts: dict[str, float | int | str] = {"subtour cuts": len(self.cuts)}
         return {**counts, "tangents": len(self.tangents)} if self._spreads else counts

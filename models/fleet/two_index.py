@@ -1,8 +1,8 @@
-"""The program of least total length in two indices: which edges are used, by no matter whom.
+"""Two-index program of minimum total length: edges without vehicles.
 
-Routes from one depot that nothing tells apart are edges x_ij, each 0 or 1, and at the depot 0, 1 or
-2, twice for a route to one node alone. Two edges meet at each node, 2 k at the depot for k routes, and
-no set of nodes is left aside: x(E(S)) <= (nodes of S) - 1, of which only what is missed is held.
+Routes of identical vehicles from one depot are edges x_ij, each 0 or 1, and 0, 1 or 2 at the depot
+(2 for a route to a single node). Two edges meet at each node, and 2 k at the depot for k routes.
+Subtours are excluded by x(E(S)) <= |S| - 1 for every set S of nodes; violated cuts are added lazily.
 Source: the vehicle-flow program of G. Laporte and Y. Nobert, "A cutting planes algorithm for the
 m-salesmen problem", Journal of the Operational Research Society 31, 1980; eq. 15 is the objective.
 """
@@ -22,7 +22,15 @@ from ..fields import Array, required
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .cuts import Cut, Edges, check_rounds, grown, isolated, strengthened, weak_sets
+from .cuts import (
+    Cut,
+    Edges,
+    add_root_cuts,
+    check_rounds,
+    find_isolated_sets,
+    find_weak_sets,
+    merge_cuts,
+)
 from .data import Objective
 from .model import FleetRouting
 from .plan import FleetPlan
@@ -37,20 +45,23 @@ _WORK = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
-    """Edges without vehicles, and subtour cuts: those of the root, and what solutions break.
+    """Program of edges without vehicles, with subtour cuts added at the root and lazily.
 
     Parameters
     ----------
     model : FleetRouting
-        The objective "sum" of symmetric distances, one depot, and no limit but a budget.
+        Model with the objective "sum", symmetric distances, one depot and no limit except a budget.
     root_rounds : int
-        Linear programs solved beforehand for the cuts that the root needs; 0 leaves all cuts to
-        what solutions break.
+        Maximum number of linear programs solved in advance to find root cuts. With 0, cuts are
+        added only for solutions that violate them.
 
     Raises
     ------
     UnsupportedFormulation
-        The model tells vehicles apart, or its distances depend on the direction.
+        The vehicles of the model differ, the distances are asymmetric, or the objective or a limit
+        is not covered.
+    UnsupportedOption
+        `root_rounds` is not a whole number >= 0.
     """
 
     root_rounds: int = 100
@@ -72,8 +83,8 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
             "deviation_limit": model.deviation_limit is not None,
             "range_limit": model.range_limit is not None,
         }
-        for what, found in reasons.items():
-            if found:
+        for what, applies in reasons.items():
+            if applies:
                 raise UnsupportedFormulation(
                     f"formulation {self.name!r} does not cover {what}: 'three-index' does"
                 )
@@ -89,16 +100,16 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     @cached_property
     def cuts(self) -> tuple[Cut, ...]:
-        """The cuts that are held."""
+        """Subtour cuts of the program."""
         if self._added is not None:
             return self._added
-        return strengthened(self._posed, self._missed, self.root_rounds, _WORK)
+        return add_root_cuts(self._build, self._separate, self.root_rounds, _WORK)
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module."""
-        return self._posed(self.cuts)
+        """Return the program described in the module's docstring."""
+        return self._build(self.cuts)
 
-    def _posed(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
+    def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
         model, edges = self.model, self._edges
         n, labels = edges.customers, self._nodes
         tails, heads = edges.ends
@@ -130,28 +141,30 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         )  # fmt: skip
         return b.build(name=f"{model.name}:two-index" if model.name else "two-index")
 
-    def _missed(self, point: Floats) -> Iterator[Cut]:
-        """Yield cuts that a point of the relaxation breaks."""
+    def _separate(self, point: Floats) -> Iterator[Cut]:
+        """Yield cuts that a point of the relaxation violates."""
         edges, used = self._edges, point[: self._edges.size]
-        aside = isolated(edges, used)
-        if not aside:
-            aside = [members for members, _ in weak_sets(edges, used, np.ones(edges.customers))]
-        yield from map(Cut, aside)
+        subtours = find_isolated_sets(edges, used)
+        if not subtours:
+            subtours = [
+                members for members, _ in find_weak_sets(edges, used, np.ones(edges.customers))
+            ]
+        yield from map(Cut, subtours)
 
     def refined(
         self, point: Floats, tolerance: float, duals: Floats | None = None
     ) -> TwoIndexFormulation | None:
         """Return the formulation that cuts off the routes of `point` that miss the depot."""
-        aside = isolated(self._edges, np.rint(point[: self._edges.size]))
-        cuts = grown(self.cuts, map(Cut, aside))
+        subtours = find_isolated_sets(self._edges, np.rint(point[: self._edges.size]))
+        cuts = merge_cuts(self.cuts, map(Cut, subtours))
         if len(cuts) == len(self.cuts):
             return None
-        finer = replace(self)
-        object.__setattr__(finer, "_added", cuts)
-        return finer
+        refinement = replace(self)
+        object.__setattr__(refinement, "_added", cuts)
+        return refinement
 
     def encode(self, plan: FleetPlan) -> Floats:
-        """Return how often each edge is used, and the number of routes."""
+        """Return how often `plan` uses each edge, followed by the number of routes."""
         required("plan", plan, FleetPlan)
         place = {node: k for k, node in enumerate(self._nodes[:-1].tolist())}
         for k, route in enumerate(plan.routes):
@@ -164,13 +177,13 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return np.append(used, sum(bool(route) for route in plan.routes))
 
     def decode(self, point: Floats) -> FleetPlan:
-        """Return the routes that the used edges make; edges that miss the depot raise."""
-        held = Array((self._edges.size + 1,)).coerce("point", point, {})
-        found = self._edges.routes(held[:-1])
-        routes = [tuple(self._nodes[route].tolist()) for route in found]
+        """Return the routes formed by the used edges; raise for edges that miss the depot."""
+        values = Array((self._edges.size + 1,)).coerce("point", point, {})
+        routes_found = self._edges.routes(values[:-1])
+        routes = [tuple(self._nodes[route].tolist()) for route in routes_found]
         idle = self.model.vehicles - len(routes)
         return FleetPlan((*routes, *[()] * max(idle, 0)))
 
     def statistics(self, plan: FleetPlan) -> dict[str, float | int | str]:
-        """Return how many cuts are held."""
+        """Return the number of subtour cuts."""
         return {"subtour cuts": len(self.cuts)}

@@ -1,4 +1,4 @@
-"""A mission in motion, and the field that it happens on."""
+"""Animation of a mission, and its background of obstacles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..plots.options import check_frames
 from ..plots.routes import draw_routes
 from ..plots.space import dots
 from ..plots.style import BLACK, DARK, GREY, axis_style, key, legend_row
-from .drawn import sampled
+from .drawn import sample_times
 from .model import FleetMission
 from .plan import MissionPlan
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 __all__ = ["animate_mission", "draw_field"]
 
-#: Colour of what is nearer to an obstacle than a robot's radius.
+#: Colour of the area closer to an obstacle than a robot's radius.
 _NEAR = "#ececec"
 
 
 def draw_field(axes: Any, model: FleetMission, scale: float) -> list[Any]:
-    """Draw the obstacles, what is too near to them and the bounds; return entries of a legend."""
+    """Draw the obstacles, their safety margin and the bounds; return legend entries."""
     import shapely
     from matplotlib.patches import Rectangle
 
@@ -56,46 +56,47 @@ def animate_mission(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> FuncAnimation:
-    """Return the mission in motion: the robots as large as they are, and their ways so far.
+    """Animate a mission: the robots to scale, and their paths so far.
 
     Parameters
     ----------
     model : FleetMission
         The model.
     plan : MissionPlan or Solution
-        A plan for it.
+        A plan for the model.
     frames : int
-        Number of pictures, at least 2.
+        Number of frames, at least 2.
     interval : float
-        Time from one to the next, ms.
+        Time between frames, ms.
     title : str, optional
-        Instead of the name.
+        Title; by default the name.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.animation.FuncAnimation
-        Tied to no window: ``animate_mission(model, plan).save("mission.gif", writer="pillow")``;
-        ``to_jshtml()`` returns a page.
+        The animation, independent of any window. Save it with
+        ``animate_mission(model, plan).save("mission.gif", writer="pillow")``; ``to_jshtml()`` returns
+        a page.
 
     Raises
     ------
     InvalidData
-        The plan is none of a mission, or names a node that does not exist.
+        The plan is not a mission plan, or names a node that does not exist.
     UnsupportedOption
-        An option has a value that is not allowed.
+        An option has an invalid value.
     """
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle
 
     check_frames(frames, interval)
     plan = required("plan", model.as_plan(plan), MissionPlan)
-    model.verify(plan)  # raises where a route names no node
+    model.verify(plan)  # raises for nodes that do not exist
     flown = [one for one in plan.trajectories if one is not None]
     robots = [k for k, one in enumerate(plan.trajectories) if one is not None]
     looks = [axis_style(k)["color"] for k in robots]
-    curves = [(sampled(one), one(sampled(one))) for one in flown]
+    curves = [(sample_times(one), one(sample_times(one))) for one in flown]
     times = np.linspace(0.0, plan.end, frames)
     visited = np.full(len(model.nodes), np.inf)
     faces = [DARK] * len(model.nodes)
@@ -126,7 +127,7 @@ def animate_mission(
     dots(axes, model.depot[None] * scale, "s", "white", size=46, edge=BLACK, width=1.4, zorder=5)
     bodies = PatchCollection([], facecolors=looks, edgecolors=BLACK, lw=0.8, zorder=8, gid="robot")
     axes.add_collection(bodies, autolim=False)
-    # A robot smaller than this could not be seen.
+    # Smaller discs would be invisible.
     reach = max(model.radius * scale, 0.011 * float(np.ptp(axes.get_xlim())))
     keys += [key("to visit", marker="o", mfc="white", mec=BLACK, ms=5)]
     keys += [key("visited", marker="o", color=DARK, ms=5)]
@@ -141,7 +142,7 @@ def animate_mission(
             way.set_data(*(done * scale).T if time >= one.times[0] else ([], []))
             discs.append(Circle((here[0] * scale, here[1] * scale), reach))
         bodies.set_paths(discs)
-        # What rounding puts after the visit is visited at it.
+        # The tolerance absorbs rounding of frame times at a visit.
         met = visited <= time + 1e-9 * plan.end
         nodes.set_facecolor(
             [face if done else "white" for face, done in zip(faces, met, strict=True)]

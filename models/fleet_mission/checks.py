@@ -1,7 +1,7 @@
-"""The independent check of a mission, end to end: of the curves in time, against the polygons.
+"""Independent check of a mission: the curves over time against the polygons.
 
-It shares nothing with planners: no grid is used. Distances are shapely's, and what is said of a
-curve is proven for all of it, by the hulls of pieces that are halved until they are decided.
+The check shares no code with the planners and uses no grid. Distances are computed by shapely. Each
+property is proven for the whole curve by convex hulls of pieces, which are bisected until decided.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ __all__ = ["verify_mission"]
 
 Floats = NDArray[np.float64]
 
-#: Digits that coordinates leave of a position.
+#: Relative rounding error of positions.
 DIGITS = 1e-13
-#: Share of the tolerance of a distance that the search for the least distance may leave open.
+#: Accuracy of the search for the least distance, as a share of the distance tolerance.
 SEARCHED = 0.01
-#: Units in the last place of the terms of a derivative at a knot that its rounding may reach.
+#: Relative rounding error of a derivative at a knot, with respect to its terms.
 ULPS = 16 * float(np.finfo(float).eps)
-#: Greatest derivatives of the polynomial of degree 7 that steps from rest to rest in a unit of time.
+#: Largest derivatives of the unit rest-to-rest step, a polynomial of degree 7 on a unit of time.
 STEPS = (1.0, 35.0 / 16.0, 7.52, 52.5)
 
 
 class Worst:
-    """The violation that uses up most of its tolerance, of many that one check is about."""
+    """Largest violation of one check, relative to its tolerance."""
 
     def __init__(self, name: str, unit: str, tolerance: float, equation: str = "") -> None:
         self.name, self.unit, self.tolerance, self.equation = name, unit, tolerance, equation
@@ -49,14 +49,14 @@ class Worst:
     def add(
         self, values: Any, where: Any, scale: Any, noise: Any = 0.0, limit: float | None = None
     ) -> None:
-        """Take note of violations; `where` is a function of an index, or a text."""
+        """Add violations; `where` is a text or a function of the index."""
         value, scales, noises = np.broadcast_arrays(
             np.atleast_1d(np.asarray(values, float)), scale, noise
         )
         if not value.size:
             return
         share = np.maximum(value, 0.0) / np.maximum(self.tolerance * scales + noises, 1e-300)
-        share = np.where(np.isnan(share), np.inf, share)  # what is no number is worst of all
+        share = np.where(np.isnan(share), np.inf, share)  # NaN is the largest violation
         k = int(np.argmax(share))
         if share[k] > self.share:
             worst = float(value[k])
@@ -68,7 +68,7 @@ class Worst:
             )  # fmt: skip
 
     def check(self) -> Check:
-        """Return the check."""
+        """Return the check of the largest violation."""
         worst, scale, noise, where, limit = self.found
         return Check.scaled(
             self.name, self.equation, worst, self.unit, where, self.tolerance, scale, noise=noise,
@@ -77,14 +77,14 @@ class Worst:
 
 
 def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> Verification:
-    """Return the objective of `plan` and every constraint of `model`."""
+    """Compute the objective of `plan` and check every constraint of `model`."""
     check_tolerance(tolerance)
     required("plan", plan, MissionPlan)
     for k, route in enumerate(plan.routes):
         for stop, node in enumerate(route):
             if not 0 <= node < len(model.nodes):
                 raise InvalidData(
-                    f"routes[{k}][{stop}] must lie in 0 … {len(model.nodes) - 1}, got {node}",
+                    f"routes[{k}][{stop}] must be in 0 … {len(model.nodes) - 1}, got {node}",
                     field="routes",
                 )
     flown = [(k, one) for k, one in enumerate(plan.trajectories) if one is not None]
@@ -102,9 +102,9 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
     loads = np.zeros(model.vehicles)
     for k, one in flown:
         loads[k] = lengths_of(one).sum()
-    # A range of nearly equal lengths is held against the lengths.
+    # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective == "range" else 0.0
-    # Objective, q and deviation are fields of both models, and no more is read.
+    # Only objective, q and deviation are read, which are fields of both models.
     objective = objective_of(model, loads)  # type: ignore[arg-type]
     return Verification(objective, tuple(checks), scale=scale)
 
@@ -113,11 +113,11 @@ def _counts(model: MissionData, plan: MissionPlan) -> Iterator[Check]:
     def count(name: str, number: int, where: str) -> Check:
         return Check(name, "", float(number), "", 0.0, where, 0.0)
 
-    met = np.bincount(
+    visits = np.bincount(
         np.array([node for route in plan.routes for node in route], int),
         minlength=len(model.nodes),
     )
-    wrong = np.flatnonzero(met != 1)
+    wrong = np.flatnonzero(visits != 1)
     empty = [k for k, route in enumerate(plan.routes) if not route]
     lacking = [
         k for k, (r, t) in enumerate(zip(plan.routes, plan.trajectories, strict=True))
@@ -132,23 +132,26 @@ def _counts(model: MissionData, plan: MissionPlan) -> Iterator[Check]:
 
 
 def _digits(model: MissionData) -> float:
-    """Return what rounding leaves of a position, m."""
+    """Return the rounding error of a position, m."""
     return DIGITS * float(np.abs(model.bounds).max())
 
 
 def _places(
     model: MissionData, plan: MissionPlan, flown: list[tuple[int, Trajectory]], tolerance: float
 ) -> Iterator[Check]:
-    """Yield the checks of nodes passed in their order, and of both ends."""
+    """Yield the checks of visit times and positions, and of both ends."""
     noise = _digits(model)
-    # The time for a cell at the lower limit of velocity.
+    # Time scale: one cell at the velocity scale of the other checks.
     pause = _scale(model, 0) / _scale(model, 1)
     passed = Worst("nodes passed at their times", "m", tolerance, "24")
     late = Worst("visits in order", "s", tolerance)
     ends = Worst("begins and ends at the depot", "m", tolerance)
     rest = [
         Worst(
-            f"{derivative_name(j)} 0 at both ends", derivative_unit(j), tolerance, _printed("23", j)
+            f"{derivative_name(j)} 0 at both ends",
+            derivative_unit(j),
+            tolerance,
+            _equation_number("23", j),
         )
         for j in range(1, model.continuity + 1)
     ]
@@ -183,25 +186,25 @@ def _places(
     yield from (one.check() for one in (passed, late, ends, *rest))
 
 
-def _printed(equation: str, order: int) -> str:
-    """Return the number of an equation of the paper, empty for the jerk, which the paper leaves free."""
+def _equation_number(equation: str, order: int) -> str:
+    """Return the equation number, empty for the jerk, which the paper does not constrain."""
     return equation if order <= 2 else ""
 
 
 def _scale(model: MissionData, order: int) -> float:
-    """Return what a derivative is held against: the limits, and for a jerk what follows from them."""
+    """Return the scale of a derivative: cell, velocity limit, acceleration limit, or derived jerk."""
     speed, push = float(model.velocity_limit.min()), float(model.acceleration_limit.min())
     return (model.cell, speed, push, push * push / speed)[order]
 
 
 def _noise(one: Trajectory, order: int) -> Floats:
-    """Return what the coefficients can hold of a derivative at knots, shape (segments, 2)."""
+    """Return the rounding error of a derivative at knots, shape (segments, 2)."""
     if order > one.degree:
         return np.zeros((one.segments, 2))
     sizes = np.einsum(
         "p,kpd->kd", factorials(one.degree, order), np.abs(one.coefficients[:, order:])
     )
-    # The last digits of positions are steps, which smooth curves follow.
+    # Rounding steps in positions cause derivatives of smooth curves.
     sizes += STEPS[order] * np.abs(one.coefficients[:, 0])
     return np.asarray(ULPS * sizes * (one.durations**-order)[:, None])
 
@@ -212,19 +215,19 @@ def _knots(
     """Yield the checks of jumps at knots, from the position to the derivative `continuity`."""
     for order in range(model.continuity + 1):
         name, unit = f"continuity of {derivative_name(order)}", derivative_unit(order)
-        found = Worst(name, unit, tolerance, _printed("25", order))
+        worst = Worst(name, unit, tolerance, _equation_number("25", order))
         for k, one in flown:
             begin, end = one.at_ends(order)
             own = _noise(one, order)
             jump = np.abs(end[:-1] - begin[1:])
             scale: Any = _scale(model, order)
             if order == 3:
-                # Jerk has no limit: what it is at the knot counts, and little of what it is elsewhere.
+                # Jerk has no limit: its scale is the value at the knot, and 1 % of the largest value.
                 at_knot = np.maximum(np.abs(end[:-1]), np.abs(begin[1:]))
                 scale = np.maximum(at_knot, 1e-2 * np.abs(begin).max(axis=0))
                 scale = np.broadcast_to(np.minimum(scale, _scale(model, 3) * 1e3), jump.shape)
                 scale = scale.ravel()
-            found.add(
+            worst.add(
                 jump.ravel(),
                 lambda s, k=k, one=one: (
                     f"robot {k}, knot {s // 2 + 1} (t = {one.times[s // 2 + 1]:.6g} s)"
@@ -232,51 +235,54 @@ def _knots(
                 scale,
                 (own[:-1] + own[1:]).ravel() + (_digits(model) if order == 0 else 0.0),
             )
-        yield found.check()
+        yield worst.check()
 
 
 def _limits(
     model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float
 ) -> Iterator[Check]:
-    """Yield the checks of velocity and acceleration, at their exact extremes."""
+    """Yield the checks of the velocity and acceleration limits at exact extremes."""
     for order, limits in ((1, model.velocity_limit), (2, model.acceleration_limit)):
         name = derivative_name(order)
-        found = Worst(f"{name} within its limit", derivative_unit(order), tolerance)
+        worst = Worst(f"{name} within its limit", derivative_unit(order), tolerance)
         for k, one in flown:
             extremes = one.extremes(order)
             sizes = np.maximum(-extremes.least, extremes.largest)
             late = extremes.largest >= -extremes.least
             times = np.where(late, extremes.largest_time, extremes.least_time)
-            over = sizes - limits
-            row = np.nanargmax(over / limits, axis=0) if np.isfinite(over).any() else [0, 0]
+            excess = sizes - limits
+            row = np.nanargmax(excess / limits, axis=0) if np.isfinite(excess).any() else [0, 0]
             for axis in (0, 1):
                 s = int(row[axis])
-                found.add(
-                    over[s, axis], f"robot {k}, axis {axis} (t = {times[s, axis]:.6g} s)",
+                worst.add(
+                    excess[s, axis], f"robot {k}, axis {axis} (t = {times[s, axis]:.6g} s)",
                     float(limits[axis]), 0.0, float(limits[axis]),
                 )  # fmt: skip
-        yield found.check()
+        yield worst.check()
 
 
 def _inside(model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float) -> Check:
-    """Return the check that the curves keep to the bounds, at their exact extremes."""
-    found = Worst("inside the bounds", "m", tolerance)
+    """Return the check that the curves stay inside the bounds, at exact extremes."""
+    worst = Worst("inside the bounds", "m", tolerance)
     low, high = model.bounds[:2], model.bounds[2:]
     for k, one in flown:
         extremes = one.extremes(0)
-        over = np.maximum(low - extremes.least, extremes.largest - high)
-        found.add(
-            over.ravel(), lambda s, k=k: f"robot {k}, segment {s // 2}", model.cell, _digits(model)
+        excess = np.maximum(low - extremes.least, extremes.largest - high)
+        worst.add(
+            excess.ravel(),
+            lambda s, k=k: f"robot {k}, segment {s // 2}",
+            model.cell,
+            _digits(model),
         )
-    return found.check()
+    return worst.check()
 
 
 def _collision(model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float) -> Check:
-    """Return the check of the distance that the curves keep from the obstacles."""
-    found = Worst("radius away from obstacles", "m", tolerance)
+    """Return the check of the distance between curves and obstacles."""
+    worst = Worst("radius away from obstacles", "m", tolerance)
     slack = tolerance * model.cell + _digits(model)
     if not flown:
-        return found.check()
+        return worst.check()
     depth, robot, time, place = deepest(
         [pieces_of(one, k) for k, one in flown], model.solids, model.radius, slack, model.cell
     )
@@ -285,27 +291,27 @@ def _collision(model: MissionData, flown: list[tuple[int, Trajectory]], toleranc
         if depth > 0
         else ""
     )
-    found.add(depth, where, model.cell, _digits(model), model.radius or None)
-    return found.check()
+    worst.add(depth, where, model.cell, _digits(model), model.radius or None)
+    return worst.check()
 
 
 def _separation(model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float) -> Check:
-    """Return the check of the distances of robots under way; only reported if none is required.
+    """Return the check of the distance between robots under way; a report only for separation 0.
 
-    A robot waits in the depot's queue before its departure and after its return, off the map. There
-    is no other exemption.
+    Before its departure and after its return a robot waits in the depot's queue, off the map. This
+    is the only exemption.
     """
     required_ = model.separation > 0
     name = "distance between robots" if required_ else "separation not required"
-    found = Worst(name, "m", tolerance)
-    # The search may overestimate the distance by its slack, which adds to the tolerance.
+    worst = Worst(name, "m", tolerance)
+    # The search error adds to the tolerance, so it must be much smaller.
     slack = SEARCHED * (tolerance * model.cell + _digits(model))
-    near = nearest([one for _, one in flown], slack)
+    closest = nearest([one for _, one in flown], slack)
     where = "never two under way at one time"
-    if np.isfinite(near.distance):
-        a, b = (flown[k][0] for k in near.pair)
-        where = f"robots {a} and {b} (t = {near.time:.6g} s), {near.distance:.6g} m apart"
+    if np.isfinite(closest.distance):
+        a, b = (flown[k][0] for k in closest.pair)
+        where = f"robots {a} and {b} (t = {closest.time:.6g} s), {closest.distance:.6g} m apart"
     where += "; before departure and after return robots wait in the depot's queue"
-    over = max(model.separation - near.distance, 0.0)
-    found.add(over, where, model.cell, 2 * _digits(model), model.separation or None)
-    return found.check()
+    excess = max(model.separation - closest.distance, 0.0)
+    worst.add(excess, where, model.cell, 2 * _digits(model), model.separation or None)
+    return worst.check()

@@ -1,4 +1,4 @@
-"""How deep curves enter obstacles, or come nearer to them than a robot's radius."""
+"""Penetration depth of curves into obstacles enlarged by a robot's radius."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["Solids", "deepest"]
 
 Floats = NDArray[np.float64]
 
-#: Pieces at the most once a violation is known: the rest only says how deep it is.
+#: Maximum number of pieces after a violation is proven: further pieces only refine its depth.
 MOST = 20_000
-#: Halvings at the most.
+#: Maximum number of bisections.
 HALVINGS = 200
 
 
 class Solids:
-    """Obstacles as one set of polygons, none of which overlap.
+    """Obstacles as a union of disjoint polygons.
 
     Parameters
     ----------
@@ -39,31 +39,31 @@ class Solids:
         self.edges = shapely.boundary(self.parts)
 
     def depths(self, points: Floats, radius: float) -> Floats:
-        """Return by how much points, shape (n, 2), are nearer than `radius` to an obstacle, m.
+        """Return the penetration depth of points into obstacles enlarged by `radius`, m, shape (n,).
 
-        Within an obstacle, the distance to its edge counts besides. Negative where there is room.
+        Inside an obstacle, the distance to its edge is added. Negative values are clearances.
         """
         import shapely
 
         if not len(self.parts):
             return np.full(len(points), -np.inf)
         places = shapely.points(points)
-        (rows, hits), away = self.tree.query_nearest(
+        (rows, hits), distances = self.tree.query_nearest(
             places, return_distance=True, all_matches=False
         )
-        found = np.full(len(points), np.inf)  # what is nowhere is violated
-        found[rows] = radius - away
-        inside = np.flatnonzero(away == 0.0)
-        found[rows[inside]] += shapely.distance(places[rows[inside]], self.edges[hits[inside]])
-        return found
+        depths = np.full(len(points), np.inf)  # points with NaN are violations
+        depths[rows] = radius - distances
+        inside = np.flatnonzero(distances == 0.0)
+        depths[rows[inside]] += shapely.distance(places[rows[inside]], self.edges[hits[inside]])
+        return depths
 
     def forbidden(self, radius: float, slack: float) -> _Forbidden:
-        """Return what no point may be in, where it may be off by `slack`."""
+        """Return the forbidden region of points, reduced by `slack`."""
         return _Forbidden(self, radius, slack)
 
 
 class _Forbidden:
-    """Points that are nearer to obstacles than radius - slack, or deeper within them than that."""
+    """Region closer to obstacles than radius - slack; shrunk obstacles if that is negative."""
 
     def __init__(self, solids: Solids, radius: float, slack: float) -> None:
         import shapely
@@ -76,7 +76,7 @@ class _Forbidden:
             self.tree = shapely.STRtree(self.parts)
 
     def meets(self, geometries: Any) -> NDArray[np.int64]:
-        """Return which of the geometries meet it."""
+        """Return the indices of the geometries that intersect the region."""
         if self.reach > 0.0:
             rows = self.tree.query(geometries, predicate="dwithin", distance=self.reach)[0]
         else:
@@ -87,9 +87,10 @@ class _Forbidden:
 def deepest(
     curves: Sequence[Pieces], solids: Solids, radius: float, slack: float, cell: float
 ) -> tuple[float, int, float, tuple[float, float]]:
-    """Return by how much curves come nearer to obstacles than `radius`, and where.
+    """Return the largest penetration of curves into obstacles enlarged by `radius`, and its place.
 
-    A piece is safe where its hull is; else it is halved, until its chord is as good as the curve.
+    A piece is safe if its convex hull is. Other pieces are bisected until the chord approximates the
+    curve.
 
     Parameters
     ----------
@@ -98,16 +99,22 @@ def deepest(
     solids : Solids
         The obstacles.
     radius : float
-        Of the robots, m.
+        Radius of the robots, m.
     slack : float
-        What a curve may come nearer, m: more than that is found for certain.
+        Penetration that may remain undetected, m.
     cell : float
-        Lengths that are to be told apart, m: how deep a curve enters is said to a hundredth of it.
+        Length scale, m: the depth is accurate to a hundredth of it.
 
     Returns
     -------
-    depth, owner, time, place
-        0 and the first piece where all curves are safe.
+    depth : float
+        Largest penetration, m; 0 if all curves are safe.
+    owner : int
+        Curve with the largest penetration.
+    time : float
+        Its time, s.
+    place : (float, float)
+        Its position x, y, m.
     """
     import shapely
 
@@ -141,7 +148,7 @@ def deepest(
             last = pieces.take(small)
             chords = shapely.linestrings(last.control[:, [0, -1]])
             _meet(last, chords, solids, radius, note)
-        # What is violated already is only to be measured.
+        # After a violation is proven, only its depth is refined.
         wide = sizes > fine
         open_ = ~small & (wide | (depths <= slack))
         if best[0] > slack:
@@ -149,16 +156,16 @@ def deepest(
         pieces = pieces.take(open_)
         if best[0] > slack and len(pieces.times) > MOST:
             break
-        pieces = pieces.halved()
+        pieces = pieces.halve()
     return best
 
 
 def _meet(pieces: Pieces, chords: Any, solids: Solids, radius: float, note: Any) -> None:
-    """Note how deep the chords of pieces are, that are as good as straight."""
+    """Record the penetration depths of the chords of nearly straight pieces."""
     import shapely
 
-    away = solids.tree.query_nearest(chords, return_distance=True, all_matches=False)
-    (rows, hits), distance = away
+    nearest = solids.tree.query_nearest(chords, return_distance=True, all_matches=False)
+    (rows, hits), distance = nearest
     depths = radius - distance
     places = shapely.get_coordinates(shapely.line_interpolate_point(chords, 0.5, normalized=True))
     crossing = np.flatnonzero(distance == 0.0)

@@ -1,7 +1,7 @@
-"""Polynomial curves in pieces that shrink: their hulls, their lengths, how near two of them come.
+"""Subdivision of polynomial curves: convex hulls, lengths and least distances.
 
-A piece of a polynomial lies within the hull of its Bézier points, which comes nearer to the curve
-with the square of the piece's duration. Whatever is proven of the hulls holds for the curve.
+A piece of a polynomial is inside the convex hull of its Bézier points. The hull converges to the curve
+with the square of the piece's duration. A property proven for the hulls holds for the curve.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ __all__ = ["Near", "Pieces", "hulls_of", "lengths_of", "nearest", "pieces_of"]
 
 Floats = NDArray[np.float64]
 
-#: Nodes of the quadrature of a length, and how often a piece is halved at the most.
+#: Quadrature nodes of a length, and maximum number of bisections of a piece.
 NODES, HALVINGS = 16, 40
-#: Pieces at the most of a search for the least distance.
+#: Maximum number of pieces in a search for the least distance.
 MOST = 100_000
 
 
 class Pieces(NamedTuple):
-    """Pieces of curves.
+    """Pieces of polynomial curves in Bézier form.
 
     Parameters
     ----------
     control : ndarray, shape (n, degree + 1, 2)
         Bézier points, m.
     times : ndarray, shape (n, 2)
-        Where each begins and ends, s.
+        Start and end of each piece, s.
     owner : ndarray of int, shape (n,)
-        The curve, or pair of curves, that each is a piece of.
+        Index of the curve, or pair of curves, of each piece.
     """
 
     control: Floats
@@ -44,11 +44,11 @@ class Pieces(NamedTuple):
     owner: NDArray[np.int64]
 
     def take(self, rows: Any) -> Pieces:
-        """Return some of the pieces."""
+        """Return the pieces selected by `rows`."""
         return Pieces(self.control[rows], self.times[rows], self.owner[rows])
 
-    def halved(self) -> Pieces:
-        """Return both halves of each piece: all first ones, then all second ones."""
+    def halve(self) -> Pieces:
+        """Return both halves of each piece: all first halves, then all second halves."""
         left, right = _halving(self.control.shape[1] - 1)
         middle = self.times.mean(axis=1)
         return Pieces(
@@ -63,16 +63,16 @@ class Pieces(NamedTuple):
         )
 
     def middles(self) -> Floats:
-        """Return the points half-way, shape (n, 2)."""
+        """Return the points at half time, m, shape (n, 2)."""
         left, _ = _halving(self.control.shape[1] - 1)
         return np.asarray(left[-1] @ self.control)
 
     def sizes(self) -> Floats:
-        """Return the diameters of the boxes around the pieces, m, shape (n,)."""
+        """Return the diagonals of the bounding boxes, m, shape (n,)."""
         return np.asarray(np.hypot(*np.ptp(self.control, axis=1).T))
 
     def bends(self) -> Floats:
-        """Return how far each curve may be from its chord, m, shape (n,)."""
+        """Return a bound on the distance of each curve from its chord, m, shape (n,)."""
         share = np.linspace(0.0, 1.0, self.control.shape[1])[:, None]
         first, last = self.control[:, :1], self.control[:, -1:]
         off = self.control - (first + share * (last - first))
@@ -81,7 +81,7 @@ class Pieces(NamedTuple):
 
 @cache
 def _halving(degree: int) -> tuple[Floats, Floats]:
-    """Return the matrices that lead from Bézier points to those of the two halves."""
+    """Return the matrices that map Bézier points to those of the two halves."""
     left = np.array(
         [
             [math.comb(i, j) / 2.0**i if j <= i else 0.0 for j in range(degree + 1)]
@@ -101,24 +101,25 @@ def hulls_of(points: Floats) -> Any:
 
 
 def pieces_of(trajectory: Trajectory, owner: int = 0) -> Pieces:
-    """Return one piece a segment."""
+    """Return the pieces of a trajectory, one per segment."""
     times = np.stack([trajectory.times[:-1], trajectory.times[1:]], axis=1)
     return Pieces(trajectory.bezier(), times, np.full(trajectory.segments, owner))
 
 
 def lengths_of(trajectory: Trajectory, relative: float = 1e-12) -> Floats:
-    """Return the length of each segment, m, by quadrature of the speed on pieces that are halved.
+    """Return the length of each segment, m, by adaptive quadrature of the speed.
 
     Parameters
     ----------
     trajectory : Trajectory
         The curve.
     relative : float
-        Change by halving, relative to the whole length, at which a piece is halved no more.
+        Change by bisection, relative to the total length, at which a piece is accepted.
 
     Returns
     -------
     ndarray, shape (segments,)
+        Lengths, m.
     """
     nodes, weights = gauss_legendre(NODES)
     speed = derived(trajectory.coefficients, 1)
@@ -143,7 +144,7 @@ def lengths_of(trajectory: Trajectory, relative: float = 1e-12) -> Floats:
             return total
         begin, width = begin[rough], width[rough]
         coarse = np.concatenate([first[rough], second[rough]])
-        if row.size > MOST:  # digits that cancel, which no halving brings back
+        if row.size > MOST:  # cancellation prevents convergence
             break
         row, width = np.concatenate([row, row]), np.concatenate([width, width])
         begin = np.concatenate([begin, later])
@@ -152,16 +153,16 @@ def lengths_of(trajectory: Trajectory, relative: float = 1e-12) -> Floats:
 
 
 class Near(NamedTuple):
-    """Where two curves come nearest to one another.
+    """Closest approach of two curves.
 
     Parameters
     ----------
     distance : float
-        m; infinite where no two are under way at one time.
+        Least distance, m; infinite if no two robots are under way at the same time.
     time : float
-        s.
+        Time of the closest approach, s.
     pair : tuple of int
-        The curves.
+        Indices of the curves.
     """
 
     distance: float
@@ -172,8 +173,8 @@ class Near(NamedTuple):
 def _common(
     trajectories: list[Trajectory], pairs: NDArray[np.int64]
 ) -> tuple[Pieces, Pieces] | None:
-    """Return both curves of each pair in pieces that begin and end at the same times."""
-    found: list[list[Pieces]] = [[], []]
+    """Return both curves of each pair, split into pieces with common times; None without overlap."""
+    sides: list[list[Pieces]] = [[], []]
     degree = max(one.degree for one in trajectories)
     matrix = bernstein_matrix(degree)
     binomial = np.array(
@@ -188,7 +189,7 @@ def _common(
         if knots.size < 2:
             continue
         times = np.stack([knots[:-1], knots[1:]], axis=1)
-        for one, pieces in zip(both, found, strict=True):
+        for one, pieces in zip(both, sides, strict=True):
             index = np.searchsorted(one.times, times.mean(axis=1), "right") - 1
             index = np.clip(index, 0, one.segments - 1)
             long = one.durations[index]
@@ -199,16 +200,16 @@ def _common(
             moved = np.einsum("jk,njk,nkd->njd", binomial, s[:, None, None] ** lag, powers)
             moved *= width[:, None, None] ** np.arange(degree + 1)[:, None]
             pieces.append(Pieces(matrix @ moved, times, np.full(len(times), number)))
-    if not found[0]:
+    if not sides[0]:
         return None
     first, second = (
-        Pieces(*(np.concatenate(parts) for parts in zip(*side, strict=True))) for side in found
+        Pieces(*(np.concatenate(parts) for parts in zip(*side, strict=True))) for side in sides
     )
     return first, second
 
 
 def nearest(trajectories: list[Trajectory], slack: float) -> Near:
-    """Return how near any two robots come to one another while both are under way, and where.
+    """Return the closest approach of any two robots under way at the same time.
 
     Branch and bound in time: the hull of the Bézier points of a difference bounds it from below.
 
@@ -217,7 +218,7 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
     trajectories : list of Trajectory
         x, y (m) in time; before its first and after its last knot a robot is not under way.
     slack : float
-        By how much the least distance may be less than what is returned, m.
+        Accuracy: the least distance is at least the returned one minus `slack`, m.
     """
     import shapely
 
@@ -241,18 +242,18 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
                 one, other = pairs[first.owner[k]].tolist()
                 best = Near(float(distance[k]), float(times[k]), (one, other))
         between = first.control - second.control
-        # Boxes first, which cost little.
+        # Bounding boxes are cheap, so they are tested first.
         box = np.maximum(np.maximum(between.min(axis=1), -between.max(axis=1)), 0.0)
         open_ = np.flatnonzero(np.hypot(*box.T) < best.distance - slack)
         lower = shapely.distance(hulls_of(between[open_]), origin)
         open_ = open_[lower < best.distance - slack]
         long = first.times[open_, 1] - first.times[open_, 0]
-        # Two instants that floats cannot tell apart are one.
+        # Drop pieces whose duration is below floating-point resolution.
         size = np.abs(first.times[open_]).max(axis=1)
         open_ = open_[long > 1e-14 * np.maximum(size, 1e-300)]
         if open_.size > MOST:
             k = open_[int(np.argmin(np.hypot(*box[open_].T)))]
             one, other = pairs[first.owner[k]].tolist()
             return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (one, other))
-        first, second = first.take(open_).halved(), second.take(open_).halved()
+        first, second = first.take(open_).halve(), second.take(open_).halve()
     return best

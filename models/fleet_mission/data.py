@@ -1,4 +1,4 @@
-"""The data of a fleet's mission: obstacles, nodes, robots, limits, and what follows from them."""
+"""Data of a fleet mission: obstacles, nodes, robots, limits, and derived quantities."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ __all__ = ["MissionData"]
 
 Floats = NDArray[np.float64]
 
-#: Robots at the most: each may meet every other.
+#: Maximum number of robots, as the separation check compares all pairs.
 MOST = 200
 
 
 class EachAxis(Array):
-    """One number an axis, or one for both; > 0."""
+    """Array with one positive number per axis; a scalar applies to both."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        given = self._numbers(name, value)
-        found = super().coerce(name, np.full(2, given) if given.ndim == 0 else given, sizes)
-        self._refuse(name, found, found <= 0, "must be > 0")
-        return found
+        array = self._numbers(name, value)
+        numbers = super().coerce(name, np.full(2, array) if array.ndim == 0 else array, sizes)
+        self._refuse(name, numbers, numbers <= 0, "must be > 0")
+        return numbers
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MissionData(Declared):
-    """What :class:`~crosstrack.models.FleetMission` asks; the fields are said there."""
+    """Fields of :class:`~crosstrack.models.FleetMission`, documented there."""
 
     obstacles: tuple[Polygon, ...] = declared(Polygons())
     bounds: Floats = declared(Array((4,)))
@@ -64,9 +64,9 @@ class MissionData(Declared):
     # -- checks ----------------------------------------------------------------------------------
 
     def check(self) -> None:
-        """Refuse places where no robot can be, and nodes that none can reach."""
+        """Refuse places without room for a robot, and unreachable nodes."""
         if self.separation is None:
-            # Resolved here, so that a default and the same value written out are one content.
+            # Resolved here, so that the default and the same explicit value have the same digest.
             object.__setattr__(self, "separation", 2.0 * self.radius)
         if self.depot_radius is not None:
             warnings.warn(
@@ -106,10 +106,10 @@ class MissionData(Declared):
                 field=field,
             )
         regions = self._regions
-        found = regions[self.cells[:, 0], self.cells[:, 1]]
-        apart = np.flatnonzero(found != found[0])
-        if apart.size:
-            k = int(apart[0]) - 1
+        components = regions[self.cells[:, 0], self.cells[:, 1]]
+        cut_off = np.flatnonzero(components != components[0])
+        if cut_off.size:
+            k = int(cut_off[0]) - 1
             raise InvalidData(
                 f"nodes[{k}] (node {self.label(k)}) at {show(self.nodes[k].tolist())} cannot be "
                 f"reached from the depot by a robot of radius {self.radius:g} m over cells of "
@@ -123,7 +123,7 @@ class MissionData(Declared):
         within = np.asarray(self.solids.depths(points, 0.0) > 0)
         beyond = (points < self.bounds[:2]) | (points > self.bounds[2:])
         outside = np.asarray(beyond.any(axis=1))
-        # Contact counts as free, up to rounding.
+        # Contact is allowed; the tolerance absorbs rounding.
         near = np.asarray(depths > 1e-9 * self.cell)
         for k in np.flatnonzero(outside | within | near)[:1].tolist():
             field, name, place = places[k]
@@ -139,11 +139,11 @@ class MissionData(Declared):
                 )
             raise InvalidData(message, field=field)
 
-    # -- what follows from the data --------------------------------------------------------------
+    # -- derived quantities ----------------------------------------------------------------------
 
     @cached_property
     def map(self) -> GridMap:
-        """The cells that the obstacles leave free for a robot's centre."""
+        """Grid map whose free cells are safe for a robot's centre."""
         try:
             return GridMap.from_polygons(self.obstacles, self.bounds, self.cell, self.radius)
         except InvalidData as error:
@@ -157,29 +157,29 @@ class MissionData(Declared):
 
     @cached_property
     def solids(self) -> Solids:
-        """The obstacles as shapely's polygons, none of which overlap."""
+        """Obstacles as disjoint shapely polygons."""
         from .collision import Solids
 
         return Solids(as_shapely(self.obstacles))
 
     @cached_property
     def places(self) -> Floats:
-        """The depot and then the nodes, shape (n + 1, 2), m."""
+        """Positions of the depot and the nodes, m, shape (n + 1, 2)."""
         return frozen(np.concatenate([self.depot[None], self.nodes]))
 
     @cached_property
     def _regions(self) -> NDArray[np.signedinteger[Any]]:
-        """The number of the region of free cells that each cell is part of, 0 where it is blocked."""
+        """Connected component of each free cell, 0 for blocked cells."""
         from scipy.ndimage import label
 
-        # Without cutting corners, eight neighbours lead nowhere that four do not lead.
+        # Diagonal steps must not cut corners, so four neighbours give the same components as eight.
         return np.asarray(label(~self.map.blocked)[0])
 
     @cached_property
     def cells(self) -> NDArray[np.int64]:
         """Rows and columns of the cells of :attr:`places`, shape (n + 1, 2).
 
-        Of a place between cells it is a free one, and where possible one that the depot's leads to.
+        A place between cells gets a free cell, connected to the depot's cell if possible.
         """
         shifts = 1e-9 * np.array([(x, y) for x in (0.0, -1.0, 1.0) for y in (0.0, -1.0, 1.0)])
         beside = self.map.cells_of(self.places + self.cell * shifts[:, None])

@@ -1,4 +1,4 @@
-"""The plain data of a mission's picture: curves, what happens over time, and what is broken."""
+"""Data of a mission's figure: sampled curves, distances over time and violations."""
 
 from __future__ import annotations
 
@@ -13,21 +13,29 @@ from ..verification import Check, Verification
 from .model import FleetMission
 from .plan import MissionPlan
 
-__all__ = ["FAR", "apart_of", "broken_places", "missed_nodes", "owners_of", "sampled", "stops_of"]
+__all__ = [
+    "FAR",
+    "apart_of",
+    "broken_places",
+    "missed_nodes",
+    "owners_of",
+    "sample_times",
+    "stops_of",
+]
 
 Floats = NDArray[np.float64]
 
-#: Farther away nothing is drawn: an invalid plan may lead anywhere (m).
+#: Largest coordinate that is drawn, m, as an infeasible plan may lead anywhere.
 FAR = 1e100
-#: Instants of each segment at the least, and of a curve in all about.
+#: Minimum number of samples per segment, and approximate number per curve.
 _FEWEST, _POINTS = 9, 1500
-#: How a check says which robots it means, and when.
+#: Patterns of the robots and of the time in the text of a check.
 _WHO = re.compile(r"robots? (\d+)(?: and (\d+))?")
 _WHEN = re.compile(r"\(t = (\S+) s\)")
 
 
-def sampled(trajectory: Trajectory | None) -> Floats:
-    """Return instants that show a curve as it is, s, its knots among them."""
+def sample_times(trajectory: Trajectory | None) -> Floats:
+    """Return the sampling times of a curve, s, including its knots."""
     if trajectory is None:
         return np.empty(0)
     each = max(_FEWEST, _POINTS // trajectory.segments)
@@ -37,7 +45,7 @@ def sampled(trajectory: Trajectory | None) -> Floats:
 
 
 def stops_of(model: FleetMission, plan: MissionPlan) -> list[Floats]:
-    """Return the places of every route, the depot at both ends, m, each of shape (k, 2)."""
+    """Return the positions of every route, m, with the depot at both ends, each of shape (k, 2)."""
     home = model.depot[None]
     nodes = (model.nodes[list(route)].reshape(-1, 2) for route in plan.routes)
     return [np.concatenate([home, some, home]) if len(some) else some for some in nodes]
@@ -52,15 +60,15 @@ def owners_of(model: FleetMission, plan: MissionPlan) -> NDArray[np.int64]:
 
 
 def missed_nodes(model: FleetMission, plan: MissionPlan) -> Floats:
-    """Return the places of nodes that are in no route, or in several."""
+    """Return the positions of nodes not visited exactly once, m, shape (k, 2)."""
     listed = np.array([node for route in plan.routes for node in route], int)
     return np.asarray(model.nodes[np.bincount(listed, minlength=len(model.nodes)) != 1])
 
 
 def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:
-    """Return the least distance of two robots at each of `times`, m.
+    """Return the least distance of two robots under way at each of `times`, m.
 
-    Robots that are not under way do not count; NaN if less than two are.
+    The distance is NaN if fewer than two robots are under way.
     """
     places = np.full((len(plan.trajectories), len(times), 2), np.nan)
     for k, one in enumerate(plan.trajectories):
@@ -69,23 +77,23 @@ def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:
             places[k, under_way] = one(times[under_way])
     least = np.full(len(times), np.inf)
     for k in range(len(places) - 1):
-        apart = np.hypot(*np.moveaxis(places[k + 1 :] - places[k], -1, 0))
-        least = np.minimum(least, np.where(np.isnan(apart), np.inf, apart).min(axis=0))
-    # Where one more or one less counts, the least distance jumps: no line leads there.
+        distances = np.hypot(*np.moveaxis(places[k + 1 :] - places[k], -1, 0))
+        least = np.minimum(least, np.where(np.isnan(distances), np.inf, distances).min(axis=0))
+    # The least distance jumps when a robot departs or returns, so the line is interrupted.
     counted = np.isfinite(places[..., 0]).sum(axis=0)
     least[1:][np.diff(counted) != 0] = np.inf
     return np.where(np.isfinite(least), least, np.nan)
 
 
 def broken_places(plan: MissionPlan, found: Verification) -> Floats:
-    """Return where robots are when they break a rule the most, m, shape (k, 2)."""
+    """Return the positions of the robots at the largest violation of each check, m, shape (k, 2)."""
     places = [place for check in found.violated for place in _places_of(plan, check)]
     broken = np.array(places).reshape(-1, 2)
     return broken[(np.abs(broken) < FAR).all(axis=1)]
 
 
 def _places_of(plan: MissionPlan, check: Check) -> Iterator[Floats]:
-    """Yield where the robots are that a check names, at the time that it names, or at their ends."""
+    """Yield the positions of the robots named by a check, at its time or at their ends."""
     who, when = _WHO.search(check.where), _WHEN.search(check.where)
     for robot in map(int, filter(None, who.groups() if who else ())):
         one = plan.trajectories[robot] if robot < len(plan.trajectories) else None

@@ -1,4 +1,4 @@
-"""The whole mission of a fleet: from obstacles as polygons to trajectories that keep all limits.
+"""Mission of a fleet: trajectories among polygonal obstacles within all limits.
 
 Source: sections 2 and 3 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for
 Multirobot in Obstacle Environment", Wireless Communications and Mobile Computing, 2021.
@@ -24,12 +24,12 @@ __all__ = ["FleetMission"]
 class FleetMission(MissionData, Model[MissionPlan]):
     r"""Trajectories of m round robots that share the nodes among obstacles and balance their lengths.
 
-    Every robot leaves the depot from rest, passes its nodes and comes back to rest. Every node is
+    Every robot starts at rest at the depot, passes its nodes and returns to rest. Every node is
     passed once. The model minimises `objective` of the lengths L_k of the curves, by default
     :math:`\sum_k L_k + q s` with the standard deviation s of all L_k. The curves are piecewise
     polynomials. Their derivatives up to `continuity` are 0 at both ends and continuous at the knots;
-    eq. 23-25 of the paper ask for 2, the acceleration. The curves keep the robot's radius away from
-    all obstacles at every instant, and keep the limits of velocity and acceleration.
+    eq. 23-25 of the paper require 2, the acceleration. At every instant the curves keep a distance of
+    at least the radius from all obstacles and satisfy the limits of velocity and acceleration.
 
     Parameters
     ----------
@@ -37,23 +37,24 @@ class FleetMission(MissionData, Model[MissionPlan]):
         Each a ring of shape (k, 2), m, or ``{"shell": ring, "holes": [ring, …]}``; they may touch,
         overlap and nest.
     bounds : ndarray, shape (4,)
-        Least x and y, greatest x and y, m, of where the robots' centres may be.
+        Minimum x and y, maximum x and y of the robots' centres, m.
     nodes : ndarray, shape (n, 2)
-        x, y, m.
+        Positions x, y of the nodes, m.
     depot : ndarray, shape (2,)
-        x, y, m, of the begin and end of all routes. It is the gate of a queue: before its departure and
-        after its return a robot waits there, off the map, and takes no room.
+        Start and end x, y of all routes, m. The depot has a queue off the map: a robot waits there
+        before its departure and after its return and takes no room.
     vehicles : int
-        m, the number of robots; each has a node at least.
+        m, the number of robots; each visits at least one node.
     cell : float
-        Side of the cells of :attr:`map`, m, and what violated positions are held against.
+        Side of the cells of :attr:`map`, m, and length scale of the tolerance of positions; 1 by
+        default.
     radius : float
-        Of each robot, m.
+        Radius of each robot, m; 0 by default.
     velocity_limit, acceleration_limit : float or ndarray, shape (2,)
-        Largest absolute value of each component, m/s and m/s².
+        Largest absolute value of each component, m/s and m/s²; 1 by default.
     separation : float, optional
-        Least distance of the centres of two robots that are under way, m; two radii by default. With
-        0 no distance is required, and the verification states it.
+        Least distance of the centres of two robots under way, m; two radii by default. With 0 no
+        distance is required, and the verification reports it.
     depot_radius : float, optional
         Deprecated and without effect: robots near the depot keep the separation as well.
     objective : {"sum-deviation", "sum-variance", "sum", "max", "range", "max-sum"}
@@ -72,9 +73,10 @@ class FleetMission(MissionData, Model[MissionPlan]):
     Raises
     ------
     InvalidData
-        Naming field, row and value: polygons that cross themselves, a node or the depot out of
-        bounds, within an obstacle, nearer than `radius` to one, in a cell that is not free as a
-        whole, or beyond reach; more robots than nodes, NaN, no free cell.
+        A field is invalid; the error names field, row and value. Examples: a self-intersecting
+        polygon, more robots than nodes, NaN, no free cell, or a node or depot that is out of bounds,
+        in an obstacle, closer than `radius` to one, in a cell that is not entirely free, or
+        unreachable.
 
     Examples
     --------
@@ -92,13 +94,12 @@ class FleetMission(MissionData, Model[MissionPlan]):
 
     # -- plans -----------------------------------------------------------------------------------
 
-    @np.errstate(all="ignore")  # what overflows is no number, and so is violated
+    @np.errstate(all="ignore")  # overflow yields NaN, which the checks treat as a violation
     def verify(self, plan: MissionPlan, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and every constraint, of the curves themselves.
+        """Compute the objective and check every constraint on the curves themselves.
 
-        Lengths come from quadrature, limits from exact extremes, distances from shapely; between
-        instants the hulls of ever shorter pieces decide. A position may be off by `tolerance` times
-        the side of a cell.
+        Lengths are computed by quadrature, limits at exact extremes, distances by shapely with hulls
+        of bisected pieces. The tolerance of a position is `tolerance` times the side of a cell.
         """
         return verify_mission(self, plan, tolerance)
 
@@ -111,7 +112,7 @@ class FleetMission(MissionData, Model[MissionPlan]):
         return MissionPlan.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a one-line summary: robots, nodes, obstacles and objective."""
 
         def several(count: int, word: str) -> str:
             return f"{count} {word}" + "s" * (count != 1)

@@ -1,4 +1,4 @@
-"""A mission as it is carried out: routes, the curve of each robot in time, and when it passes what."""
+"""Plan of a mission: routes, trajectories and visit times."""
 
 from __future__ import annotations
 
@@ -21,17 +21,22 @@ _KEYS = ("routes", "trajectories", "visits")
 
 @dataclass(frozen=True, eq=False)
 class MissionPlan:
-    """Which nodes each robot visits, along which curve and when.
+    """Routes, trajectories and visit times of all robots.
 
     Parameters
     ----------
     routes : tuple of tuple of int
-        The nodes of each robot in the order of its visits; empty where it stays at the depot.
+        Nodes of each robot in the order of its visits; empty for an idle robot.
     trajectories : tuple of Trajectory or None
-        x, y (m) of each robot in time, from the depot and back; the first knot is when it leaves.
-        None for a robot that stays at the depot.
+        x, y (m) of each robot over time, from the depot and back; the first knot is the departure.
+        None for an idle robot.
     visits : tuple of ndarray
-        When each robot passes the nodes of its route, s.
+        Times at which each robot passes the nodes of its route, s.
+
+    Raises
+    ------
+    InvalidData
+        The fields have different lengths, or an entry has another type or shape.
     """
 
     routes: tuple[tuple[int, ...], ...]
@@ -41,20 +46,20 @@ class MissionPlan:
     def __post_init__(self) -> None:
         routes = tuple(
             tuple(Array((f"n{k}",), int).coerce(f"routes[{k}]", route, {}).tolist())
-            for k, route in enumerate(_listed("routes", self.routes))
+            for k, route in enumerate(_require_list("routes", self.routes))
         )
         trajectories = tuple(
             _trajectory(f"trajectories[{k}]", one)
-            for k, one in enumerate(_listed("trajectories", self.trajectories))
+            for k, one in enumerate(_require_list("trajectories", self.trajectories))
         )
         visits = tuple(
             Array((f"n{k}",)).coerce(f"visits[{k}]", one, {})
-            for k, one in enumerate(_listed("visits", self.visits))
+            for k, one in enumerate(_require_list("visits", self.visits))
         )
-        for name, have in (("trajectories", trajectories), ("visits", visits)):
-            if len(have) != len(routes):
+        for name, entries in (("trajectories", trajectories), ("visits", visits)):
+            if len(entries) != len(routes):
                 raise InvalidData(
-                    f"{name} has {len(have)} entries where routes has {len(routes)}", field=name
+                    f"{name} has {len(entries)} entries where routes has {len(routes)}", field=name
                 )
         for k, (route, times) in enumerate(zip(routes, visits, strict=True)):
             if len(route) != len(times):
@@ -79,7 +84,7 @@ class MissionPlan:
 
     @property
     def end(self) -> float:
-        """When the last robot is back, s."""
+        """Return time of the last robot, s."""
         return max(
             (float(one.times[-1]) for one in self.trajectories if one is not None), default=0
         )
@@ -94,7 +99,7 @@ class MissionPlan:
 
     @classmethod
     def from_data(cls, data: Any) -> MissionPlan:
-        """Return the plan that :meth:`to_data` wrote; bad data raises ``InvalidData``."""
+        """Return the plan stored in `data` by :meth:`to_data`; bad data raises ``InvalidData``."""
         if not isinstance(data, Mapping) or set(data) != set(_KEYS):
             raise InvalidData(
                 f"a plan must be an object with the keys {', '.join(_KEYS)}, got {show(data)}",
@@ -107,7 +112,7 @@ class MissionPlan:
         return f"{routes}, {self.end:.10g} s"
 
 
-def _listed(name: str, value: Any) -> Sequence[Any]:
+def _require_list(name: str, value: Any) -> Sequence[Any]:
     if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
         raise InvalidData(f"{name} must be a list, got {show(value)}", field=name)
     return value
@@ -116,18 +121,18 @@ def _listed(name: str, value: Any) -> Sequence[Any]:
 def _trajectory(name: str, value: Any) -> Trajectory | None:
     if value is None:
         return None
-    found = value if isinstance(value, Trajectory) else None
-    if found is None:
+    trajectory = value if isinstance(value, Trajectory) else None
+    if trajectory is None:
         if not isinstance(value, Mapping):
             raise InvalidData(
                 f"{name} must be a trajectory or null, got {show(value)}", field="trajectories"
             )
         try:
-            found = Trajectory.from_data(value)
+            trajectory = Trajectory.from_data(value)
         except InvalidData as error:
             raise InvalidData(f"{name}: {error}", field="trajectories") from None
-    if found.dimensions != 2:
+    if trajectory.dimensions != 2:
         raise InvalidData(
-            f"{name} must be x, y, got {found.dimensions} dimensions", field="trajectories"
+            f"{name} must be x, y, got {trajectory.dimensions} dimensions", field="trajectories"
         )
-    return found
+    return trajectory

@@ -1,4 +1,4 @@
-"""The picture of a mission: curves among obstacles, their lengths, and what is limited over time."""
+"""Figure of a mission: curves among obstacles, their lengths, and limited quantities over time."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from .drawn import (
     broken_places,
     missed_nodes,
     owners_of,
-    sampled,
+    sample_times,
     stops_of,
 )
 from .model import FleetMission
@@ -52,25 +52,25 @@ __all__ = ["animate_mission", "draw"]
 
 Floats = NDArray[np.float64]
 
-#: What can be drawn: on the left, and over time on the right.
+#: Parts of the figure: on the left, and over time on the right.
 _LEFT, _RIGHT = ("map", "loads"), ("velocity", "acceleration", "distance")
 _PARTS = (*_LEFT, *_RIGHT)
-#: What can be drawn on the map: how each layer is called, and its dashes.
+#: Layers of the map: label and dashes.
 _LAYERS: dict[str, tuple[str, Any]] = {
     "cells": ("blocked cell", None),
     "grid": ("path on the grid", (0, (1, 1))),
     "smoothed": ("shortened by lines of sight", (0, (5, 2))),
     "curve": ("curve that is flown", None),
 }
-#: More nodes than this have no names.
+#: Largest number of nodes that are named by default.
 _MOST_NAMES = 40
 #: Colour of blocked cells, beside that of obstacles.
 _CELL = "#f0d9b5"
-#: Curves are shown beyond the bounds by this part of their extent at the most.
+#: Largest extension of the map beyond the bounds, as a share of their size.
 _BEYOND = 0.25
 
 
-@np.errstate(all="ignore")  # an invalid plan may lead beyond the range of numbers
+@np.errstate(all="ignore")  # an infeasible plan may overflow
 def draw(
     model: FleetMission,
     plan: MissionPlan | None = None,
@@ -82,30 +82,29 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw obstacles and nodes of `model`, and the curves of `plan` with what is limited.
+    """Draw obstacles and nodes of `model`, and the curves of `plan` with limited quantities.
 
     Parameters
     ----------
     model : FleetMission
         The model.
     plan : MissionPlan, optional
-        A plan for it, valid or not: nodes that are not visited once, and where the worst violations
-        are, are ringed in red. None draws obstacles and nodes only.
+        A plan for the model, feasible or not. Nodes not visited exactly once and the largest
+        violations are ringed in red. None draws obstacles and nodes only.
     parts : sequence of {"map", "loads", "velocity", "acceleration", "distance"}, optional
         What to draw: the map, the lengths of the curves as bars, and over time the components of
-        velocity and acceleration with their limits, and the least distance of two robots away from
-        the depot. By default all of them.
+        velocity and acceleration with their limits, and the least distance of two robots under way.
+        All parts by default.
     layers : sequence of {"cells", "grid", "smoothed", "curve"}
-        What to draw on the map: the blocked cells of the model's map; for the plan's routes the
-        shortest paths over its cells, and these shortened by lines of sight (Algorithm 4), both
-        found anew here and whatever the plan's curves were made from; and the curves themselves.
+        What to draw on the map: the blocked cells of the model's map; shortest paths over its cells
+        for the plan's routes; these paths shortened by lines of sight (Algorithm 4); and the curves.
+        The paths are recomputed for the figure, independently of the planner.
     labels : bool, optional
-        Whether to name the nodes; by default where they are few.
+        Whether to name the nodes; by default, up to 40 nodes are named.
     tolerance : float
-        Largest violation accepted, relative, for what the title says and what is ringed: that of the
-        solution.
+        Largest accepted relative violation, used for the title and the rings.
     title : str, optional
-        Instead of the name, the size, the objective and the end.
+        Title; by default the name, the size, the objective and the end time.
     size : (float, float), optional
         Width and height (inch).
 
@@ -119,13 +118,13 @@ def draw(
     InvalidData
         The plan names a node that does not exist.
     UnsupportedOption
-        An option has a value that is not allowed, or asks for what needs a plan.
+        An option has an invalid value or needs a plan.
 
     See Also
     --------
-    animate_mission : The same in motion.
+    animate_mission : Animation of the plan.
     """
-    shown = _shown(plan, parts)
+    shown = _select_parts(plan, parts)
     drawn_layers = check_list(
         "layers", layers, _LAYERS.__contains__, f"hold some of {', '.join(map(repr, _LAYERS))}"
     )
@@ -161,26 +160,26 @@ def draw(
     return figure
 
 
-def _shown(plan: MissionPlan | None, parts: Sequence[str] | None) -> list[str]:
+def _select_parts(plan: MissionPlan | None, parts: Sequence[str] | None) -> list[str]:
     if parts is None:
         return list(_PARTS if plan is not None else _PARTS[:1])
     words = f"hold some of {', '.join(map(repr, _PARTS))}"
     shown = check_list("parts", parts, _PARTS.__contains__, words)
     if plan is None and shown != ["map"]:
-        raise UnsupportedOption("parts can hold more than 'map' only where there is a plan")
+        raise UnsupportedOption("parts can hold more than 'map' only with a plan")
     return shown
 
 
-def _title(model: FleetMission, plan: MissionPlan | None, found: Verification | None) -> str:
-    if plan is None or found is None or found.objective is None:
-        return title_of(model.name, [model.describe()], found)
+def _title(model: FleetMission, plan: MissionPlan | None, verification: Verification | None) -> str:
+    if plan is None or verification is None or verification.objective is None:
+        return title_of(model.name, [model.describe()], verification)
     what = str(model.objective)
     if what.startswith("sum-"):
         what = f"sum + {number(model.q, 4)} × {what.partition('-')[2]}"
     several = f"{model.vehicles} robot{'s' * (model.vehicles > 1)}"
     parts = [several, f"{len(model.nodes)} node{'s' * (len(model.nodes) > 1)}"]
-    parts += [f"{what} {number(found.objective)} m", f"{number(plan.end, 5)} s"]
-    return title_of(model.name, parts, found)
+    parts += [f"{what} {number(verification.objective)} m", f"{number(plan.end, 5)} s"]
+    return title_of(model.name, parts, verification)
 
 
 # -- the map and the bars ------------------------------------------------------------------------
@@ -190,7 +189,7 @@ def _draw_left(
     model: FleetMission, plan: MissionPlan | None, found: Verification | None, figure: Any,
     parts: list[str], layers: list[str], labels: bool | None, heights: tuple[float, float],
 ) -> None:  # fmt: skip
-    """Draw the map, and the bars below it; `heights` are those of the title and the bars (inch)."""
+    """Draw the map and the bars below it; `heights` are the heights of title and bars (inch)."""
     broad, tall = inches(figure)
     head, bars = heights
     low = 0.0
@@ -227,7 +226,7 @@ def _draw_map(
     """Draw obstacles, layers and nodes, and return the entries of the legend."""
     curves: list[Floats] = []
     if plan is not None:
-        times = ((one, sampled(one)) for one in plan.trajectories)
+        times = ((one, sample_times(one)) for one in plan.trajectories)
         curves = [np.empty((0, 2)) if one is None else one(at) for one, at in times]
         curves = [np.clip(np.nan_to_num(curve), -FAR, FAR) for curve in curves]
     low, high = model.bounds[:2], model.bounds[2:]
@@ -279,18 +278,18 @@ def _trail(model: FleetMission, stops: Floats, *, straightened: bool) -> Floats:
 def _panels(
     model: FleetMission, plan: MissionPlan, parts: list[str], tolerance: float, *, named: bool
 ) -> Iterable[Panel]:
-    """Yield the panels; curves bear the names of robots where nothing else tells these apart."""
+    """Yield the panels; `named` labels the curves by robot for figures without a map."""
     ends = np.array([0.0, plan.end or 1.0])
     limits = {"velocity": model.velocity_limit, "acceleration": model.acceleration_limit}
-    for order, (part, most) in enumerate(limits.items(), start=1):
+    for order, (part, limit_values) in enumerate(limits.items(), start=1):
         if part not in parts:
             continue
         flown = [
-            (k, sampled(one), one(sampled(one), order))
+            (k, sample_times(one), one(sample_times(one), order))
             for k, one in enumerate(plan.trajectories)
             if one is not None
         ]
-        for axis, bound in enumerate(most.tolist()):
+        for axis, bound in enumerate(limit_values.tolist()):
             curves = [
                 Curve(f"robot {k}" if named else part, k, times, values[:, axis], 1.1)
                 for k, times, values in flown

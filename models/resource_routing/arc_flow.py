@@ -1,20 +1,20 @@
-"""An arc-flow program of a route with resources: one block of levels a resource.
+"""Arc-flow program of a route with resources, with one block of levels per resource.
 
-With x_a (arc a used) and u_a (level of a resource with which a's tail was left, 0 where a is not
-used), for an arc a from i to j that adds c_a to the resource:
+The columns are x_a (arc a used) and u_a (level of a resource on leaving the tail of a, 0 for unused
+arcs). For an arc a from i to j that adds c_a to the resource:
 
-* the head's limit bounds what may be carried, ``u_a <= (limit of j - c_a) x_a``;
-* at a point that keeps the level, what leaves is at least what arrives: the sum of u over the arcs
-  out is at least the sum of ``u + c x`` over the arcs in, so no big M is needed;
-* a point that resets to 0, or to what every arrival exceeds, needs neither columns nor rows;
-* one that resets to r at the most, with a limit L > r, takes a binary z for the minimum: what leaves
-  is at least ``arrival - (L - r) z`` and at least ``r z``. As the arrival is L at the most, z = 1 asks
-  for r alone, and z = 0 for the arrival;
-* at most one arc leaves a point, as many as arrive.
+* the head's limit bounds the level, ``u_a <= (limit of j - c_a) x_a``;
+* at a point without reset, the level on leaving is at least the level on arrival: the sum of u over
+  the outgoing arcs is at least the sum of ``u + c x`` over the incoming arcs. No big M is needed;
+* a point that resets to 0, or to a value below every arrival, needs neither columns nor rows;
+* a point that resets to at most r, with a limit L > r, has a binary z for the minimum: the level on
+  leaving is at least ``arrival - (L - r) z`` and at least ``r z``. As the arrival is at most L, z = 1
+  requires r, and z = 0 the arrival;
+* at most one arc leaves a point, and the same number arrives.
 
-Integral x splits into one route from start to end and cycles beside it, whose lengths the objective
-counts and :meth:`ResourceFlowFormulation.decode` drops; along the route the levels bound the real ones
-from above.
+Integral x decomposes into one route from start to end and separate cycles. The objective includes the
+cycles; :meth:`ResourceFlowFormulation.decode` drops them. Along the route the levels are upper bounds
+of the true ones.
 """
 
 from __future__ import annotations
@@ -45,22 +45,22 @@ Ints = NDArray[np.int64]
 
 
 class _Levels(NamedTuple):
-    """The columns of one resource.
+    """Data of the columns of one resource.
 
     Parameters
     ----------
     resource : int
-        Which.
+        Index of the resource.
     carrying : ndarray of int
-        The arcs that have a level.
+        Arcs with a level column.
     room : ndarray
-        Largest level of each of these.
+        Upper bound on the level of each of these arcs.
     constant : ndarray, shape (arcs,)
-        The level of the others, where they are used.
+        Level of the other arcs when used.
     either : ndarray of int
-        Points at which it is open whether the reset counts.
+        Points with a binary, as the arrival may be above or below the reset.
     most : ndarray
-        Largest level on arrival at each of these.
+        Largest level on arrival at each of these points.
     """
 
     resource: int
@@ -73,14 +73,14 @@ class _Levels(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
-    """Arcs that the limits leave possible, with the level of each resource carried on them.
+    """Program of the arcs that the limits allow, with the level of each resource on them.
 
     Parameters
     ----------
     model : ResourceRouting
         The model; ``revisits`` must be off.
     length_bound : float, optional
-        Length of a verified route: arcs through which every way is longer are left out.
+        Length of a verified route; arcs that only longer routes can use are omitted.
 
     Raises
     ------
@@ -101,23 +101,23 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         require_positive(self.name, length_bound=self.length_bound)
 
     def bounded(self, objective: float) -> ResourceFlowFormulation:
-        """Leave out arcs through which every route is longer than a verified one."""
+        """Return the formulation without arcs that only routes longer than `objective` can use."""
         return replace(self, length_bound=objective) if objective > 0 else self
 
     @cached_property
     def arcs(self) -> UsedArcs:
-        """The arcs that have columns."""
+        """Arcs with columns in the program."""
         return possible_arcs(self.model, np.inf if self.length_bound is None else self.length_bound)
 
     @cached_property
     def floor(self) -> float:
-        """The length of the shortest way from start to end over the possible arcs."""
+        """Length of the shortest path from start to end over the possible arcs."""
         model, arcs = self.model, self.arcs
-        found, _ = shortest_ways(
+        ahead, _ = shortest_ways(
             len(model.kinds), model.start, model.end, arcs.tail, arcs.head, arcs.length
         )
-        least = float(found[model.end])
-        # Lengths of 0 are the least number that a sparse graph holds.
+        least = float(ahead[model.end])
+        # The sparse graph stores lengths of 0 as the smallest positive number.
         return -np.inf if math.isinf(least) else 0.0 if least < 1e-290 else least
 
     @cached_property
@@ -133,7 +133,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         n = len(model.kinds)
         limit = model.rounded_limits[model.codes, k]
         reset = model.resets[model.codes, k]
-        # No route has a level of more than the largest use into every point, once.
+        # The sum of the largest uses into all points bounds the level of a simple route.
         largest = np.zeros(n)
         np.maximum.at(largest, arcs.head, arcs.use[:, k])
         most = np.minimum(limit, model.initial[k] + largest.sum())
@@ -141,7 +141,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         np.minimum.at(least, arcs.head, least_levels(model, arcs)[arcs.tail, k] + arcs.use[:, k])
         inner = np.ones(n, bool)
         inner[[model.start, model.end]] = False
-        # Where every arrival is above the reset, what leaves is the reset.
+        # If every arrival is above the reset, the level on leaving is the reset.
         known = np.where(inner & (least >= reset), reset, np.inf)
         known[model.start] = model.initial[k]
         constant = np.where(np.isfinite(known), known, 0.0)[arcs.tail]
@@ -154,7 +154,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         return _Levels(k, carrying, np.maximum(room, 0.0), constant, either, most[either])
 
     def build(self) -> MixedIntegerProgram:
-        """Return the program described at the head of this module."""
+        """Return the program described in the module's docstring."""
         model, arcs = self.model, self.arcs
         n = len(model.kinds)
         index = np.column_stack([arcs.tail, arcs.head])
@@ -203,31 +203,31 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
             upper=0, template="along arc {0}-{1}", index=index[carrying], unit=resource.unit,
         )  # fmt: skip
         reset = model.resets[model.codes, k]
-        left = np.unique(arcs.tail[carrying])
+        tails_with_level = np.unique(arcs.tail[carrying])
         place = np.full(len(model.kinds), -1)
-        place[left] = np.arange(left.size)
+        place[tails_with_level] = np.arange(tails_with_level.size)
         into = np.flatnonzero(place[arcs.head] >= 0)
         carried = np.flatnonzero(place[arcs.head[carrying]] >= 0)
         use = arcs.use[:, k] + constant
         tails = arcs.tail[carrying]
         b.rows(
-            f"{name} kept", left.size, (place[tails], u, 1.0),
+            f"{name} kept", tails_with_level.size, (place[tails], u, 1.0),
             (place[arcs.head[carrying[carried]]], u[carried], -1.0),
             (place[arcs.head[into]], x[into], -use[into]),
             (place[either], z, most - reset[either]),
-            lower=0, template="at point {0}", index=left, unit=resource.unit,
+            lower=0, template="at point {0}", index=tails_with_level, unit=resource.unit,
         )  # fmt: skip
         spot = np.full(len(model.kinds), -1)
         spot[either] = np.arange(either.size)
-        own = np.flatnonzero(spot[tails] >= 0)
+        at_resets = np.flatnonzero(spot[tails] >= 0)
         b.rows(
-            f"{name} left by a reset", either.size, (spot[tails[own]], u[own], 1.0),
+            f"{name} left by a reset", either.size, (spot[tails[at_resets]], u[at_resets], 1.0),
             (np.arange(either.size), z, -reset[either]), lower=0, template="at point {0}",
             index=either, unit=resource.unit,
         )  # fmt: skip
 
     def encode(self, plan: Route) -> Floats:
-        """Return the columns of a simple route; an arc that the limits exclude raises."""
+        """Return the columns of a simple route; raise for an excluded arc."""
         model, arcs = self.model, self.arcs
         route = require_route(model, plan)
         n = len(model.kinds)
@@ -255,7 +255,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         return np.concatenate(parts)
 
     def decode(self, point: Floats) -> Route:
-        """Return the route that the used arcs make; idle cycles beside it are dropped."""
+        """Return the route formed by the used arcs; separate cycles are dropped."""
         arcs = self.arcs
         count = len(arcs) + sum(one.carrying.size + one.either.size for one in self._levels)
         if point.size != count:

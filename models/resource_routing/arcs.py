@@ -1,4 +1,4 @@
-"""The arcs of a route with resources that its limits leave possible."""
+"""Arcs of a route with resources that its limits allow."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _CHUNK = 512
-#: Arcs above which a program would not fit into the memory of a common machine.
+#: Maximum number of arcs of a program that fits into the memory of a common machine.
 MOST_ARCS = 30_000_000
-#: Passes over the arcs for the least levels, each of which is a bound by itself.
+#: Maximum number of passes over the arcs for the least levels; every pass yields a valid bound.
 _PASSES = 20
 
 
 @dataclass(frozen=True)
 class UsedArcs:
-    """Arcs in order of tail and then head.
+    """Arcs with lengths and uses, sorted by tail and head.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class UsedArcs:
     length : ndarray, shape (k,)
         Lengths.
     use : ndarray, shape (k, r)
-        What each adds to each resource, the gain of its head included.
+        Use of each resource on each arc, including the gain of the head.
     """
 
     tail: Ints
@@ -49,7 +49,7 @@ class UsedArcs:
         return int(self.tail.size)
 
     def where(self, keep: Any) -> UsedArcs:
-        """Return the arcs that `keep` marks."""
+        """Return the arcs selected by the mask `keep`."""
         return UsedArcs(self.tail[keep], self.head[keep], self.length[keep], self.use[keep])
 
 
@@ -89,18 +89,18 @@ def _pairs(model: RoutingData) -> UsedArcs:
         total += tail.size
         if total > MOST_ARCS:
             raise UnsupportedFormulation(
-                f"a program with one column an arc would have more than {MOST_ARCS} of them for "
+                f"a program with one column per arc would have more than {MOST_ARCS} of them for "
                 f"{len(points)} points: use the native backend 'resource-labelling'"
             )
         parts.append((tail + first, head, length[tail, head]))
-    tail, head, flown = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return UsedArcs(tail, head, flown, flown[:, None] * model.rates + gain[head])
+    tail, head, lengths = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return UsedArcs(tail, head, lengths, lengths[:, None] * model.rates + gain[head])
 
 
 def least_levels(model: RoutingData, arcs: UsedArcs) -> Floats:
-    """Return a lower bound on each level on leaving each point, shape (n, r); inf where nobody arrives.
+    """Return a lower bound on each level on leaving each point, shape (n, r); inf if unreachable.
 
-    It is the least over the arcs into the point of what their tails leave at the least.
+    The bound is the minimum over incoming arcs of the tail's bound plus the use of the arc.
     """
     resets = model.resets[model.codes]
     least = np.zeros((len(model.kinds), len(model.resources)))
@@ -118,7 +118,7 @@ def least_levels(model: RoutingData, arcs: UsedArcs) -> Floats:
 def shortest_ways(
     count: int, start: int, end: int, tail: Ints, head: Ints, length: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the least length from `start` to each point over arcs, and from each point to `end`."""
+    """Return the shortest-path lengths from `start` to each point, and from each point to `end`."""
     # Zero-length arcs would vanish from a sparse graph.
     weight = np.maximum(length, np.finfo(float).tiny)
     graph = sp.csr_array((weight, (tail, head)), shape=(count, count))
@@ -126,23 +126,27 @@ def shortest_ways(
 
 
 def possible_arcs(model: RoutingData, length_bound: float = np.inf) -> UsedArcs:
-    """Return the arcs that a route within the limits, and within `length_bound`, may use.
+    """Return the arcs that a feasible route of at most `length_bound` may use.
 
-    An arc goes when its head's limits refuse it even with the least levels with which its tail can be
-    left, when its ends are not joined to start and end, or when the shortest way through it is longer
-    than `length_bound`. All three only remove arcs that no such route uses, and are repeated until
-    nothing more goes.
+    An arc is removed if it violates the head's limits even with the least levels on leaving the tail,
+    if start or end is not connected to it, or if the shortest path through it is longer than
+    `length_bound`. The tests are repeated until no arc is removed.
     """
     arcs = _pairs(model) if model.arcs is None else _listed(model)
     limit = model.rounded_limits[model.codes]
     while True:
         least = least_levels(model, arcs)
-        kept = arcs.where((least[arcs.tail] + arcs.use <= limit[arcs.head]).all(axis=1))
+        remaining = arcs.where((least[arcs.tail] + arcs.use <= limit[arcs.head]).all(axis=1))
         ahead, behind = shortest_ways(
-            len(model.kinds), model.start, model.end, kept.tail, kept.head, kept.length
+            len(model.kinds),
+            model.start,
+            model.end,
+            remaining.tail,
+            remaining.head,
+            remaining.length,
         )
-        through = ahead[kept.tail] + kept.length + behind[kept.head]
-        kept = kept.where((through <= length_bound * (1 + 1e-9)) & np.isfinite(through))
-        if len(kept) == len(arcs):
-            return kept
-        arcs = kept
+        through = ahead[remaining.tail] + remaining.length + behind[remaining.head]
+        remaining = remaining.where((through <= length_bound * (1 + 1e-9)) & np.isfinite(through))
+        if len(remaining) == len(arcs):
+            return remaining
+        arcs = remaining

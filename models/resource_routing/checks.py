@@ -1,4 +1,4 @@
-"""The independent check of a route: it is walked leg by leg, in plain Python."""
+"""Independent check of a route, leg by leg in plain Python."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["Visit", "verify_route", "walk_route"]
 
 @dataclass(frozen=True)
 class Visit:
-    """One stop of a route: what there is of each resource on arrival, and on leaving.
+    """Stop of a route with the level of each resource on arrival and on leaving.
 
     Parameters
     ----------
     point : int
-        Where.
+        Index of the point.
     distance : float
-        Length of the route up to here; inf where it uses an arc that there is not.
+        Length of the route up to the point; inf after a missing arc.
     arrival, leaving : tuple of float
-        Of each resource, before and after the reset of the point.
+        Level of each resource before and after the reset of the point.
     """
 
     point: int
@@ -34,35 +34,35 @@ class Visit:
 
 
 def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]:
-    """Return the stops of `plan`, and the legs for which there is no arc."""
+    """Return the stops of `plan`, and the names of the legs without an arc."""
     route = route_of_indices(plan.route, len(model.kinds)).route
-    listed: dict[tuple[int, int], int] = {}
+    index_of: dict[tuple[int, int], int] = {}
     if model.arcs is not None:
-        listed = {(i, j): k for k, (i, j) in enumerate(model.arcs.tolist())}
+        index_of = {(i, j): k for k, (i, j) in enumerate(model.arcs.tolist())}
     place = {word: k for k, word in enumerate(model.words)}
     levels = [resource.initial for resource in model.resources]
     visits: list[Visit] = []
     legs: list[float] = []
-    absent = []
+    missing = []
     for stop, point in enumerate(route):
         code = place[model.kinds[point]]
         if stop:
             pair = route[stop - 1], point
-            at = listed.get(pair)
-            if at is None and (model.arcs is not None or pair[0] == point):
-                absent.append(f"{model.label(pair[0])}-{model.label(point)}")
+            arc = index_of.get(pair)
+            if arc is None and (model.arcs is not None or pair[0] == point):
+                missing.append(f"{model.label(pair[0])}-{model.label(point)}")
                 leg = math.inf
-            elif at is not None and model.lengths is not None:
-                leg = float(model.lengths[at])
+            elif arc is not None and model.lengths is not None:
+                leg = float(model.lengths[arc])
             else:
                 assert model.points is not None
                 leg = math.dist(model.points[pair[0]], model.points[point])
             legs.append(leg)
             for k, resource in enumerate(model.resources):
-                own = 0.0 if at is None or model.uses is None else float(model.uses[at, k])
-                # No rate uses nothing of an arc that there is not, either.
+                extra = 0.0 if arc is None or model.uses is None else float(model.uses[arc, k])
+                # Without a rate, a missing arc of infinite length uses 0 (0 * inf is NaN).
                 used = resource.rate * leg if resource.rate else 0.0
-                levels[k] += used + own + float(model.gains[code, k])
+                levels[k] += used + extra + float(model.gains[code, k])
         arrival = tuple(levels)
         if stop:
             levels = [
@@ -70,11 +70,11 @@ def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]
                 for level, cap in zip(levels, model.resets[code], strict=True)
             ]
         visits.append(Visit(point, _sum(legs), arrival, tuple(levels)))
-    return visits, absent
+    return visits, missing
 
 
 def _sum(legs: list[float]) -> float:
-    """Return the sum, exactly rounded; infinity where it is beyond all floats."""
+    """Return the correctly rounded sum; inf on overflow."""
     try:
         return math.fsum(legs)
     except OverflowError:
@@ -82,11 +82,11 @@ def _sum(legs: list[float]) -> float:
 
 
 def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verification:
-    """Return the length of `plan` and every limit of `model`, walked from the raw data."""
+    """Compute the length of `plan` and check every limit of `model` from the raw data."""
     check_tolerance(tolerance)
     if not isinstance(plan, Route):
         raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
-    visits, absent = walk_route(model, plan)
+    visits, missing = walk_route(model, plan)
     route = [visit.point for visit in visits]
     between = [model.label(k) for k in route[1:-1] if k in (model.start, model.end)]
     checks = [
@@ -99,12 +99,12 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
             *map(model.label, route[-1:]),
         ),
         _count("neither start nor end between", len(between), *between[:1]),
-        _count("arcs that there are", len(absent), *absent[:1]),
+        _count("arcs that there are", len(missing), *missing[:1]),
     ]
     if not model.revisits:
         first = {k: stop for stop, k in reversed(list(enumerate(route)))}
-        again = [model.label(k) for stop, k in enumerate(route) if first[k] != stop]
-        checks.append(_count("no point twice", len(again), *again[:1]))
+        repeated = [model.label(k) for stop, k in enumerate(route) if first[k] != stop]
+        checks.append(_count("no point twice", len(repeated), *repeated[:1]))
     for column, resource in enumerate(model.resources):
         for word, limit in resource.limits:
             arrivals = [
@@ -127,7 +127,7 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
                 )
             )
     length = visits[-1].distance if len(visits) > 1 else None
-    # A length is its own scale.
+    # The scale of a length is the length itself.
     return Verification(length, tuple(checks), scale=0.0)
 
 

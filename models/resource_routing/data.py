@@ -1,4 +1,4 @@
-"""The data of a route with resources: points, arcs, and what each kind of point does to a resource."""
+"""Data of a route with resources: points, arcs, and the limits, gains and resets by kind."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Words(Spec):
-    """One word for each point, as a tuple."""
+    """Field with one word per point, stored as a tuple."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[str, ...]:
         if isinstance(value, str) or not isinstance(value, Iterable):
@@ -46,7 +46,7 @@ class Words(Spec):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RoutingData(Declared):
-    """What :class:`~crosstrack.models.ResourceRouting` asks; the fields are said there."""
+    """Fields of :class:`~crosstrack.models.ResourceRouting`, documented there."""
 
     kinds: tuple[str, ...] = declared(Words())
     resources: tuple[Resource, ...] = declared(Listed(Resource))
@@ -60,7 +60,7 @@ class RoutingData(Declared):
     ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
-        """Refuse what names points, kinds or resources that there are not."""
+        """Raise for references to missing points or kinds, and for inconsistent fields."""
         n = len(self.kinds)
         for name in ("start", "end"):
             if getattr(self, name) >= n:
@@ -81,7 +81,7 @@ class RoutingData(Declared):
             self._check_arcs(self.arcs)
         if self.uses is not None and self.uses.shape[1] != len(self.resources):
             raise InvalidData(
-                f"uses has {self.uses.shape[1]} columns where there are {len(self.resources)} resources",
+                f"uses has {self.uses.shape[1]} columns, but there are {len(self.resources)} resources",
                 field="uses",
             )
         names: dict[str, int] = {}
@@ -122,62 +122,62 @@ class RoutingData(Declared):
             )
         keys, first = np.unique(arcs[:, 0] * n + arcs[:, 1], return_index=True)
         if keys.size < len(arcs):
-            again = np.setdiff1d(np.arange(len(arcs)), first)[0]
+            duplicate = np.setdiff1d(np.arange(len(arcs)), first)[0]
             raise InvalidData(
-                f"arcs[{again}] = {arcs[again].tolist()} is there twice", field="arcs"
+                f"arcs[{duplicate}] = {arcs[duplicate].tolist()} is there twice", field="arcs"
             )
 
     @cached_property
     def words(self) -> tuple[str, ...]:
-        """The kinds that there are, in the order of their first points."""
+        """Distinct kinds, in the order of their first points."""
         return tuple(dict.fromkeys(self.kinds))
 
     @cached_property
     def codes(self) -> NDArray[np.int64]:
-        """The kind of each point as an index into :attr:`words`; shape (n,)."""
+        """Kind of each point as an index into :attr:`words`, shape (n,)."""
         place = {word: k for k, word in enumerate(self.words)}
         return frozen(np.array([place[word] for word in self.kinds], np.int64))
 
     def table(self, name: str, default: float) -> Floats:
-        """Return ``"limits"``, ``"gains"`` or ``"resets"`` by kind and resource, `default` where none.
+        """Return ``"limits"``, ``"gains"`` or ``"resets"`` as an array, shape (kinds, resources).
 
-        The shape is (kinds, resources).
+        Missing entries have the value `default`.
         """
-        found = np.full((len(self.words), len(self.resources)), default)
+        values = np.full((len(self.words), len(self.resources)), default)
         place = {word: k for k, word in enumerate(self.words)}
         for column, resource in enumerate(self.resources):
             for word, value in getattr(resource, name):
-                found[place[word], column] = value
-        return frozen(found)
+                values[place[word], column] = value
+        return frozen(values)
 
     @cached_property
     def limits(self) -> Floats:
-        """Most of each resource on arrival, by kind; inf where there is no limit."""
+        """Limit of each resource on arrival, shape (kinds, resources); inf without a limit."""
         return self.table("limits", np.inf)
 
     @cached_property
     def rounded_limits(self) -> Floats:
-        """:attr:`limits` with what rounding excuses added, as searches compare."""
+        """:attr:`limits` plus the rounding tolerance, as used by searches."""
         return frozen(self.limits + ROUNDING * self.limits)
 
     @cached_property
     def gains(self) -> Floats:
-        """What a point adds to each resource on arrival, by kind."""
+        """Gain of each resource on arrival, shape (kinds, resources)."""
         return self.table("gains", 0.0)
 
     @cached_property
     def resets(self) -> Floats:
-        """What a point leaves of each resource at the most, by kind; inf where it is kept."""
+        """Largest level of each resource after the reset, shape (kinds, resources); inf without one."""
         return self.table("resets", np.inf)
 
     @cached_property
     def rates(self) -> Floats:
-        """Used of each resource for a unit of length; shape (r,)."""
+        """Use of each resource per unit of length, shape (r,)."""
         return frozen(np.array([resource.rate for resource in self.resources]))
 
     @cached_property
     def initial(self) -> Floats:
-        """What there is of each resource at the start; shape (r,)."""
+        """Level of each resource at the start, shape (r,)."""
         return frozen(np.array([resource.initial for resource in self.resources]))
 
     def label(self, point: int) -> str:

@@ -1,8 +1,8 @@
-"""The shortest route from a start to an end on which resources are used up and reset.
+"""Shortest route from a start to an end with resources that are used and reset.
 
 Sources: S. Irnich and G. Desaulniers, "Shortest path problems with resource constraints", 2005
 (the problem); "Model and algorithm of UAV path planning considering error correction points",
-Computer Integrated Manufacturing Systems, 2022, doi 10.13196/j.cims.2022.04.003 (its first case here).
+Computer Integrated Manufacturing Systems, 2022, doi 10.13196/j.cims.2022.04.003 (a special case).
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ __all__ = ["ResourceRouting"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ResourceRouting(RoutingData, Model[Route]):
-    """The shortest route from `start` to `end` that keeps the limits of all resources.
+    """Shortest route from `start` to `end` within the limits of all resources.
 
     Parameters
     ----------
     kinds : sequence of str, length n
-        The kind of each point, in any words: limits, gains and resets go by it.
+        Kind of each point, any word; it selects limits, gains and resets.
     resources : sequence of Resource
-        Any number, also none.
+        Resources, possibly empty.
     start, end : int
-        Where the route begins and ends; it visits neither in between.
+        First and last point of the route, which visits neither in between.
     points : ndarray, shape (n, d), optional
-        Coordinates. Lengths are straight lines where none are given.
+        Coordinates. Without `lengths`, the length of an arc is the straight line.
     arcs : ndarray of int, shape (m, 2), optional
-        The arcs that there are, no pair twice; all where there is no list.
+        Tails and heads of the arcs, all different; by default all pairs of points are arcs.
     lengths : ndarray, shape (m,), optional
-        Length of each arc of the list, >= 0.
+        Length of each arc in `arcs`, >= 0.
     uses : ndarray, shape (m, r), optional
-        What each arc of the list uses of each resource, beside the rate times its length.
+        Use of each resource on each arc in `arcs`, in addition to the rate times the length.
     revisits : bool
-        Whether a point may be visited more than once.
+        Whether a point may be visited more than once; False by default.
     ids : sequence of int or str, optional
-        The points' names.
+        Names of the points; 0 … n-1 by default.
 
     Raises
     ------
     InvalidData
-        Naming field, place and value: arcs to points that there are not, kinds that no point is of,
-        neither points nor lengths, two resources of one name.
+        A field is invalid; the error names field, place and value. Examples: arcs to missing points,
+        unknown kinds, neither points nor lengths, or two resources with the same name.
 
     Examples
     --------
@@ -73,24 +73,24 @@ class ResourceRouting(RoutingData, Model[Route]):
     plan_type: ClassVar[type] = Route
 
     def data(self) -> dict[str, Any]:
-        """Return the content as JSON data, without what is not given."""
+        """Return the content as JSON data, without optional fields that are None."""
         return {key: value for key, value in super().data().items() if value is not None}
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a one-line summary: points, arcs and resources."""
         arcs = "" if self.arcs is None else f", {len(self.arcs)} arcs"
         names = ", ".join(resource.name for resource in self.resources) or "none"
         return f"{len(self.kinds)} points{arcs}, resources: {names}"
 
     @classmethod
     def remark(cls, plan: Route) -> str:
-        """Return the number of points on the way in words."""
+        """Return the number of intermediate points in words."""
         return f"{plan.corrections} point{'' if plan.corrections == 1 else 's'} on the way"
 
     # -- plans -----------------------------------------------------------------------------------
 
     def plan_to_data(self, plan: Route) -> dict[str, Any]:
-        """Return ``{"route": [indices]}``, with ``"ids"`` where the points have names."""
+        """Return ``{"route": [indices]}``, with ``"ids"`` if the points have names."""
         return route_to_data(plan, self.ids)
 
     def plan_from_data(self, data: Any) -> Route:
@@ -98,7 +98,7 @@ class ResourceRouting(RoutingData, Model[Route]):
         return route_from_data(data, len(self.kinds), self.ids)
 
     def details(self, plan: Route) -> list[dict[str, Any]]:
-        """Return every stop with its levels on arrival and on leaving, and what is allowed there."""
+        """Return every stop with its levels on arrival and on leaving, and its limits."""
         rows = []
         for stop, visit in enumerate(walk_route(self, plan)[0]):
             row: dict[str, Any] = {
@@ -116,5 +116,5 @@ class ResourceRouting(RoutingData, Model[Route]):
         return rows
 
     def verify(self, plan: Route, *, tolerance: float = TOLERANCE) -> Verification:
-        """Walk the route from the raw data: its length, and every limit."""
+        """Compute the length and check every limit from the raw data."""
         return verify_route(self, plan, tolerance)

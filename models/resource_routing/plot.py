@@ -1,8 +1,8 @@
-"""The picture of a route with resources: where it goes, and what there is of each resource on the way.
+"""Figure of a route with resources: a map, and the level of each resource.
 
-On the left the points by kind, the arcs where they are listed and few enough, and the route; on the
-right a panel for each resource against the length of the route. A level rises along each arc and may
-fall at its head; a bar at each stop shows the limit there.
+The left panel shows the points by kind, the route, and listed arcs up to a limit. The right panels show
+the level of each resource against the length of the route. A level rises along an arc and may fall at
+its head; a bar at each stop marks the limit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ __all__ = ["draw"]
 
 Floats = NDArray[np.float64]
 
-#: More names than this are not readable, more arcs are a grey field, more kinds have no marker of their own.
+#: Largest numbers of names and of arcs that are drawn, and of kinds with different markers.
 _MOST_LABELS, _MOST_ARCS, _MOST_KINDS = 45, 3000, 8
 _MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")
 
@@ -64,38 +64,38 @@ def draw(
     Parameters
     ----------
     model : ResourceRouting
-        The model. Of more than two coordinates the first two are drawn; without any, the levels alone.
+        The model. The first two coordinates are drawn; without coordinates, only the levels are.
     plan : Route, optional
-        A route, valid or not; stops at which a limit is exceeded have red rings. None draws the
-        points only.
+        A route, feasible or not; stops that exceed a limit have red rings. None draws the points
+        only.
     labels : bool, optional
-        Whether to write the points' names: of the visited ones, or of all where there is no plan. By
-        default only where they are few enough to be read.
+        Whether to write the names of the visited points, or of all points without a plan. By
+        default, up to 45 names are written.
     tolerance : float
-        Largest violation accepted, relative, for what the title says: that of the solution.
+        Largest accepted relative violation, used for the title and the rings.
     title : str, optional
-        Instead of the name and the length.
+        Title; by default the name and the length.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        With axes for the map, and one for each resource where there is a plan.
+        The figure, with axes for the map, and with a plan one axes per resource.
 
     Raises
     ------
     InvalidData
-        The plan is no route, or names a point that does not exist.
+        The plan is not a route, or names a point that does not exist.
     UnsupportedOption
-        An option has a value that is not allowed.
+        An option has an invalid value.
     """
     check_tolerance(tolerance)
     visits: list[Visit] = []
-    found = None
+    verification = None
     if plan is not None:
         visits, _ = walk_route(model, required("plan", plan, Route))
-        found = model.verify(plan, tolerance=tolerance)
+        verification = model.verify(plan, tolerance=tolerance)
     if labels is None:
         labels = (len(visits) or len(model.kinds)) <= _MOST_LABELS
     check_flags(labels=labels)
@@ -104,12 +104,12 @@ def draw(
     over = over.reshape(len(visits), len(model.resources))
     over[:1] = False
     where = places_of(model)
-    text = _title(model, found) if title is None else title
+    text = _title(model, verification) if title is None else title
     panels = bool(len(visits) > 1 and model.resources and np.isfinite(visits[-1].distance))
     wide = 6.2 * (where is not None or not panels) + 5.4 * panels
     figure = sheet(size, (wide, max(4.8, 1.2 + 1.5 * len(model.resources) * panels)))
     left: Any = figure
-    wrong = found is not None and not found.ok
+    wrong = verification is not None and not verification.ok
     if panels:
         right: Any = figure
         if where is not None:
@@ -127,7 +127,7 @@ def draw(
 
 
 def places_of(model: ResourceRouting) -> Floats | None:
-    """Return where points are drawn, shape (n, 2); None where they have no coordinates."""
+    """Return the drawing positions of the points, shape (n, 2); None without coordinates."""
     if model.points is None or not model.points.shape[1]:
         return None
     flat = np.zeros((len(model.points), 2))
@@ -193,7 +193,7 @@ def _draw_levels(
     model: ResourceRouting, visits: list[Visit], over: NDArray[np.bool_], figure: Any, title: str,
     wrong: bool,
 ) -> None:  # fmt: skip
-    """Draw what there is of each resource: it rises to each stop and may fall there."""
+    """Draw the level of each resource along the route, with the limits at each stop."""
     distance = np.array([visit.distance for visit in visits])
     flown = np.repeat(distance, 2)
     arrive = np.array([visit.arrival for visit in visits]).T

@@ -1,4 +1,4 @@
-"""What is used up on the way: its rate, and by kind of point its limit, its gain and its reset."""
+"""Resource of a route: its rate, and its limits, gains and resets by kind of point."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["ByKind", "Resource"]
 
 @dataclass(frozen=True)
 class ByKind(Spec):
-    """Numbers >= 0 by kind of point: a mapping, kept as pairs in the order of the words."""
+    """Field that maps kinds of points to numbers >= 0, stored as sorted pairs."""
 
     def coerce(
         self, name: str, value: Any, sizes: dict[str, tuple[int, str]]
@@ -43,25 +43,29 @@ class ByKind(Spec):
 
 @dataclass(frozen=True, eq=False)
 class Resource(Declared):
-    """One resource of a :class:`~crosstrack.models.ResourceRouting`, such as an error, time, energy.
+    """Resource of a :class:`~crosstrack.models.ResourceRouting`, such as an error, time or energy.
 
-    It grows by `rate` times the length of an arc, by what the arc list says of it, and by the gain
-    of the point that is reached. Then it must not exceed the point's limit. Then the point resets it
-    to the lesser of what there is and the reset: 0 resets it altogether.
+    On an arc the level increases by `rate` times the length, by the arc's entry in `uses`, and by the
+    gain of the head. This level must not exceed the head's limit. The head then resets the level to
+    the minimum of the level and the reset.
 
     Parameters
     ----------
     name : str
-        What it is called in checks.
+        Name in checks and figures.
     rate : float
-        Used for each unit of length.
+        Use per unit of length; 0 by default.
     initial : float
-        What there is of it at the start.
+        Level at the start; 0 by default.
     limits, gains, resets : mapping of str to float
-        By kind of point. Without a limit nothing is refused, without a gain nothing is added, and
-        without a reset it is kept.
+        Values by kind of point. Without an entry, a point has no limit, no gain or no reset.
     unit : str
-        Its unit, for checks and pictures.
+        Unit for checks and figures.
+
+    Raises
+    ------
+    InvalidData
+        A number is negative or not finite, or a mapping has another form.
     """
 
     name: str = declared(Text())

@@ -1,4 +1,4 @@
-"""A route as a sequence of points, for every problem that asks for one."""
+"""Route as a sequence of points, the plan of several problems."""
 
 from __future__ import annotations
 
@@ -16,12 +16,17 @@ __all__ = ["Route", "route_from_data", "route_of_indices", "route_to_data"]
 
 @dataclass(frozen=True)
 class Route:
-    """A way from point to point; a sequence of its points: ``len``, iteration, ``route[0]``.
+    """Route from point to point, a sequence that supports ``len``, iteration and indexing.
 
     Parameters
     ----------
     route : tuple of int
         Indices into the model's points, from the first to the last.
+
+    Raises
+    ------
+    InvalidData
+        The entries are not whole numbers.
     """
 
     route: tuple[int, ...]
@@ -32,7 +37,7 @@ class Route:
 
     @property
     def corrections(self) -> int:
-        """Number of points between the first and the last, such as corrections on the way."""
+        """Number of points between the first and the last, such as corrections."""
         return max(len(self.route) - 2, 0)
 
     def __len__(self) -> int:
@@ -52,7 +57,7 @@ Names = tuple[int | str, ...] | None
 
 
 def route_to_data(route: Route, names: Names) -> dict[str, Any]:
-    """Return ``{"route": [indices]}``, with ``"ids"`` where the points have `names`."""
+    """Return ``{"route": [indices]}``, with ``"ids"`` if `names` are given."""
     data: dict[str, Any] = {"route": list(route.route)}
     if names is not None:
         data["ids"] = [names[k] for k in route.route]
@@ -67,14 +72,19 @@ def route_from_data(data: Any, count: int, names: Names) -> Route:
     data : object
         JSON data.
     count : int
-        How many points there are.
+        Number of points.
     names : tuple of (int or str), optional
-        Their names; 0 … count - 1 where there are none.
+        Names of the points; 0 … count - 1 by default.
+
+    Returns
+    -------
+    Route
+        The route.
 
     Raises
     ------
     InvalidData
-        Naming the stop and its value.
+        The data is not a route; the error names the stop and its value.
     """
     if isinstance(data, Mapping):
         for key in data:
@@ -93,7 +103,7 @@ def route_from_data(data: Any, count: int, names: Names) -> Route:
 
 
 def route_of_indices(value: Any, count: int) -> Route:
-    """Return the route through the points with these indices, each of 0 … count - 1."""
+    """Return the route through the points with the given indices, each in 0 … count - 1."""
     if isinstance(value, str | Mapping) or not isinstance(value, Sequence | np.ndarray):
         raise InvalidData(
             f"route must be a list of point indices, got {show(value)}", field="route"
@@ -106,7 +116,7 @@ def route_of_indices(value: Any, count: int) -> Route:
             )
         if not 0 <= entry < count:
             raise InvalidData(
-                f"route[{stop}] must lie in 0 … {count - 1}, got {show(entry)}", field="route"
+                f"route[{stop}] must be in 0 … {count - 1}, got {show(entry)}", field="route"
             )
         route.append(int(entry))
     return Route(tuple(route))

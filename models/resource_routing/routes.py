@@ -1,4 +1,4 @@
-"""What the routing formulations share: refusing revisits, and reading a route off used arcs."""
+"""Shared parts of the routing formulations: validation, and routes from used arcs."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ __all__ = ["Ends", "follow", "refuse_revisits", "require_positive", "require_rou
 
 
 class Ends(Protocol):
-    """A model whose routes lead from one point to another."""
+    """Protocol of models whose routes lead from one point to another."""
 
     @property
     def start(self) -> int:
-        """Where they begin."""
+        """First point of the routes."""
 
     @property
     def end(self) -> int:
-        """Where they end."""
+        """Last point of the routes."""
 
     @property
     def revisits(self) -> bool:
@@ -30,7 +30,7 @@ class Ends(Protocol):
 
 
 def refuse_revisits(model: Ends, formulation: str) -> None:
-    """Raise where the model allows what no formulation with one degree a point can say."""
+    """Raise :class:`UnsupportedFormulation` if the model allows revisits."""
     if model.revisits:
         raise UnsupportedFormulation(
             f"formulation {formulation!r} visits a point at most once, but the model has revisits=True; "
@@ -49,22 +49,23 @@ def require_positive(formulation: str, **options: Any) -> None:
 
 
 def require_route(model: Ends, plan: Route) -> tuple[int, ...]:
-    """Return the indices of a simple route from start to end; anything else raises ``InvalidData``."""
+    """Return the indices of a simple route from start to end; raise ``InvalidData`` otherwise."""
     route = plan.route
     if len(route) < 2 or route[0] != model.start or route[-1] != model.end:
         raise InvalidData(
             f"a route goes from point {model.start} to point {model.end}, got {plan}", field="route"
         )
     if len(set(route)) != len(route):
-        twice = next(k for k in route if route.count(k) > 1)
+        repeated = next(k for k in route if route.count(k) > 1)
         raise InvalidData(
-            f"point {twice} stands twice in the route: no column says so", field="route"
+            f"point {repeated} is in the route twice, which the formulation does not allow",
+            field="route",
         )
     return route
 
 
 def follow(model: Ends, tail: NDArray[np.int64], head: NDArray[np.int64]) -> Route:
-    """Return the route that the arcs ``tail -> head`` make from start to end, dropping cycles beside it."""
+    """Return the route from start to end over arcs ``tail -> head``; separate cycles are dropped."""
     successor: dict[int, int] = {}
     for i, j in zip(tail.tolist(), head.tolist(), strict=True):
         if i in successor:

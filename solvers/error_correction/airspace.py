@@ -1,8 +1,8 @@
-"""The routing problem as plain arrays: what every kernel of this folder works on.
+"""Array form of the routing problem, the input of the kernels of this package.
 
-A visited point wipes out one of the two errors, so a single number survives: the vertical error
-at a horizontal correction point, the horizontal error at a vertical one. A partial route is
-therefore described by its length and one *surviving error*.
+A visited point resets one of the two errors, so only one survives: the vertical error at a horizontal
+correction point, the horizontal error at a vertical one. The state of a partial route is therefore
+its length and one *surviving error*.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class Airspace(NamedTuple):
     start, end : int
         Indices of the start A and the end B.
     limits : ndarray, shape (4, 2)
-        Largest vertical (column 0) and horizontal (column 1) error on arrival, a row for each
-        kind of point, slack included; the row of ``START`` is -1, as nobody arrives there.
+        Largest vertical (column 0) and horizontal (column 1) error on arrival, one row per kind of
+        point, slack included; the row of ``START`` is -1, as no route returns there.
     rates : ndarray, shape (2,)
-        Vertical and horizontal error that a metre of flight adds.
+        Vertical and horizontal error per metre of flight.
     """
 
     points: NDArray[np.float64]
@@ -50,7 +50,7 @@ class Airspace(NamedTuple):
 
 
 def airspace(model: ErrorCorrectionRouting) -> Airspace:
-    """Return the arrays of `model`, whose limits hold what rounding excuses."""
+    """Return the arrays of `model`; the limits include the rounding tolerance."""
     limits = np.ascontiguousarray(model.rounded_limits[:, ::-1])
     limits[START] = -1.0
     return Airspace(

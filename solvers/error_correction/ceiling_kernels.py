@@ -1,20 +1,19 @@
-"""The search of ``label-setting`` where revisits are allowed: A* under a rising ceiling.
+"""Search of ``label-setting`` with revisits: A* under a rising ceiling.
 
 Labels leave the heap in the order of ``length + distance to B``. The bound depends on the point
-only and obeys the triangle inequality, so the labels of one point leave in the order of their
-lengths, and a label is dominated exactly when its surviving error is not below the smallest one
-that left at its point. An arc between points of different kinds renews the state: after it the
-surviving error is what the arc itself adds. The first label that fits such an arc therefore gives
-its best use, and later labels of the tail take only those arcs that no earlier one could.
+only and satisfies the triangle inequality, so the labels of a point leave in the order of their
+lengths. A label is dominated exactly if its surviving error is not below the smallest settled error of
+its point. After an arc between points of different kinds, the surviving error is the gain on that arc.
+The first label that can take such an arc is therefore the best one, and later labels of the tail only
+take arcs that no earlier label could take.
 
-Nothing above the ceiling is stored, and points through which every way is longer do not enter the
-grid. Where the ceiling is reached without B, it rises; the last search alone counts.
+Labels above the ceiling are not stored, and points that are on longer walks only are not in the grid.
+If B is not reached under the ceiling, the ceiling is raised and the search starts again.
 
-The straight line costs nothing, and is enough where the way is nearly straight. Where labels become
-many it is not. Then the shortest ways to B over arcs that the thresholds alone allow take its place:
-they obey the triangle inequality along arcs too, and tell from which points B cannot be reached. No
-more work goes into them than a multiple of what the labels took, so they cost little where they gain
-nothing.
+The straight line is a free bound, sufficient for nearly straight routes. If the number of labels
+becomes large, shortest paths to B over the arcs that the thresholds allow replace it. They satisfy the
+triangle inequality along arcs, too, and identify the points from which B is unreachable. Their work is
+limited to a multiple of the work for labels.
 """
 
 from __future__ import annotations
@@ -34,12 +33,11 @@ from .steps import REFUSED, arrive, distances_to, radius_of, remaining, trace, w
 __all__ = ["climb"]
 
 
-#: First ceiling above the straight line, and the factor by which it rises, in shares of the line.
+#: First ceiling above the bound, relative to it, and the growth factor of that share.
 FIRST, RISE = 0.004, 2.2
-#: Labels a point that are made before a better bound is worth its price, and the factor by which
-#: they rise before it is sought again.
+#: Labels per point before a better bound is computed, and the growth factor before it is recomputed.
 PATIENCE, LONGER = 4, 8
-#: Arcs that are looked at for the bound, for each that the labels looked at.
+#: Maximum number of arcs scanned for the bound per arc scanned by labels.
 WORTH = 16
 
 
@@ -54,14 +52,14 @@ def climb(
     space : Airspace
         The problem.
     cutoff : float
-        Length (m) above which nothing is wanted; inf for none.
+        Largest length of interest, m; inf for none.
     flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+        Stop flag; a nonzero value stops the search.
 
     Returns
     -------
     status : int
-        ``FOUND``, ``NOTHING`` (there is none up to the cutoff), ``STOPPED`` or ``FULL``.
+        ``FOUND``, ``NOTHING`` (no walk up to the cutoff exists), ``STOPPED`` or ``FULL``.
     route : ndarray
         Points from A to B, empty without one.
     length, bound : float
@@ -107,7 +105,7 @@ def climb(
             vain = ahead[space.start] == np.inf
             dear += 1
             if dear == 2 and not vain:
-                # So much work may be in vain: settle whether B can be reached with what is carried.
+                # Before more work, test whether B is reachable with the carried errors.
                 vain = least_errors(space, grid, True, flag)[len(grid.x) - 1] == np.inf
             if vain and flag[0] == 0:
                 return NOTHING, route, np.inf, np.inf, made, settled
@@ -116,7 +114,7 @@ def climb(
             budget = LONGER * made
             continue
         if (left_out == 0 and pruned == 0) or ceiling >= cutoff:
-            # Every way was tried, or every one up to the cutoff.
+            # All walks up to the cutoff were enumerated.
             return (
                 NOTHING,
                 route,
@@ -131,7 +129,7 @@ def climb(
 
 @kernel
 def lengths_from(points: NDArray[np.float64], at: int) -> NDArray[np.float64]:
-    """Return the straight-line distance of every point from point `at`."""
+    """Return the straight-line distance of every point from point `at`, m, shape (n,)."""
     lengths = np.empty(len(points))
     for i in range(len(points)):
         dx = points[i, 0] - points[at, 0]
@@ -152,16 +150,15 @@ def under(
 ) -> tuple[int, NDArray[np.int64], float, int, int, int, int]:
     """Return the shortest walk no longer than `ceiling`; see :func:`climb`.
 
-    `ahead` is a lower bound on the length from each slot to B. The third value is the smallest key
-    in the heap where the search was stopped, ``DEAR`` where it made more labels than `budget`. The
-    last ones count what the ceiling pruned, and the arcs that were looked at.
+    `ahead` is a lower bound on the length from each slot to B. The status is ``DEAR`` after more
+    labels than `budget`. The third value is the length, or the smallest key in the heap after a stop.
+    The last values count the labels pruned by the ceiling and the scanned arcs.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1
     to_end = distances_to(grid, end)
     smallest = np.full(count, np.inf)
-    # Of the labels that wait, the one with the least error at each slot: it dominates many others
-    # before they are stored.
+    # Waiting label of least error at each slot: it dominates many others before they are stored.
     waiting, waiting_length = np.full(count, np.inf), np.empty(count)
     found = np.empty(count, np.int64)
     away = np.empty(count)
@@ -205,7 +202,7 @@ def under(
             room = 2 * (labels + count)
             slots, parents = widened(slots, room), widened(parents, room)
             lengths, errors = widened(lengths, room), widened(errors, room)
-        # B first: its label is one among the others.
+        # Extend to B first: its label enters the heap like the others.
         if arrive(space, kind, END, error, to_end[here]) != REFUSED:
             total = length + to_end[here]
             if total <= ceiling:
@@ -219,13 +216,13 @@ def under(
             radius = radius_of(space, kind, head, error)
             done = -1.0
             if head == kind:
-                # Two arcs to points of one kind, where a single one will do, are longer and add no
-                # less error: only what lies beyond the reach of the label before is worth a stop.
+                # Two arcs between points of one kind are longer than a single arc and add no less
+                # error, so only points beyond the reach of the parent label are useful.
                 last = parents[label]
                 most = radius_of(space, grid.kinds[slots[last]], head, errors[last])
                 done = most * (1.0 + 1e-12) - (length - lengths[last])
             elif kind != START and before < np.inf:
-                # What an earlier label of this point, with more error, could reach is done.
+                # An earlier label of this point, with more error, covers the points within its reach.
                 done = radius_of(space, kind, head, before)
             if radius <= done:
                 continue
@@ -234,7 +231,7 @@ def under(
             for m in range(k):
                 there = found[m]
                 d = away[m]
-                # Where rounding decides, the arc is taken twice rather than not at all.
+                # Within rounding, an arc is taken twice rather than never.
                 if d <= done * (1.0 - 1e-12):
                     continue
                 total = length + d

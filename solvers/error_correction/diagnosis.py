@@ -1,4 +1,4 @@
-"""Why an error-correction instance has no route: the points at which every extension dies."""
+"""Diagnosis of infeasible error-correction instances: the points without a feasible extension."""
 
 from __future__ import annotations
 
@@ -19,19 +19,24 @@ _METHOD = "search for the points that any walk from A can reach"
 
 
 def diagnose_routing(model: ErrorCorrectionRouting, time_limit: float | None = None) -> Diagnosis:
-    """Return which points stop every extension, and by how much the thresholds miss.
+    """Return the points or limits that make the model infeasible, and by how much.
 
-    Where B cannot be reached even with revisits, every point that is reached is named with the step
-    beyond that misses by least. Where it can, and only the ban on revisits is in the way, the
-    points are named that a route would have to visit twice. With corrections that may fail, or a limit
-    on them, limits are named that no route keeps together.
+    If B is unreachable even with revisits, each reachable point is reported with its least infeasible
+    next step. If only the ban on revisits makes the model infeasible, the points that a route must
+    visit twice are reported. With suspect corrections or a limit on corrections, conflicting limits
+    are reported.
 
     Parameters
     ----------
     model : ErrorCorrectionRouting
-        What is asked.
+        The model to diagnose.
     time_limit : float, optional
-        Seconds for each search.
+        Time limit of each search, s.
+
+    Returns
+    -------
+    Diagnosis
+        Feasibility, a summary and the findings.
     """
     if not model.is_plain:
         # Both errors survive a correction that may fail, and corrections are counted.
@@ -39,13 +44,13 @@ def diagnose_routing(model: ErrorCorrectionRouting, time_limit: float | None = N
     least = reachable(model)
     reached = np.flatnonzero(np.isfinite(least))
     if not np.isfinite(least[model.end]):
-        found = refusals(model, least)
+        excluded = refusals(model, least)
         summary = (
             f"no route: {reached.size} of {len(model.points)} points can be reached, "
             "and from each of them a threshold refuses every step that leads on to B"
         )
         return Diagnosis(
-            model.name, False, _METHOD, summary, tuple(_finding(model, r) for r in found)
+            model.name, False, _METHOD, summary, tuple(_finding(model, r) for r in excluded)
         )
     answer = solve(model, "label-setting", time_limit=time_limit)
     if answer.plan is not None:
@@ -53,21 +58,21 @@ def diagnose_routing(model: ErrorCorrectionRouting, time_limit: float | None = N
         return Diagnosis(model.name, True, "label-setting", summary)
     if answer.termination is not Termination.INFEASIBLE:
         return Diagnosis(model.name, None, "label-setting", f"not settled: {answer.termination}")
-    free = solve(replace(model, revisits=True), "label-setting", time_limit=time_limit)
-    walk = free.plan
+    relaxed = solve(replace(model, revisits=True), "label-setting", time_limit=time_limit)
+    walk = relaxed.plan
     if walk is None:
         return Diagnosis(
             model.name, False, "label-setting",
-            f"no route; which points it would visit twice is not settled: {free.termination}",
+            f"no route; which points it would visit twice is not settled: {relaxed.termination}",
         )  # fmt: skip
     points, times = np.unique(walk.route, return_counts=True)
-    twice = points[times > 1].tolist()
-    names = ", ".join(model.label(point) for point in twice)
+    repeated = points[times > 1].tolist()
+    names = ", ".join(model.label(point) for point in repeated)
     finding = Finding(
         f"the shortest walk {walk} visits point {names} more than once, which revisits=False forbids",
         "4-5",
         f"point {names}",
-        {"points": twice, "walk": list(walk.route)},
+        {"points": repeated, "walk": list(walk.route)},
     )
     return Diagnosis(
         model.name,

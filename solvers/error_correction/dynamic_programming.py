@@ -1,4 +1,4 @@
-"""``dynamic-programming``: the paper's DP Algorithm."""
+"""DP Algorithm of the paper."""
 
 from __future__ import annotations
 

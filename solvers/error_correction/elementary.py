@@ -1,23 +1,20 @@
 """Routes without revisits from searches that allow them: decremental state-space relaxation.
 
-A search whose dominance ignores visited points is exact where revisits are allowed, and a
-relaxation where they are not: the best walk is no longer than the best simple route. If that walk
-is simple, it is the answer. If it is not, the points that it visits twice become *critical*: the
-next search forbids visiting them twice, keeps them as bits in its labels, and lets a label dominate
-another only if its critical points are among the other's. This is exact for "no critical point
-twice" (a way that continues the dominated label continues the dominating one as well, for it needs
-no critical point that the latter has used and the former has not), so each search again bounds
-the simple routes from below. The critical set grows with every round and is contained in the
-points, so the rounds end, at the latest with every point critical, where no walk repeats a point.
-In all but contrived instances the first or second round is the last.
+A search whose dominance ignores visited points is exact if revisits are allowed, and a relaxation
+otherwise: the best walk is no longer than the best simple route. A simple walk is optimal. Otherwise
+its repeated points become *critical*: the next search forbids visiting them twice, stores them as bits
+in the labels, and lets a label dominate another only if its visited critical points are a subset of
+the other's. This is exact for "no critical point twice", as every extension of the dominated label is
+an extension of the dominating one. So each search yields a lower bound on simple routes. The critical
+set grows with every round, so the number of rounds is finite: if all points are critical, no walk
+repeats a point. Except for contrived instances, one or two rounds suffice.
 
-Labels that have visited different critical points do not dominate each other, and a chain of k
-places where a choice is made would need 2^k of them. But a point far behind matters no more, because
-no route that returns to it is short enough. So :func:`simple_below` searches under a ceiling that
-begins just above what is proven and rises until there is a route; below it the way back to most points
-is too long, and they are forgotten (see :mod:`.labels`). What remains to B is bounded by the shortest
-walk for the error carried (:mod:`.way_kernels`), so that what the route loses against the walk is
-all that the ceiling leaves for ways back.
+Labels with different visited critical points do not dominate each other; a chain of k binary choices
+needs 2^k of them. But a distant point no longer matters if every route that returns to it is too long.
+So :func:`simple_below` searches under a ceiling that starts just above the proven bound and increases
+until a route is found. Under the ceiling most points are too far away to return to, and they are
+dropped from the labels (see :mod:`.labels`). The remaining length to B is bounded by the shortest walk
+for the carried error (:mod:`.way_kernels`), so the ceiling leaves little room for returns.
 
 Source: G. Righini and M. Salani, "New dynamic programming algorithms for the resource constrained
 elementary shortest path problem", Networks 51 (2008).
@@ -40,7 +37,7 @@ from .way_kernels import ways_on
 
 __all__ = ["Found", "elementary", "simple_below"]
 
-#: First ceiling above what is proven, and the factor by which it rises, in shares of that.
+#: First ceiling above the proven bound, relative to it, and the growth factor of that share.
 FIRST, RISE = 1e-3, 2.2
 
 
@@ -61,13 +58,13 @@ def simple_below(
     critical : ndarray of int64
         Indices of the critical points, ascending.
     lower : float
-        Lower bound on the length (m), from which the ceiling rises.
+        Lower bound on the length, m, the base of the ceilings.
     cutoff : float
-        Length above which nothing is wanted; inf for none.
+        Largest length of interest, m; inf for none.
     flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+        Stop flag; a nonzero value stops the search.
     search : callable
-        The kernel that searches below a ceiling, such as :func:`.sweep_kernels.best_first`.
+        Kernel that searches below a ceiling, such as :func:`.sweep_kernels.best_first`.
     """
     behind, ahead = (
         np.linalg.norm(space.points - space.points[end], axis=1) for end in (space.start, space.end)
@@ -84,12 +81,12 @@ def simple_below(
         made += labels
         if status == FOUND:
             bits, words = critical_bits(grid, critical)
-            found = Found(*search(space, grid, ways, bits, words, ceiling, flag))
-            made, settled = made + found.made, settled + found.settled
+            result = Found(*search(space, grid, ways, bits, words, ceiling, flag))
+            made, settled = made + result.made, settled + result.settled
         else:
-            found = Found(status, np.empty(0, np.int64), np.inf, bound, 0, 0)
-        if found.status != NOTHING or ceiling >= cutoff:
-            return replace(found, bound=max(bound, found.bound), made=made, settled=settled)
+            result = Found(status, np.empty(0, np.int64), np.inf, bound, 0, 0)
+        if result.status != NOTHING or ceiling >= cutoff:
+            return replace(result, bound=max(bound, result.bound), made=made, settled=settled)
         bound = ceiling
-        # Where nothing was left out, a higher ceiling would only make more ways back count.
+        # If nothing was pruned, a higher ceiling can only add returns to critical points.
         share = share * RISE if pruned or not keep.all() else np.inf

@@ -1,7 +1,7 @@
-"""A uniform spatial grid over the correction points, and the search for points within a radius.
+"""Uniform spatial grid over the correction points, with a radius search.
 
-The points are sorted by kind and cell, cells along the longest side of the bounding box being
-neighbours in memory: a ball is scanned as a few contiguous runs, one a row of cells.
+The points are sorted by kind and cell. Cells along the longest side of the bounding box are adjacent in
+memory, so a ball is scanned as a few contiguous runs, one per row of cells.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ __all__ = ["Grid", "build", "near", "reach"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: Points that a cell holds on average, at least: fewer would cost more in rows than they save.
+#: Minimum mean number of points per cell; with fewer, scanning rows costs more than it saves.
 CROWD = 4
-#: Cells along the largest reach: finer cells enclose a ball more tightly, coarser ones are fewer.
+#: Cells per largest reach: finer cells enclose a ball more tightly, coarser ones are fewer.
 FINENESS = 3.0
-#: Slack of cell borders in cell widths: a point must not be missed because of rounding.
+#: Slack of cell borders in cell widths, so that rounding loses no point.
 BORDER = 1e-9
 
 
@@ -62,9 +62,9 @@ class Grid(NamedTuple):
 
 @kernel
 def reach(space: Airspace, kind: int) -> float:
-    """Return the length of the longest arc by which a point of `kind` may be reached at all.
+    """Return the length of the longest arc to a point of `kind` under its thresholds, m.
 
-    It is generous by rounding: whoever uses it tests the thresholds afterwards.
+    The value is rounded up, so callers must still test the thresholds.
     """
     longest = np.inf
     for error in range(2):
@@ -76,7 +76,7 @@ def reach(space: Airspace, kind: int) -> float:
 
 @kernel
 def cell(coordinate: float, origin: float, width: float, count: int) -> int:
-    """Return the cell along one axis that holds `coordinate`, the outermost ones beyond the box."""
+    """Return the cell index of `coordinate` along one axis, clipped to the box."""
     where = (coordinate - origin) / width
     if not where > 0.0:
         return 0
@@ -164,7 +164,7 @@ def build(space: Airspace, keep: NDArray[np.bool_]) -> Grid:
 
 @kernel
 def gap(coordinate: float, origin: float, width: float, index: int) -> float:
-    """Return the distance along one axis between `coordinate` and cell `index`, or less."""
+    """Return a lower bound on the distance between `coordinate` and cell `index` along one axis."""
     low = origin + (index - BORDER) * width
     high = origin + (index + 1 + BORDER) * width
     return max(low - coordinate, coordinate - high, 0.0)
@@ -172,9 +172,9 @@ def gap(coordinate: float, origin: float, width: float, index: int) -> float:
 
 @kernel
 def near(grid: Grid, slot: int, kind: int, radius: float, found: Integers, away: Floats) -> int:
-    """Collect the points of `kind` within `radius` of `slot`, itself excluded.
+    """Collect the points of `kind` within `radius` of `slot`, excluding `slot`; return their number.
 
-    Slots go to `found`, distances to `away` (both with room for all slots); returns how many.
+    Slots are written to `found` and distances to `away`, both of at least the number of slots.
     """
     if radius < 0.0:
         return 0
@@ -203,7 +203,7 @@ def near(grid: Grid, slot: int, kind: int, radius: float, found: Integers, away:
             for s in range(begin, stop):
                 dx, dy, dz = grid.x[s] - x, grid.y[s] - y, grid.z[s] - z
                 d = dx * dx + dy * dy + dz * dz
-                # Always written, kept only if near: no branch in the innermost loop.
+                # Write always and advance only for near points: no branch in the innermost loop.
                 found[count] = s
                 away[count] = d
                 count += int(d <= square and s != slot)

@@ -1,4 +1,4 @@
-"""``label-setting``: our own exact search, best-first, from coordinates to a proven route."""
+"""Exact best-first label setting; ours."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ __all__ = ["LabelSetting"]
 
 
 class LabelSetting(RoutingBackend):
-    """A* with dominance on length and the one error that survives a correction.
+    """A* search with dominance on the length and the surviving error.
 
-    With revisits allowed the search is exact as it is, and polynomial; without them, the walk it
-    finds is accepted if it is simple, and otherwise the points it repeats become critical (see
-    :mod:`.elementary`), because dominance that ignores visited points would discard a longer way
-    that has not yet used a point which the shorter one needs again.
+    With revisits the search is exact and polynomial. Without them, a simple walk is accepted; otherwise
+    the repeated points become critical (see :mod:`.elementary`). Dominance that ignores visited points
+    would discard a longer label that can still visit a point needed later.
 
     A run that reaches its time limit returns the best of the routes of the starter and of
     :func:`~crosstrack.solvers.resource_routing.first.route_in_time`. It ends without a plan only if
@@ -37,18 +36,18 @@ class LabelSetting(RoutingBackend):
     def search(
         self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
-        """Search under a rising ceiling, then with critical points where a walk repeats some."""
+        """Search under a rising ceiling, then with critical points if the walk repeats some."""
         from .ceiling_kernels import climb
         from .elementary import Found, elementary, simple_below
         from .sweep_kernels import best_first
 
         flag = request.control.flag
 
-        def searched(critical: np.ndarray[Any, np.dtype[np.int64]], bound: float) -> Found:
+        def search_once(critical: np.ndarray[Any, np.dtype[np.int64]], bound: float) -> Found:
             if critical.size == 0:
                 return Found(*climb(space, ceiling, flag))
             return simple_below(space, critical, bound, ceiling, flag, best_first)
 
         begin = clock()
-        found = elementary(searched, revisits=revisits)
+        found = elementary(search_once, revisits=revisits)
         return found, {"search_seconds": clock() - begin}

@@ -1,4 +1,4 @@
-"""``labelling``: the paper's first stage, a heuristic."""
+"""First stage of the paper's algorithm, a heuristic."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def label_with_factors(space: Airspace, factor: float | None, request: Request) 
 
 
 class FactorSearch(Backend):
-    """Base of the backends with the option of stage 1."""
+    """Base class of the backends with the option of stage 1."""
 
     options = {
         "threshold_factor": Option(
@@ -100,13 +100,13 @@ class Labelling(FactorSearch):
         from .airspace import airspace
 
         begin = clock()
-        found = label_with_factors(airspace(problem), request.options["threshold_factor"], request)
+        labels = label_with_factors(airspace(problem), request.options["threshold_factor"], request)
         stopped = request.control.stopped
         return Answer(
-            Termination.FEASIBLE if found.route.size else Termination.NO_SOLUTION,
+            Termination.FEASIBLE if labels.route.size else Termination.NO_SOLUTION,
             (request.control.reason or Limit.INTERRUPTED) if stopped else None,
-            Route(tuple(found.route.tolist())) if found.route.size else None,
-            float(found.length) if found.route.size else None,
+            Route(tuple(labels.route.tolist())) if labels.route.size else None,
+            float(labels.length) if labels.route.size else None,
             seconds={"solve": clock() - begin},
-            statistics={"labels made": found.made, "threshold factor": found.factor},
+            statistics={"labels made": labels.made, "threshold factor": labels.factor},
         )

@@ -1,14 +1,12 @@
 """Labels of a search in growing columns, with the points already visited as bit masks.
 
-A label is a partial route: where it ends, its length, the error that survives there, the label it
-extends, and which of the *critical* points it may not visit any more: those that it has visited, and
-those that no way to B below the ceiling leads through. One label dominates another of the same point
-when it is no longer, carries no more error and has visited no critical point that the other may
-still visit. For take any way from the other to B below the ceiling: it visits only critical points
-that the other may still visit, hence none that the one has visited, and it carries no more error and
-no more length from the one than from the other. (A shorter label may still visit whatever a longer
-one may, so comparing what both may not visit comes to the same.) Without critical points the mask is
-empty, and the rule ignores visits altogether, which is exact only where revisits are allowed.
+A label is a partial route: its last point, length, surviving error, parent label, and the *closed*
+critical points. These are the critical points that it has visited and those that are on no path to B
+below the ceiling. A label dominates another of the same point if it is no longer, has no more error and
+its closed points are a subset of the other's. Proof: any path from the other label to B below the
+ceiling uses only critical points that are open for both labels, and the dominating label follows it
+with no more error and length. Without critical points the mask is empty and the rule ignores visits,
+which is exact only if revisits are allowed.
 """
 
 from __future__ import annotations
@@ -29,12 +27,12 @@ class Labels(NamedTuple):
     Attributes
     ----------
     slot, parent, following : ndarray of int64
-        Where the label ends, the label it extends (-1 for none), and the next one in the list of
-        its slot (-1 at the end).
+        Slot of the last point, parent label (-1 for none), and next label in the list of the slot
+        (-1 at the end).
     length, error : ndarray
         Length (m) and surviving error.
     visited : ndarray of uint64, shape (room, words)
-        Critical points that may not be visited (any more), by bit.
+        Closed critical points, one bit each.
     """
 
     slot: NDArray[np.int64]
@@ -47,7 +45,7 @@ class Labels(NamedTuple):
 
 @kernel
 def make(room: int, words: int) -> Labels:
-    """Return empty columns."""
+    """Return columns for `room` labels."""
     return Labels(
         np.empty(room, np.int64),
         np.empty(room, np.int64),
@@ -60,7 +58,7 @@ def make(room: int, words: int) -> Labels:
 
 @kernel
 def grown(labels: Labels, used: int, room: int) -> Labels:
-    """Return columns with more room and the same first `used` labels."""
+    """Return columns for `room` labels that start with the first `used` labels."""
     wider = make(room, labels.visited.shape[1])
     for k in range(used):
         wider.slot[k] = labels.slot[k]
@@ -91,13 +89,13 @@ def add(
 
 @kernel
 def close(labels: Labels, at: int, bit: int) -> None:
-    """Forbid label `at` to visit the critical point with this bit."""
+    """Close the critical point with number `bit` for label `at`."""
     labels.visited[at, bit >> 6] |= np.uint64(1) << np.uint64(bit & 63)
 
 
 @kernel
 def visited(labels: Labels, label: int, bit: int) -> bool:
-    """Whether `label` may not visit the critical point with this bit."""
+    """Return whether the critical point with number `bit` is closed for `label`."""
     if bit < 0:
         return False
     word: np.uint64 = labels.visited[label, bit >> 6]
@@ -106,7 +104,7 @@ def visited(labels: Labels, label: int, bit: int) -> bool:
 
 @kernel
 def beats(labels: Labels, one: int, other: int) -> bool:
-    """Whether label `one` dominates label `other` of the same slot."""
+    """Return whether label `one` dominates label `other` of the same slot."""
     if labels.length[one] > labels.length[other] or labels.error[one] > labels.error[other]:
         return False
     for word in range(labels.visited.shape[1]):
@@ -117,7 +115,7 @@ def beats(labels: Labels, one: int, other: int) -> bool:
 
 @kernel
 def dominated(labels: Labels, first: int, at: int) -> bool:
-    """Whether a label in the list that begins with `first` dominates label `at`."""
+    """Return whether a label in the list that starts with `first` dominates label `at`."""
     other = first
     while other >= 0:
         if beats(labels, other, at):
@@ -128,7 +126,7 @@ def dominated(labels: Labels, first: int, at: int) -> bool:
 
 @kernel
 def link(labels: Labels, heads: NDArray[np.int64], at: int) -> int:
-    """Put label `at` into the list of its slot and drop what it dominates; return how many went."""
+    """Insert label `at` into the list of its slot, drop dominated labels and return their number."""
     slot = labels.slot[at]
     dropped = 0
     before = -1
@@ -137,7 +135,7 @@ def link(labels: Labels, heads: NDArray[np.int64], at: int) -> int:
         following = labels.following[other]
         if beats(labels, at, other):
             dropped += 1
-            # A label out of its list is marked by its error, so that a queue can pass it over.
+            # An infinite error marks a dropped label, so that a queue can skip it.
             labels.error[other] = np.inf
             if before < 0:
                 heads[slot] = following

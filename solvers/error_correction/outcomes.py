@@ -1,4 +1,4 @@
-"""How a search ends: one number for the kernels, which know no enumerations."""
+"""Status codes of searches, as whole numbers for the kernels."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ __all__ = ["DEAR", "FOUND", "FULL", "NOTHING", "OPEN", "STOPPED"]
 
 from ..resource_routing.outcomes import FOUND, FULL, NOTHING, OPEN, STOPPED
 
-#: More labels than were allowed.
+#: The search exceeded its budget of labels.
 DEAR = -4

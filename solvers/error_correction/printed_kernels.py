@@ -1,9 +1,8 @@
 """The paper's pulse algorithm and dynamic program, with labels of length and both errors on arrival.
 
 A label dominates another label of the same point if its length and both of its errors are at most the
-other's. A point keeps every label that no other one dominates. The points of a label's route are not
-compared, so a label may be dropped whose continuation the dominating label cannot fly without visiting a
-point twice.
+other's. A point keeps its non-dominated labels. The points of the routes are not compared, so a dropped
+label may have an extension that is not simple for the dominating label.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``pulse``: the paper's pulse algorithm without a route from stage 1."""
+"""Pulse algorithm of the paper, without a route from stage 1."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Pulse(PrintedSearch):
     def find_as_printed(
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
-        """Send pulses from A without a known route."""
+        """Run the pulse algorithm from A without a known route."""
         from .elementary import Found
         from .printed_kernels import send_pulses
 

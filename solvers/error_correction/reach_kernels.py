@@ -1,4 +1,4 @@
-"""How far walks from A get at all, whatever their length."""
+"""Reachability of points by walks of any length from A."""
 
 from __future__ import annotations
 
@@ -19,13 +19,12 @@ __all__ = ["least_errors"]
 def least_errors(
     space: Airspace, grid: Grid, until: bool, flag: NDArray[np.int8]
 ) -> NDArray[np.float64]:
-    """Return the smallest error with which a walk from A leaves each slot; inf where none arrives.
+    """Return the least error on leaving each slot by walks from A, shape (slots,); inf if unreachable.
 
-    Revisits are allowed. Of the walks that reach a point, the one that leaves it with the least
-    error can go on wherever any other can, so this alone settles which points, and whether B, can
-    be reached. A renewed error may be smaller than the one before, so a point whose error falls is
-    extended again. With `until` the search ends as soon as B is reached. Where that or `flag` stops
-    it, what is not yet reached is inf too.
+    Revisits are allowed. The walk of least error can be extended wherever any other can, so the least
+    errors determine which points are reachable. A later walk may have a smaller error, so a point is
+    extended again after its error decreases. With `until` the search ends as soon as B is reached.
+    After an early end, by `until` or `flag`, points not reached yet have inf, too.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1

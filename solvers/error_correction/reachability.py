@@ -1,8 +1,7 @@
-"""How far routes get: the points that can be reached at all, and what refuses every step beyond.
+"""Reachable points, and the thresholds that exclude all further steps.
 
-With revisits allowed a point is reached with some surviving error; of all walks that reach it, the
-one that leaves it with the least error can go on wherever any other can. So a search for the
-smallest surviving error alone settles what can be reached.
+With revisits, the walk that leaves a point with the least surviving error can be extended wherever any
+other walk can. So the least surviving errors determine which points are reachable.
 """
 
 from __future__ import annotations
@@ -34,20 +33,20 @@ _THRESHOLDS = {
 
 @dataclass(frozen=True)
 class Refusal:
-    """A step that a threshold refuses.
+    """Step excluded by a threshold.
 
     Parameters
     ----------
     tail, head : int
-        From a point that is reached to one that is not.
+        A reachable point and an unreachable one.
     threshold : str
-        The field of the model that refuses.
+        Field of the model that holds the threshold.
     equation : str
-        The paper's equation.
+        Equation of the paper.
     error : str
         ``"horizontal error"`` or ``"vertical error"``.
     arrival, limit, excess : float
-        Error on arrival, threshold, and by how much the one exceeds the other.
+        Error on arrival, threshold, and their difference.
     """
 
     tail: int
@@ -72,19 +71,19 @@ def _arrivals(model: ErrorCorrectionRouting, tail: int, left: float) -> NDArray[
 
 
 def reachable(model: ErrorCorrectionRouting) -> NDArray[np.float64]:
-    """Return the smallest error with which a walk from A can leave each point, shape (n,).
+    """Return the least error on leaving each point by walks from A, shape (n,).
 
-    It is inf where no walk arrives, and 0 at B where one does.
+    It is inf at unreachable points, and 0 at a reachable B.
     """
     from .reach_kernels import least_errors
 
-    space, grid = _laid_out(model)
+    space, grid = _arrays(model)
     least = np.full(len(model.points), np.inf)
     least[grid.ids] = least_errors(space, grid, False, np.zeros(1, np.int8))
     return least
 
 
-def _laid_out(model: ErrorCorrectionRouting) -> tuple[Airspace, Grid]:
+def _arrays(model: ErrorCorrectionRouting) -> tuple[Airspace, Grid]:
     from .airspace import airspace
     from .grid import build
 
@@ -93,33 +92,33 @@ def _laid_out(model: ErrorCorrectionRouting) -> tuple[Airspace, Grid]:
 
 
 def onward(model: ErrorCorrectionRouting) -> NDArray[np.bool_]:
-    """Return the points from which B could be reached if they were left without any error.
+    """Return a mask of the points from which B is reachable without an initial error, shape (n,).
 
-    Only steps into these can matter: whoever enters another point is lost. Where finding them would
-    take long, some or all of the others are returned too.
+    Steps to other points are dead ends. The search has a limit on its work, so the mask may include
+    additional points.
     """
     from .slots import shortest_ways
 
-    space, grid = _laid_out(model)
+    space, grid = _arrays(model)
     marked = np.zeros(len(model.points), bool)
     marked[grid.ids] = np.isfinite(shortest_ways(space, grid, np.zeros(1, np.int8)))
     return marked
 
 
 def refusals(model: ErrorCorrectionRouting, least: NDArray[np.float64]) -> list[Refusal]:
-    """Return, for each reached point, the step towards B that misses by least; nearest miss first.
+    """Return the step towards B of least excess for each reachable point, sorted by excess.
 
     Parameters
     ----------
     model : ErrorCorrectionRouting
         The model.
     least : ndarray
-        What :func:`reachable` returned.
+        Result of :func:`reachable`.
     """
     limit = model.rounded_limits[model.codes]
     beyond = ~np.isfinite(least) & onward(model)
     beyond[model.start] = False
-    found = []
+    excluded = []
     for tail in np.flatnonzero(np.isfinite(least)).tolist():
         if tail == model.end or not beyond.any():
             continue
@@ -129,6 +128,8 @@ def refusals(model: ErrorCorrectionRouting, least: NDArray[np.float64]) -> list[
         code = int(model.codes[head])
         threshold, equation, error = _THRESHOLDS[code, axis]
         bound = float(model.limits[code, axis])
-        over = float(excess[head, axis] + limit[head, axis] - bound)
-        found.append(Refusal(tail, head, threshold, equation, error, bound + over, bound, over))
-    return sorted(found, key=lambda r: (r.excess, r.tail))
+        difference = float(excess[head, axis] + limit[head, axis] - bound)
+        excluded.append(
+            Refusal(tail, head, threshold, equation, error, bound + difference, bound, difference)
+        )
+    return sorted(excluded, key=lambda r: (r.excess, r.tail))

@@ -1,4 +1,4 @@
-"""What searches know of the slots of a grid: critical points as bits, and the way that remains."""
+"""Data of grid slots for searches: bits of critical points, and remaining lengths."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .steps import remaining
 
 __all__ = ["critical_bits", "shortest_ways"]
 
-#: Arcs that the search for the ways that remain looks at, at most: a second's work or less.
+#: Maximum number of arcs scanned for the remaining lengths, at most about 1 s of work.
 MOST_ARCS = 200_000_000
 
 
 def critical_bits(grid: Grid, critical: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """Return the bit of every slot (-1 where it is not critical) and the words that they need.
+    """Return the bit number of every slot (-1 if not critical) and the number of 64-bit words.
 
     Parameters
     ----------
@@ -35,10 +35,10 @@ def critical_bits(grid: Grid, critical: NDArray[np.int64]) -> tuple[NDArray[np.i
 def shortest_ways(
     space: Airspace, grid: Grid, flag: NDArray[np.int8], *, forward: bool = False
 ) -> NDArray[np.float64]:
-    """Return a lower bound on the length from every slot to B, or with `forward` from A to it.
+    """Return a lower bound on the length from every slot to B, m, or with `forward` from A to it.
 
-    The shortest way over arcs that the thresholds alone allow, as far as :data:`MOST_ARCS` arcs
-    tell; see :func:`.steps.remaining`.
+    The bound is the shortest path over arcs within the thresholds, computed with at most
+    :data:`MOST_ARCS` arcs; see :func:`.steps.remaining`.
     """
     way: NDArray[np.float64] = remaining(space, grid, forward, MOST_ARCS, flag)
     return way

@@ -1,4 +1,4 @@
-"""One step of a search: what may be carried along an arc, and what survives its end.
+"""Steps of a search: errors along an arc, reach of a label and remaining lengths.
 
 Column 0 of an airspace's limits and rates is the vertical error, column 1 the horizontal one. At a
 horizontal point the vertical error survives, at a vertical point the horizontal one.
@@ -20,16 +20,16 @@ __all__ = [
     "REFUSED", "arrive", "distance", "distances_to", "radius_of", "remaining", "trace", "widened",
 ]  # fmt: skip
 
-#: What :func:`arrive` returns where the head's thresholds refuse the arc.
+#: Result of :func:`arrive` for an arc that violates a threshold of its head.
 REFUSED = -1.0
 
 
 @kernel
 def arrive(space: Airspace, tail: int, head: int, error: float, length: float) -> float:
-    """Return the error that survives an arc of `length` between points of two kinds.
+    """Return the surviving error after an arc of `length` (m) between points of two kinds.
 
-    `tail` and `head` are kinds, `error` is what survived the tail. Returns :data:`REFUSED` where
-    the errors on arrival exceed a threshold of the head; at B, 0.
+    `tail` and `head` are kinds, and `error` is the surviving error at the tail. The result is
+    :data:`REFUSED` if an error on arrival exceeds a threshold of the head, and 0 at B.
     """
     vertical: float = space.rates[0] * length
     horizontal: float = space.rates[1] * length
@@ -48,7 +48,7 @@ def arrive(space: Airspace, tail: int, head: int, error: float, length: float) -
 
 @kernel
 def radius_of(space: Airspace, kind: int, head: int, error: float) -> float:
-    """Return the longest arc that a label with `error` may take to a point of kind `head`."""
+    """Return the length of the longest arc of a label with `error` to a point of kind `head`, m."""
     radius = np.inf
     for axis in range(2):
         carried = 0.0
@@ -64,7 +64,7 @@ def radius_of(space: Airspace, kind: int, head: int, error: float) -> float:
 
 @kernel(interpretable=True)
 def distances_to(grid: Grid, slot: int) -> NDArray[np.float64]:
-    """Return the straight-line distance of every slot from `slot`."""
+    """Return the straight-line distance of every slot from `slot`, m, shape (slots,)."""
     distances = np.empty(len(grid.x))
     for s in range(len(grid.x)):
         distances[s] = distance(grid, s, slot)
@@ -73,7 +73,7 @@ def distances_to(grid: Grid, slot: int) -> NDArray[np.float64]:
 
 @kernel
 def distance(grid: Grid, one: int, other: int) -> float:
-    """Return the straight-line distance of two slots."""
+    """Return the straight-line distance of two slots, m."""
     dx, dy, dz = (
         grid.x[one] - grid.x[other],
         grid.y[one] - grid.y[other],
@@ -86,14 +86,14 @@ def distance(grid: Grid, one: int, other: int) -> float:
 def remaining(
     space: Airspace, grid: Grid, forward: bool, arcs: int, flag: NDArray[np.int8]
 ) -> NDArray[np.float64]:
-    """Return the shortest length from every slot to B over arcs that the thresholds alone allow.
+    """Return the shortest-path length from every slot to B over arcs within the thresholds, m.
 
-    With `forward`, from A to every slot. It ignores what is carried and what was visited, so it
-    bounds every route from below, with or without revisits; inf where no such way exists. Along
-    every arc the bound falls by no more than the arc's length.
+    With `forward`, from A to every slot. The length ignores carried errors and visits, so it is a lower
+    bound for routes with or without revisits; inf without a path. Along an arc the bound decreases by
+    at most the arc's length.
 
-    Dijkstra's search ends when it has looked at `arcs` arcs or `flag` is set. The ways that it has
-    not found yet are no shorter than the last one it found, nor than the straight line.
+    Dijkstra's search ends after scanning `arcs` arcs or a stop by `flag`. The bound of the remaining
+    slots is then the maximum of the last settled length and the straight line.
     """
     count = len(grid.x)
     first, last = count - 2, count - 1
@@ -118,7 +118,7 @@ def remaining(
         if kind == (END if forward else START):
             continue
         for other in (HORIZONTAL, VERTICAL):
-            # An arc is as long as its head allows.
+            # The head's thresholds limit the length of an arc.
             radius = reaches[other] if forward else reaches[kind]
             k = near(grid, here, other, radius, found, away)
             left -= k + 1
@@ -138,7 +138,7 @@ def remaining(
 def trace(
     slots: NDArray[np.int64], parents: NDArray[np.int64], ids: NDArray[np.int64], label: int
 ) -> NDArray[np.int64]:
-    """Return the points on the way to `label`, from A."""
+    """Return the points of the partial route of `label`, from A."""
     count = 0
     at = label
     while at >= 0:
@@ -155,7 +155,7 @@ def trace(
 
 @kernel
 def widened(array: NDArray[Any], room: int) -> NDArray[Any]:
-    """Return an array with room for `room` entries, which begins with those of `array`."""
+    """Return an array of `room` entries that starts with those of `array`."""
     wider = np.empty(room, array.dtype)
     for k in range(len(array)):
         wider[k] = array[k]

@@ -1,6 +1,7 @@
-"""An exact best-first label search that remembers critical points.
+"""Exact best-first label search with critical points.
 
-It extends a label to every point within its reach, which a spatial grid finds, and drops labels above a ceiling.
+A label is extended to every point within its reach, found by a spatial grid; labels above a ceiling are
+dropped.
 """
 
 from __future__ import annotations
@@ -41,16 +42,16 @@ def best_first(
     space, grid : Airspace, Grid
         The problem.
     ways : Ways
-        Lower bounds on the length from each slot to B by the error carried, for routes below the
-        ceiling.
+        Lower bounds on the length from each slot to B as a function of the carried error, for routes
+        below the ceiling.
     bits : ndarray of int64, shape (slots,)
         Number of a slot among the critical points, -1 for the others.
     words : int
-        Words of 64 bits that the critical points need.
+        Number of 64-bit words for the critical points.
     ceiling : float
-        Length above which nothing is wanted.
+        Largest length of interest, m.
     flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+        Stop flag; a nonzero value stops the search.
 
     Returns
     -------

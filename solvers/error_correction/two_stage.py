@@ -1,4 +1,4 @@
-"""``two-stage``: the algorithm that the paper proposes."""
+"""Two-stage algorithm of the paper."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ __all__ = ["TwoStage"]
 
 
 class TwoStage(PrintedSearch, FactorSearch):
-    """Stage 1 is ``labelling``; stage 2 is ``pulse`` with the length of its route as the first bound."""
+    """Two-stage algorithm: ``labelling``, then ``pulse`` with the length of its route as bound."""
 
     name = "two-stage"
     summary = "the paper's algorithm: labelling for a bound, then pulses below it"
 
     def starter(self, problem: Any) -> str:
-        """Return no heuristic: the first stage is one."""
+        """Return "", as the first stage is a heuristic."""
         return ""
 
     def find_as_printed(
@@ -45,7 +45,7 @@ class TwoStage(PrintedSearch, FactorSearch):
         if has_route and not found.route.size:
             status = FOUND if found.status == NOTHING else found.status
             found = replace(found, status=status, route=first.route, length=first.length)
-        own = {
+        statistics = {
             "stage1_seconds": between - begin,
             "stage2_seconds": clock() - between,
             "search_seconds": clock() - begin,
@@ -53,4 +53,4 @@ class TwoStage(PrintedSearch, FactorSearch):
             "stage1 labels": first.made,
             "threshold factor": first.factor,
         }
-        return found, own
+        return found, statistics

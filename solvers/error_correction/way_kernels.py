@@ -1,10 +1,9 @@
-"""Shortest walks from every point on to B, by the error with which the point is left.
+"""Shortest walks from every point to B as a function of the error on leaving the point.
 
-The search of :mod:`.ceiling_kernels` run backwards: a label says how long the rest of a walk is, and
-with how much surviving error at most the point may be left for it. Labels of one point are settled
-in the order of their lengths, and one is worth keeping only if it allows more error than those
-before. What is kept is the exact length of the best walk that continues a partial route, so it bounds
-the routes without revisits as closely as the relaxation can.
+The search of :mod:`.ceiling_kernels` in reverse: a label holds the length of the rest of a walk and the
+largest surviving error on leaving the point. Labels of a point are settled in the order of their
+lengths, and a label is kept only if it allows more error than the previous ones. The result is the exact
+length of the best walk that completes a partial route, the tightest bound of the relaxation.
 """
 
 from __future__ import annotations
@@ -24,22 +23,21 @@ from .steps import REFUSED, distance, distances_to, widened
 
 __all__ = ["Ways", "forget", "least", "plain_ways", "rest", "ways_on"]
 
-#: Share of a threshold by which an error may be larger than computed: the same sum, added from the
-#: other end, is rounded differently.
+#: Slack of errors relative to a threshold, as backward sums round differently from forward sums.
 ROUNDING = 1e-12
 
 
 class Ways(NamedTuple):
-    """Walks from slots to B, by increasing length and error allowed.
+    """Walks from slots to B, sorted by length and allowed error.
 
     Attributes
     ----------
     first : ndarray of int64, shape (slots,)
-        The shortest walk of each slot, -1 for none.
+        Shortest walk of each slot, -1 for none.
     following : ndarray of int64
-        The next walk of the same slot, longer and allowing more error; -1 for none.
+        Next walk of the same slot, longer and with more allowed error; -1 for none.
     length, allowed : ndarray
-        Length (m), and the largest error with which the slot may be left.
+        Length, m, and largest error on leaving the slot.
     """
 
     first: NDArray[np.int64]
@@ -57,14 +55,14 @@ def plain_ways(ahead: NDArray[np.float64]) -> Ways:
 
 @kernel
 def least(ways: Ways, slot: int) -> float:
-    """Return the length of the shortest walk from `slot` to B, whatever it allows; inf for none."""
+    """Return the length of the shortest walk from `slot` to B without an error, m; inf for none."""
     way = ways.first[slot]
     return float(ways.length[way]) if way >= 0 else np.inf
 
 
 @kernel
 def rest(ways: Ways, slot: int, error: float) -> float:
-    """Return the length of the shortest walk to B from `slot`, left with `error`; inf for none."""
+    """Return the length of the shortest walk from `slot` to B for a given `error`, m; inf for none."""
     way = ways.first[slot]
     while way >= 0:
         if ways.allowed[way] >= error:
@@ -83,10 +81,10 @@ def forget(
     marked: NDArray[np.int64],
     ceiling: float,
 ) -> None:
-    """Close to label `at` those of the critical slots `marked` that it cannot use below `ceiling`.
+    """Close the critical slots in `marked` that label `at` cannot use below `ceiling`.
 
-    Not even if the straight line led there and the shortest walk from there to B; see
-    :mod:`.labels` for what that is good for.
+    The test bounds a route through the slot by the straight line to it and the shortest walk from it to
+    B. Closed slots make dominance stronger, see :mod:`.labels`.
     """
     here, length = labels.slot[at], labels.length[at]
     for slot in marked:
@@ -98,9 +96,9 @@ def forget(
 
 @kernel
 def most_before(space: Airspace, tail: int, head: int, most: float, length: float) -> float:
-    """Return the largest error with which `tail` may be left for `head`, to be left with `most`.
+    """Return the largest error on leaving `tail` such that `head` is left with at most `most`.
 
-    `tail` and `head` are kinds. :data:`.REFUSED` where no error is small enough.
+    `tail` and `head` are kinds. The result is :data:`.REFUSED` if no error is small enough.
     """
     spare = np.inf
     for axis in range(2):
@@ -117,7 +115,7 @@ def most_before(space: Airspace, tail: int, head: int, most: float, length: floa
 
 @kernel
 def radius_before(space: Airspace, head: int, most: float) -> float:
-    """Return the longest arc into a point of kind `head` that is to be left with `most`."""
+    """Return the longest arc into a point of kind `head` that is left with at most `most`, m."""
     radius = np.inf
     for axis in range(2):
         limit = space.limits[head, axis]
@@ -138,19 +136,18 @@ def ways_on(
     Returns
     -------
     status : int
-        ``FOUND`` where the search ended by itself, whether A was met or not; ``STOPPED`` or
-        ``FULL``.
+        ``FOUND`` if the search was completed, whether or not it reached A; ``STOPPED`` or ``FULL``.
     ways : Ways
         The walks.
     labels, pruned : int
-        Labels made, and those that the ceiling pruned.
+        Numbers of labels made and of labels pruned by the ceiling.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1
     behind = distances_to(grid, start)
     widest = np.full(count, -1.0)
     first, last = np.full(count, -1), np.full(count, -1)
-    # Of the labels that wait, the one that allows most at each slot.
+    # Waiting label of largest allowed error at each slot.
     waiting, waiting_length = np.full(count, -1.0), np.empty(count)
     found = np.empty(count, np.int64)
     away = np.empty(count)
@@ -188,13 +185,13 @@ def ways_on(
             room = more
         head, length = grid.kinds[here], lengths[label]
         radius = radius_before(space, head, most)
-        # A is a tail like the others, but in no cell of the grid.
+        # A may be a tail, too, but is in no cell of the grid.
         for tail in (START, HORIZONTAL, VERTICAL):
             done = -1.0
             if head == END:
                 pass
             elif tail == head:
-                # As forwards: two arcs between points of one kind, where a single one will do.
+                # As in the forward search, skip two arcs between points of one kind.
                 onto = parents[label]
                 reach = radius_before(space, grid.kinds[slots[onto]], allowed[onto])
                 done = reach - (length - lengths[onto])

@@ -1,4 +1,4 @@
-"""The ant colonies of all particles at once, as array code for a graphics card (GPSO-AC)."""
+"""Ant colonies of all particles as batched array code for GPUs (GPSO-AC)."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Ints = NDArray[np.int64]
 def array_tours(
     xp: ModuleType, d: Any, size: Any, numbers: Any, symmetric: bool, settings: Floats, draw: Any
 ) -> tuple[Any, Any]:
-    """Return the lengths and the orders of the tours of many clusters by ant colonies.
+    """Return the lengths and orders of tours of a batch of clusters, by ant colonies.
 
     The same array code runs on NumPy and on PyTorch. It follows :func:`.colony_kernels.colony` without
-    a first tour.
+    an initial tour.
 
     Parameters
     ----------
@@ -36,19 +36,20 @@ def array_tours(
     size : array of int, shape (clusters, 1)
         Number of nodes of each cluster with its depot.
     numbers : array of int
-        0, 1, 2, … on the device of the others, at least as many as clusters, nodes and ants.
+        0, 1, 2, … on the same device, at least as many as clusters, nodes and ants.
     symmetric : bool
-        Whether both ways are equally long.
+        Whether distances are the same in both directions.
     settings : ndarray, shape (5,)
         Ants, iterations, alpha, beta and evaporation.
     draw : callable
-        Returns uniform random numbers of a shape.
+        Returns uniform random numbers of a given shape.
 
     Returns
     -------
     lengths : array, shape (clusters,)
+        Tour lengths.
     orders : array of int, shape (clusters, s)
-        The nodes in their order, from 0; the last one repeats.
+        Nodes in order of the tour, from 0; the last node repeats as padding.
     """
     ants, iterations = max(int(settings[0]), 1), max(int(settings[1]), 1)
     alpha, beta, evaporation = settings[2:].tolist()
@@ -93,13 +94,16 @@ def array_tours(
 
 
 class ArrayColonies(Colonies):
-    """Ant colonies as array code, see :func:`array_tours`; attributes `xp` and `device` say on what."""
+    """Ant colonies as array code, see :func:`array_tours`.
+
+    The class attributes `xp` and `device` select the array library and the device.
+    """
 
     xp: ModuleType = np
     device: str | None = None
 
     def tours(self, labels: Ints, draws: list[Generator]) -> tuple[Floats, list[Any], int]:
-        """Return the lengths and the stops of all routes of all particles, and the ant iterations."""
+        """Return the route lengths and stops of all particles, and the number of ant iterations."""
         model, xp = self.model, self.xp
         m = model.vehicles
         parts = [model.customers[row == k] for row in labels for k in range(m)]
@@ -133,7 +137,7 @@ class ArrayColonies(Colonies):
 
 
 def torch_colonies(device: str = "cuda") -> type[ArrayColonies]:
-    """Return the ant colonies on a device of PyTorch.
+    """Return the class of ant colonies that runs on a PyTorch device.
 
     Raises
     ------

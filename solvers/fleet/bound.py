@@ -1,18 +1,18 @@
-"""Lower bounds on the routes of a fleet, proven without a search.
+"""Lower bounds on the objective of fleet routing from relaxations.
 
-Routes cost no less than what they are relaxed to, of which the greatest bound counts:
+The result is the greatest of these bounds:
 
-* the way to a node and back, by shortest paths through the nodes;
-* of more nodes than vehicles, some two share a route, so the longest is as long as the shortest round
-  trip to two of them; of no more nodes than vehicles, either some two do, or none, which makes the sum
-  greater;
-* with the depots taken apart, r routes through n nodes are n - r arcs without a circle and r arcs from
-  and to the depots. Each node is left once and entered once, which prices relax; the prices are raised
-  step by step, and the number of routes is whichever is cheapest. Their best is the bound of all
-  subtour cuts. Nodes that share no route are roots of trees apart;
-* where ways back differ from ways there, the cheapest assignment of a next node to each node.
+* the round trip to one node, by shortest paths through the nodes;
+* among more nodes than vehicles, two share a route, so the longest route is at least the shortest
+  round trip to two of them. Among at most as many nodes as vehicles, either two share a route or all
+  are separate, which increases the sum;
+* without the depots, r routes through n nodes are a forest of n - r arcs, plus r arcs from and to the
+  depots. Lagrange multipliers ("prices") relax the constraints that each node is left once and entered
+  once. Subgradient steps raise the prices; the cheapest number of routes is taken. The optimum equals
+  the bound of all subtour cuts. Nodes that share no route are roots of separate trees;
+* for asymmetric distances, the cheapest assignment of a successor to each node.
 
-The longest of r routes is at least their sum over r.
+The longest of r routes is at least their sum divided by r.
 
 Sources: M. Held and R. M. Karp, "The traveling-salesman problem and minimum spanning trees",
 Operations Research 18, 1970; its steps by T. Volgenant and R. Jonker, "A branch and bound algorithm
@@ -40,29 +40,34 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flag = NDArray[np.int8]
 
-#: Share of a bound, and of the sum of all numbers that it was added up from, left for their rounding.
+#: Safety margins for rounding, relative to a bound and to the sum of its terms.
 SAFE, ROUNDING = 1e-9, 1e-12
-#: Steps of the prices: so many times n^0.62 (Volgenant and Jonker), but no more pairs than these in all.
+#: Subgradient steps per n^0.62 (Volgenant and Jonker), and maximum of steps times n².
 STEPS, PAIRS = 20, 100_000_000
-#: Steps at the least, whatever the number of pairs.
+#: Minimum number of subgradient steps.
 LEAST = 10
-#: Sets of nodes far apart that are tried, the largest first.
+#: Number of sets of distant nodes that are tried, the largest first.
 TRIES = 3
-#: Nodes above which paths through others, pairs and assignments are left out, for their n^3 steps.
+#: Largest number of nodes for all-pairs paths, pairs and assignments, which take n^3 steps.
 MANY = 500
-#: Share of the demands that may be left over: what the checks of capacities tolerate, and more.
+#: Share of the demands that may be unserved, above the tolerance of the capacity checks.
 LEFT_OVER = 1e-4
 
 
 def lower_bound(model: FleetRouting, flag: Flag) -> float:
-    """Return a number that the objective of no plan is below.
+    """Return a lower bound on the objective of every plan, in the unit of the objective.
 
     Parameters
     ----------
     model : FleetRouting
-        Any. Of the limits only the capacity is looked at, and of a range nothing is said but 0.
+        Any fleet model. The capacity is the only limit considered; the bound on a range is 0.
     flag : ndarray of int8, shape (1,)
-        Not 0 ends the work with what is proven by then.
+        Stop flag; a nonzero value ends the computation with the best bound so far.
+
+    Returns
+    -------
+    float
+        The bound, >= 0.
     """
     unit = float(model.distances.max())
     if model.objective is Objective.RANGE or unit == 0.0 or flag[0] != 0:
@@ -81,10 +86,10 @@ def lower_bound(model: FleetRouting, flag: Flag) -> float:
 
 
 def trip_bound(model: FleetRouting) -> float:
-    """Return the length of the longest trip to one node and back, a lower bound on every objective but the range.
+    """Return the length of the longest round trip to one node; 0 for the objective "range".
 
-    It takes the shortest paths from the nearest depot and back, one search each way, and is computed before
-    anything that takes longer.
+    It bounds all other objectives from below. One shortest-path search per direction, from the
+    nearest depot, makes it much faster than :func:`lower_bound`.
     """
     if model.objective is Objective.RANGE:
         return 0.0
@@ -100,22 +105,22 @@ def trip_bound(model: FleetRouting) -> float:
 
 @dataclass
 class _Proof:
-    """What the bounds are made of, in units in which the longest distance is 1.
+    """Data of the relaxations, scaled so that the longest distance is 1.
 
     Parameters
     ----------
     costs : ndarray, shape (n, n)
-        From one customer to another.
+        Distances between customers.
     starts, ends : ndarray, shape (homes, n)
-        From each depot to each customer, and back.
+        Distances from each depot to each customer, and back.
     counts : ndarray of int, shape (homes,)
-        The vehicles of each.
+        Number of vehicles of each depot.
     fewest, most : int
-        The number of routes.
+        Minimum and maximum number of routes.
     symmetric : bool
-        Whether every way back is as long as the way there.
+        Whether distances are the same in both directions.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag; a nonzero value requests a stop.
     """
 
     costs: Floats
@@ -147,24 +152,24 @@ class _Proof:
 
     @property
     def size(self) -> int:
-        """The number of customers."""
+        """Number of customers."""
         return len(self.costs)
 
     @property
     def fixed(self) -> bool:
-        """Whether each vehicle has a route."""
+        """Whether every vehicle must have a route."""
         return self.fewest == int(self.counts.sum())
 
     @cached_property
     def depots(self) -> tuple[Floats, Floats, Ints]:
-        """Starts, ends and counts as they are, or of all depots in one where vehicles may stay idle."""
+        """Starts, ends and counts; merged into one depot if vehicles may stay idle."""
         if self.fixed:
             return self.starts, self.ends, self.counts
         ways = (one.min(axis=0, keepdims=True) for one in (self.starts, self.ends))
         return *ways, np.array([self.most])
 
     def round_trips(self) -> tuple[float, float]:
-        """Return bounds on the longest route and on all, by trips to one node and to two."""
+        """Return bounds on the longest route and on the sum, by round trips to one or two nodes."""
         starts, ends, costs = self.starts, self.ends, self.costs
         pairs = self.size <= MANY and self.flag[0] == 0
         if pairs:
@@ -190,7 +195,7 @@ class _Proof:
         return longest, max(longest, total)
 
     def assignment(self) -> float:
-        """Return a bound on the sum: the cheapest next node of each, where directions differ."""
+        """Return the assignment bound on the sum for asymmetric distances, 0 otherwise."""
         from scipy.optimize import linear_sum_assignment
 
         n, m = self.size, self.most
@@ -207,12 +212,12 @@ class _Proof:
         return float(matrix[linear_sum_assignment(matrix)].sum())
 
     def apart(self, longest: float, known: float) -> float:
-        """Return a bound on the longest route, by nodes far apart: two share a route, or none do.
+        """Return a bound on the longest route from distant nodes, which share a route or are separate.
 
         Parameters
         ----------
         longest, known : float
-            Bounds on the longest route and on the sum.
+            Known bounds on the longest route and on the sum.
         """
         if not self.pairs.size or self.most == 1:
             return longest
@@ -229,18 +234,18 @@ class _Proof:
     def prices(
         self, known: float, each: bool, apart: Sequence[int] = (), enough: float = np.inf
     ) -> float:
-        """Return a bound by priced nodes.
+        """Return the Lagrangian bound by node prices.
 
         Parameters
         ----------
         known : float
-            Another bound on the sum, from which the length of the steps is taken.
+            Known bound on the sum, which scales the step length.
         each : bool
-            Whether the mean of the routes that are used is bounded, rather than their sum.
+            Whether to bound the mean of the used routes rather than their sum.
         apart : sequence of int
-            Customers of which no two share a route.
+            Customers on pairwise different routes.
         enough : float
-            A bound beyond which there is nothing to be gained.
+            Bound at which the subgradient steps end early.
         """
         n, roots = self.size, max(len(apart), 1)
         nodes = np.concatenate([np.array(apart, int), np.setdiff1d(np.arange(n), apart)])
@@ -271,7 +276,7 @@ class _Proof:
             ins, sum_in = _cheapest(home, taken)
             values = np.append(0.0, np.cumsum(weights[order]))[n - routes] + sum_out + sum_in
             if pooled:
-                # Some route has two nodes, so that not all r cheapest are both first and last.
+                # At least one route has two nodes, so its first and last node differ.
                 ahead = away[0, outs[0]]
                 values += ahead[routes] - ahead[routes - 1]
             values += prices.sum()
@@ -297,45 +302,45 @@ class _Proof:
 
 
 def _cheapest(ways: Floats, taken: Ints) -> tuple[Ints, Floats]:
-    """Return each row's columns by cost, and the sums of the cheapest `taken`, added over the rows."""
+    """Return the columns of each row sorted by cost, and the cost of the cheapest `taken` of all rows."""
     rows, order = np.arange(len(ways))[:, None], np.argsort(ways, axis=1)
     return order, np.cumsum(ways[rows, order], axis=1)[rows, taken - 1].sum(axis=0)
 
 
 def _paths(first: Floats, costs: Floats) -> Floats:
-    """Return the shortest paths to all nodes, by Dijkstra, from what `first` is the way from."""
-    found, left = first.copy(), np.ones(first.size, bool)
+    """Return the lengths of shortest paths by Dijkstra's algorithm; `first` holds the first arcs."""
+    lengths, open_nodes = first.copy(), np.ones(first.size, bool)
     for _ in range(first.size):
-        at = int(np.where(left, found, np.inf).argmin())
-        left[at] = False
-        np.minimum(found, found[at] + costs[at], out=found)
-    return found
+        node = int(np.where(open_nodes, lengths, np.inf).argmin())
+        open_nodes[node] = False
+        np.minimum(lengths, lengths[node] + costs[node], out=lengths)
+    return lengths
 
 
 def _spread(trips: Floats, most: int, enough: float) -> list[tuple[float, list[int]]]:
-    """Return sets of 2, 3 … `most` nodes far apart, each with the least trip to two of its nodes.
+    """Return sets of 2, 3 … `most` distant nodes, each with the shortest trip to two of its nodes.
 
-    Nodes are added to each node in turn, that first which is farthest from those chosen.
+    Farthest-first insertion from each node; the best start is used for each size.
 
     Parameters
     ----------
     trips : ndarray, shape (n, n)
-        The shortest to each two nodes.
+        Shortest round trip to each pair of nodes.
     most : int
-        Nodes of the largest set.
+        Size of the largest set.
     enough : float
-        Sets that are no farther apart than this are left out.
+        Trip length at or below which sets are omitted.
     """
     np.fill_diagonal(trips, -np.inf)
     rows = np.arange(len(trips))
     chosen, least, length = [rows], trips.copy(), np.full(len(trips), np.inf)
-    found: list[tuple[float, list[int]]] = []
+    sets: list[tuple[float, list[int]]] = []
     while len(chosen) < most:
         chosen.append(least.argmax(axis=1))
         length = np.minimum(length, least[rows, chosen[-1]])
         start = int(length.argmax())
         if length[start] <= enough:
             break
-        found.append((float(length[start]), [int(nodes[start]) for nodes in chosen]))
+        sets.append((float(length[start]), [int(nodes[start]) for nodes in chosen]))
         np.minimum(least, trips[chosen[-1]], out=least)
-    return found
+    return sets

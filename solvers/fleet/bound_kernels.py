@@ -1,4 +1,4 @@
-"""The loop of the bounds on routes: a spanning tree of least weight among priced nodes."""
+"""Loop of the Lagrangian bound: a minimum spanning tree with node prices."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def spanning_tree(
     roots: int,
     both: bool,
 ) -> None:
-    """Fill in trees of least weight that span all nodes, one from each root, by Prim's algorithm.
+    """Compute a minimum spanning forest, one tree per root, by Prim's algorithm.
 
-    An arc from i to j weighs ``there[i, j] - leave[i] - enter[j]``; of two opposite ones the lighter
-    counts.
+    The weight of the arc from i to j is ``there[i, j] - leave[i] - enter[j]``; the lighter of two
+    opposite arcs is used.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ def spanning_tree(
     leave, enter : ndarray, shape (n,)
         Prices of leaving and of entering each node.
     tails, heads : ndarray of int, shape (n - roots,)
-        Filled in with the arcs.
+        Output: the arcs.
     weights : ndarray, shape (n - roots,)
-        Filled in with their weights.
+        Output: their weights.
     roots : int
-        The first so many nodes are kept apart; 1 makes one tree.
+        Number of leading nodes in different trees; 1 makes one tree.
     both : bool
         Whether opposite arcs differ.
     """
@@ -55,34 +55,34 @@ def spanning_tree(
         key[j] = math.inf
         near[j] = 0
         rest[j] = roots + j
-    at = 0
+    node = 0
     for step in range(n - 1):
         edge = step - roots + 1
-        left = n - roots - max(edge, 0)
+        remaining = n - roots - max(edge, 0)
         best, place = math.inf, 0
-        for k in range(left):
+        for k in range(remaining):
             j = rest[k]
-            one = there[at, j] - leave[at] - enter[j]
-            if one < key[j]:
-                key[j] = one
-                near[j] = at
+            weight = there[node, j] - leave[node] - enter[j]
+            if weight < key[j]:
+                key[j] = weight
+                near[j] = node
             if both:
-                other = back[at, j] - leave[j] - enter[at]
+                other = back[node, j] - leave[j] - enter[node]
                 if other < key[j]:
                     key[j] = other
-                    near[j] = -1 - at
+                    near[j] = -1 - node
             if key[j] < best:
                 best, place = key[j], k
         if edge < 0:
-            at = step + 1
+            node = step + 1
             continue
-        at = rest[place]
-        rest[place] = rest[left - 1]
-        weights[edge] = key[at]
-        # The sign says which way the arc leads.
-        if near[at] >= 0:
-            tails[edge] = near[at]
-            heads[edge] = at
+        node = rest[place]
+        rest[place] = rest[remaining - 1]
+        weights[edge] = key[node]
+        # A negative entry encodes an arc from the new node to the tree.
+        if near[node] >= 0:
+            tails[edge] = near[node]
+            heads[edge] = node
         else:
-            tails[edge] = at
-            heads[edge] = -1 - near[at]
+            tails[edge] = node
+            heads[edge] = -1 - near[node]

@@ -1,4 +1,4 @@
-"""Closed tours by a genetic algorithm, and by 2-opt and Or-opt; node 0 of the distances is the depot."""
+"""Closed tours by a genetic algorithm with 2-opt and Or-opt; node 0 is the depot."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flag = NDArray[np.int8]
 
-#: Longest stretch of nodes that Or-opt moves.
+#: Longest segment that Or-opt moves.
 STRETCH = 3
-#: Gain, relative to the longest distance, that counts as one.
+#: Smallest gain of an improving move, relative to the longest distance.
 GAIN = 1e-12
 
 
 @kernel
 def _at(order: Ints, k: int) -> int:
-    """Return the k-th stop, the depot before the first and after the last."""
+    """Return the k-th stop; the depot precedes the first and follows the last."""
     return order[k] if 0 <= k < len(order) else 0
 
 
 @kernel
 def _reverse(order: Ints, first: int, last: int) -> None:
-    """Turn the stops first … last around."""
+    """Reverse the stops first … last in place."""
     while first < last:
         order[first], order[last] = order[last], order[first]
         first += 1
@@ -38,7 +38,7 @@ def _reverse(order: Ints, first: int, last: int) -> None:
 
 @kernel
 def _move(order: Ints, first: int, last: int, place: int) -> None:
-    """Move the stops first … last, not turned around, behind the stop `place` outside of them."""
+    """Move the stops first … last, in the same order, behind the stop `place` outside of them."""
     if place > last:
         _reverse(order, first, last)
         _reverse(order, last + 1, place)
@@ -51,9 +51,9 @@ def _move(order: Ints, first: int, last: int, place: int) -> None:
 
 @kernel
 def polish(d: Floats, symmetric: bool, flag: Flag, order: Ints) -> None:
-    """Improve `order` in place until no 2-opt and no Or-opt move shortens it.
+    """Improve `order` in place to a local optimum of 2-opt and Or-opt.
 
-    2-opt turns a stretch around, so it is left out where the ways there and back differ.
+    2-opt reverses a segment, so it is used for symmetric distances only.
     """
     n = len(order)
     better = True
@@ -84,24 +84,24 @@ def polish(d: Floats, symmetric: bool, flag: Flag, order: Ints) -> None:
 
 @kernel
 def _draw(n: int, rng: Generator) -> int:
-    """Return one of 0 … n - 1; compiles faster than the generator's own integers."""
+    """Return a random number of 0 … n - 1; compiles faster than ``rng.integers``."""
     return min(int(rng.random() * n), n - 1)
 
 
 @kernel
 def _cross(one: Ints, two: Ints, child: Ints, rng: Generator) -> None:
-    """Fill `child` with a stretch of one parent and the rest in the order of the other (OX)."""
+    """Fill `child` by order crossover (OX): a segment of one parent, the rest as in the other."""
     n = len(one)
     first, last = _draw(n, rng), _draw(n, rng)
     if first > last:
         first, last = last, first
-    held = np.zeros(n + 1, np.int8)
+    copied = np.zeros(n + 1, np.int8)
     for k in range(first, last + 1):
         child[k] = one[k]
-        held[one[k]] = 1
+        copied[one[k]] = 1
     k = 0
     for j in range(n):
-        if not held[two[j]]:
+        if not copied[two[j]]:
             if k == first:
                 k = last + 1
             child[k] = two[j]
@@ -110,7 +110,7 @@ def _cross(one: Ints, two: Ints, child: Ints, rng: Generator) -> None:
 
 @kernel
 def _winner(lengths: Floats, rng: Generator) -> int:
-    """Return the better of two individuals that are drawn."""
+    """Return the winner of a tournament of two random individuals."""
     i, j = _draw(len(lengths), rng), _draw(len(lengths), rng)
     return i if lengths[i] <= lengths[j] else j
 
@@ -120,21 +120,24 @@ def breed(
     d: Floats, symmetric: bool, population: int, generations: int, mutation: float, rng: Generator,
     flag: Flag, order: Ints,
 ) -> tuple[float, int]:  # fmt: skip
-    """Improve the tour `order` in place; return its length and the generations done.
+    """Improve the tour `order` in place; return its length and the number of generations.
 
     Parameters
     ----------
     d : ndarray, shape (n + 1, n + 1)
         Distances, the largest about 1; node 0 is the depot.
     symmetric : bool
-        Whether both ways are equally long.
+        Whether distances are the same in both directions.
     population, generations : int
+        Number of individuals and of generations.
     mutation : float
-        Probability that a child is changed.
+        Probability that a child is mutated.
     rng : Generator
+        Source of random numbers.
     flag : ndarray of int8, shape (1,)
+        Stop flag.
     order : ndarray of int, shape (n,)
-        A tour to begin with, one of the first individuals.
+        Initial tour, a member of the first population; overwritten by the best tour.
     """
     n = len(order)
     polish(d, symmetric, flag, order)
@@ -154,7 +157,7 @@ def breed(
     for step in range(generations):
         if flag[0]:
             return best, step
-        # The best so far is one of the children.
+        # Elitism: the incumbent survives as a child.
         for k in range(n):
             new[0, k] = order[k]
         for i in range(1, population):

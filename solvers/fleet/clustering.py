@@ -1,4 +1,4 @@
-"""Nodes as points, clusters of them, and the vehicle of each cluster."""
+"""Embedding of nodes as points, clustering, and assignment of vehicles to clusters."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from numpy.typing import NDArray
 from ...models.fleet import FleetRouting, Metric
 from .clustering_kernels import reclassify
 
-__all__ = ["assigned", "k_means", "move_centres", "positions"]
+__all__ = ["assign_vehicles", "k_means", "move_centres", "positions"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Dimensions that distances are embedded in.
+#: Dimension of the embedding of distances.
 DIMENSIONS = 2
-#: Nodes above which two eigenvectors are computed alone, by Lanczos's method.
+#: Largest number of nodes for a dense eigenvalue solver; above, Lanczos's method is used.
 DENSE = 500
 
 
 def positions(model: FleetRouting) -> Floats:
-    """Return the customers as points in a square of about unit size, shape (customers, 2).
+    """Return the customers as points in the unit square, shape (customers, 2).
 
-    Where only costs are given, or paths on a map, these are embedded by classical multidimensional
-    scaling: W. S. Torgerson, "Multidimensional scaling: I. Theory and method", Psychometrika 17 (1952),
-    with the mean of both ways. Routes are measured by the true distances all the same.
+    Costs without points, and paths on a map, are embedded by classical multidimensional scaling of
+    the mean of both directions: W. S. Torgerson, "Multidimensional scaling: I. Theory and method",
+    Psychometrika 17 (1952). Route lengths still use the true distances.
     """
     if model.points is not None and model.metric is not Metric.GRID:
-        found = model.points[model.customers]
+        places = model.points[model.customers]
     else:
         d = model.distances[np.ix_(model.customers, model.customers)]
-        found = _embedded((d + d.T) / 2)
-    low, span = found.min(axis=0), np.ptp(found)
-    scale = float(np.ptp(found, axis=0).max()) if span > 0 else 0.0
-    return np.ascontiguousarray((found - low) / scale if scale > 0 else np.zeros_like(found))
+        places = _embed((d + d.T) / 2)
+    low, span = places.min(axis=0), np.ptp(places)
+    scale = float(np.ptp(places, axis=0).max()) if span > 0 else 0.0
+    return np.ascontiguousarray((places - low) / scale if scale > 0 else np.zeros_like(places))
 
 
-def _embedded(distances: Floats) -> Floats:
+def _embed(distances: Floats) -> Floats:
     from scipy.linalg import eigh
     from scipy.sparse.linalg import eigsh
 
@@ -49,23 +49,24 @@ def _embedded(distances: Floats) -> Floats:
     if n <= DENSE:
         values, vectors = eigh(inner, subset_by_index=[n - count, n - 1])
     else:
-        # Started alike each time, for the same plan.
+        # A fixed start vector makes the plan reproducible.
         values, vectors = eigsh(inner, k=count, which="LA", v0=np.random.default_rng(0).random(n))
     order = np.argsort(-values, kind="stable")
-    found = np.zeros((n, DIMENSIONS))
-    found[:, :count] = vectors[:, order] * np.sqrt(np.maximum(values[order], 0.0))
-    # The sign of an eigenvector is the library's choice.
-    signs = np.sign(found[np.abs(found).argmax(axis=0), range(DIMENSIONS)])
-    return found * np.where(signs == 0, 1.0, signs)
+    places = np.zeros((n, DIMENSIONS))
+    places[:, :count] = vectors[:, order] * np.sqrt(np.maximum(values[order], 0.0))
+    # The sign of an eigenvector depends on the library: make the largest entry positive.
+    signs = np.sign(places[np.abs(places).argmax(axis=0), range(DIMENSIONS)])
+    return places * np.where(signs == 0, 1.0, signs)
 
 
 def k_means(
     points: Floats, m: int, weights: Floats, share: float, rounds: int, rng: Generator
 ) -> Ints:
-    """Return the cluster of each point by k-means with bounded clusters, from `m` points that are drawn.
+    """Return the cluster of each point by k-means with bounded clusters, shape (points,).
 
-    Each round is a reclassification, :func:`.clustering_kernels.reclassify`, and a move of the centres
-    to the means of their points. It ends if no label changes.
+    The initial centres are `m` random points. Each round reclassifies the points
+    (:func:`.clustering_kernels.reclassify`) and moves the centres to the means. It ends if no label
+    changes.
     """
     n = len(points)
     centres = points[rng.choice(n, m, replace=False)].copy()
@@ -80,18 +81,18 @@ def k_means(
 
 
 def move_centres(points: Floats, labels: Ints, centres: Floats) -> Floats:
-    """Return each centre moved to the mean of its points (eq. 21); one without points stays."""
+    """Return the mean of each cluster (eq. 21); the centre of an empty cluster is unchanged."""
     m = len(centres)
     counts = np.bincount(labels, minlength=m)[:, None]
     sums = np.column_stack([np.bincount(labels, x, minlength=m) for x in points.T])
     return np.where(counts > 0, sums / np.maximum(counts, 1), centres)
 
 
-def assigned(model: FleetRouting, labels: Ints) -> Ints:
-    """Return the vehicle of each customer, so that each vehicle has one of the clusters.
+def assign_vehicles(model: FleetRouting, labels: Ints) -> Ints:
+    """Return the vehicle of each customer, one cluster per vehicle, shape (customers,).
 
-    The ways from the depots to their clusters are shortest in total, and demands above the capacity
-    of a vehicle come first. Vehicles from one depot without capacities take the clusters in order.
+    The assignment minimises the excess over capacities first and the total distance between depots
+    and clusters second. Vehicles of one depot without capacities take the clusters in order.
     """
     if model.depots.size == 1 and model.capacity is None:
         return labels

@@ -14,7 +14,7 @@ __all__ = ["reclassify"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Relative rounding that a sum of weights may exceed its share by.
+#: Relative excess over the share due to rounding.
 ROUNDING = 1e-12
 
 
@@ -24,20 +24,22 @@ def reclassify(
 ) -> None:
     """Fill `labels` with the cluster of each sample (Algorithm 3, lines 6-10; eq. 20).
 
-    Each centre in turn sorts the samples that are still free by their distance and takes them in this
-    order as long as the sum of their weights stays within `share`. The last centre takes the rest. A
-    centre takes at least one sample and leaves one for each centre behind it, if there are enough.
+    Each centre in turn takes the nearest unassigned samples while the sum of their weights is at most
+    `share`. The last centre takes the rest. If there are enough samples, a centre takes at least one
+    and leaves one for each later centre.
 
     Parameters
     ----------
     points : ndarray, shape (n, dims)
         The samples, n >= 1.
     centres : ndarray, shape (m, dims)
+        Cluster centres.
     weights : ndarray, shape (n,)
-        Weight of each sample, R_i of eq. 18; infinite shares make every sample go to its first centre.
+        Weight of each sample, R_i of eq. 18.
     share : float
         Largest sum of the weights of a cluster, R / m.
     labels : ndarray of int, shape (n,)
+        Output: the cluster of each sample.
     """
     n, m = points.shape[0], centres.shape[0]
     gaps = np.empty(n)
@@ -50,14 +52,14 @@ def reclassify(
             for j in range(points.shape[1]):
                 total += (points[i, j] - centres[k, j]) * (points[i, j] - centres[k, j])
             gaps[i] = total
-        taken, count = 0.0, 0
+        weight, count = 0.0, 0
         while free > 0 and (count == 0 or free > m - 1 - k):
             near, least = -1, math.inf
             for i in range(n):
                 if labels[i] < 0 and (near < 0 or gaps[i] < least):
                     near, least = i, gaps[i]
-            taken += weights[near]
-            if k < m - 1 and count > 0 and taken > share * (1.0 + ROUNDING):
+            weight += weights[near]
+            if k < m - 1 and count > 0 and weight > share * (1.0 + ROUNDING):
                 break
             labels[near] = k
             count += 1

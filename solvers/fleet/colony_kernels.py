@@ -1,4 +1,4 @@
-"""Closed tours by an ant colony (Algorithm 3, lines 13-22); node 0 of the distances is the depot."""
+"""Closed tours by an ant colony (Algorithm 3, lines 13-22); node 0 is the depot."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["colony", "measure", "nearest"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Least pheromone on the ways from a node, as a share of the most on one; no way is lost for good.
+#: Minimum pheromone on an arc, as a share of the maximum, so that every arc remains possible.
 FAINT = 0.05
-#: Shortest distance that counts as one, relative to the longest.
+#: Offset of distances in reciprocals, relative to the longest distance.
 NEAR = 1e-9
 
 
@@ -33,7 +33,7 @@ def measure(d: Floats, order: Ints) -> float:
 
 @kernel
 def nearest(d: Floats, order: Ints) -> None:
-    """Fill `order` with the nodes 1 … n, each the nearest to the one before it; the first of equals."""
+    """Fill `order` with the nearest-neighbour tour of nodes 1 … n; ties go to the first node."""
     n = len(order)
     for k in range(n):
         order[k] = k + 1
@@ -49,7 +49,7 @@ def nearest(d: Floats, order: Ints) -> None:
 
 @kernel
 def _walk(choice: Floats, d: Floats, order: Ints, rng: Generator) -> None:
-    """Fill `order` with the way of one ant, each step drawn in proportion to `choice`."""
+    """Fill `order` with the tour of one ant; steps are drawn with probability ∝ `choice`."""
     n = len(order)
     for k in range(n):
         order[k] = k + 1
@@ -58,20 +58,20 @@ def _walk(choice: Floats, d: Floats, order: Ints, rng: Generator) -> None:
         total = 0.0
         for j in range(k, n):
             total += choice[here, order[j]]
-        at = n - 1
-        left = rng.random() * total
+        chosen = n - 1
+        threshold = rng.random() * total
         for j in range(k, n):
-            left -= choice[here, order[j]]
-            if left < 0.0:
-                at = j
+            threshold -= choice[here, order[j]]
+            if threshold < 0.0:
+                chosen = j
                 break
-        order[k], order[at] = order[at], order[k]
+        order[k], order[chosen] = order[chosen], order[k]
         here = order[k]
 
 
 @kernel
 def _mark(trail: Floats, order: Ints, amount: float, symmetric: bool) -> None:
-    """Leave pheromone along a tour, the way back too where both are equally long."""
+    """Deposit pheromone along a tour, in both directions for symmetric distances."""
     here = 0
     for k in range(len(order) + 1):
         there = order[k] if k < len(order) else 0
@@ -86,24 +86,26 @@ def colony(
     d: Floats, symmetric: bool, ants: int, iterations: int, alpha: float, beta: float,
     evaporation: float, rng: Generator, flag: NDArray[np.int8], order: Ints,
 ) -> tuple[float, int]:  # fmt: skip
-    """Improve the tour `order` in place; return its length and the iterations done.
+    """Improve the tour `order` in place; return its length and the number of iterations.
 
     Parameters
     ----------
     d : ndarray, shape (n + 1, n + 1)
         Distances, the largest about 1; node 0 is the depot.
     symmetric : bool
-        Whether both ways are equally long.
+        Whether distances are the same in both directions.
     ants, iterations : int
+        Number of ants and of iterations.
     alpha, beta : float
         Exponents of the pheromone and of the reciprocal distance.
     evaporation : float
         Share of the pheromone that is lost in an iteration.
     rng : Generator
+        Source of random numbers.
     flag : ndarray of int8, shape (1,)
-        Stops after the ant that walks.
+        Stop flag, polled after each ant.
     order : ndarray of int, shape (n,)
-        A tour to begin with.
+        Initial tour; overwritten by the best tour.
     """
     n = len(order)
     best = measure(d, order)
@@ -113,7 +115,7 @@ def colony(
         for j in range(n + 1):
             shine[i, j] = (d[i, j] + NEAR) ** -beta
     ways, lengths = np.empty((ants, n), np.int64), np.empty(ants)
-    # The best tour leaves 1 each time, and all ants as much at the most.
+    # Per iteration, the best tour deposits 1 and all ants together at most 1.
     floor = FAINT * 2.0 / (evaporation * (n + 1))
     for step in range(iterations):
         if not best > 0.0 or n < 2:

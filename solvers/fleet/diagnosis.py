@@ -1,4 +1,4 @@
-"""Why a fleet has no plan: nodes out of reach, loads that are too large, limits that exclude one another."""
+"""Diagnosis of infeasible fleets: unreachable nodes, excessive loads, conflicting limits."""
 
 from __future__ import annotations
 
@@ -19,50 +19,57 @@ from ..dispatch import solve
 
 __all__ = ["diagnose_fleet"]
 
-#: The limits that may be left out.
+#: Limits that are removed one at a time.
 _LIMITS = ("battery", "budget", "deviation_limit", "range_limit", "capacity")
 
 
 def diagnose_fleet(model: FleetRouting, time_limit: float | None = None) -> Diagnosis:
-    """Return which nodes or limits leave no plan, and by how much.
+    """Return the nodes or limits that make the model infeasible, and by how much.
 
-    Nodes that no vehicle reaches or can serve are named first. Where each node alone is within reach,
-    the model is solved, and then again without each of its limits.
+    Nodes that no vehicle can reach or serve are reported first. If every node can be reached, the
+    model is solved, and then again without each of its limits.
 
     Parameters
     ----------
     model : FleetRouting
-        What is asked.
+        The model to diagnose.
     time_limit : float, optional
-        Seconds for each search.
+        Time limit of each search, s.
+
+    Returns
+    -------
+    Diagnosis
+        Feasibility, a summary and the findings.
     """
-    found = (*_too_far(model), *_too_heavy(model))
+    findings = (*_too_far(model), *_too_heavy(model))
     method = "each node by itself"
-    if not found and model.budget is not None:
-        found, method = tuple(_too_long(model, time_limit)), "the shortest routes in all"
-    if found:
-        return Diagnosis(model.name, False, method, f"no plan: {found[0].text}", found)
+    if not findings and model.budget is not None:
+        findings, method = tuple(_too_long(model, time_limit)), "the shortest routes in all"
+    if findings:
+        return Diagnosis(model.name, False, method, f"no plan: {findings[0].text}", findings)
     answer = solve(model, time_limit=time_limit)
     if answer.plan is not None:
         summary = f"a plan exists: {answer.plan}, {answer.primal_bound:.10g}"
         return Diagnosis(model.name, True, answer.backend, summary)
     if answer.termination is not Termination.INFEASIBLE:
         return Diagnosis(model.name, None, answer.backend, f"not settled: {answer.termination}")
-    found = tuple(_without_limits(model, time_limit))
+    findings = tuple(_without_limits(model, time_limit))
     summary = "no plan: " + (
-        found[0].text if found else "the limits exclude one another, also without any single one"
+        findings[0].text
+        if findings
+        else "the limits exclude one another, also without any single one"
     )
-    return Diagnosis(model.name, False, "solved without each limit", summary, found)
+    return Diagnosis(model.name, False, "solved without each limit", summary, findings)
 
 
 def _too_far(model: FleetRouting) -> Iterator[Finding]:
-    """Yield the nodes that no battery reaches, the farthest first."""
+    """Yield the nodes beyond the reach of every battery, the largest excess first."""
     if model.battery is None:
         return
     nodes, trips = model.customers, model.round_trips
-    over = (trips - model.battery[:, None] * (1 + 1e-9)).min(axis=0)
+    excess = (trips - model.battery[:, None] * (1 + 1e-9)).min(axis=0)
     unit = f" {model.length_unit}".rstrip()
-    for place in np.argsort(-over, kind="stable")[: int((over > 0).sum())].tolist():
+    for place in np.argsort(-excess, kind="stable")[: int((excess > 0).sum())].tolist():
         k = int((trips[:, place] - model.battery).argmin())
         node, trip, limit = int(nodes[place]), float(trips[k, place]), float(model.battery[k])
         yield Finding(
@@ -74,28 +81,28 @@ def _too_far(model: FleetRouting) -> Iterator[Finding]:
 
 
 def _too_heavy(model: FleetRouting) -> Iterator[Finding]:
-    """Yield the nodes that take more than any vehicle gives, and that all take more than all give."""
+    """Yield demands above the largest capacity, and a total demand above the total capacity."""
     if model.capacity is None:
         return
     assert model.demands is not None
-    most, total = float(model.capacity.max()), float(model.capacity.sum())
-    for node in model.customers[model.demands[model.customers] > most * (1 + 1e-9)].tolist():
+    largest, total = float(model.capacity.max()), float(model.capacity.sum())
+    for node in model.customers[model.demands[model.customers] > largest * (1 + 1e-9)].tolist():
         demand = float(model.demands[node])
         yield Finding(
-            f"node {model.label(node)} takes {demand:.6g}, and no vehicle gives more than {most:.6g}",
+            f"node {model.label(node)} takes {demand:.6g}, and no vehicle gives more than {largest:.6g}",
             where=f"node {model.label(node)}",
-            data={"node": node, "demand": demand, "capacity": most},
+            data={"node": node, "demand": demand, "capacity": largest},
         )
-    asked = float(model.demands[model.customers].sum())
-    if asked > total * (1 + 1e-9):
+    demanded = float(model.demands[model.customers].sum())
+    if demanded > total * (1 + 1e-9):
         yield Finding(
-            f"all nodes take {asked:.6g}, and all vehicles give {total:.6g}",
-            data={"demand": asked, "capacity": total},
+            f"all nodes take {demanded:.6g}, and all vehicles give {total:.6g}",
+            data={"demand": demanded, "capacity": total},
         )
 
 
 def _too_long(model: FleetRouting, time_limit: float | None) -> Iterator[Finding]:
-    """Yield that all routes together, whatever their loads, are longer than the budget."""
+    """Yield a finding if the lower bound on the sum, without other limits, exceeds the budget."""
     free = replace(
         model, objective=Objective.SUM, q=0.0, budget=None, deviation_limit=None, range_limit=None,
         battery=None, capacity=None, demands=None,
@@ -116,24 +123,24 @@ def _too_long(model: FleetRouting, time_limit: float | None) -> Iterator[Finding
 
 
 def _without_limits(model: FleetRouting, time_limit: float | None) -> Iterator[Finding]:
-    """Yield the limits without which there is a plan, with what the best plan then needs."""
+    """Yield the limits whose removal makes the model feasible, with the value that a plan needs."""
     for name in _LIMITS:
         if getattr(model, name) is None:
             continue
-        left_out: dict[str, Any] = {name: None}
+        changes: dict[str, Any] = {name: None}
         if name == "capacity":
-            left_out["demands"] = None
-        # The least sum, or the least longest route, is what the limit misses.
+            changes["demands"] = None
+        # Minimise the limited quantity itself: its optimum is the smallest feasible limit.
         aims = {"budget": Objective.SUM, "battery": Objective.MAX, "range_limit": Objective.RANGE}
         if name in aims:
-            left_out |= {"objective": aims[name], "q": 0.0}
-        answer = solve(replace(model, **left_out), time_limit=time_limit)
+            changes |= {"objective": aims[name], "q": 0.0}
+        answer = solve(replace(model, **changes), time_limit=time_limit)
         if answer.plan is None:
             continue
-        limit, needed = _measured(model, name, answer.plan)
-        least = "at least " if name in aims and answer.termination is Termination.OPTIMAL else ""
+        limit, needed = _limit_and_value(model, name, answer.plan)
+        prefix = "at least " if name in aims and answer.termination is Termination.OPTIMAL else ""
         yield Finding(
-            f"{name} {limit:.6g} is in the way: without it a plan exists that needs {least}"
+            f"{name} {limit:.6g} is in the way: without it a plan exists that needs {prefix}"
             f"{needed:.6g}",
             "",
             name,
@@ -150,8 +157,8 @@ def _without_limits(model: FleetRouting, time_limit: float | None) -> Iterator[F
             )
 
 
-def _measured(model: FleetRouting, name: str, plan: FleetPlan) -> tuple[float, float]:
-    """Return a limit, the greatest where there are several, and what a plan makes of it."""
+def _limit_and_value(model: FleetRouting, name: str, plan: FleetPlan) -> tuple[float, float]:
+    """Return the limit, the greatest of all vehicles, and the value that `plan` needs."""
     loads = loads_of(model, plan)
     if name == "capacity":
         assert model.demands is not None

@@ -1,4 +1,4 @@
-"""A search for the routes of a fleet: annealed from many starts, then recombined; ours."""
+"""Search for the routes of a fleet by annealing from many starts and recombination; ours."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ __all__ = ["FleetSearch"]
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-#: Nearest nodes behind or before which a node may be put.
+#: Number of nearest nodes next to which a node may be inserted.
 NEIGHBOURS = 20
-#: Temperatures, in energies: of a start, of what is annealed again, and at the end of both. Of 0.003
-#: … 0.1 those that gave the shortest longest routes on TSPLIB instances of 51 to 200 nodes.
+#: Temperatures relative to the energy: initial, initial for recombined routes, and final. Chosen from
+#: 0.003 … 0.1 for the shortest longest routes on TSPLIB instances of 51 to 200 nodes.
 HOT, WARM, COLD = 0.02, 0.01, 3e-4
-#: Share of the mean load in the energy, where the objective does not tell routes below the longest.
+#: Weight of the mean load in the energy if the objective depends on the longest route.
 MEAN = 0.03
-#: Steps of one annealing: so many a node, within bounds.
+#: Steps of one annealing: per node, minimum and maximum.
 STEPS, LEAST, MOST = 250, 500, 50_000
-#: Routes of a fleet kept to be annealed again and recombined.
+#: Size of the pool of routes for recombination.
 KEPT = 8
-#: Annealings from scratch of a generation, and rounds without better routes that end it.
+#: Annealings from scratch per generation, and rounds without improvement that end it.
 BORN, STALE = 8, 10
-#: Penalty for a violation as large as its limit, in units of mean plus longest load: at first, how it grows
-#: when both annealings of a round end with violations and shrinks when neither does, and at most.
+#: Penalty for a violation as large as its limit, in units of mean plus longest load: initial value, the
+#: factor of increase (all annealings violate a limit) or decrease (none does), and maximum.
 PENALTY, STRICTER, STRICTEST = 10.0, 2.0, 1e4
-#: Annealings that run side by side, whatever the number of threads, so that it changes no plan.
+#: Concurrent annealings; independent of the number of threads, so threads do not change the plan.
 ABREAST = 2
-#: Relative excess over a limit that the first routes may have, for sums in another order.
+#: Relative excess over a limit accepted in first routes, as sums in another order round differently.
 ROUNDING = 1e-12
-#: By how much an objective must be less to count as such, relative.
+#: Relative improvement of the objective required for a new incumbent.
 BETTER = 1e-9
 
 
 @dataclass
 class _Data:
-    """The instance as the loops read it."""
+    """Instance data in the form required by the kernels."""
 
     nodes: Whole
     near: Whole
@@ -66,7 +66,7 @@ class _Data:
 
     @classmethod
     def of(cls, model: FleetRouting) -> Self:
-        """Return the data of `model`, in units in which its longest distance is 1."""
+        """Return the data of `model`, scaled so that its longest distance is 1."""
         n, m = model.size, model.vehicles
         nodes = model.customers
         unit = float(model.distances.max()) or 1.0
@@ -99,7 +99,7 @@ class _Data:
         )  # fmt: skip
 
 
-#: Codes of the objectives in the loops.
+#: Codes of the objectives in the kernels.
 CODES = {
     Objective.SUM: 0, Objective.MAX: 1, Objective.DEVIATION: 2, Objective.RANGE: 3,
     Objective.LEXICOGRAPHIC: 4, Objective.VARIANCE: 5,
@@ -108,7 +108,7 @@ CODES = {
 
 @dataclass
 class _Routes:
-    """Routes as linked lists, changed in place by the loops."""
+    """Routes as linked lists, modified in place by the kernels."""
 
     after: Whole
     before: Whole
@@ -120,7 +120,7 @@ class _Routes:
 
     @classmethod
     def empty(cls, data: _Data) -> Self:
-        """Return all vehicles at their depots."""
+        """Return empty routes for all vehicles."""
         m = data.battery.size
         n = data.place.size - m
         marks = np.concatenate([np.zeros(n, np.int64), n + np.arange(m)])
@@ -128,7 +128,7 @@ class _Routes:
         return cls(marks, marks.copy(), none, np.zeros(m), np.zeros(m), np.zeros(m, np.int64))
 
     def link(self, data: _Data, k: int, stops: list[int]) -> None:
-        """Make `stops` the route of vehicle `k`, which is at its depot."""
+        """Set the route of vehicle `k`, empty so far, to `stops`."""
         mark = data.place.size - data.battery.size + k
         chain = [mark, *stops, mark]
         for a, b in itertools.pairwise(chain):
@@ -142,19 +142,19 @@ class _Routes:
         """Return the stops of each vehicle."""
         m = data.battery.size
         n = data.place.size - m
-        found = []
+        routes = []
         for k in range(m):
-            stops, at = [], int(self.after[n + k])
-            while at < n:
-                stops.append(at)
-                at = int(self.after[at])
-            found.append(stops)
-        return found
+            stops, node = [], int(self.after[n + k])
+            while node < n:
+                stops.append(node)
+                node = int(self.after[node])
+            routes.append(stops)
+        return routes
 
     def anneal(
         self, data: _Data, hot: float, steps: int, flag: NDArray[np.int8], draw: np.random.Generator
     ) -> int:
-        """Anneal the routes; they end as the best that were met. Return the steps taken."""
+        """Anneal the routes, set them to the best ones found and return the number of steps."""
         done = anneal(
             data.nodes, data.near, data.distances, data.place, self.after, self.before, self.route,
             self.loads, data.demands, self.carried, self.counts, data.capacity, data.battery,
@@ -168,10 +168,11 @@ class _Routes:
 
 
 class FleetSearch(Backend):
-    """Annealing by ruin and recreate with the balance of the routes in its energy, from many starts.
+    """Simulated annealing by ruin and recreate, from many starts, for every fleet objective.
 
-    The best are kept, recombined route by route and annealed again. What is minimised is the model's
-    own objective; limits are kept by a penalty. A lower bound is proven apart, see :mod:`.bound`.
+    The best routes form a pool; they are recombined route by route and annealed again. The energy is
+    the model's objective plus a penalty for violated limits. A separate computation proves a lower
+    bound, see :mod:`.bound`.
     """
 
     name = "fleet-search"
@@ -198,13 +199,13 @@ class FleetSearch(Backend):
     summary = "annealed from many starts, recombined, with a proven bound; ours"
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
-        """Search until the time is up, the bound is reached, or nothing better comes any more."""
+        """Search until the time limit, a closed gap or the end of the patience."""
         return _Search(problem, request).answer()
 
 
 @dataclass
 class _Search:
-    """One run."""
+    """State of one run."""
 
     model: FleetRouting
     request: Request
@@ -220,14 +221,14 @@ class _Search:
     proving: float = 0.0
 
     def answer(self) -> Answer:
-        """Search, and say what was found."""
+        """Run the search and return its answer."""
         model, request = self.model, self.request
         begin = clock()
         self.data = _Data.of(model)
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
         self.begin()
-        # One processor gains nothing by threads.
+        # More threads than concurrent annealings would stay idle.
         threads = min(ABREAST, request.threads or os.cpu_count() or 1)
         with ThreadPoolExecutor(threads) as pool:
             self.search(pool)
@@ -247,19 +248,19 @@ class _Search:
         )  # fmt: skip
 
     @property
-    def ended(self) -> bool:
-        """Whether the run has to end."""
+    def must_stop(self) -> bool:
+        """Whether a stop was requested or the time limit is reached."""
         return self.request.control.stopped or self.request.left() == 0.0
 
     @property
     def within_gap(self) -> bool:
-        """Whether the best routes are proven to be as good as was asked."""
+        """Whether the gap of the incumbent is at most the requested gap."""
         if self.best is None or self.bound is None:
             return False
         return self.objective - self.bound <= self.request.gap * abs(self.objective)
 
     def begin(self) -> None:
-        """Compute the bound that takes the least time, and the first routes."""
+        """Compute the fast lower bound and the first routes."""
         model, request = self.model, self.request
         if request.options["bound"]:
             self.prove(trip_bound(model))
@@ -267,7 +268,7 @@ class _Search:
         if request.warm_start is not None:
             self.offer(self.routes_of([list(route) for route in request.warm_start.routes]))
             return
-        routes = first_routes(model, self.packing, lambda: self.ended)
+        routes = first_routes(model, self.packing, lambda: self.must_stop)
         if routes is not None:
             plan = FleetPlan(tuple(map(tuple, routes)))
             checked = model.verify(plan, tolerance=ROUNDING)
@@ -275,7 +276,7 @@ class _Search:
                 self.keep(plan, checked.objective)
 
     def search(self, threads: ThreadPoolExecutor) -> None:
-        """Anneal in rounds: each generation from scratch at first, then what was kept, recombined."""
+        """Anneal in rounds: each generation starts from scratch, then recombines its pool."""
         request, options = self.request, self.request.options
         count = len(self.data.nodes)
         steps = options["steps"] or min(max(STEPS * count, LEAST), MOST)
@@ -288,9 +289,9 @@ class _Search:
             return routes.anneal(self.data, hot, steps, flag, draw)
 
         while idle < options["patience"] and not self.within_gap:
-            if self.ended:
+            if self.must_stop:
                 return
-            jobs = [self.drawn(draw) for draw in self.draws]
+            jobs = [self.select_start(draw) for draw in self.draws]
             self.steps += sum(threads.map(work, jobs))
             self.rounds += 1
             before = self.pool[0].key if self.pool else None
@@ -309,7 +310,7 @@ class _Search:
                 self.born, stale, improved = 0, 0, False
 
     def prove(self, bound: float) -> None:
-        """Report a lower bound, and end annealing once it is reached."""
+        """Report a lower bound and set the objective at which annealing ends."""
         control, data = self.request.control, self.data
         control.prove(bound)
         self.bound = max(bound, self.bound or 0.0)
@@ -317,51 +318,51 @@ class _Search:
         data.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit
 
     def weigh(self, broken: list[bool]) -> None:
-        """Raise the penalty if all annealings ended with violations, lower it if none did."""
+        """Increase the penalty if all annealings ended with violations, decrease it if none did."""
         if all(broken):
             self.data.rules[7] = min(self.data.rules[7] * STRICTER, STRICTEST)
         elif not any(broken):
             self.data.rules[7] = max(self.data.rules[7] / STRICTER, PENALTY)
 
     def repair(self, routes: _Routes) -> bool:
-        """Offer annealed routes without their overload; return whether they are the best so far."""
+        """Remove the overload of annealed routes and offer them; return whether they are the best."""
         if not (routes.carried > self.data.capacity).any():
             return False
-        fixed = repair(self.model, routes.lists(self.data), self.packing, lambda: self.ended)
+        fixed = repair(self.model, routes.lists(self.data), self.packing, lambda: self.must_stop)
         return fixed is not None and self.offer(self.routes_of(fixed))
 
-    def drawn(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
-        """Return routes to anneal, and how hot: none yet, or two of those kept, recombined."""
+    def select_start(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
+        """Return routes to anneal, empty or recombined from the pool, and their temperature."""
         if self.born < BORN:
             self.born += 1
             return _Routes.empty(self.data), HOT, draw
         a, b = (int(k) for k in draw.integers(0, len(self.pool), 2))
-        return self.crossed(self.pool[a], self.pool[b], draw), WARM, draw
+        return self.cross(self.pool[a], self.pool[b], draw), WARM, draw
 
-    def crossed(self, one: _Routes, other: _Routes, draw: np.random.Generator) -> _Routes:
-        """Return routes of which some are those of `one`, and the rest what those of `other` leave."""
+    def cross(self, one: _Routes, other: _Routes, draw: np.random.Generator) -> _Routes:
+        """Return the crossover of two fleets: random routes of `one`, completed from `other`."""
         first, second = one.lists(self.data), other.lists(self.data)
         m = len(first)
         chosen = [k for k in range(m) if draw.random() < 0.5]
         if one is other or not chosen:
             return self.routes_of(first)
         taken = {node for k in chosen for node in first[k]}
-        found: list[list[int]] = [[] for _ in range(m)]
+        routes: list[list[int]] = [[] for _ in range(m)]
         free = [k for k in range(m) if k not in chosen]
-        # Of the other fleet, the routes that share the fewest nodes with what is kept.
+        # Prefer routes of the other fleet that share the fewest nodes with the chosen ones.
         shared = [sum(node in taken for node in stops) for stops in second]
         for k in chosen:
-            found[k] = first[k]
+            routes[k] = first[k]
         if (self.model.homes == self.model.homes[0]).all():
             rest = [second[k] for k in sorted(range(m), key=shared.__getitem__)[: len(free)]]
         else:
             rest = [second[k] for k in free]
         for k, stops in zip(free, rest, strict=True):
-            found[k] = [node for node in stops if node not in taken]
-        return self.routes_of(found)
+            routes[k] = [node for node in stops if node not in taken]
+        return self.routes_of(routes)
 
     def routes_of(self, lists: list[list[int]]) -> _Routes:
-        """Return routes with these stops; nodes in none of them are put into one when annealed."""
+        """Return routes with the given stops; annealing inserts the missing nodes."""
         routes = _Routes.empty(self.data)
         for k, stops in enumerate(lists):
             routes.link(self.data, k, stops)
@@ -373,7 +374,7 @@ class _Search:
         return routes
 
     def offer(self, routes: _Routes) -> bool:
-        """Keep routes that are good and new; return whether they are the best so far."""
+        """Add new routes to the pool if they are good enough; return whether they are the best."""
         plan = FleetPlan(tuple(tuple(stops) for stops in routes.lists(self.data)))
         keys = [kept.key for kept in self.pool]
         if routes.key not in keys:
@@ -388,7 +389,7 @@ class _Search:
         return self.keep(plan, objective)
 
     def keep(self, plan: FleetPlan, objective: float) -> bool:
-        """Keep a plan if it is the best so far; return whether it is."""
+        """Make `plan` the incumbent if it is better; return whether it is."""
         if not objective < self.objective - BETTER * abs(self.objective) and self.best is not None:
             return False
         self.best, self.objective = plan, objective

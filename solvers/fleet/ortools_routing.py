@@ -1,4 +1,4 @@
-"""OR-Tools' routing library, as the yardstick from practice."""
+"""Adapter of OR-Tools' routing library, a benchmark from practice."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from .rivals import Best, FleetHeuristic, whole_demands, whole_distances
 
 __all__ = ["OrToolsRouting"]
 
-#: The longest distance and the largest demand in whole numbers.
+#: Whole number that represents the longest distance or the total demand.
 LARGEST = 10**7
-#: Nodes whose distances are handed over, as Python's integers.
+#: Largest number of nodes, as the distances are passed as Python integers.
 MOST = 3000
-#: How many times a difference of the longest route counts a difference of the sum.
+#: Weight of the longest route relative to the sum.
 SPAN = 100
-#: Seconds after the deadline at which it ends by itself.
+#: Time after the deadline at which the library ends the search itself, s.
 GRACE = 0.1
 
 
 class OrToolsRouting(FleetHeuristic):
     """Guided local search of OR-Tools' routing library.
 
-    It minimises the sum of all lengths and, unless the sum alone is asked for, 100 times the longest
-    (q times for "sum-deviation"): it knows neither standard deviation nor range. The best plan by the
-    model's own objective among all that it meets is kept. Where every vehicle must be used, it begins with
-    a solution in which empty ones were given the nodes whose moves cost least. Capacity and battery are its dimensions;
-    limits on the sum, the deviation and the range are held against plans, and not sought.
+    The library has neither standard deviation nor range. It minimises the sum of all lengths and,
+    unless the objective is "sum", 100 times the longest (q times for "sum-deviation"). The answer is
+    the best plan by the model's objective among all solutions. If every vehicle must be used, the
+    search starts from a solution whose empty vehicles receive the nodes that are cheapest to move.
+    Capacity and battery are dimensions of the library. Limits on the sum, the deviation and the range
+    are checked but do not guide the search.
     """
 
     name = "ortools-routing"
@@ -39,7 +40,7 @@ class OrToolsRouting(FleetHeuristic):
     single_threaded = True
     requires = ("ortools",)
     extra = "ortools"
-    # It loads OR-Tools' own libhighs.so.1: see MathOpt.
+    # OR-Tools loads its bundled libhighs.so.1: see MathOpt.
     conflict_group = "highs"
     natives = (
         "ortools.constraint_solver._pywrapcp",
@@ -61,26 +62,38 @@ class OrToolsRouting(FleetHeuristic):
     summary = "OR-Tools' routing library with guided local search"
 
     def refuses(self, problem: FleetRouting) -> str:
-        """Return what is refused: more nodes than it is handed."""
+        """Return the reason for refusal, "" for a supported model: too many nodes."""
         if problem.size > MOST:
             return f"more than {MOST} nodes, got {problem.size}"
         return ""
 
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
-        """Search until the time is used up."""
+        """Search until the time limit or the solution limit."""
         solutions = 0
         if best.problem.use_all:
-            # First solutions were seen to fail where a vehicle must be used: so one without that is
-            # filled, and searched on from.
-            solutions += _solve(best, request, used=False, most=1)
+            # The library often finds no first solution if vehicles must be used. So find one without
+            # this constraint, fill the empty vehicles and continue from there.
+            solutions += _solve(best, request, used=False, solution_limit=1)
         most = request.options["solutions"]
         if not request.control.stopped:
-            solutions += _solve(best, request, used=best.problem.use_all, most=most)
+            solutions += _solve(best, request, used=best.problem.use_all, solution_limit=most)
         return {"solutions": solutions}
 
 
-def _solve(best: Best, request: Request, *, used: bool, most: int | None) -> int:
-    """Search on from the best plan, if any, where all vehicles are `used`; return the solutions met."""
+def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | None) -> int:
+    """Search from the incumbent, if any, and return the number of solutions.
+
+    Parameters
+    ----------
+    best : Best
+        The incumbent, updated by each better solution.
+    request : Request
+        Options and limits.
+    used : bool
+        Whether every vehicle must be used.
+    most : int, optional
+        Maximum number of solutions.
+    """
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 
     problem, vehicles = best.problem, best.problem.vehicles
@@ -91,7 +104,7 @@ def _solve(best: Best, request: Request, *, used: bool, most: int | None) -> int
     starts = [routing.Start(k) for k in range(vehicles)]
     solutions = 0
 
-    def met() -> None:
+    def report_solution() -> None:
         nonlocal solutions
         solutions += 1
         routes = []
@@ -103,8 +116,8 @@ def _solve(best: Best, request: Request, *, used: bool, most: int | None) -> int
             routes.append(route)
         best.offer_filled(routes)
 
-    routing.AddAtSolutionCallback(met)
-    # It keeps the interpreter's lock, and so must look itself.
+    routing.AddAtSolutionCallback(report_solution)
+    # The library holds the GIL, so its search has to poll the stop flag.
     routing.AddSearchMonitor(routing.solver().CustomLimit(lambda: request.control.stopped))
     parameters = pywrapcp.DefaultRoutingSearchParameters()
     parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.Value.Value(
@@ -113,11 +126,11 @@ def _solve(best: Best, request: Request, *, used: bool, most: int | None) -> int
     parameters.local_search_metaheuristic = (
         routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
     )
-    left = request.left()
-    seconds = request.options["seconds"] if left is None else left + GRACE
+    remaining = request.left()
+    seconds = request.options["seconds"] if remaining is None else remaining + GRACE
     parameters.time_limit.FromMilliseconds(max(1, round(1e3 * min(seconds, 1e9))))
-    if most is not None:
-        parameters.solution_limit = most
+    if solution_limit is not None:
+        parameters.solution_limit = solution_limit
     start = None
     if used:
         for k, first in enumerate(starts):
@@ -134,7 +147,7 @@ def _solve(best: Best, request: Request, *, used: bool, most: int | None) -> int
 
 
 def _declare(routing: Any, problem: FleetRouting) -> None:
-    """State costs, limits and the use of vehicles."""
+    """Add costs, capacities and batteries to the routing model."""
     distances, scale = whole_distances(problem, LARGEST)
     arc, span = 1, 0 if problem.objective is Objective.SUM else SPAN
     if problem.objective in (Objective.VARIANCE, Objective.DEVIATION):
@@ -142,13 +155,13 @@ def _declare(routing: Any, problem: FleetRouting) -> None:
     lengths = routing.RegisterTransitMatrix(distances.tolist())
     costs = lengths if arc == 1 else routing.RegisterTransitMatrix((arc * distances).tolist())
     routing.SetArcCostEvaluatorOfAllVehicles(costs)
-    most = int(distances.max()) * (problem.size + 1)
-    longest = [most] * problem.vehicles
+    largest = int(distances.max()) * (problem.size + 1)
+    longest = [largest] * problem.vehicles
     if problem.battery is not None:
-        longest = np.floor(np.minimum(problem.battery * scale, most)).astype(int).tolist()
+        longest = np.floor(np.minimum(problem.battery * scale, largest)).astype(int).tolist()
     routing.AddDimensionWithVehicleCapacity(lengths, 0, longest, True, "length")
     routing.GetDimensionOrDie("length").SetGlobalSpanCostCoefficient(span)
     if problem.capacity is not None:
         demands, capacity = whole_demands(problem, LARGEST)
-        taken = routing.RegisterUnaryTransitVector(demands)
-        routing.AddDimensionWithVehicleCapacity(taken, 0, capacity, True, "demand")
+        demand = routing.RegisterUnaryTransitVector(demands)
+        routing.AddDimensionWithVehicleCapacity(demand, 0, capacity, True, "demand")

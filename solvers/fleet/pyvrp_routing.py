@@ -1,4 +1,4 @@
-"""PyVRP, as the yardstick from science."""
+"""Adapter of PyVRP, a benchmark from research."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .rivals import Best, FleetHeuristic, whole_demands, whole_distances
 
 __all__ = ["PyVrpRouting"]
 
-#: The longest distance and the largest demand in whole numbers.
+#: Whole number that represents the longest distance or the total demand.
 LARGEST = 10**7
-#: What a mean demand is at the least, so that no way saved pays for one too many.
+#: Minimum mean demand, so that no shorter route pays for an overload.
 DEAR = 2000
-#: Nodes whose matrices are held several times over.
+#: Largest number of nodes, as PyVRP stores several copies of the matrices.
 MOST = 5000
-#: Length of a way that is not to be taken.
+#: Length of a forbidden arc.
 BARRED = 10**9
-#: The first share by which the longest route is to fall, and the least that is tried.
+#: Initial and minimum relative reduction of the longest route.
 STEP, LEAST = 0.1, 1e-4
 
 Routes = list[list[int]]
@@ -34,13 +34,13 @@ class PyVrpRouting(FleetHeuristic):
     """PyVRP's iterated local search for the sum of all lengths, with a falling limit for the longest.
 
     Source: N. A. Wouda, L. Lan and W. Kool, "PyVRP: a high-performance VRP solver package", INFORMS
-    Journal on Computing 36 (2024). PyVRP knows the sum alone. For "max" and "max-sum" it searches again
-    and again for routes that are all shorter than the longest of the best plan by some share, which
-    is halved whenever none is found. It cannot demand that every vehicle is used: for the sum, each is made
-    to take one of as many copies of the depots, from which no way leads back to one; for the longest
-    route, an empty one is given the node whose move costs least. Limits on the sum, the deviation
-    and the range are held against plans, and not sought. A stop waits for the first local search, which
-    takes seconds for thousands of nodes.
+    Journal on Computing 36 (2024). PyVRP minimises the sum only. For "max" and "max-sum", repeated
+    searches require all routes to be shorter than the incumbent's longest by a given share; the share
+    is halved after a search without success. PyVRP cannot require that every vehicle is used. For the
+    sum, each vehicle therefore has to visit a copy of its depot, with no arc back to a copy. For the
+    longest route, an empty vehicle receives the node that is cheapest to move. Limits on the sum, the
+    deviation and the range are checked but do not guide the search. A stop request takes effect after
+    the first local search, which takes seconds for thousands of nodes.
     """
 
     name = "pyvrp"
@@ -59,7 +59,7 @@ class PyVrpRouting(FleetHeuristic):
     summary = "PyVRP: iterated local search for the sum, and for the longest route under a limit"
 
     def refuses(self, problem: FleetRouting) -> str:
-        """Return what is refused: objectives beside the sum and the longest route."""
+        """Return the reason for refusal, "" for a supported model: objective or size."""
         if problem.objective is Objective.RANGE:
             return "the objective 'range'"
         if problem.q > 0:
@@ -69,7 +69,7 @@ class PyVrpRouting(FleetHeuristic):
         return ""
 
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
-        """Search for a short sum, and then for shorter and shorter routes."""
+        """Minimise the sum, then reduce the longest route step by step if the objective needs it."""
         limited = best.problem.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
         posed = _Posed(best.problem, best.problem.use_all and not limited)
         endless = request.time_limit is not None
@@ -77,13 +77,13 @@ class PyVrpRouting(FleetHeuristic):
         counts = {"searches": 1, "iterations": 0}
 
         def look(limit: float, start: Routes | None, patience: float, first: bool) -> Routes | None:
-            """Return feasible routes no longer than `limit`; the first or the best until patience ends."""
-            found, done = posed.search(
+            """Return feasible routes of length <= `limit`: the first, or the best within `patience`."""
+            solution, iterations = posed.search(
                 limit, start, seed + counts["searches"] - 1, best.offer_filled,
                 lambda: request.control.stopped, patience, first,
             )  # fmt: skip
-            counts["iterations"] += done
-            return found
+            counts["iterations"] += iterations
+            return solution
 
         whole = math.inf if endless else 10 * patience
         routes = look(math.inf, None, patience if limited else whole, False)
@@ -109,7 +109,7 @@ class PyVrpRouting(FleetHeuristic):
 
 @dataclass
 class _Kind:
-    """Vehicles of one depot, capacity and battery."""
+    """Group of vehicles with the same depot, capacity and battery."""
 
     home: int
     capacity: int
@@ -118,14 +118,15 @@ class _Kind:
 
 
 class _Posed:
-    """The problem in PyVRP's terms: node i is location i, and a client is the place of its node.
+    """PyVRP's model of the problem: node i is location i, and each customer is a client.
 
     Parameters
     ----------
     model : FleetRouting
+        The fleet model.
     forced : bool
-        Whether each vehicle takes a copy of its depot first: a further client, of a further kind of
-        load of which it can hold one, from which ways lead to nodes alone.
+        Whether each vehicle must first visit a copy of its depot. A copy is an additional client
+        with an additional load type; a vehicle has capacity for one. Arcs lead from it to nodes only.
     """
 
     def __init__(self, model: FleetRouting, forced: bool) -> None:
@@ -138,7 +139,7 @@ class _Posed:
         capacity = [0] * self.vehicles
         if model.capacity is not None:
             demands, capacity = whole_demands(model, LARGEST)
-            # A unit too much costs 1e5 at the most, which a mean demand must make dear.
+            # PyVRP's penalty per unit of overload is at most 1e5, so demands must be large numbers.
             factor = max(1, round(DEAR * len(self.customers) / max(sum(demands), 1)))
             self.demands = [factor * one for one in demands]
             capacity = [factor * one for one in capacity]
@@ -152,7 +153,7 @@ class _Posed:
         self.kind_of = {k: i for i, kind in enumerate(self.kinds) for k in kind.members}
 
     def longest(self, routes: Routes) -> int:
-        """Return the length of the longest route."""
+        """Return the length of the longest route, in whole-number units."""
         return max(
             int(self.distances[[home, *route], [*route, home]].sum())
             for home, route in zip(self.homes, routes, strict=True)
@@ -162,7 +163,7 @@ class _Posed:
         self, limit: float, start: Routes | None, seed: int, tell: Callable[[Routes], object],
         stopped: Callable[[], bool], patience: float, first: bool,
     ) -> tuple[Routes | None, int]:  # fmt: skip
-        """Return the best feasible routes or None, and the iterations done."""
+        """Return the best feasible routes or None, and the number of iterations."""
         from pyvrp import (
             IteratedLocalSearchParams,
             Route,
@@ -201,7 +202,7 @@ class _Posed:
             initial = Solution(data, routes)
         params = SolveParams(ils=IteratedLocalSearchParams(callbacks=Listener()))
         with warnings.catch_warnings():
-            # Said where no penalty makes a limit hold, which is then how the search ends.
+            # PyVRP warns if its maximum penalty cannot enforce a limit: the search then fails anyway.
             warnings.simplefilter("ignore", PenaltyBoundWarning)
             result = solve(
                 data,
@@ -211,7 +212,7 @@ class _Posed:
                 params=params,
                 initial_solution=initial,
             )
-        if result.is_feasible() and not found:  # the first of all was never bettered
+        if result.is_feasible() and not found:  # the initial solution was never improved
             found.append(read(result.best))
             tell(found[-1])
         return (found[-1] if found else None), result.num_iterations
@@ -237,13 +238,13 @@ class _Posed:
                 loads.append([*nothing, DEAR])
         types = []
         for kind in self.kinds:
-            most = min(kind.battery, limit)
+            longest = min(kind.battery, limit)
             place = homes.index(kind.home)
             capacity = [kind.capacity] * (self.demands is not None) + [DEAR] * self.forced
             types.append(
                 VehicleType(
                     len(kind.members), capacity, place, place,
-                    max_distance=anything if math.isinf(most) else int(most),
+                    max_distance=anything if math.isinf(longest) else int(longest),
                 )
             )  # fmt: skip
         matrices: list[Any] = [lengths]
@@ -254,7 +255,7 @@ class _Posed:
         )  # fmt: skip
 
     def _read(self, solution: Any) -> Routes:
-        """Return the route of each vehicle."""
+        """Return the route of each vehicle in `solution`."""
         routes: Routes = [[] for _ in range(self.vehicles)]
         free: list[Iterable[int]] = [iter(kind.members) for kind in self.kinds]
         for route in solution.routes():

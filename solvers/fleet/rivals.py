@@ -1,4 +1,4 @@
-"""Shared parts of the heuristics: the best plan so far, and its answer."""
+"""Shared parts of the fleet heuristics: the incumbent and the answer."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ __all__ = ["Best", "FleetHeuristic", "available_threads", "whole_demands", "whol
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Moves that are tried where an empty vehicle is to have a node.
+#: Number of cheapest moves evaluated to give an empty vehicle a node.
 TRIED = 16
 
 
 @dataclass
 class Best:
-    """The best plan so far that keeps every limit.
+    """Incumbent: the best plan so far that satisfies every limit.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Best:
     broken: str = field(init=False, default="")
 
     def offer(self, routes: Sequence[Sequence[int]]) -> bool:
-        """Keep `routes`, one for each vehicle, where they are better and break no limit."""
+        """Make `routes` the incumbent if they are better and feasible; return whether they are."""
         model = self.problem
         plan = FleetPlan(tuple(tuple(int(node) for node in route) for route in routes))
         objective = objective_of(model, loads_of(model, plan))
@@ -61,10 +61,10 @@ class Best:
         return True
 
     def offer_filled(self, routes: Sequence[Sequence[int]]) -> bool:
-        """Do the same, with a node given to each empty vehicle where all must be used.
+        """Offer `routes` after moving a node to each empty vehicle if every vehicle must be used.
 
-        It is the node whose move is best for the objective, among the :data:`TRIED` whose moves cost
-        least in all and as many of the longest route.
+        The move with the best objective is chosen among the :data:`TRIED` moves of least total length
+        and the :data:`TRIED` best moves from the longest route.
         """
         full = [list(route) for route in routes]
         for empty in range(self.problem.vehicles) if self.problem.use_all else ():
@@ -86,25 +86,28 @@ class Best:
         if not node:
             return False
         home = int(model.homes[empty])
-        less = d[before, node] + d[node, after] - d[before, after]
-        own = d[home, node] + d[node, home]
-        order = np.argsort(own - less, kind="stable")
+        savings = d[before, node] + d[node, after] - d[before, after]
+        trips = d[home, node] + d[node, home]
+        order = np.argsort(trips - savings, kind="stable")
         longest = order[np.array(owners)[order] == owners[int(loads[owners].argmax())]]
         best, chosen = math.inf, int(order[0])
-        for at in [*order[:TRIED], *longest[:TRIED]]:
+        for position in [*order[:TRIED], *longest[:TRIED]]:
             trial = loads.copy()
-            trial[owners[at]] -= less[at]
-            trial[empty] = own[at]
+            trial[owners[position]] -= savings[position]
+            trial[empty] = trips[position]
             value = objective_of(model, trial)
             if value < best:
-                best, chosen = value, int(at)
+                best, chosen = value, int(position)
         full[owners[chosen]].remove(node[chosen])
         full[empty].append(node[chosen])
         return True
 
 
 class FleetHeuristic(Backend):
-    """Base of the heuristics; a subclass only searches, and its answer keeps every limit or is none."""
+    """Base class of the fleet heuristics; subclasses implement :meth:`search`.
+
+    The answer holds a feasible plan or no plan.
+    """
 
     accepts = FleetRouting
     guarantee = Guarantee.HEURISTIC
@@ -112,33 +115,33 @@ class FleetHeuristic(Backend):
 
     @abstractmethod
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
-        """Offer better and better plans to `best`; return statistics of the algorithm's own."""
+        """Offer improving plans to `best` and return the statistics of the algorithm."""
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
-        """Search, and answer with the best plan."""
+        """Run the search and return the answer with the best plan."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
         best = Best(problem, request)
-        own = self.search(best, request)
+        statistics = self.search(best, request)
         limit = None
         if request.control.stopped:
             limit = request.control.reason or Limit.INTERRUPTED
-        found = best.plan is not None
+        has_plan = best.plan is not None
         return Answer(
-            Termination.FEASIBLE if found else Termination.NO_SOLUTION,
+            Termination.FEASIBLE if has_plan else Termination.NO_SOLUTION,
             limit,
             best.plan,
-            best.objective if found else None,
+            best.objective if has_plan else None,
             seconds={"solve": clock() - begin},
-            statistics=dict(own),
-            message="" if found or not best.broken else f"no plan found keeps: {best.broken}",
+            statistics=dict(statistics),
+            message="" if has_plan or not best.broken else f"no plan found keeps: {best.broken}",
         )
 
 
 def available_threads(request: Request) -> int:
-    """Return how many threads a run may use: all processors of this process where none are asked for."""
+    """Return the number of threads of a run: as requested, else all CPUs of this process."""
     if request.threads is not None:
         return request.threads
     if hasattr(os, "sched_getaffinity"):
@@ -147,28 +150,30 @@ def available_threads(request: Request) -> int:
 
 
 def whole_distances(model: FleetRouting, largest: int) -> tuple[Ints, float]:
-    """Return the distances as whole numbers up to about `largest`, and what they were multiplied by."""
-    most = math.frexp(float(model.distances.max()))[1]
-    scale = math.ldexp(1.0, min(math.frexp(largest)[1] - 1 - most, 1000))
+    """Return the distances as whole numbers up to about `largest`, and their scale factor."""
+    exponent = math.frexp(float(model.distances.max()))[1]
+    scale = math.ldexp(1.0, min(math.frexp(largest)[1] - 1 - exponent, 1000))
     return np.rint(model.distances * scale).astype(np.int64), scale
 
 
 def whole_demands(model: FleetRouting, largest: int) -> tuple[list[int], list[int]]:
-    """Return demands and capacities as whole numbers: exact where they have few decimal digits.
+    """Return demands and capacities as whole numbers, exact for at most six decimal digits.
 
-    Else they are rounded such that whatever fits still fits, and what does not may. Capacities beyond
-    all demands are cut to their sum.
+    Otherwise demands are rounded down: every feasible load remains feasible, and slightly infeasible
+    loads may become feasible. Capacities are clipped to the sum of all demands.
     """
     assert model.demands is not None
     assert model.capacity is not None
     total = float(model.demands.sum())
-    most = np.minimum(model.capacity, total)
+    clipped = np.minimum(model.capacity, total)
     scale = largest / total if total > 0.0 else 1.0
     demands = np.floor(model.demands * scale)
-    for by in 10.0 ** np.arange(7):
-        whole = np.rint(model.demands * by)
-        if total * by < 2**40 and np.allclose(whole, model.demands * by, rtol=1e-12, atol=0.0):
-            scale, demands = by, whole
+    for factor in 10.0 ** np.arange(7):
+        whole = np.rint(model.demands * factor)
+        if total * factor < 2**40 and np.allclose(
+            whole, model.demands * factor, rtol=1e-12, atol=0.0
+        ):
+            scale, demands = factor, whole
             break
-    capacity = np.floor(most * scale * (1 + 1e-12))
+    capacity = np.floor(clipped * scale * (1 + 1e-12))
     return demands.astype(int).tolist(), capacity.astype(int).tolist()

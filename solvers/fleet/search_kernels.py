@@ -1,12 +1,12 @@
-"""Annealing of a fleet's routes by ruin and recreate: the loops.
+"""Loops of the annealing of a fleet's routes by ruin and recreate.
 
-Nodes are taken out of the routes in strings, and put back one by one where that costs the least.
+Strings of nodes are removed from the routes and reinserted one by one at the cheapest position.
 Source: J. Christiaens and G. Vanden Berghe, "Slack induction by string removals for vehicle routing
-problems", Transportation Science 54 (2020), doi 10.1287/trsc.2019.0914. The energy that is annealed,
-with the balance of the routes in it, is ours.
+problems", Transportation Science 54 (2020), doi 10.1287/trsc.2019.0914. The energy, which includes the
+balance of the routes, is ours.
 
-Routes are linked lists: node i is followed by ``after[i]`` and preceded by ``before[i]``; the list of
-vehicle k begins and ends at the mark ``n + k``, which stands for its depot.
+Routes are linked lists: ``after[i]`` follows node i and ``before[i]`` precedes it. The list of vehicle
+k starts and ends at the mark ``n + k``, which represents its depot.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ __all__ = ["SUM", "anneal", "measure"]
 
 #: Codes of the objectives.
 SUM, MAX, DEVIATION, RANGE, VARIANCE = 0, 1, 2, 3, 5
-#: Probability of passing over a place in recreate (the paper's "blink").
+#: Probability of skipping a position in recreate (the paper's "blink").
 BLINK = 0.01
-#: The same for the range alone, which longer ways may lessen.
+#: The same probability for the objective "range", which a longer route may reduce.
 LOOSE = 0.5
-#: Mean number of nodes taken out, and the longest string of them.
+#: Mean number of removed nodes, and the longest string.
 REMOVED, LONGEST = 10.0, 10
+#: Probability of a large ruin, and its number of removed nodes and longest string.
 WIDE, FAR = 0.1, 40.0
 
 
@@ -37,20 +38,20 @@ def measure(
     loads: NDArray[np.float64], carried: NDArray[np.float64], capacity: NDArray[np.float64],
     battery: NDArray[np.float64], rules: NDArray[np.float64],
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return energy, objective, and how much limits are broken, of the lengths of routes.
+    """Return the energy, the objective and the relative violation of limits.
 
-    `rules` holds the objective's code, q, the divisor in the deviation, the share of the mean load in
+    `rules` holds the objective's code, q, the divisor in the deviation, the weight of the mean load in
     the energy, the limits on sum, deviation and range, the penalty for a violation as large as its
     limit in units of mean plus longest load, and the objective at which annealing ends.
     """
     m = loads.size
-    total, most, least = 0.0, -math.inf, math.inf
+    total, longest, shortest = 0.0, -math.inf, math.inf
     broken = 0.0
     for k in range(m):
         load = loads[k]
         total += load
-        most = max(most, load)
-        least = min(least, load)
+        longest = max(longest, load)
+        shortest = min(shortest, load)
         if load > battery[k]:
             broken += (load - battery[k]) / battery[k] if battery[k] > 0.0 else load
         if carried[k] > capacity[k]:
@@ -60,24 +61,24 @@ def measure(
     for k in range(m):
         squares += (loads[k] - mean) ** 2
     deviation = math.sqrt(squares / rules[2]) if rules[2] > 0.0 else 0.0
-    for value, limit in ((total, rules[4]), (deviation, rules[5]), (most - least, rules[6])):
+    for value, limit in ((total, rules[4]), (deviation, rules[5]), (longest - shortest, rules[6])):
         if value > limit:
             broken += (value - limit) / limit if limit > 0.0 else value
     kind = int(rules[0])
     if kind == SUM:
         objective = total
     elif kind == MAX:
-        objective = most
+        objective = longest
     elif kind == DEVIATION:
         objective = total + rules[1] * deviation
     elif kind == VARIANCE:
         objective = total + rules[1] * squares / m
     elif kind == RANGE:
-        objective = most - least
+        objective = longest - shortest
     else:
-        objective = most + rules[1] * total
+        objective = longest + rules[1] * total
     energy = objective + rules[3] * mean
-    return energy + rules[7] * broken * (mean + most), objective, broken
+    return energy + rules[7] * broken * (mean + longest), objective, broken
 
 
 @kernel
@@ -86,7 +87,7 @@ def _take(
     before: NDArray[np.int64], route: NDArray[np.int64], loads: NDArray[np.float64],
     demands: NDArray[np.float64], carried: NDArray[np.float64], counts: NDArray[np.int64],
 ) -> None:  # fmt: skip
-    """Take `node` out of its route."""
+    """Remove `node` from its route."""
     a, b, k = before[node], after[node], route[node]
     here, start, end = place[node], place[a], place[b]
     loads[k] += distances[start, end] - distances[start, here] - distances[here, end]
@@ -105,7 +106,7 @@ def _put(
     loads: NDArray[np.float64], demands: NDArray[np.float64], carried: NDArray[np.float64],
     counts: NDArray[np.int64],
 ) -> None:  # fmt: skip
-    """Put `node` into the route of vehicle `k`, behind a node or the mark of the depot."""
+    """Insert `node` into the route of vehicle `k`, behind a node or the mark of the depot."""
     next_ = after[behind]
     here, start, end = place[node], place[behind], place[next_]
     loads[k] += distances[start, here] + distances[here, end] - distances[start, end]
@@ -123,15 +124,15 @@ def _ruin(
     route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
     carried: NDArray[np.float64], counts: NDArray[np.int64], removed: NDArray[np.int64], draw: Any,
 ) -> int:  # fmt: skip
-    """Take strings of nodes near one another out of the routes; return how many nodes."""
+    """Remove adjacent strings of nodes from the routes; return the number of nodes."""
     n = place.size - counts.size
     mean = nodes.size / counts.size
     wide = draw.random() < WIDE
     longest = min(float(FAR if wide else LONGEST), mean)
-    most = 4.0 * (FAR if wide else REMOVED) / (1.0 + longest) - 1.0
-    strings = int(draw.random() * most + 1.0)
+    limit = 4.0 * (FAR if wide else REMOVED) / (1.0 + longest) - 1.0
+    strings = int(draw.random() * limit + 1.0)
     seed = nodes[draw.integers(0, nodes.size)]
-    found = taken = 0
+    count = taken = 0
     for i in range(near.shape[1] + 1):
         node = seed if i == 0 else near[seed, i - 1]
         if node < 0 or taken >= strings:
@@ -141,29 +142,31 @@ def _ruin(
         k = route[node]
         length = int(draw.random() * min(longest, float(counts[k])) + 1.0)
         length = min(length, counts[k])
-        # The string begins up to its length before the node; some nodes in its middle may stay.
-        kept = 0
+        # The string starts up to its length before the node and may skip nodes (split string).
+        preserved = 0
         if length > 1 and draw.random() < 0.5:
-            while length + kept < counts[k] and draw.random() < 0.5:
-                kept += 1
+            while length + preserved < counts[k] and draw.random() < 0.5:
+                preserved += 1
         first = node
-        for _ in range(int(draw.random() * (length + kept))):
+        for _ in range(int(draw.random() * (length + preserved))):
             if before[first] < n:
                 first = before[first]
-        skip = int(draw.random() * length) if kept else length
-        at, passed, out = first, 0, 0
-        while out < length and at < n:
-            next_ = after[at]
-            if out >= skip and passed < kept:
+        skip = int(draw.random() * length) if preserved else length
+        current, passed, dropped = first, 0, 0
+        while dropped < length and current < n:
+            next_ = after[current]
+            if dropped >= skip and passed < preserved:
                 passed += 1
             else:
-                _take(at, distances, place, after, before, route, loads, demands, carried, counts)
-                removed[found] = at
-                found += 1
-                out += 1
-            at = next_
+                _take(
+                    current, distances, place, after, before, route, loads, demands, carried, counts
+                )
+                removed[count] = current
+                count += 1
+                dropped += 1
+            current = next_
         taken += 1
-    return found
+    return count
 
 
 @kernel
@@ -176,12 +179,12 @@ def _recreate(
     use_all: bool, least: NDArray[np.float64], spot: NDArray[np.int64], keys: NDArray[np.float64],
     draw: Any,
 ) -> None:  # fmt: skip
-    """Put the removed nodes back one by one, each where the energy rises the least."""
+    """Reinsert the removed nodes one by one, each at the position of least energy."""
     m = counts.size
     n = place.size - m
     how = draw.integers(0, 8)
     for i in range(count):
-        # Sorted as they come: there are few.
+        # Insertion sort: there are few nodes.
         node = removed[i]
         here = place[node]
         if how < 4:
@@ -197,7 +200,7 @@ def _recreate(
             keys[j], removed[j] = keys[j - 1], removed[j - 1]
             j -= 1
         keys[j], removed[j] = key, node
-    # Places until the next one that is passed over.
+    # Number of positions until the next skipped one (geometric distribution).
     rate = math.log(1.0 - (LOOSE if rules[0] == RANGE else BLINK))
     passing = math.log(1.0 - draw.random()) / rate
     left = count
@@ -209,7 +212,7 @@ def _recreate(
             least[k] = math.inf
             if counts[k] == 0:
                 empty += 1
-        # What is left must do for the vehicles that are still at their depots.
+        # The remaining nodes may be just enough for the idle vehicles.
         only_empty = use_all and empty >= left
         left -= 1
         for k in range(m):
@@ -252,11 +255,11 @@ def _recreate(
             energy = measure(loads, carried, capacity, battery, rules)[0]
             loads[k] -= least[k]
             carried[k] -= demands[here]
-            # Of equal energies the shorter detour.
+            # Ties go to the shorter detour.
             if chosen < 0 or energy < best or (energy == best and least[k] < least[chosen]):
                 best, chosen = energy, k
         if chosen < 0:
-            # Every place was passed over.
+            # Every position was skipped.
             chosen = draw.integers(0, m)
             spot[chosen] = n + chosen
         _put(
@@ -271,7 +274,7 @@ def _copy(
     loads: NDArray[np.float64], carried: NDArray[np.float64], counts: NDArray[np.int64],
     whole: NDArray[np.int64], parts: NDArray[np.float64], back: bool,
 ) -> None:  # fmt: skip
-    """Write the routes into two tables, or what these hold back into the routes."""
+    """Save the routes in two tables, or restore them if `back` is true."""
     for i in range(after.size):
         if back:
             after[i], before[i], route[i] = whole[0, i], whole[1, i], whole[2, i]
@@ -293,11 +296,11 @@ def anneal(
     capacity: NDArray[np.float64], battery: NDArray[np.float64], rules: NDArray[np.float64],
     use_all: bool, hot: float, cold: float, steps: int, flag: NDArray[np.int8], draw: Any,
 ) -> int:  # fmt: skip
-    """Anneal the routes in place; they end as the best that were met. Return the steps taken."""
+    """Anneal the routes in place, set them to the best ones found and return the number of steps."""
     m = counts.size
     removed = np.empty(nodes.size, np.int64)
     least, spot, keys = np.empty(m), np.empty(m, np.int64), np.empty(nodes.size)
-    # Nodes without a route, such as all at first.
+    # Insert the nodes without a route: all of them in a start from scratch.
     count = 0
     for node in nodes:
         if route[node] < 0:
@@ -328,13 +331,13 @@ def anneal(
             count, near, distances, place, after, before, route, loads, demands, carried, counts,
             removed, capacity, battery, rules, use_all, least, spot, keys, draw,
         )  # fmt: skip
-        found, objective, broken = measure(loads, carried, capacity, battery, rules)
-        if found < energy - heat * math.log(1.0 - draw.random()):
-            energy = found
+        candidate, objective, broken = measure(loads, carried, capacity, battery, rules)
+        if candidate < energy - heat * math.log(1.0 - draw.random()):
+            energy = candidate
             _copy(after, before, route, loads, carried, counts, now, now_parts, False)
-            less = objective < best or (objective == best and found < best_energy)
+            less = objective < best or (objective == best and candidate < best_energy)
             if broken < best_broken or (broken == best_broken and less):
-                best, best_broken, best_energy = objective, broken, found
+                best, best_broken, best_energy = objective, broken, candidate
                 _copy(after, before, route, loads, carried, counts, top, top_parts, False)
         else:
             _copy(after, before, route, loads, carried, counts, now, now_parts, True)

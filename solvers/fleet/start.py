@@ -1,9 +1,9 @@
-"""First routes of a fleet without compiled loops: one long tour cut into routes, and overload repaired.
+"""First routes of a fleet without compiled loops: a tour cut into routes, with overload repaired.
 
-The tour is cut where the vehicles' capacities end (J. E. Beasley, "Route first-cluster second methods for
-vehicle routing", Omega 11, 1983). Overload is removed as in bin packing: the nodes of an overloaded route
-and of another one are shared out again by enumeration of all subsets, which may leave the overload
-unchanged but never raises it.
+The tour is cut in proportion to the vehicles' capacities (J. E. Beasley, "Route first-cluster second
+methods for vehicle routing", Omega 11, 1983). Overload is removed as in bin packing: the nodes of an
+overloaded route and of another one are redistributed by enumeration of all subsets, which never
+increases the overload.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ __all__ = ["cut_tour", "first_routes", "repair"]
 Floats = NDArray[np.float64]
 Routes = list[list[int]]
 
-#: Nodes of two routes that are shared out again at a time: 2^10 subsets take 0.1 ms.
+#: Maximum number of nodes redistributed between two routes: 2^10 subsets take 0.1 ms.
 MOST = 10
-#: Attempts to share out nodes, plus so many per vehicle. X-n101-k25 (slack 0.06 %) takes 30 to 60.
+#: Maximum number of redistributions: constant and per vehicle. X-n101-k25 (slack 0.06 %) takes 30 to 60.
 ATTEMPTS, PER_VEHICLE = 2000, 20
-#: Attempts per vehicle to make routes compact, if they have at most so many nodes on average: on X-n101-k25
-#: (4 nodes) they shorten the sum by 15 % in 0.1 s, with 14 nodes they make it longer.
+#: Redistributions per vehicle for compact routes, and the largest mean number of nodes per route for
+#: them. On X-n101-k25 (4 nodes) they shorten the sum by 15 % in 0.1 s, with 14 nodes they lengthen it.
 IMPROVEMENTS, SHORT = 20, 6
-#: Probability of the most compact split among those with the least overload, rather than any.
+#: Probability of choosing the most compact split of least overload rather than a random one.
 COMPACT = 0.5
-#: Relative excess over a capacity that sums of demands in another order may have.
+#: Relative excess over a capacity due to rounding of sums in another order.
 ROUNDING = 1e-12
 
 
 def first_routes(
     model: FleetRouting, draw: np.random.Generator, ended: Callable[[], bool] = lambda: False
 ) -> Routes | None:
-    """Return routes that visit each node once and keep the capacities, or None if none were found.
+    """Return routes that visit each node once within the capacities, or None after a failure.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ def first_routes(
 def cut_tour(model: FleetRouting) -> Routes:
     """Return a nearest-neighbour tour through all nodes, cut into one route per vehicle.
 
-    Each route has the share of the demand that its vehicle has of the capacity, or without demands an equal
-    share of the tour's length.
+    The demand of a route is proportional to the vehicle's capacity. Without demands, each route has an
+    equal share of the tour's length.
     """
     m, depot = model.vehicles, int(model.homes[0])
     tour = _nearest(model.distances, depot, model.customers)
@@ -72,7 +72,7 @@ def cut_tour(model: FleetRouting) -> Routes:
         weights, shares = np.ones(len(tour)), np.ones(m)
     done = np.cumsum(weights) - 0.5 * weights
     ends = np.searchsorted(done, weights.sum() * np.cumsum(shares)[:-1] / shares.sum())
-    if model.use_all:  # which has at least as many nodes as vehicles
+    if model.use_all:  # the model then has at least as many nodes as vehicles
         for k in range(m - 1):
             ends[k] = max(ends[k], ends[k - 1] + 1 if k else 1)
         ends = np.minimum(ends, len(tour) - m + 1 + np.arange(m - 1))
@@ -86,20 +86,20 @@ def repair(
     ended: Callable[[], bool] = lambda: False,
     improvements: int = 0,
 ) -> Routes | None:
-    """Return routes without overload, as similar to `routes` as possible, or None if none were found.
+    """Return routes without overload, similar to `routes`, or None after a failure.
 
     Parameters
     ----------
     model : FleetRouting
         The model, with demands and capacities.
     routes : list of lists of int
-        Stops of each vehicle; each node in one of them.
+        Stops of each vehicle; each node in exactly one list.
     draw : numpy.random.Generator
         Source of random numbers.
     ended : callable, optional
         Returns True if the time is up.
     improvements : int
-        Pairs of routes per vehicle whose nodes are shared out more compactly once nothing is overloaded.
+        Redistributions per vehicle for compact routes after the overload is removed.
     """
     assert model.demands is not None and model.capacity is not None
     demands, capacity, m = model.demands, model.capacity, model.vehicles
@@ -119,7 +119,7 @@ def repair(
         if not over.size and left:
             left -= 1
             k, other = draw.choice(m, 2, replace=False).tolist()
-            split = _shared(model, sets[k], sets[other], most[[k, other]], draw, 1.0)
+            split = _redistribute(model, sets[k], sets[other], most[[k, other]], draw, 1.0)
             if split is not None:
                 sets[k], sets[other] = split
                 loads[k], loads[other] = (demands[stops].sum() for stops in split)
@@ -128,14 +128,14 @@ def repair(
         if not over.size:
             result = [list(stops) for stops in routes]
             for k in changed:
-                result[k] = _reordered(model, k, sets[k])
+                result[k] = _reorder(model, k, sets[k])
             return result
         if m == 1:
             return None
         k = int(over[draw.integers(0, over.size)])
         other = int(draw.integers(0, m - 1))
         other += other >= k
-        split = _shared(model, sets[k], sets[other], most[[k, other]], draw)
+        split = _redistribute(model, sets[k], sets[other], most[[k, other]], draw)
         if split is not None:
             sets[k], sets[other] = split
             loads[k], loads[other] = (demands[stops].sum() for stops in split)
@@ -143,7 +143,7 @@ def repair(
     return None
 
 
-def _shared(
+def _redistribute(
     model: FleetRouting,
     one: list[int],
     other: list[int],
@@ -151,7 +151,7 @@ def _shared(
     draw: np.random.Generator,
     compact: float = COMPACT,
 ) -> tuple[list[int], list[int]] | None:
-    """Return the nodes of two routes shared out again with the least overload; None if nothing moves."""
+    """Redistribute the nodes of two routes with the least overload; None for the same split."""
     assert model.demands is not None
     nodes = np.array([*one, *other])
     picked = np.arange(nodes.size)
@@ -170,7 +170,7 @@ def _shared(
         over[(counts + fixed[0].size == 0) | (picked.size - counts + fixed[1].size == 0)] = math.inf
     best = np.flatnonzero(over <= over.min() + ROUNDING * most.sum())
     if draw.random() < compact:
-        # Of equal overload, the split whose nodes are nearest to those with which they share a route.
+        # Among splits of equal overload, take the one with the least distances within routes.
         near = model.distances[np.ix_(nodes[picked], nodes[picked])]
         row = best[int(_spread(bits[best], near).argmin())]
     else:
@@ -186,7 +186,7 @@ def _shared(
 
 
 def _spread(bits: Floats, distances: Floats) -> Floats:
-    """Return the sum of distances between nodes of the same side, for each split of the nodes."""
+    """Return the sum of distances between nodes on the same side, shape (splits,)."""
     others = 1.0 - bits
     sums: Floats = ((bits @ distances) * bits + (others @ distances) * others).sum(axis=1)
     return sums
@@ -197,28 +197,28 @@ def _subsets(size: int) -> Floats:
 
 
 def _best_fit(model: FleetRouting) -> Routes:
-    """Return routes by best-fit decreasing; nodes that fit nowhere go where the most is left."""
+    """Return routes by best-fit decreasing; other nodes go to the vehicle with the most capacity left."""
     assert model.demands is not None and model.capacity is not None
-    left = np.array(model.capacity)
-    routes: Routes = [[] for _ in left]
+    remaining = np.array(model.capacity)
+    routes: Routes = [[] for _ in remaining]
     order = model.customers[np.argsort(-model.demands[model.customers], kind="stable")]
     for place, node in enumerate(order.tolist()):
         need = model.demands[node]
-        open_ = np.ones(left.size, bool)
+        open_ = np.ones(remaining.size, bool)
         empty = np.array([not stops for stops in routes])
         if model.use_all and empty.sum() >= len(order) - place:
             open_ = empty
-        fits = open_ & (left >= need)
+        fits = open_ & (remaining >= need)
         if fits.any():
-            k = int(np.where(fits, left, np.inf).argmin())
+            k = int(np.where(fits, remaining, np.inf).argmin())
         else:
-            k = int(np.where(open_, left, -np.inf).argmax())
+            k = int(np.where(open_, remaining, -np.inf).argmax())
         routes[k].append(node)
-        left[k] -= need
-    return [_reordered(model, k, stops) for k, stops in enumerate(routes)]
+        remaining[k] -= need
+    return [_reorder(model, k, stops) for k, stops in enumerate(routes)]
 
 
-def _reordered(model: FleetRouting, k: int, stops: list[int]) -> list[int]:
+def _reorder(model: FleetRouting, k: int, stops: list[int]) -> list[int]:
     """Return the stops of vehicle `k` in the order of a nearest-neighbour tour."""
     if len(stops) < 2:
         return stops
@@ -227,12 +227,12 @@ def _reordered(model: FleetRouting, k: int, stops: list[int]) -> list[int]:
 
 
 def _nearest(distances: Floats, start: int, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return `nodes` as a nearest-neighbour tour visits them."""
-    left, at = np.array(nodes), start
-    found = np.empty(left.size, np.int64)
-    for k in range(left.size):
-        pick = int(distances[at, left].argmin())
-        found[k] = at = int(left[pick])
-        left[pick] = left[-1]
-        left = left[:-1]
-    return found
+    """Return `nodes` in the order of a nearest-neighbour tour."""
+    rest, current = np.array(nodes), start
+    order = np.empty(rest.size, np.int64)
+    for k in range(rest.size):
+        pick = int(distances[current, rest].argmin())
+        order[k] = current = int(rest[pick])
+        rest[pick] = rest[-1]
+        rest = rest[:-1]
+    return order

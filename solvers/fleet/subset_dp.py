@@ -1,15 +1,15 @@
-"""``subset-dp``: small fleets solved to proven optimality over all subsets of the nodes; ours.
+"""Exact dynamic program over subsets of the nodes for small fleets; ours.
 
-A vehicle does best on the shortest tour through its nodes wherever the objective never falls when a
-route gets longer. That is plain for the sum and the longest route. For Σ L_k + q s, the slope by L_k is
-1 + q (L_k - mean) / (√D ‖L - mean‖), where D is m - 1 or m, and no entry of a vector that sums to 0 is
-less than -√((m - 1) / m) of its norm; so it holds for q up to √(D m / (m - 1)), which is √m for the
-sample's deviation. Beyond that, for the range, and under limits on deviation or range, a detour may
-pay, and the model is refused.
+The shortest tour through a vehicle's nodes is optimal if the objective never decreases when a route
+gets longer. This holds for the sum and the longest route. For Σ L_k + q s, the derivative by L_k is
+1 + q (L_k - mean) / (√D ‖L - mean‖), with D = m - 1 or m. No entry of a vector that sums to 0 is less
+than -√((m - 1) / m) times its norm. So the condition holds for q up to √(D m / (m - 1)), which is √m
+for the sample deviation. A detour may pay for larger q, for the range, and under limits on deviation
+or range; such models are refused.
 
-Tours come from the dynamic program of M. Held and R. M. Karp, "A dynamic programming approach to
-sequencing problems", Journal of SIAM 10, 1962, once for each depot; another one over subsets hands
-them out.
+Tours are computed by the dynamic program of M. Held and R. M. Karp, "A dynamic programming approach to
+sequencing problems", Journal of SIAM 10, 1962, once per depot. A second program over subsets assigns
+them to vehicles.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ __all__ = ["SubsetDP", "shortest_tours"]
 
 Floats = NDArray[np.float64]
 
-#: Customers and vehicles at the most: 3^15 pairs of a set and a part of it take a second a vehicle.
+#: Maximum number of customers and of vehicles: 3^15 pairs of set and subset take 1 s per vehicle.
 MOST = 15
-#: Customers up to which the tables take less than about a second.
+#: Largest number of customers for which the tables take less than about a second.
 SOON = 10
-#: Customers up to which the tables take milliseconds.
+#: Largest number of customers for which the tables take milliseconds.
 FEW = 6
-#: Share of a limit that sums of lengths in another order may differ by.
+#: Relative excess over a limit due to rounding of sums in another order.
 _ROUNDING = 1e-12
 
 
 class SubsetDP(Backend):
-    """Held and Karp's tours of all subsets, and a dynamic program that hands the subsets out."""
+    """Exact solver: Held and Karp's tours of all subsets, assigned to vehicles by dynamic programming."""
 
     name = "subset-dp"
     accepts = FleetRouting
@@ -56,7 +56,7 @@ class SubsetDP(Backend):
     summary = f"exact, over all subsets of at most {MOST} nodes; ours"
 
     def refuses(self, problem: Any) -> str:
-        """Return why the model is too large, or a detour may pay in it."""
+        """Return the reason for refusal, "" for a supported model: size, or a detour may pay."""
         size, vehicles = len(problem.customers), problem.vehicles
         if max(size, vehicles) > MOST:
             return f"it takes at most {MOST} nodes and vehicles, got {size} and {vehicles}"
@@ -67,17 +67,19 @@ class SubsetDP(Backend):
         if squared or problem.objective is Objective.RANGE:
             name = str(problem.objective)
             return f"it does not take the objective {name!r}, for which a detour may pay"
-        most = math.sqrt(_share(problem) * vehicles / max(vehicles - 1, 0.5))
-        if problem.q > most and vehicles > 1:
-            return f"it takes q up to {most:.6g}, beyond which a detour may pay, got {problem.q:g}"
+        largest = math.sqrt(_share(problem) * vehicles / max(vehicles - 1, 0.5))
+        if problem.q > largest and vehicles > 1:
+            return (
+                f"it takes q up to {largest:.6g}, beyond which a detour may pay, got {problem.q:g}"
+            )
         return ""
 
     def starter(self, problem: Any) -> str:
-        """Return the search for fleets whose tables take seconds."""
+        """Return the search that provides a first plan while large tables are computed."""
         return "fleet-search" if len(problem.customers) > SOON else ""
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
-        """Solve, and say how the search ended."""
+        """Solve the model to proven optimality or until a stop."""
         reason = self.refuses(problem)
         if reason:
             raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
@@ -104,39 +106,39 @@ class SubsetDP(Backend):
 
 
 def _share(model: FleetData) -> float:
-    """Return what the sum of squares is divided by."""
+    """Return the divisor of the sum of squares."""
     return float(max(model.vehicles - (model.deviation is Deviation.SAMPLE), 1))
 
 
 def shortest_tours(distances: Floats) -> Floats:
-    """Return the shortest ways from the depot through each set to each of its nodes, and the tours.
+    """Return the lengths of shortest paths from the depot through each set, and of the tours.
 
     Parameters
     ----------
     distances : ndarray, shape (n + 1, n + 1)
-        Between n customers and the depot, which is last.
+        Distances of n customers and the depot, which is last.
 
     Returns
     -------
     ndarray, shape (2^n, n + 1)
-        The way through set S that ends at j, which must be in S; in the last column the tour.
+        Column j: length of the path through set S that ends at j in S. Last column: the tour.
     """
     n = len(distances) - 1
     sets = np.arange(2**n)
     counts = ((sets[:, None] >> np.arange(n)) & 1).sum(axis=1)
-    found = np.full((2**n, n + 1), np.inf)
-    found[1 << np.arange(n), np.arange(n)] = distances[n, :n]
+    lengths = np.full((2**n, n + 1), np.inf)
+    lengths[1 << np.arange(n), np.arange(n)] = distances[n, :n]
     for count in range(2, n + 1):
         for j in range(n):
-            of = sets[(counts == count) & (sets >> j & 1 == 1)]
-            found[of, j] = (found[of ^ (1 << j), :n] + distances[:n, j]).min(axis=1)
-    found[:, n] = (found[:, :n] + distances[:n, n]).min(axis=1)
-    found[0, n] = 0.0
-    return found
+            chosen = sets[(counts == count) & (sets >> j & 1 == 1)]
+            lengths[chosen, j] = (lengths[chosen ^ (1 << j), :n] + distances[:n, j]).min(axis=1)
+    lengths[:, n] = (lengths[:, :n] + distances[:n, n]).min(axis=1)
+    lengths[0, n] = 0.0
+    return lengths
 
 
 class _Search:
-    """The tables of one model, and the best plan so far."""
+    """Tables of one model, and the incumbent."""
 
     def __init__(self, model: FleetRouting, request: Request) -> None:
         self.model, self.control = model, request.control
@@ -168,13 +170,13 @@ class _Search:
         self.choice = np.empty((model.vehicles, 2**n), np.int64)
 
     def solve(self) -> None:
-        """Find the best plan; what a stop leaves undone leaves `done` False."""
+        """Find the best plan; `done` remains False after a stop."""
         objective = self.model.objective
         self._start()
         least = self._sum(math.inf)
         if least is None:
             return
-        self.bound = least  # of the sum; replaced where the objective is another
+        self.bound = least  # bound on the sum; replaced below for other objectives
         if objective in (Objective.MAX, Objective.LEXICOGRAPHIC):
             self.bound = self.floor
             if math.isfinite(least) and not self._longest(least):
@@ -185,7 +187,7 @@ class _Search:
         self.done = True
 
     def _start(self) -> None:
-        """Keep the first routes, which a stop before the tables are full leaves as the plan."""
+        """Make heuristic routes the incumbent, for a stop before the tables are complete."""
         if len(self.model.customers) <= FEW:
             return
         routes = first_routes(self.model, np.random.default_rng(0), lambda: self.control.stopped)
@@ -198,7 +200,7 @@ class _Search:
             self.control.incumbent(self.value, plan)
 
     def _sum(self, limit: float) -> float | None:
-        """Return the least sum with routes up to `limit`, infinite beyond the budget; None if stopped."""
+        """Return the least sum with routes up to `limit`, inf if infeasible; None after a stop."""
         from .subset_kernels import least_sums
 
         model = self.model
@@ -218,7 +220,7 @@ class _Search:
         return least
 
     def _offer(self, owned: list[int]) -> None:
-        """Keep the plan with these sets of nodes if it is the best so far."""
+        """Make the plan with the sets `owned` the incumbent if it is better."""
         routes = tuple(self._route(k, one) for k, one in enumerate(owned))
         plan = FleetPlan(routes)
         value = objective_of(self.model, loads_of(self.model, plan))
@@ -227,7 +229,7 @@ class _Search:
             self.control.incumbent(value, plan)
 
     def _route(self, k: int, owned: int) -> tuple[int, ...]:
-        """Return the shortest tour of vehicle k through a set of nodes."""
+        """Return the shortest tour of vehicle k through the set `owned`."""
         ways, distances = self.ways[int(self.model.homes[k])]
         at, route = len(distances) - 1, list[int]()
         while owned:
@@ -237,30 +239,30 @@ class _Search:
         return tuple(route[::-1])
 
     def _longest(self, total: float) -> bool:
-        """Lower the longest route as far as it goes; return whether that was finished."""
+        """Minimise the longest route by bisection; return False after a stop."""
         lengths = np.unique(self.tours[np.isfinite(self.tours)])
-        low, high, held = 0, lengths.size - 1, total
+        low, high, best_total = 0, lengths.size - 1, total
         while low < high:
             middle = (low + high) // 2
-            found = self._sum(float(lengths[middle]))
-            if found is None:
+            total_at_limit = self._sum(float(lengths[middle]))
+            if total_at_limit is None:
                 return False
-            if math.isfinite(found):
-                high, held = middle, found
+            if math.isfinite(total_at_limit):
+                high, best_total = middle, total_at_limit
             else:
                 low = middle + 1
                 self.bound = max(self.floor, float(lengths[low]))
         self.bound = float(lengths[high])
         if self.model.objective is Objective.LEXICOGRAPHIC:
-            # A longer route may pay as far as the sum can fall for it.
-            reach = self.bound + LEXICOGRAPHIC * (held - total)
+            # A longer route may pay up to the possible decrease of the sum.
+            reach = self.bound + LEXICOGRAPHIC * (best_total - total)
             for limit in lengths[(lengths > lengths[high]) & (lengths <= reach)].tolist():
                 if self._sum(limit) is None:
                     return False
         return True
 
     def _spread(self) -> bool:
-        """Weigh sum and deviation; return whether that was finished."""
+        """Minimise the sum plus q times the deviation; return False after a stop."""
         from .subset_kernels import best_spread
 
         model = self.model

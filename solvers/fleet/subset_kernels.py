@@ -1,7 +1,7 @@
-"""Loops over all ways to hand out a set of nodes to vehicles, one after the other.
+"""Loops over all partitions of a set of nodes among vehicles.
 
-A set is a whole number with a bit a node. ``tours[k, S]`` is the shortest route of vehicle k through
-S, infinite where it may not go there.
+A set is a whole number with one bit per node. ``tours[k, S]`` is the length of the shortest route of
+vehicle k through S, infinite if the route is infeasible.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ Ints = NDArray[np.int64]
 def least_sums(
     tours: Floats, limit: float, sums: Floats, choice: Ints, flag: NDArray[np.int8]
 ) -> bool:
-    """Fill in the least total lengths of the vehicles from k on that share out S, for all k and S.
+    """Compute the least total length for vehicles k, k + 1, … to visit S, for all k and S.
 
     Parameters
     ----------
     tours : ndarray, shape (vehicles, sets)
-        Lengths.
+        Lengths of the shortest routes.
     limit : float
-        Longest route allowed.
+        Longest feasible route.
     sums : ndarray, shape (vehicles + 1, sets)
-        Filled in; infinite where there is no way.
+        Output: the total lengths; infinite if infeasible.
     choice : ndarray of int, shape (vehicles, sets)
-        Filled in with the set that vehicle k takes.
+        Output: the set that vehicle k takes.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag; a nonzero value requests a stop.
 
     Returns
     -------
     bool
-        Whether all was filled in.
+        Whether the tables are complete.
     """
     vehicles, size = tours.shape
     for s in range(size):
@@ -67,7 +67,7 @@ def least_sums(
 
 @kernel
 def _objective(loads: Floats, count: int, rest: float, q: float, share: float) -> float:
-    """Return Σ L + q s, where the lengths from `count` on are equal and add up to `rest`."""
+    """Return Σ L + q s if the lengths from index `count` on are equal and sum to `rest`."""
     vehicles = len(loads)
     each = rest / (vehicles - count) if count < vehicles else 0.0
     total = rest if count < vehicles else 0.0
@@ -85,32 +85,34 @@ def best_spread(
     tours: Floats, sums: Floats, alike: NDArray[np.int8], q: float, share: float, budget: float,
     ceiling: float, owned: Ints, flag: NDArray[np.int8],
 ) -> tuple[float, int]:  # fmt: skip
-    """Return the least Σ L + q s over all ways to share out all nodes, by branch and bound.
+    """Return the least Σ L + q s over all partitions of the nodes, by branch and bound.
 
-    The objective grows with every length, so vehicles to come are at best equally long, with the
-    least total that they can have.
+    The objective increases with every length. It is bounded below by equal lengths of the remaining
+    vehicles with the least total length.
 
     Parameters
     ----------
     tours, sums
-        As in :func:`least_sums`, the latter filled in.
+        Tables as in :func:`least_sums`.
     alike : ndarray of int8, shape (vehicles,)
-        Whether vehicle k and all after it are alike: then k takes the first node that is left.
+        Whether vehicle k and all later ones are identical: then k takes the first remaining node.
     q, share : float
-        Weight of the deviation, and what the sum of squares is divided by.
+        Weight of the deviation, and divisor of the sum of squares.
     budget : float
-        Largest total.
+        Largest total length.
     ceiling : float
-        Only what is below counts.
+        Upper bound: only better objectives are considered.
     owned : ndarray of int, shape (vehicles,)
-        Filled in with the sets of the best way.
+        Output: the sets of the best partition.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag; a nonzero value requests a stop.
 
     Returns
     -------
-    float, int
-        The least objective, `ceiling` where nothing is below it; and the number of parts tried.
+    best : float
+        The least objective, or `ceiling` if no partition is below it.
+    tried : int
+        The number of sets tried.
     """
     vehicles, size = tours.shape
     loads, left = np.zeros(vehicles), np.zeros(vehicles, np.int64)

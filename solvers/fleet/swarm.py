@@ -1,4 +1,4 @@
-"""The particle swarm of PSO-AC (Algorithm 3): particles are cluster centres, their fitness a plan's."""
+"""Particle swarm of PSO-AC (Algorithm 3): a particle is a set of cluster centres."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flag = NDArray[np.int8]
 
-#: The stops of each vehicle.
+#: Stops of each vehicle.
 Routes = list[list[int]]
 
 #: Inertia of the first and of the last iteration: Y. Shi and R. Eberhart, "A modified particle swarm
@@ -47,9 +47,9 @@ class Colonies:
     settings : ndarray, shape (5,)
         Ants, iterations, alpha, beta and evaporation of a colony.
     threads : int
-        Number of parts that the particles are divided into.
+        Number of chunks of particles.
     pool : ThreadPoolExecutor or None
-        Threads for all parts but the first.
+        Threads for all chunks except the first.
     flag : ndarray of int8, shape (1,)
         Stop flag.
     """
@@ -62,15 +62,15 @@ class Colonies:
 
     def __post_init__(self) -> None:
         model = self.model
-        # Scaled by a power of two, so that scaled problems have the same tours.
+        # A power of two scales without rounding, so scaled problems have the same tours.
         self.exponent = int(np.frexp(float(model.distances.max()))[1])
         self.scaled = np.ascontiguousarray(np.ldexp(model.distances, -self.exponent))
         self._compiled: set[str] = set()
 
     def each(self, work: Callable[[int], None], count: int) -> None:
-        """Call `work` with 0 … `count` - 1, in as many parts as there are threads."""
+        """Call `work` with 0 … `count` - 1, in one chunk per thread."""
         first = 0
-        if work.__name__ not in self._compiled:  # compiled here, before threads run it
+        if work.__name__ not in self._compiled:  # compile before threads run it
             self._compiled.add(work.__name__)
             work(0)
             first = 1
@@ -89,14 +89,23 @@ class Colonies:
             one.result()
 
     def tours(self, labels: Ints, draws: list[Generator]) -> tuple[Floats, list[Routes], int]:
-        """Return the lengths and the stops of the routes of each particle, and the ant iterations.
+        """Find the routes of each particle by ant colonies.
 
         Parameters
         ----------
         labels : ndarray of int, shape (particles, n)
-            The cluster of each customer.
+            Cluster of each customer.
         draws : list of Generator
-            Random numbers of each particle.
+            Random number generator of each particle.
+
+        Returns
+        -------
+        loads : ndarray, shape (particles, vehicles)
+            Route lengths.
+        routes : list of Routes
+            Stops of each vehicle, per particle.
+        iterations : int
+            Total number of ant iterations.
         """
         from .colony_kernels import colony
 
@@ -119,7 +128,7 @@ class Colonies:
         return np.ldexp(loads, self.exponent), routes, int(done.sum())
 
     def part(self, labels: Ints, k: int) -> tuple[Ints, Floats, Ints]:
-        """Return depot and nodes of cluster `k`, their distances, and the tour of the nearest neighbour."""
+        """Return depot and nodes of cluster `k`, their distances, and a nearest-neighbour tour."""
         from .colony_kernels import nearest
 
         model = self.model
@@ -132,7 +141,7 @@ class Colonies:
 
 @dataclass
 class Found:
-    """The best plan of a swarm and the work behind it."""
+    """Best plan of a swarm, and the counts of iterations and evaluations."""
 
     fitness: float
     routes: Routes
@@ -146,31 +155,34 @@ def swarm(
     weights: Floats, colonies: Colonies, fitness: Callable[[Floats], float],
     offer: Callable[[Routes], Any], seeds: np.random.SeedSequence,
 ) -> Found:  # fmt: skip
-    """Move a swarm of cluster centres and return its best plan (Algorithm 3).
+    """Optimise cluster centres by a particle swarm and return the best plan (Algorithm 3).
 
-    A particle starts at samples that are drawn. In each iteration it moves, its centres take their
-    samples (lines 5-11), the centres move to the means of these (eq. 21), and an ant colony in each
-    cluster finds the tours that its fitness is computed from (lines 12-23).
+    A particle starts at random samples. In each iteration it moves, its centres take their samples
+    (lines 5-11), the centres move to the means of these (eq. 21), and an ant colony per cluster finds
+    the tours that determine the fitness (lines 12-23).
 
-    Each particle draws from a generator of its own, so the number of threads changes no plan.
+    Each particle has a separate generator, so the plan does not depend on the number of threads.
 
     Parameters
     ----------
     points : ndarray, shape (n, dims)
         Samples in the unit square.
     clusters, particles, iterations : int
+        Numbers of clusters, particles and iterations.
     learning : float
         Both acceleration coefficients.
     share : float
-        Largest sum of weights of a cluster but the last.
+        Largest sum of weights of a cluster; the last cluster may exceed it.
     weights : ndarray, shape (n,)
         Weights of the samples.
     colonies : Colonies
+        Ant colonies that find the tours.
     fitness : callable
-        Returns the fitness of the lengths of all routes.
+        Returns the fitness for the lengths of all routes.
     offer : callable
         Called with the routes of each new best particle.
     seeds : SeedSequence
+        Source of the random number generators.
     """
     from .clustering import move_centres
     from .clustering_kernels import reclassify

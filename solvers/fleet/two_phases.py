@@ -41,7 +41,7 @@ def _colony(ants: int, iterations: int) -> dict[str, Option]:
 
 @dataclass
 class Stage:
-    """Data of one run that all its phases share."""
+    """Data of one run, shared by its phases."""
 
     problem: FleetRouting
     request: Request
@@ -58,11 +58,11 @@ class Stage:
 
 
 class TwoPhases(FleetHeuristic):
-    """Base of the algorithms that cluster the nodes by their places and find a tour of each cluster.
+    """Base class of the algorithms that cluster the nodes and find a tour of each cluster.
 
-    The places are the model's points, or the embedding of the distances
-    (:func:`.clustering.positions`). Tours are measured by the true distances. Limits of the model are
-    checked and not searched for.
+    Clusters use the model's points, or an embedding of the distances
+    (:func:`.clustering.positions`). Tour lengths use the true distances. Limits of the model are
+    checked but do not guide the search.
     """
 
     features = FleetHeuristic.features | {Feature.THREADS}
@@ -100,21 +100,21 @@ class TwoPhases(FleetHeuristic):
 
 
 class PsoAntColony(TwoPhases):
-    """GPSO-AC, the paper's algorithm: a swarm of cluster centres, a tour of each cluster by ants.
+    """GPSO-AC, the paper's algorithm: a swarm of cluster centres and an ant colony per cluster.
 
-    Algorithm 3. A particle is the centres of all clusters. In each iteration each centre in turn takes
-    the free nodes nearest to it as long as the sum of their energies R_i (eq. 18) stays within R / m
+    Algorithm 3. A particle holds the centres of all clusters. In each iteration each centre in turn takes
+    its nearest unassigned nodes while the sum of their energies R_i (eq. 18) is at most R / m
     (eq. 19, 20), the centres move to the means of their nodes (eq. 21), and an ant colony in each
     cluster finds a tour. The fitness is the objective of the model at the lengths of these tours:
     eq. 15 for "sum", eq. 15 plus q times eq. 16 for "sum-variance". Particles are evaluated in
-    parallel on threads; each draws from a generator of its own, so the plan does not depend on their
-    number. With ``device="gpu"`` the colonies of all particles run at once as array code of PyTorch,
-    with other random numbers.
+    parallel on threads. Each has a separate generator, so the plan does not depend on the number of
+    threads. With ``device="gpu"`` the colonies of all particles run as one batch of PyTorch array
+    code, with different random numbers.
 
     From the paper: swarms of 32 to 256, 1.97 for both acceleration coefficients, α = 1 and β = 3. The
     text lacks eq. 20-22 and all other parameters. These are ours: the inertia falls from 0.9 to 0.4; the
     colony is an elitist ant system (M. Dorigo, V. Maniezzo and A. Colorni, "Ant system", 1996) that
-    starts from the tour of the nearest neighbour. The page tells how the reading was chosen.
+    starts from the nearest-neighbour tour. The documentation page describes the choice.
     """
 
     name = "pso-ac"
@@ -134,7 +134,7 @@ class PsoAntColony(TwoPhases):
     summary = "the paper's particle swarm and ant colony, evaluated in parallel (GPSO-AC)"
 
     def colonies(self, request: Request) -> type[Colonies]:
-        """Return the compiled loops, or the array code on a graphics card."""
+        """Return the compiled loops, or the array code for the option ``device="gpu"``."""
         if request.options.get("device", "cpu") == "cpu":
             return Colonies
         from .array_colonies import torch_colonies
@@ -142,7 +142,7 @@ class PsoAntColony(TwoPhases):
         return torch_colonies()
 
     def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
-        """Move a swarm and offer the plan of each better particle."""
+        """Run the swarm and offer the plan of each improving particle."""
         model, own = stage.problem, stage.request.options
         weights = energies(model)
         found = swarm(
@@ -170,7 +170,7 @@ class PsoAntColonySerial(PsoAntColony):
 
 
 class ClusterFirst(TwoPhases):
-    """Base of the paper's rivals: k-means with bounded clusters, then one tour for each cluster."""
+    """Base class of the paper's competitors: bounded k-means, then one tour per cluster."""
 
     @abstractmethod
     def weights(self, stage: Stage) -> Floats:
@@ -180,27 +180,27 @@ class ClusterFirst(TwoPhases):
     def tours(
         self, stage: Stage, labels: Ints, rng: Generator
     ) -> tuple[list[list[int]], dict[str, int]]:
-        """Return the routes through the clusters, and statistics."""
+        """Return the routes through the clusters, and the statistics."""
 
     def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
         """Cluster the nodes, find the tours and offer the plan."""
-        from .clustering import assigned, k_means
+        from .clustering import assign_vehicles, k_means
 
         rng = np.random.default_rng(seeds)
         weights = self.weights(stage)
         share = float(weights.sum()) / stage.clusters
         rounds = stage.request.options["rounds"]
         labels = k_means(stage.points, stage.clusters, weights, share, rounds, rng)
-        routes, counts = self.tours(stage, assigned(stage.problem, labels), rng)
+        routes, counts = self.tours(stage, assign_vehicles(stage.problem, labels), rng)
         best.offer_filled(routes)
         stage.count(**counts)
 
 
 class KMeansAntColony(ClusterFirst):
-    """k-means-AC, the paper's rival: k-means once, then an ant colony in each cluster.
+    """k-means-AC, a competitor in the paper: k-means once, then an ant colony per cluster.
 
-    The paper only names it. Ours: the reclassification of PSO-AC and the move of the centres repeat
-    until no label changes; the colony is that of PSO-AC.
+    The paper gives only the name. These are ours: PSO-AC's reclassification and the move of the
+    centres repeat until no label changes, and the colony is that of PSO-AC.
     """
 
     name = "kmeans-ac"
@@ -224,7 +224,7 @@ class KMeansAntColony(ClusterFirst):
 
 
 class TwoPhase(ClusterFirst):
-    """TPHA, the paper's rival: k-means with a bound on the nodes, then a genetic algorithm per cluster.
+    """TPHA, a competitor in the paper: bounded k-means, then a genetic algorithm per cluster.
 
     The paper cites X. Xu, H. Yuan, M. Liptrott and M. Trovati, "Two phase heuristic algorithm for the
     multiple-travelling salesman problem", Soft Computing 22 (2018), doi 10.1007/s00500-017-2705-5, and
@@ -250,7 +250,7 @@ class TwoPhase(ClusterFirst):
     def tours(
         self, stage: Stage, labels: Ints, rng: Generator
     ) -> tuple[list[list[int]], dict[str, int]]:
-        """Return tours by a genetic algorithm, the clusters shared among threads."""
+        """Return tours by a genetic algorithm, with the clusters distributed over threads."""
         from .breeding_kernels import breed
 
         model, own = stage.problem, stage.request.options

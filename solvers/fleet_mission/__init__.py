@@ -1,4 +1,4 @@
-"""Missions of a fleet on a map."""
+"""Solvers for missions of a fleet."""
 
 BACKENDS = {
     "staged": ".staged:Staged",

@@ -1,7 +1,7 @@
-"""Boxes of free cells along the ways of a robot, and the shortest string that they leave.
+"""Corridor of boxes along a robot's route, and a short polyline inside it.
 
-Each box consists of whole free cells, so its points are all safe. Consecutive boxes share a cell at
-least, and a curve that rests at a point of each such share is one that fits: there is always one.
+Each box consists of free cells, so all its points are safe. Consecutive boxes share at least one cell.
+A curve that rests at a point of each intersection is feasible, so a feasible curve always exists.
 """
 
 from __future__ import annotations
@@ -21,26 +21,25 @@ Floats = NDArray[np.float64]
 Cell = tuple[int, int]
 Box = tuple[int, int, int, int]
 
-#: Distance in cells below which a path touches a line of the grid.
+#: Distance in cells at which a path touches a grid line.
 SLACK = 1e-9
-#: Sweeps over the knots that pull the string tight.
+#: Sweeps over the knots that shorten the polyline.
 SWEEPS = 60
-#: Share of a cell by which boxes are less than their cells, for what a solver leaves of a bound.
+#: Inset of boxes as a share of a cell, for violations of bounds within solver tolerances.
 INSET = 1e-5
 
 
 class Corridor(NamedTuple):
-    """The boxes of a robot's whole way.
+    """Boxes along a robot's route.
 
     Parameters
     ----------
     lower, upper : ndarray, shape (k, 2)
-        A box a segment, m.
+        Bounds of the box of each segment, m.
     knots : ndarray, shape (k + 1, 2)
         Points of a short polyline within the boxes, m.
     stops : ndarray of int, shape (stops,)
-        The knots that are the depot and the nodes, in their order; the same one where several are at
-        one place.
+        Knots of the depot and the nodes, in order; coinciding places share a knot.
     """
 
     lower: Floats
@@ -50,7 +49,7 @@ class Corridor(NamedTuple):
 
 
 def crossed(grid: GridMap, path: Floats) -> list[Cell] | None:
-    """Return the free cells that a polyline leads through, each beside the one before.
+    """Return the free cells crossed by a polyline; consecutive cells share an edge.
 
     Parameters
     ----------
@@ -62,7 +61,7 @@ def crossed(grid: GridMap, path: Floats) -> list[Cell] | None:
     Returns
     -------
     list of (row, column), or None
-        None where the path leads through a blocked cell, or between two that touch at a corner.
+        None if the path crosses a blocked cell, or passes between two that touch at a corner.
     """
     free = ~np.pad(grid.blocked, 1, constant_values=True)
 
@@ -96,22 +95,22 @@ def crossed(grid: GridMap, path: Floats) -> list[Cell] | None:
 
 
 def _cell(x: float, y: float, before: Cell | None, is_free: object) -> Cell | None:
-    """Return the free cell that holds a point, of two beside a line the one nearer to `before`."""
+    """Return the free cell of a point; on a grid line, the cell nearest to `before`."""
 
     def sides(value: float) -> list[int]:
         line = round(value)
         return [line - 1, line] if abs(value - line) <= SLACK else [int(np.floor(value))]
 
-    found = [(r, c) for r in sides(y) for c in sides(x) if is_free(r, c)]  # type: ignore[operator]
-    if not found:
+    cells = [(r, c) for r in sides(y) for c in sides(x) if is_free(r, c)]  # type: ignore[operator]
+    if not cells:
         return None
     if before is None:
-        return found[-1]
-    return min(found, key=lambda cell: abs(cell[0] - before[0]) + abs(cell[1] - before[1]))
+        return cells[-1]
+    return min(cells, key=lambda cell: abs(cell[0] - before[0]) + abs(cell[1] - before[1]))
 
 
 def _append(chain: list[Cell], cell: Cell, is_free: object) -> bool:
-    """Append a cell, and the one that leads to it around a corner; return whether that is possible."""
+    """Append a cell, with an intermediate one for a diagonal step; return whether it is possible."""
     if chain and chain[-1] != cell:
         row, column = chain[-1]
         steps = abs(cell[0] - row) + abs(cell[1] - column)
@@ -128,9 +127,9 @@ def _append(chain: list[Cell], cell: Cell, is_free: object) -> bool:
 
 
 def _boxes(grid: GridMap, chain: list[Cell], reach: int) -> list[Box]:
-    """Return rectangles of free cells (least row and column, greatest) that cover a chain.
+    """Return rectangles of free cells (minimum and maximum row and column) that cover a chain.
 
-    Each holds the cell of the chain where the one before ended.
+    Each rectangle contains the last cell of the chain in the previous one.
     """
     total = np.pad(grid.blocked.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     rows, columns = grid.shape
@@ -142,7 +141,7 @@ def _boxes(grid: GridMap, chain: list[Cell], reach: int) -> list[Box]:
         inner = total[s + 1, d + 1] - total[r, d + 1] - total[s + 1, c] + total[r, c]
         return not inner
 
-    found: list[Box] = []
+    boxes: list[Box] = []
     begin = 0
     while True:
         end, box = begin, (*chain[begin], *chain[begin])
@@ -161,20 +160,20 @@ def _boxes(grid: GridMap, chain: list[Cell], reach: int) -> list[Box]:
                     box = (grown[0], grown[1], grown[2], grown[3])
                 else:
                     sides[side] = False
-        found.append(box)
+        boxes.append(box)
         while end + 1 < len(chain) and (
             box[0] <= chain[end + 1][0] <= box[2] and box[1] <= chain[end + 1][1] <= box[3]
         ):
             end += 1
         if end + 1 == len(chain):
-            return found
+            return boxes
         begin = end
 
 
 def corridor(
     grid: GridMap, places: Floats, chains: Sequence[list[Cell]], margin: float, reach: int = 12
 ) -> Corridor:
-    """Return the corridor of a way from place to place.
+    """Return the corridor of a route from place to place.
 
     Parameters
     ----------
@@ -183,11 +182,11 @@ def corridor(
     places : ndarray, shape (stops, 2)
         The depot, the nodes and the depot again, m.
     chains : list of list of (row, column)
-        The cells from each place to the next; empty where both are at one place.
+        Cells from each place to the next; empty if both coincide.
     margin : float
-        How far the boxes reach beyond the shortest polyline, m.
+        Extension of the boxes beyond the polyline, m.
     reach : int
-        How far free cells are looked for beyond the chain.
+        Maximum extension of the boxes beyond the chain, cells.
     """
     lower, upper = [], []
     stops = [0]
@@ -205,24 +204,24 @@ def corridor(
     inset = INSET * grid.cell
     low = grid.origin + np.array(lower, float) * grid.cell + inset
     high = grid.origin + np.array(upper, float) * grid.cell - inset
-    at = np.array(sorted(fixed))
+    fixed_knots = np.array(sorted(fixed))
     # Places on an edge of their cell are safe, too.
     for side in (0, -1):
-        rows = np.clip(at + side, 0, len(low) - 1)
-        for knot, row in zip(at.tolist(), rows.tolist(), strict=True):
+        rows = np.clip(fixed_knots + side, 0, len(low) - 1)
+        for knot, row in zip(fixed_knots.tolist(), rows.tolist(), strict=True):
             low[row] = np.minimum(low[row], fixed[knot])
             high[row] = np.maximum(high[row], fixed[knot])
-    knots = _string(low, high, {knot: fixed[knot] for knot in at.tolist()})
-    least, most = np.minimum(knots[:-1], knots[1:]), np.maximum(knots[:-1], knots[1:])
-    low, high = np.maximum(low, least - margin), np.minimum(high, most + margin)
+    knots = _string(low, high, {knot: fixed[knot] for knot in fixed_knots.tolist()})
+    minimum, maximum = np.minimum(knots[:-1], knots[1:]), np.maximum(knots[:-1], knots[1:])
+    low, high = np.maximum(low, minimum - margin), np.minimum(high, maximum + margin)
     return Corridor(low, high, knots, np.array(stops))
 
 
 def _string(low: Floats, high: Floats, fixed: dict[int, Floats]) -> Floats:
-    """Return a short polyline with a knot in what each two consecutive boxes share.
+    """Return a short polyline with one knot in each intersection of consecutive boxes.
 
-    Knot by knot the sum of the distances to its neighbours is made the least: on each edge of the
-    share by the law of reflection, and nothing is longer than a straight line through it.
+    Coordinate descent: each knot minimises the sum of distances to its neighbours, by a straight line
+    through the intersection or by the law of reflection on one of its edges.
     """
     count = len(low)
     below = np.concatenate([low[:1], np.maximum(low[:-1], low[1:]), low[-1:]])
@@ -254,7 +253,7 @@ def _string(low: Floats, high: Floats, fixed: dict[int, Floats]) -> Floats:
 
 
 def _through(a: Floats, b: Floats, bottom: Floats, top: Floats) -> Floats:
-    """Return the middle of what boxes cut out of segments, or a corner's clip where they miss."""
+    """Return the midpoint of each segment's part inside its box, or a clipped point if it misses."""
     step = np.where(b == a, 1e-300, b - a)
     one, two = (bottom - a) / step, (top - a) / step
     enter = np.maximum(np.minimum(one, two).max(axis=1), 0.0)

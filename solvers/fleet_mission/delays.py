@@ -1,4 +1,4 @@
-"""When each robot leaves the depot, so that no two come too near to one another."""
+"""Departure times that keep the robots separated."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from ...models.minimum_snap.trajectory import Trajectory
 
 __all__ = ["departures"]
 
-#: Departures that are tried for a robot, between at once and after all others are back.
+#: Number of departure steps per total flight time of all robots.
 TRIED = 200
 
 
 def departures(
     problem: FleetMission, flights: Sequence[Trajectory], slack: float
 ) -> list[Trajectory]:
-    """Return the trajectories with departures that keep the robots apart.
+    """Return the trajectories, delayed so that the robots keep their separation.
 
-    One after another, each robot leaves as early as those before it allow. It may always leave after
-    all of them are back, as they wait in the depot's queue then.
+    Each robot in turn departs as early as the previous ones allow. Departing after all of them have
+    returned is always feasible, as robots then wait in the depot's queue.
 
     Parameters
     ----------
     problem : FleetMission
-        Says how far apart.
+        The mission with its required separation.
     flights : sequence of Trajectory
-        From time 0, one a robot.
+        One trajectory per robot, from time 0.
     slack : float
-        By how much the least distance may be misjudged, m.
+        Accuracy of the least distance, m.
     """
     if problem.separation == 0.0 or len(flights) < 2:
         return list(flights)
-    # The longest way first: the others find room beside it.
+    # The longest trajectory first, as the shorter ones are easier to fit in.
     order = sorted(range(len(flights)), key=lambda k: -flights[k].duration)
     step = sum(one.duration for one in flights) / TRIED
     fine = step / max(1, int(np.ceil(step / max(flights[order[-1]].duration / 200, 1e-12))))
@@ -57,7 +57,7 @@ def departures(
 def _apart(
     problem: FleetMission, one: Trajectory, other: Trajectory, step: float, slack: float
 ) -> bool:
-    """Return whether two robots keep their distance: at samples, and then for certain."""
+    """Return whether two robots keep their distance: a fast test at samples, then a proof."""
     begin, end = max(one.times[0], other.times[0]), min(one.times[-1], other.times[-1])
     times = np.arange(begin, end, step)
     if times.size and (np.hypot(*(one(times) - other(times)).T) < problem.separation).any():

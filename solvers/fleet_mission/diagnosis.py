@@ -1,4 +1,4 @@
-"""Whether a mission can be carried out: what its data allows always can, and how wide robots may be."""
+"""Diagnosis of missions: every valid mission is feasible; report the largest possible radius."""
 
 from __future__ import annotations
 
@@ -12,22 +12,27 @@ from ..diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_mission"]
 
-#: Halvings of the interval in which the greatest radius lies.
+#: Bisections of the interval of the largest radius.
 HALVINGS = 12
 
 
 def diagnose_mission(model: FleetMission, time_limit: float | None = None) -> Diagnosis:
-    """Return that there is a plan, what limits the robots' radius, and the greatest one.
+    """Return the feasibility of a mission, the place that limits the radius, and the largest radius.
 
-    A model whose nodes no robot can reach is refused when it is made, and its error says which and
-    why. Otherwise robots may go one after the other, and rest wherever they turn.
+    A model with unreachable nodes raises when it is constructed. In every other model a plan exists:
+    robots move one after the other and rest wherever they turn.
 
     Parameters
     ----------
     model : FleetMission
-        What is asked.
+        The model to diagnose.
     time_limit : float, optional
-        Not needed: no search is made.
+        Ignored: no search is needed.
+
+    Returns
+    -------
+    Diagnosis
+        A feasible mission with findings on the radius.
     """
     room = -model.solids.depths(model.places, 0.0)
     k = int(np.argmin(room))
@@ -65,7 +70,7 @@ def diagnose_mission(model: FleetMission, time_limit: float | None = None) -> Di
 
 
 def _possible(model: FleetMission, radius: float) -> bool:
-    """Return whether robots of another radius could reach all nodes."""
+    """Return whether robots of the given radius, m, can reach all nodes."""
     try:
         replace(model, radius=radius)
     except InvalidData:

@@ -1,4 +1,4 @@
-"""Energies of the legs between the places of a mission: eq. 14 and 17, in three readings."""
+"""Energies of the legs between the places of a mission: eq. 14 and 17, in three interpretations."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def unit_energies(places: Floats) -> Floats:
     Returns
     -------
     ndarray, shape (n, n)
-        1 … √2; 1 for places that coincide.
+        Energy per metre, 1 … √2; 1 for coinciding places.
     """
     step = np.abs(places[:, None] - places[None])
     straight = np.hypot(step[..., 0], step[..., 1])
@@ -47,12 +47,12 @@ def leg_energies(problem: MissionData, reading: Reading) -> Floats:
     reading : {"direct", "manhattan", "paths"}
         "direct" takes the Euclidean distance of places that see each other on the map and applies
         eq. 17 to all other pairs (Algorithm 1, lines 8-13). "manhattan" applies eq. 17 to every pair.
-        "paths" takes the length of the shortest path along four neighbours, which obstacles lengthen.
+        "paths" takes the length of the shortest path along four neighbours.
 
     Returns
     -------
     ndarray, shape (n + 1, n + 1)
-        m; row 0 is the depot.
+        Energies, m; row 0 is the depot.
     """
     if reading == "paths":
         return distances(problem.map, problem.cells, diagonal=False)

@@ -1,4 +1,4 @@
-"""``paper-pipeline``: Algorithm 1 of the paper, whose curves may collide with obstacles."""
+"""Algorithm 1 of the paper, whose curves may collide with obstacles."""
 
 from __future__ import annotations
 
@@ -105,13 +105,13 @@ class PaperPipeline(Backend):
                 )
             stops.append(np.array(knots))
         with stages.clock("departures"):
-            # The paper has robots leave at once; those that must keep apart leave one by one.
+            # The paper's robots depart at once; with a separation they depart one by one.
             slack = 1e-3 * stages.request.tolerance * problem.cell
             flights = departures(problem, flights, slack)
         return planned(routes, flights, stops)
 
     def _flown(self, stages: Stages, way: Corridor, solver: Backend) -> Trajectory:
-        """Return the minimum-snap curve through the knots, slowed down until it keeps the limits."""
+        """Return the minimum-snap curve through the knots, slowed down to satisfy the limits."""
         problem = stages.problem
         if len(way.knots) < 2:
             return resting(problem, way)

@@ -1,4 +1,4 @@
-"""What the pipelines of a mission share: the stages before the curves, and the clock of each."""
+"""Shared stages of the mission pipelines, up to the curves, with their times."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 
 class Unanswered(CrosstrackError):
-    """A stage that has no answer, which ends the run; no caller sees it."""
+    """Internal exception of a stage without an answer, which ends the run."""
 
     def __init__(self, stage: str, answer: Answer) -> None:
         super().__init__(stage)
@@ -43,12 +43,12 @@ class Unanswered(CrosstrackError):
 
 
 def taking(option: str, name: str, kind: type[Model[Any]], *programs: type[Model[Any]]) -> Backend:
-    """Return the backend that an option names, which takes models of a `kind`, or a program of theirs.
+    """Return the backend named by an option, for models of type `kind` or of one of `programs`.
 
     Raises
     ------
     UnsupportedOption
-        It takes neither.
+        The backend accepts none of these types.
     """
     backend = find_backend(name, problem=problem_of(kind.kind))
     accepted = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
@@ -62,7 +62,7 @@ def taking(option: str, name: str, kind: type[Model[Any]], *programs: type[Model
 
 @dataclass
 class Stages:
-    """A mission on the way, its counts and the seconds of its stages.
+    """State of a pipeline run: its statistics and the times of its stages.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Stages:
 
     @contextmanager
     def clock(self, stage: str) -> Iterator[None]:
-        """Add the seconds of a stage to the statistics."""
+        """Add the time of a stage, s, to the statistics."""
         begin = jit.clock()
         try:
             yield
@@ -96,14 +96,14 @@ class Stages:
         backend : Backend
             Solver of the routing problem.
         seconds : float, optional
-            Time limit of the routing.
+            Time limit of the routing, s.
         costs : ndarray, shape (n + 1, n + 1)
             Length or energy of each leg, m.
 
         Raises
         ------
         Unanswered
-            The backend returned no valid routes.
+            The backend returned no feasible routes.
         """
         problem = self.problem
         q = problem.q if problem.objective.startswith("sum-") else 0.0
@@ -113,15 +113,15 @@ class Stages:
         )  # fmt: skip
         with self.clock("routing"):
             answer = self.request.within(backend, routing, time_limit=seconds)
-        found = answer.point
-        if found is None and seconds is not None and answer.limit is not None:
-            found = _split(costs, problem.vehicles)
-        checked = None if found is None else routing.verify(found)
+        routes = answer.point
+        if routes is None and seconds is not None and answer.limit is not None:
+            routes = _split(costs, problem.vehicles)
+        checked = None if routes is None else routing.verify(routes)
         if checked is None or not checked.ok:
             raise Unanswered("routing", answer)
         self.statistics["routing objective"] = float(checked.objective or 0.0)
-        assert isinstance(found, FleetPlan)
-        return found
+        assert isinstance(routes, FleetPlan)
+        return routes
 
     def path(self, backend: Backend, start: int, goal: int, connectivity: Connectivity) -> Floats:
         """Return a path between two places (0 the depot, then the nodes), from cell to cell, m."""
@@ -139,7 +139,7 @@ class Stages:
         return self.paths[key]
 
     def stopped(self) -> Limit | None:
-        """Return the limit that ends the run, None where it may go on."""
+        """Return the limit that ends the run, or None while it may continue."""
         control = self.request.control
         return (control.reason or Limit.INTERRUPTED) if control.stopped else None
 
@@ -157,16 +157,16 @@ def _split(costs: Floats, vehicles: int) -> FleetPlan:
 def planned(
     routes: FleetPlan, flights: list[Trajectory], stops: list[NDArray[np.int64]]
 ) -> MissionPlan:
-    """Return the plan of trajectories that pass the nodes at some of their knots.
+    """Return the mission plan of routes and trajectories.
 
     Parameters
     ----------
     routes : FleetPlan
-        Nodes from 1, 0 is the depot.
+        Routes over places: nodes are counted from 1, and 0 is the depot.
     flights : list of Trajectory
-        One a robot.
+        One trajectory per robot.
     stops : list of ndarray of int
-        The knots at the depot, the nodes and the depot again.
+        Indices of the knots at the depot, the nodes and the depot again.
     """
     return MissionPlan(
         tuple(tuple(node - 1 for node in route) for route in routes.routes),

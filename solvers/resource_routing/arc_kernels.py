@@ -1,4 +1,4 @@
-"""The arcs of a network: all pairs of points that a full stock allows, and those that remain."""
+"""Arcs of a network: pairs of points within the limits, and the arcs left after bounds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Whole = NDArray[np.int64]
 
 @kernel
 def distance(points: Floats, i: int, j: int) -> float:
-    """Return the straight line between two points."""
+    """Return the straight-line distance between two points."""
     total = 0.0
     for axis in range(points.shape[1]):
         step = points[i, axis] - points[j, axis]
@@ -25,7 +25,7 @@ def distance(points: Floats, i: int, j: int) -> float:
 
 @kernel
 def allowed(length: float, rates: Floats, gain: Floats, limit: Floats, head: int) -> bool:
-    """Whether a head can be reached with nothing used before."""
+    """Return whether an arc from levels of 0 satisfies the limits of its head."""
     for k in range(len(rates)):  # noqa: SIM110 - kernels have no generators
         if length * rates[k] + gain[head, k] > limit[head, k]:
             return False
@@ -44,34 +44,34 @@ def count_pairs(
     most: int,
     flag: NDArray[np.int8],
 ) -> Whole:
-    """Return where the arcs of each tail begin, among all pairs that the limits allow; shape (n + 1,).
+    """Return the first arc of each tail among all pairs within the limits, shape (n + 1,).
 
     Parameters
     ----------
     points : ndarray, shape (n, d)
         Coordinates divided by `scale`.
     rates : ndarray, shape (r,)
-        Use for a unit of length.
+        Use per unit of length.
     gain, limit : ndarray, shape (n, r)
-        Of the points.
+        Gains and limits of the points.
     start, end : int
-        Nothing leads to the start or from the end.
+        Arcs to the start or from the end are excluded.
     most : int
-        Arcs after which counting ends; the last entry is then larger.
+        Number of arcs after which counting ends; the last entry is then larger.
     flag : ndarray of int8, shape (1,)
-        Nonzero ends it as well.
+        Stop flag; a nonzero value ends counting.
     """
     count = len(points)
     first = np.zeros(count + 1, np.int64)
     for i in range(count):
-        found = first[i]
-        if i != end and found <= most and flag[0] == 0:
+        total = first[i]
+        if i != end and total <= most and flag[0] == 0:
             for j in range(count):
                 if j != i and j != start:
                     length = scale * distance(points, i, j)
                     if length < np.inf and allowed(length, rates, gain, limit, j):
-                        found += 1
-        first[i + 1] = found
+                        total += 1
+        first[i + 1] = total
     return first
 
 
@@ -86,23 +86,23 @@ def all_pairs(
     end: int,
     first: Whole,
 ) -> tuple[Whole, Floats, Floats]:
-    """Return heads, lengths and uses of the arcs that :func:`count_pairs` counted."""
+    """Return the heads, lengths and uses of the arcs counted by :func:`count_pairs`."""
     count = len(points)
     head = np.empty(first[count], np.int64)
     lengths = np.empty(first[count])
     use = np.empty((first[count], len(rates)))
     for i in range(count):
-        at = first[i]
-        if first[i + 1] == at:
+        arc = first[i]
+        if first[i + 1] == arc:
             continue
         for j in range(count):
             if j != i and j != start:
                 length = scale * distance(points, i, j)
                 if length < np.inf and allowed(length, rates, gain, limit, j):
-                    head[at], lengths[at] = j, length
+                    head[arc], lengths[arc] = j, length
                     for k in range(len(rates)):
-                        use[at, k] = length * rates[k] + gain[j, k]
-                    at += 1
+                        use[arc, k] = length * rates[k] + gain[j, k]
+                    arc += 1
     return head, lengths, use
 
 
@@ -117,7 +117,7 @@ def remaining(
     least: Floats,
     most: Floats,
 ) -> tuple[Whole, Whole, Floats, Floats]:
-    """Return the arcs that the least levels at their tails and the most at their heads allow."""
+    """Return the arcs compatible with the least levels at tails and the largest at heads."""
     count, resources = len(first) - 1, use.shape[1]
     begins = np.zeros(count + 1, np.int64)
     kept = np.empty(len(head), np.int64)

@@ -1,4 +1,4 @@
-"""Why a route with resources does not exist: the resources that no route keeps together."""
+"""Diagnosis of infeasible routes with resources: a minimal set of conflicting limits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,19 @@ _METHOD = "resource-labelling, then a deletion filter over the limits of the res
 
 
 def diagnose_resources(model: ResourceRouting, time_limit: float | None = None) -> Diagnosis:
-    """Return limits that no route keeps together, while one would without any one of them.
+    """Return a minimal set of conflicting limits: without any one of them, a route exists.
 
     Parameters
     ----------
     model : ResourceRouting
-        What is asked.
+        The model to diagnose.
     time_limit : float, optional
-        Seconds for each search.
+        Time limit of each search, s.
+
+    Returns
+    -------
+    Diagnosis
+        Feasibility, a summary and the conflicting limits.
     """
     ends, text = _ends(model, time_limit)
     if ends is not False:
@@ -50,16 +55,16 @@ def diagnose_resources(model: ResourceRouting, time_limit: float | None = None) 
 
 
 def _ends(model: ResourceRouting, time_limit: float | None) -> tuple[bool | None, str]:
-    """Return whether there is a route, None where that is not settled, and a few words."""
-    found = solve(model, "resource-labelling", time_limit=time_limit)
-    if found.plan is not None:
-        return True, f"{found.plan}, length {found.primal_bound:.10g}"
-    settled = found.termination is Termination.INFEASIBLE
-    return (False if settled else None), str(found.termination)
+    """Return whether a route exists (None after a limit), and a description."""
+    result = solve(model, "resource-labelling", time_limit=time_limit)
+    if result.plan is not None:
+        return True, f"{result.plan}, length {result.primal_bound:.10g}"
+    settled = result.termination is Termination.INFEASIBLE
+    return (False if settled else None), str(result.termination)
 
 
 def _keeping(model: ResourceRouting, parts: list[tuple[int, str]]) -> ResourceRouting:
-    """Return the model with these limits alone, each a resource and a kind of point."""
+    """Return the model with only the limits `parts`: pairs of resource index and kind."""
     resources = tuple(
         Resource(
             one.name, one.rate, one.initial, gains=one.gains, resets=one.resets,

@@ -1,10 +1,10 @@
 """Labels with a vector of levels, and the best-first search that extends them.
 
-A label is a partial route: where it ends, its length, the levels of all resources on leaving, the
-label it extends, and which of the *critical* points it has visited. One label dominates another of
-the same point where it is no longer, has no more of any resource, and has visited no critical point
-that the other has not visited and could still use: whatever the other can do from there, it can do as
-well. A point can still be used where the shortest way to the end through it stays below the ceiling.
+A label is a partial route: its last point, length, levels of all resources on leaving, parent label,
+and visited *critical* points. A label dominates another of the same point if it is no longer, has no
+larger level, and has visited no critical point that is open for the other. Every extension of the
+other label is then an extension of the dominating one. A point is open if the label has not visited it
+and the shortest path to the end through it is below the ceiling.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from .outcomes import FOUND, FULL, NOTHING, STOPPED
 
 __all__ = ["best_first"]
 
-#: Numbers that the labels of a search may hold.
+#: Maximum number of array entries for the labels of a search.
 _MOST_NUMBERS = 6 * MOST_LABELS
-#: By how much rounding may shorten a sum of lengths, relative.
+#: Relative rounding error of a sum of lengths.
 _ROUNDING = 1e-12
 
 
@@ -33,14 +33,14 @@ class Labels(NamedTuple):
     Attributes
     ----------
     point, parent, following : ndarray of int64
-        Where the label ends, the label it extends (-1 for none), and the next one in the list of its
-        point (-1 at the end).
+        Last point, parent label (-1 for none), and next label in the list of the point (-1 at the
+        end).
     length : ndarray
-        Length so far.
+        Length of the partial route.
     level : ndarray, shape (room, r)
-        Of each resource, on leaving.
+        Level of each resource on leaving.
     visited : ndarray of uint64, shape (room, words)
-        Critical points visited, by bit.
+        Visited critical points, one bit each.
     """
 
     point: NDArray[np.int64]
@@ -53,7 +53,7 @@ class Labels(NamedTuple):
 
 @kernel
 def make(room: int, resources: int, words: int) -> Labels:
-    """Return empty columns."""
+    """Return columns for `room` labels."""
     return Labels(
         np.empty(room, np.int64),
         np.empty(room, np.int64),
@@ -66,7 +66,7 @@ def make(room: int, resources: int, words: int) -> Labels:
 
 @kernel
 def grown(labels: Labels, used: int, room: int) -> Labels:
-    """Return columns with more room and the same first `used` labels."""
+    """Return columns for `room` labels that start with the first `used` labels."""
     wider = make(room, labels.level.shape[1], labels.visited.shape[1])
     for k in range(used):
         wider.point[k] = labels.point[k]
@@ -82,7 +82,7 @@ def grown(labels: Labels, used: int, room: int) -> Labels:
 
 @kernel
 def beats(labels: Labels, one: int, other: int, via: NDArray[np.float64], ceiling: float) -> bool:
-    """Whether label `one` dominates label `other` of the same point."""
+    """Return whether label `one` dominates label `other` of the same point."""
     if labels.length[one] > labels.length[other]:
         return False
     for k in range(labels.level.shape[1]):
@@ -109,7 +109,7 @@ def dominated(
     via: NDArray[np.float64],
     ceiling: float,
 ) -> bool:
-    """Whether a label in the list of its point dominates label `at`; that one then heads the list."""
+    """Return whether a label of its point dominates label `at`; move that label to the list's head."""
     point = labels.point[at]
     before, other = -1, heads[point]
     while other >= 0:
@@ -127,7 +127,7 @@ def dominated(
 def extend(
     net: Network, labels: Labels, at: int, label: int, arc: int, bits: NDArray[np.int64]
 ) -> bool:
-    """Write label `at`, which takes `arc` from `label`; whether all limits and visits allow it."""
+    """Write label `at` as the extension of `label` by `arc`; return whether it is feasible."""
     there = net.head[arc]
     for k in range(labels.level.shape[1]):
         level = labels.level[label, k] + net.use[arc, k]
@@ -154,7 +154,7 @@ def extend(
 
 @kernel
 def route_of(labels: Labels, label: int) -> NDArray[np.int64]:
-    """Return the points on the way to `label`, from the start."""
+    """Return the points of the partial route of `label`, from the start."""
     count, at = 0, label
     while at >= 0:
         count += 1
@@ -184,15 +184,15 @@ def best_first(
     net : Network
         Arcs, limits and resets.
     ahead : ndarray, shape (n,)
-        The least length from each point to the end; inf where it cannot be reached.
+        Shortest-path length from each point to the end; inf if unreachable.
     via : ndarray, shape (n, critical)
-        The least length from each point to the end through each critical point.
+        Shortest-path length from each point to the end through each critical point.
     bits : ndarray of int64, shape (n,)
-        Number of a point among the critical ones, -1 for the others.
+        Index of a point among the critical ones, -1 for the others.
     ceiling : float
-        Length above which nothing is wanted.
+        Largest length of interest.
     flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+        Stop flag; a nonzero value stops the search.
 
     Returns
     -------
@@ -201,9 +201,9 @@ def best_first(
     route : ndarray
         Points from start to end, empty without one.
     length, bound : float
-        Its length (inf without one), and a lower bound on every route's.
+        Length of the route (inf without one), and a lower bound on the length of all routes.
     made, settled, pruned : int
-        Labels made, labels extended, and labels that only the ceiling refused.
+        Numbers of labels made, of labels extended, and of labels pruned by the ceiling alone.
     """
     count, resources = len(ahead), len(net.initial)
     words = (via.shape[1] + 63) // 64
@@ -214,7 +214,7 @@ def best_first(
     labels.point[0], labels.parent[0], labels.length[0] = net.start, -1, 0.0
     for k in range(resources):
         labels.level[0, k] = net.initial[k]
-    # Lengths are added up in another order than the bounds.
+    # Lengths and bounds are summed in different orders, so a margin is needed.
     high = ceiling * (1.0 + _ROUNDING)
     used, settled, pruned = 1, 0, 0
     nothing = np.empty(0, np.int64)

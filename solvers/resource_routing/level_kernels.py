@@ -1,4 +1,4 @@
-"""What each resource allows by itself: the least level at a point, and the most to leave it with."""
+"""Bounds per resource: least level at a point, and largest level from which the end is reachable."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ def most_levels(
     end: int,
     flag: NDArray[np.int8],
 ) -> Floats:
-    """Return the largest level of each resource with which some way leads from a point to `end`.
+    """Return the largest level of each resource from which `end` is reachable, shape (n, r).
 
-    Labels of one number, corrected backwards until none changes. -inf where there is no way.
+    Label correcting in reverse, one resource at a time. The level is -inf without a path.
 
     Parameters
     ----------
     first, arcs, tails : ndarray of int64
-        Where the arcs into each point begin, and their numbers and tails.
+        First incoming arc of each point, and the indices and tails of the incoming arcs.
     use : ndarray, shape (m, r)
-        What the arcs use, by number.
+        Use of each arc.
     limit, reset : ndarray, shape (n, r)
-        Of the points.
+        Limits and resets of the points.
     slack : ndarray, shape (r,)
-        What rounding may cost, added to all that is returned.
+        Rounding margin, added to the result.
     end : int
-        Where routes end.
+        Last point of routes.
     flag : ndarray of int8, shape (1,)
-        Nonzero stops the search: inf is returned for all.
+        Stop flag; after a stop all results are inf.
     """
     count = len(first) - 1
     most = np.full((count, len(slack)), -np.inf)
@@ -85,10 +85,11 @@ def least_levels(
     start: int,
     flag: NDArray[np.int8],
 ) -> Floats:
-    """Return the least level of each resource with which a point can be left, the others aside.
+    """Return the least level of each resource on leaving each point, shape (n, r).
 
-    Labels of one number, corrected forwards from `start`. inf where there is no way; 0 for all where
-    `flag` stops it. `first` and `head_of` are the arcs by tail; otherwise as :func:`most_levels`.
+    Label correcting from `start`, one resource at a time. The level is inf without a path, and 0
+    everywhere after a stop. `first` and `head_of` are the arcs by tail; the other parameters are those
+    of :func:`most_levels`.
     """
     count = len(first) - 1
     least = np.full((count, len(initial)), np.inf)

@@ -1,4 +1,4 @@
-"""A search for some route with resources that keeps few labels per point, as a start of the exact search."""
+"""Beam search for a first route with resources, with few labels per point."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["narrow"]
 
 @kernel
 def use_of(net: Network, labels: Labels, label: int) -> float:
-    """Return the largest share that a level of `label` has of what may leave its point."""
+    """Return the largest ratio of a level of `label` to the largest useful level at its point."""
     share, point = 0.0, labels.point[label]
     for k in range(labels.level.shape[1]):
         most = net.most[point, k]
@@ -45,19 +45,19 @@ def narrow(
     ceiling: float,
     flag: NDArray[np.int8],
 ) -> tuple[NDArray[np.int64], float]:
-    """Return the first route that a best-first search with at most `width` labels per point reaches.
+    """Return the first route of a best-first search with at most `width` labels per point.
 
     Parameters
     ----------
     net : Network
         Arcs, limits and resets.
     ahead : ndarray, shape (n,)
-        The least length from each point to the end; inf if it cannot be reached.
+        Shortest-path length from each point to the end; inf if unreachable.
     width : int
-        Labels extended per point.
+        Maximum number of labels extended per point.
     weight : float
-        Weight of the largest used share of a resource in the order of the search, in lengths of the
-        shortest way from start to end.
+        Weight of the largest relative level in the search key, in units of the shortest-path length
+        from start to end.
     revisits : bool
         Whether routes may visit a point twice.
     ceiling : float

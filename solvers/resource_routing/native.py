@@ -1,4 +1,4 @@
-"""What the exact native searches for routes share: the clock, and the answer's form."""
+"""Base class of the exact native searches for routes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ __all__ = ["RouteSearch"]
 
 
 class RouteSearch(Backend):
-    """Base of the exact native algorithms; a subclass only searches.
+    """Base class of the exact native algorithms; subclasses implement :meth:`find`.
 
-    They are deterministic, so that every seed gives the same plan, and solve to a gap of zero.
+    The algorithms are deterministic, so every seed gives the same plan, and solve to a gap of zero.
     """
 
     guarantee = Guarantee.EXACT
@@ -33,14 +33,14 @@ class RouteSearch(Backend):
     def find(
         self, problem: Any, cutoff: float, request: Request
     ) -> tuple[Found, Mapping[str, float | int | str]]:
-        """Return the best route no longer than `cutoff`, and statistics of the algorithm's own."""
+        """Return the best route no longer than `cutoff`, and the statistics of the algorithm."""
 
     @abstractmethod
     def measure(self, problem: Any, plan: Route) -> float:
-        """Return the length of `plan`, its legs added exactly."""
+        """Return the correctly rounded length of `plan`."""
 
     def run(self, problem: Any, request: Request) -> Answer:
-        """Search, and say what the end of the search proves."""
+        """Run the search and return its answer."""
         from .outcomes import FOUND, FULL, OPEN, STOPPED
 
         refusal = self.refuses(problem)
@@ -48,11 +48,11 @@ class RouteSearch(Backend):
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
         cutoff = math.inf if request.cutoff is None else request.cutoff * (1 + 1e-9)
-        found, own = self.find(problem, cutoff, request)
+        found, details = self.find(problem, cutoff, request)
         seconds = {"solve": clock() - begin}
         plan = Route(tuple(found.route.tolist())) if found.route.size else None
         termination, limit, message = Termination.INFEASIBLE, None, ""
-        # The legs of the route, added exactly: no bound may exceed that by what rounding does.
+        # Rounding must not lift the bound above the correctly rounded length.
         primal = None if plan is None else self.measure(problem, plan)
         least = float(found.bound) if primal is None else min(float(found.bound), primal)
         bound = least if math.isfinite(least) else None
@@ -76,7 +76,7 @@ class RouteSearch(Backend):
             "labels extended": found.settled,
             "rounds": found.rounds,
             "critical points": found.critical,
-            **own,
+            **details,
         }
         return Answer(
             termination, limit, plan, primal, bound,

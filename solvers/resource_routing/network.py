@@ -1,4 +1,4 @@
-"""A route with resources as plain arrays: the arcs that may be of use, by their tails."""
+"""Array form of a route with resources: the useful arcs, sorted by tail."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .level_kernels import least_levels, most_levels
 
 __all__ = ["MOST_NUMBERS", "Network", "distances", "lengths_to", "network"]
 
-#: Numbers that the arcs of a network may hold: about 1 GB.
+#: Maximum number of array entries for the arcs of a network: about 1 GB.
 MOST_NUMBERS = 120_000_000
-#: What rounding may add to a level, relative to the largest limit of its resource.
+#: Rounding error of a level, relative to the largest limit of its resource.
 _SLACK = 1e-10
 
 Floats = NDArray[np.float64]
@@ -28,25 +28,25 @@ Arcs = tuple[Whole, Whole, Floats, Floats]
 
 
 class Network(NamedTuple):
-    """Arcs by tail, and what the points do to the resources.
+    """Arcs by tail, with the limits and resets of the points.
 
     Attributes
     ----------
     first : ndarray of int64, shape (n + 1,)
-        Where the arcs of each tail begin.
+        Index of the first arc of each tail.
     head : ndarray of int64, shape (m,)
-        Where an arc leads.
+        Head of each arc.
     length : ndarray, shape (m,)
-        Its length.
+        Length of each arc.
     use : ndarray, shape (m, r)
-        What it adds to each resource, the gain of its head included.
+        Use of each resource, including the gain of the head.
     limit, reset, most : ndarray, shape (n, r)
-        Largest level on arrival, slack included; level that is left at the most; level on leaving
-        above which the end cannot be reached.
+        Largest level on arrival, slack included; largest level after the reset; level on leaving
+        above which the end is unreachable.
     initial : ndarray, shape (r,)
         Levels at the start.
     start, end : int
-        Where routes begin and end.
+        First and last point of routes.
     """
 
     first: Whole
@@ -62,17 +62,17 @@ class Network(NamedTuple):
 
 
 def network(model: ResourceRouting, rows: Whole, flag: NDArray[np.int8]) -> Network:
-    """Return the arcs between the points `rows` on which every single resource allows a route.
+    """Return the network of the arcs between the points `rows` that each resource alone allows.
 
-    An arc is left out where the least level of a resource with which its tail can be left exceeds
-    what the head and the way from there to the end allow, other resources aside. Nothing ends at
-    the start or begins at the end. Points are numbered by their places in `rows`, which are
-    ascending and all points where the model lists its arcs.
+    An arc is omitted if the least level of a resource on leaving its tail exceeds the level allowed by
+    the head and the rest of the route, considering one resource at a time. Arcs into the start or out
+    of the end are omitted. Points are numbered by their positions in `rows`, which is ascending. For a
+    model with listed arcs, `rows` must be all points.
 
     Raises
     ------
     UnsupportedFormulation
-        More arcs than memory should hold.
+        The number of arcs exceeds :data:`MOST_NUMBERS` entries.
     """
     codes = model.codes[rows]
     limit, reset, gain = (
@@ -92,15 +92,15 @@ def network(model: ResourceRouting, rows: Whole, flag: NDArray[np.int8]) -> Netw
         use, limit, reset, slack, end, flag,
     )  # fmt: skip
     least = least_levels(first, head, use, limit, reset, initial, start, flag)
-    # Where the flag stops these bounds, the search stops as well.
-    kept = remaining(first, head, length, use, limit, reset, least, most)
-    return Network(*kept, limit, reset, most, initial, start, end)
+    # After a stop these bounds are trivial, and the search stops, too.
+    useful = remaining(first, head, length, use, limit, reset, least, most)
+    return Network(*useful, limit, reset, most, initial, start, end)
 
 
 def lengths_to(net: Network, ends: Whole) -> Floats:
-    """Return the least length from every point to each of `ends`; inf where there is no way.
+    """Return the shortest-path length from every point to each of `ends`, shape (n, ends).
 
-    The shape is (n, ends). It ignores the resources.
+    Resources are ignored; entries without a path are inf.
     """
     count = len(net.first) - 1
     if ends.size == 0:
@@ -110,19 +110,19 @@ def lengths_to(net: Network, ends: Whole) -> Floats:
 
 
 def distances(points: Floats, at: int) -> Floats:
-    """Return the straight line from every point to that with index `at`; inf beyond all floats."""
+    """Return the straight-line distance from every point to point `at`, shape (n,); inf on overflow."""
     scaled, scale = _scaled(points)
     return _lines(scaled, scaled[at], scale)
 
 
-def _lines(one: Floats, other: Floats, scale: float) -> Floats:
+def _lines(points: Floats, others: Floats, scale: float) -> Floats:
     with np.errstate(over="ignore"):
-        found: Floats = scale * np.linalg.norm(one - other, axis=1)
-    return found
+        lengths: Floats = scale * np.linalg.norm(points - others, axis=1)
+    return lengths
 
 
 def _listed(model: ResourceRouting, gain: Floats) -> Arcs:
-    """Return the listed arcs: where those of each tail begin, heads, lengths and uses."""
+    """Return the listed arcs: first arc of each tail, heads, lengths and uses."""
     assert model.arcs is not None
     tail, head = model.arcs.T
     if model.lengths is None:
@@ -134,7 +134,7 @@ def _listed(model: ResourceRouting, gain: Floats) -> Arcs:
     rows = np.flatnonzero((head != model.start) & (tail != model.end) & np.isfinite(length))
     rows = rows[np.lexsort((head[rows], tail[rows]))]
     tail, head, length = tail[rows], np.ascontiguousarray(head[rows]), length[rows]
-    # Added in the order of the verification.
+    # Same order of summation as in the verification, for equal rounding.
     with np.errstate(over="ignore"):
         use = length[:, None] * model.rates
         if model.uses is not None:
@@ -152,21 +152,21 @@ def _pairs(
     end: int,
     flag: NDArray[np.int8],
 ) -> Arcs:
-    """Return the same of all pairs of points that the limits allow by themselves."""
+    """Return the arcs between all pairs of points within the limits, as :func:`_listed` does."""
     assert model.points is not None
     points, scale = _scaled(model.points[rows])
     rates = np.ascontiguousarray(model.rates)
-    most = MOST_NUMBERS // (2 + len(rates))
-    first = count_pairs(points, scale, rates, gain, limit, start, end, most, flag)
-    if first[-1] > most:
+    limit_of_arcs = MOST_NUMBERS // (2 + len(rates))
+    first = count_pairs(points, scale, rates, gain, limit, start, end, limit_of_arcs, flag)
+    if first[-1] > limit_of_arcs:
         raise UnsupportedFormulation(
-            f"the limits of {len(rows)} points leave more than {most:,} arcs, beyond which memory "
+            f"the limits of {len(rows)} points leave more than {limit_of_arcs:,} arcs, beyond which memory "
             "runs short: give a list of arcs, or tighter limits"
         )
     return first, *all_pairs(points, scale, rates, gain, limit, start, end, first)
 
 
 def _scaled(points: Floats) -> tuple[Floats, float]:
-    """Return the points divided by a power of two, so that no square overflows, and that power."""
+    """Return the points divided by a power of two that prevents overflow of squares, and that power."""
     scale = math.ldexp(1.0, math.frexp(float(np.abs(points).max(initial=0.0)))[1] - 1)
     return points / scale, scale

@@ -7,7 +7,7 @@ import math
 
 
 def shortest_length(model) -> float | None:
-    """Return the length of the shortest route, None where there is none."""
+    """Return the length of the shortest route, None for an infeasible model."""
     points = [tuple(map(float, p)) for p in model.points]
     kinds = [str(k) for k in model.kinds]
     limits = {
@@ -19,7 +19,7 @@ def shortest_length(model) -> float | None:
     rates = (model.horizontal_rate, model.vertical_rate)
 
     def arrive(i: int, j: int, errors: tuple[float, float]):
-        """Return length and errors after point j, None where j may not be visited."""
+        """Return length and errors after point j, None if a threshold excludes j."""
         d = math.dist(points[i], points[j])
         arrived = tuple(e + r * d for e, r in zip(errors, rates, strict=True))
         for error, limit in zip(arrived, limits[kinds[j]], strict=True):

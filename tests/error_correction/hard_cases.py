@@ -21,7 +21,7 @@ def routing(points, draw, threshold, theta, kind=None):
 
 
 def ball(n, theta=48.0, kind=None, seed=0):
-    """All points in a ball of 1 km halfway between A and B, from which θ = 48 lets none reach B."""
+    """Points in a ball of 1 km halfway between A and B; with θ = 48 no route reaches B."""
     draw = np.random.default_rng(seed)
     points = draw.normal(size=(n, 3))
     points *= 1e3 * draw.random((n, 1)) ** (1 / 3) / np.linalg.norm(points, axis=1)[:, None]
@@ -30,7 +30,7 @@ def ball(n, theta=48.0, kind=None, seed=0):
 
 
 def wall(n, shape="one", seed=0):
-    """Points in a slab, but none where a wall stands.
+    """Points in a slab outside walls.
 
     `shape` is ``"one"`` (a wall with a gap at one end), ``"two"`` (two with gaps at opposite ends),
     ``"pocket"`` (A in a pocket that is open away from B) or ``"closed"`` (no gap).
@@ -56,11 +56,11 @@ def wall(n, shape="one", seed=0):
 
 
 def chain(k, seed=0, twins=3, others=2, jitter=0.03, wide=2.1, single=()):
-    """`k` clusters in a row, in each of which the best walk would return to the point it came from.
+    """`k` clusters in a row; in each the best walk returns to its previous point.
 
-    A cluster holds `twins` horizontal points within `jitter` (one alone where its number is in
-    `single`) and as many vertical points as `others` says, which can only be reached from them and
-    left for them. Vertical thresholds of `wide` > 2.1 let a route pass by clusters.
+    A cluster has `twins` horizontal points within `jitter` (only one for clusters in `single`) and
+    `others` vertical points with arcs from and to these only. Vertical thresholds of `wide` > 2.1 let
+    a route skip clusters.
     """
     draw = np.random.default_rng(seed)
     points, kinds = [np.zeros(3)], ["A"]

@@ -14,7 +14,7 @@ LIMITS_FREE = dict.fromkeys(("alpha1", "alpha2", "beta1", "beta2", "theta"), 1e4
 
 
 def routing(scale, rates=(2.0, 3.0), **changes):
-    """Return a model whose errors are multiplied by `scale`; limits that are not given are far."""
+    """Return a model with errors proportional to `scale` and inactive limits unless changed."""
     points = np.outer(np.arange(6.0), [6.0, 0.0, 8.0])
     given = {**LIMITS_FREE, **changes.pop("limits", {})}
     given = {name: scale * value for name, value in given.items()}

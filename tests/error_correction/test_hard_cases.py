@@ -1,4 +1,4 @@
-"""Detours, dead ends, chains of choices: what a search does is counted, so that no load matters."""
+"""Detours, dead ends, chains of choices; tests count labels, so the machine's load has no effect."""
 
 import math
 from dataclasses import replace
@@ -153,7 +153,7 @@ def test_wild_instances_equal_brute_force(seeds):
 
 
 @pytest.mark.parametrize("name", EXACT)
-def test_a_route_that_is_known_bounds_the_search(name):
+def test_a_known_route_bounds_the_search(name):
     model = chain(5) if name == "label-setting" else ct.load("error-correction/4")
     free = answered(model, name)
     told = answered(model, name, free.primal_bound)
@@ -217,7 +217,7 @@ def from_state(model, point, carried):
 
 
 @pytest.mark.parametrize("forward", [False, True])
-def test_ways_that_are_not_found_yet_are_bounded(forward):
+def test_unsettled_lengths_are_bounded(forward):
     """However early the search ends: no bound above the way, and none that falls too fast."""
     model = wall(300, "two")
     space, grid = laid_out(model)

@@ -103,8 +103,8 @@ def test_a_stopped_search_proves_nothing(name):
 
 
 @pytest.mark.parametrize("name", [*EXACT, "labelling"])
-def test_a_time_limit_is_kept_on_what_takes_minutes(name):
-    """Twenty thousand points, and B beyond the reach of all: hopeless for whoever does not ask first."""
+def test_a_time_limit_is_kept_on_long_searches(name):
+    """Twenty thousand points with an unreachable B, which needs a long search without a test for it."""
     model = replace(uniform_slab(20_000, (10, 10, 10, 10, 10), seed=3), theta=1e-6)
     begin = time.perf_counter()
     answer = ct.solve(model, name, time_limit=0.5)
@@ -204,7 +204,7 @@ def test_reach_equals_a_search_over_exact_states():
             assert refusal.excess > 0
 
 
-def test_diagnosis_names_where_extensions_die():
+def test_diagnosis_names_points_without_extensions():
     infeasible = 0
     for seed in range(80):
         model = random_small(3 + seed % 7, seed)
@@ -249,7 +249,7 @@ def test_deletion_filter_finds_an_irreducible_set():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_grid_finds_what_is_near(seed):
+def test_the_grid_finds_near_points(seed):
     model = uniform_slab(300 + 50 * seed, (20, 10, 15, 20, 20), seed=seed)
     space = airspace(model)
     grid = build(space, np.ones(len(model.points), np.bool_))
@@ -283,7 +283,7 @@ def test_more_critical_points_than_bits_in_a_word():
     assert len(set(found.route.tolist())) == len(found.route)
 
 
-def test_bounds_on_what_remains():
+def test_bounds_on_the_remaining_length():
     model = ct.load("error-correction/8")
     space = airspace(model)
     grid = build(space, np.ones(len(model.points), np.bool_))

@@ -74,7 +74,7 @@ def test_the_real_routes_satisfy_the_papers_program(row):
     assert found.objective == pytest.approx(ROWS[row][1], abs=6e-4)
 
 
-def test_rows_by_seed_are_solved_alike():
+def test_rows_by_seed_have_equal_results():
     models = [ct.load(f"error-correction/{row}") for row in range(1, 13)]
     start = [ct.solve(model) for model in models]
     backends = ["label-setting", "two-stage", "highs:arc-flow"]

@@ -52,7 +52,7 @@ def test_errors_rise_and_fall(model):
 
 
 def test_thresholds_stand_at_each_stop():
-    """Each error meets the limit of the kind of point where it arrives."""
+    """Each error is drawn with the limit of its point's kind."""
     model = instances.load("error-correction/7")
     limits = {"horizontal": (20, 15), "vertical": (10, 20), "B": (20, 20)}
     route = Route((0, 89, 264, 159, 326))
@@ -64,7 +64,7 @@ def test_thresholds_stand_at_each_stop():
         assert axes.get_ylim()[1] > max(bars)
 
 
-def test_kilometres_where_points_are_far_apart(tmp_path):
+def test_distant_points_are_drawn_in_kilometres(tmp_path):
     model = instances.load("error-correction/1")
     figure = plot(model, Route((0, 10, 9, 2, 3, 14)))
     assert figure.get_suptitle() == "error-correction/1  ·  118.601 km  ·  4 corrections"
@@ -85,7 +85,7 @@ def test_points_alone(model):
     assert plot(crowd, Route(())).axes[0].name == "3d"
 
 
-def test_a_flat_side_is_stretched_and_says_so():
+def test_a_stretched_flat_side_is_labelled():
     slab = instances.error_correction.uniform_slab(300, (25, 15, 20, 25, 30), seed=1)
     space = plot(slab).axes[0]
     assert space.get_zlabel() == "z (km, stretched ×3.0)"
@@ -124,7 +124,7 @@ def test_broken_rules_are_drawn_in_red(model, route, places):
     assert over == bool(thresholds)
 
 
-def test_red_is_what_the_verification_refuses():
+def test_violations_are_red():
     rng = np.random.default_rng(1)
     seen = set()
     for seed in range(300):

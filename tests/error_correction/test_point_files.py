@@ -106,7 +106,7 @@ def test_columns_that_are_not_used_are_named(tmp_path, caplog):
 
 
 @pytest.mark.parametrize("form", ["xlsx", "csv"])
-def test_a_file_of_points_is_solved_with_what_it_lacks(form, tmp_path):
+def test_a_file_of_points_is_solved_with_the_missing_fields(form, tmp_path):
     file = tmp_path / f"points.{form}"
     rows = [HEADER[:5], *(row[:5] for row in ROWS)]
     workbook(file, rows) if form == "xlsx" else file.write_text(as_csv(rows), "utf-8")
@@ -132,7 +132,7 @@ def test_a_file_of_points_is_solved_with_what_it_lacks(form, tmp_path):
 
 
 @pytest.mark.parametrize("form", ["xlsx", "csv"])
-def test_a_file_of_waypoints_says_what_each_problem_lacks(form, tmp_path):
+def test_a_file_of_waypoints_names_the_missing_fields(form, tmp_path):
     file, rows = tmp_path / f"way.{form}", [["x", "y"], [0, 0], [1.5, 2], [3, 2]]
     workbook(file, rows) if form == "xlsx" else file.write_text(as_csv(rows))
     assert read_waypoints(file).tolist() == rows[1:]
@@ -147,7 +147,7 @@ def test_a_file_of_waypoints_says_what_each_problem_lacks(form, tmp_path):
     assert "unknown model" in run("solve", file, "--model", "covering", code=2).stderr
 
 
-def test_a_table_of_anything_else_says_what_is_read(tmp_path):
+def test_an_unknown_table_names_the_supported_columns(tmp_path):
     file = tmp_path / "any.csv"
     file.write_text("name,colour\nsky,blue\n")
     text = run("solve", file, code=2).stderr
@@ -157,7 +157,7 @@ def test_a_table_of_anything_else_says_what_is_read(tmp_path):
         ct.load(tmp_path / "none.xlsx")
 
 
-def test_excel_without_openpyxl_is_5_with_what_to_install(tmp_path, monkeypatch):
+def test_excel_without_openpyxl_exits_with_5(tmp_path, monkeypatch):
     file = workbook(tmp_path / "points.xlsx", ROWS)
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(BackendMissing, match=r"pip install 'crosstrack\[xlsx\]'"):
@@ -229,8 +229,8 @@ def test_an_excel_file_is_read_within_bounds(tmp_path, monkeypatch):
         ec.read_points(workbook(tmp_path / "long.xlsx", ROWS))
 
 
-def test_a_formula_counts_as_its_stored_value(tmp_path):
-    """None is stored where nothing computed it, and a link to another file is not followed."""
+def test_a_formula_is_read_as_its_stored_value(tmp_path):
+    """A formula without a stored value is None, and links to other files are not followed."""
     rows = [[*row] for row in ROWS]
     rows[0][1] = "='[/etc/passwd]Sheet1'!A1"
     file = workbook(tmp_path / "points.xlsx", [HEADER, *rows])
@@ -244,7 +244,7 @@ def test_a_formula_counts_as_its_stored_value(tmp_path):
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the public contest data is not beside the project")
 @pytest.mark.parametrize("how", ["xlsx", "codes"])
-def test_the_public_points_in_the_contests_own_form(how, tmp_path):
+def test_the_public_points_in_the_contest_format(how, tmp_path):
     """Row 8 of the paper's table 1, whose optimum is known, with no code of a user's."""
     with SHARED.open(encoding="utf-8") as stream:
         rows = [line.rstrip("\n").split(",") for line in stream][1:]

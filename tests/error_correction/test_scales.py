@@ -46,7 +46,7 @@ def test_a_violation_is_a_share_of_the_threshold(limit, share, state):
 
 
 @pytest.mark.parametrize("limit", [0.0, 5e-324])
-def test_a_threshold_of_nothing_excuses_nothing(limit):
+def test_a_zero_threshold_has_no_tolerance(limit):
     model = leg(limit, 1.0)
     assert model.verify(Route((0, 1))).ok
     assert not replace(model, points=[[0, 0, 0], [1e-12, 0, 0]]).verify(Route((0, 1))).ok
@@ -77,7 +77,7 @@ def test_no_unit_of_length_changes_a_verdict(seed, n, factor, order, length):
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000), n=st.integers(2, 7), factor=st.sampled_from((1e-9, 1e9)))
-def test_no_unit_of_length_changes_what_the_native_backends_find(seed, n, factor):
+def test_native_backends_do_not_depend_on_the_unit_of_length(seed, n, factor):
     model = random_small(n, seed)
     other = scaled(model, factor)
     for backend in ("label-setting", "pulse", "dynamic-programming", "two-stage"):

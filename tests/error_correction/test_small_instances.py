@@ -1,6 +1,6 @@
 """Hundreds of random small instances: every exact backend equals brute force, every plan encodes.
 
-The instances run through persistent workers, one a backend, so that a thousand runs cost seconds.
+The instances run in persistent workers, one per backend, so that a thousand runs take seconds.
 """
 
 from dataclasses import replace
@@ -133,7 +133,7 @@ def test_the_papers_algorithms_find_no_better_than_brute_force(truth):
 
 
 @pytest.mark.slow
-def test_native_backends_equal_brute_force_where_it_takes_long():
+def test_native_backends_equal_long_brute_force():
     models = [twice(seed) for seed in LONG]
     truth = {model.digest: shortest_length(model) for model in models}
     check(models, truth, ct.compare(models, NATIVE[:1], time_limit=60))
@@ -148,7 +148,7 @@ def test_programs_equal_brute_force(formulation, truth):
 @pytest.mark.parametrize("step", [10, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("backend", ["highs", "scip", "scipy", "ortools", "cvxpy"])
 def test_other_solvers_equal_brute_force(backend, step, formulation, truth):
-    """The programs are the same for all: what is left to test is how each solver takes them."""
+    """All solvers receive the same programs, so this tests only their adapters."""
     models = SIMPLE[::step]
     check(models, truth, ct.compare(models, [f"{backend}:{formulation}"], time_limit=60))
 

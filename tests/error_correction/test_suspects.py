@@ -69,7 +69,7 @@ def best(model, exactly=False):
 def test_exact_by_labels_and_by_a_program(seed):
     model = drawn(seed)
     wanted = best(model)
-    # What fails may be taken to leave the residual: a visit that finds less is passed by.
+    # A failed correction may be assumed to leave exactly the residual.
     assert best(model, exactly=True) == pytest.approx(wanted, rel=1e-12)
     for backend in ("auto", "highs") if seed < 24 else ("auto",):
         found = ct.solve(model, backend)
@@ -82,7 +82,7 @@ def test_exact_by_labels_and_by_a_program(seed):
 
 @given(st.integers(0, 10**6), st.randoms(use_true_random=False))
 @settings(max_examples=40, deadline=None)
-def test_the_general_model_judges_alike(seed, draw):
+def test_the_general_model_has_the_same_verification(seed, draw):
     model = drawn(seed)
     for route in draw.sample(list(routes(model)), k=2):
         one, other = model.verify(route), model.lower().verify(route)

@@ -150,7 +150,7 @@ def test_prices_bound_routes_of_which_some_nodes_share_none(seed: int) -> None:
 
 @pytest.mark.parametrize("roots", [1, 2, 5])
 @pytest.mark.parametrize("seed", range(4))
-def test_trees_weigh_what_scipy_finds(seed: int, roots: int) -> None:
+def test_tree_weights_equal_scipy(seed: int, roots: int) -> None:
     rng = np.random.default_rng(seed)
     n = (5, 9, 20, 30)[seed]
     costs = rng.random((n, n)) if seed % 2 else rng.integers(0, 4, (n, n)).astype(float)
@@ -243,7 +243,7 @@ def test_many_nodes(objective: str) -> None:
         assert found > 0.99 * trees / (1 if objective == "sum" else 3)
 
 
-def test_a_stop_leaves_what_is_proven() -> None:
+def test_a_stop_returns_the_proven_bound() -> None:
     model = FleetRouting(2, points=np.random.default_rng(0).random((30, 2)), objective="sum")
     assert lower_bound(model, np.ones(1, np.int8)) == 0.0
 

@@ -47,14 +47,14 @@ def each(field, values, vehicle, other=1e3, **more):
 
 
 def budget_near_rounding(scale, share):
-    """The rounding of the lengths is accepted in addition to a far smaller tolerance."""
+    """The rounding of the lengths is accepted in addition to a much smaller tolerance."""
     tolerance, noise = 1e-12, 1e-12 * 12.0
     limit = (20.0 - share * noise) / (1.0 + share * tolerance)
     return fleet(scale, budget=scale * limit).verify(PLAN, tolerance=tolerance)
 
 
 def no_battery(scale, share):
-    """The tolerance of a battery of 0 is relative to the longest distance, 5."""
+    """A battery of 0 is scaled by the longest distance, 5."""
     points = np.vstack([POINTS, [0.5 * share * TOLERANCE * 5.0, 0.0]])
     model = FleetRouting(2, points=scale * points, battery=[0.0, 20.0 * scale])
     return model.verify(FleetPlan([[4], [1, 2, 3]]), tolerance=TOLERANCE)
@@ -87,7 +87,7 @@ LIMITS = {
 
 
 def limited(scale, **more):
-    """Return a fleet with every limit; `PLAN` satisfies them all."""
+    """Return a fleet with every limit, for which `PLAN` is feasible."""
     return fleet(
         scale, demands=scale * np.array(DEMANDS), capacity=8 * scale, battery=14 * scale,
         budget=30 * scale, deviation_limit=12 * scale, range_limit=16 * scale, **more,
@@ -148,7 +148,7 @@ def test_an_idle_vehicle_is_accepted_unless_all_are_used():
     assert fleet(1.0, use_all=False).verify(FleetPlan([[1, 2, 3], []])).ok
 
 
-def test_vehicles_return_to_their_own_depots():
+def test_vehicles_return_to_their_depots():
     model = FleetRouting(2, points=POINTS, depots=[0, 3], battery=[6.0, 6.0])
     assert model.verify(FleetPlan([[1], [2]])).ok
     crossed = model.verify(FleetPlan([[2], [1]]))
@@ -158,7 +158,7 @@ def test_vehicles_return_to_their_own_depots():
 
 @pytest.mark.parametrize("node", [-1, 4])
 def test_a_node_that_does_not_exist_is_refused(node):
-    with pytest.raises(InvalidData, match=rf"routes\[1\]\[1\] must lie in 0 … 3, got {node}"):
+    with pytest.raises(InvalidData, match=rf"routes\[1\]\[1\] must be in 0 … 3, got {node}"):
         fleet(1.0).verify(FleetPlan([[1, 2], [3, node]]))
 
 

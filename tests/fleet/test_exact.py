@@ -134,7 +134,7 @@ def test_held_and_karps_tours():
     assert found[0, 6] == 0
 
 
-def test_where_a_detour_pays_subset_dp_refuses():
+def test_subset_dp_refuses_models_in_which_a_detour_pays():
     """The bound on q is sharp: beyond it, the best plan has a route that is not the shortest."""
     points = [[0, 0], [0.0, 1.0], [40.0, 0.0], [-2.0, 0.5], [1.5, -1.0]]
     for kind, most in (("sample", 2**0.5), ("population", 2.0)):
@@ -173,7 +173,7 @@ def test_where_a_detour_pays_subset_dp_refuses():
         ({"costs": np.triu(np.ones((4, 4)), 1)}, "distances that depend on the direction"),
     ],
 )
-def test_what_two_indices_do_not_cover(more, what):
+def test_two_index_refuses_other_models(more, what):
     data = {"costs": np.ones((4, 4)) - np.eye(4), "objective": "sum", **more}
     with pytest.raises(UnsupportedFormulation, match=what):
         FleetRouting(2, **data).formulate("two-index")
@@ -206,7 +206,7 @@ def test_points_and_plans_that_are_none(name):
         written.decode(one)
 
 
-def test_cuts_are_missed_and_found():
+def test_separation_finds_violated_cuts():
     """Without the cuts of the root, clusters far from the depot make routes of their own."""
     corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
     points = np.vstack([[[50, 50]], corners, corners + 100, corners + np.array([100, 0])])
@@ -225,7 +225,7 @@ def test_cuts_are_missed_and_found():
             assert one.primal_bound == pytest.approx(early.primal_bound, rel=1e-9)
 
 
-def test_a_start_is_kept_between_programs():
+def test_a_warm_start_is_reused_between_programs():
     """A plan starts every refined program, and a limit that comes between two loses nothing of it."""
     model = generate(30, 3, 2, objective="sum")
     plan = ct.solve(model, "highs", formulation="two-index").plan
@@ -302,7 +302,7 @@ def test_twelve_nodes_by_program_and_by_subsets(vehicles, seed):
     assert one.primal_bound == pytest.approx(other.primal_bound, rel=1e-6)
 
 
-# -- why there is no plan ------------------------------------------------------------------------
+# -- diagnosis -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -324,7 +324,7 @@ def test_twelve_nodes_by_program_and_by_subsets(vehicles, seed):
     ],
     ids=lambda one: one if isinstance(one, str) else "",
 )
-def test_what_is_in_the_way(model, message, where):
+def test_diagnosis_names_the_conflicting_limit(model, message, where):
     model = ct.load(model) if isinstance(model, str) else model
     found = ct.diagnose(model)
     assert found.feasible is False

@@ -1,4 +1,4 @@
-"""Pictures of routes: what is drawn is what the model and the plan say."""
+"""Figures of routes: drawn data equal those of the model and the plan."""
 
 import itertools
 
@@ -102,7 +102,7 @@ def test_parts_of_it(six):
     assert "NOT VALID" not in within.get_suptitle()
 
 
-def test_legs_lead_around_what_is_blocked(walled, tmp_path):
+def test_legs_avoid_blocked_cells(walled, tmp_path):
     model, plan = walled
     figure = ct.plot(model, plan)
     figure.savefig(tmp_path / "map.png", dpi=40)
@@ -155,7 +155,7 @@ def test_nodes_that_are_missed_or_met_twice_are_ringed(six):
     assert rings.get_offsets().tolist() == POINTS[[0, 2, 3, 4]].tolist()
     assert "each node visited once" in figure.get_suptitle()
     assert "not visited once" in legend(figure)
-    with pytest.raises(InvalidData, match=r"routes\[0\]\[0\] must lie in 0 … 5"):
+    with pytest.raises(InvalidData, match=r"routes\[0\]\[0\] must be in 0 … 5"):
         ct.plot(six[0], FleetPlan([[6], []]))
 
 
@@ -210,7 +210,7 @@ def test_costs_between_many_nodes_have_no_map():
         ({"parts": "routes"}, "parts must hold"),
         ({"parts": []}, "parts must hold"),
         ({"legs": "curved"}, "legs must be 'paths' or 'straight', got 'curved'"),
-        ({"legs": "paths"}, "only where the model has a map"),
+        ({"legs": "paths"}, "only if the model has a map"),
         ({"labels": "yes"}, "labels must be True or False"),
         ({"tolerance": 0}, "tolerance must"),
         ({"size": (0, 1)}, "size must be"),
@@ -223,5 +223,5 @@ def test_values_that_no_picture_of_routes_takes(six, options, message):
 
 
 def test_bars_need_a_plan(six):
-    with pytest.raises(UnsupportedOption, match="only where there is a plan"):
+    with pytest.raises(UnsupportedOption, match="only with a plan"):
         ct.plot(six[0], parts=["loads"])

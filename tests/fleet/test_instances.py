@@ -107,7 +107,7 @@ def test_the_generator_refuses(call, message):
         call()
 
 
-def test_the_catalogue_says_what_it_holds():
+def test_catalogue_titles_match_the_models():
     assert len({one.build().digest for one in OURS}) == len(OURS) >= 22
     rows = [one for one in OURS if "/table-3-" in one.name]
     models = [one.build() for one in rows]
@@ -311,7 +311,7 @@ def test_rounded_types_of_distances(tmp_path):
      "CAPACITY_SECTION\n1 5", "FIXED_EDGES_SECTION\n1 2\n-1", "VEHICLES_MAX_DURATION : 4",
      "NEW_THING : 1", "TYPE : VRPTW", "NODE_COORD_TYPE : THREED_COORDS", "CAPACITY : 11"],
 )  # fmt: skip
-def test_what_the_model_does_not_express_is_refused_by_name(part, tmp_path):
+def test_unsupported_keywords_are_refused_by_name(part, tmp_path):
     """The sections were left out, and another problem was solved."""
     path = written(
         tmp_path, LORRIES.replace("DEMAND_SECTION", f"{part}\nDEMAND_SECTION"), "a-k2.vrp"
@@ -446,7 +446,7 @@ def test_exports(tmp_path):
     assert held["cost"] == pytest.approx(loads.sum())
 
 
-def test_what_cannot_be_exported(tmp_path):
+def test_invalid_plans_cannot_be_exported(tmp_path):
     model = FleetRouting(2, costs=np.ones((4, 4)) - np.eye(4))
     plan = FleetPlan([[1], [2, 3]])
     rows = list(csv.reader(export_plan(model, plan, tmp_path / "a.csv").read_text().splitlines()))

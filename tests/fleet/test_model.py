@@ -66,7 +66,7 @@ def test_each_fault_is_named():
     (worst,) = replace(model, battery=11.9).verify(FleetPlan([[3], [1, 2]])).violated
     assert (worst.where, worst.worst) == ("vehicle 1", pytest.approx(0.1))
     for node in (-1, 4):
-        with pytest.raises(InvalidData, match=r"routes\[1\]\[0\] must lie in 0 … 3"):
+        with pytest.raises(InvalidData, match=r"routes\[1\]\[0\] must be in 0 … 3"):
             model.verify(FleetPlan([[1, 2, 3], [node]]))
     with pytest.raises(InvalidData, match="plan must be a FleetPlan"):
         model.verify([[1], [2, 3]])

@@ -19,7 +19,7 @@ from crosstrack.models.fleet.checks import objective_of
 from crosstrack.solvers import Request
 from crosstrack.solvers.fleet.array_colonies import ArrayColonies, torch_colonies
 from crosstrack.solvers.fleet.breeding_kernels import _cross, _move, breed, polish
-from crosstrack.solvers.fleet.clustering import assigned, k_means, move_centres, positions
+from crosstrack.solvers.fleet.clustering import assign_vehicles, k_means, move_centres, positions
 from crosstrack.solvers.fleet.clustering_kernels import reclassify
 from crosstrack.solvers.fleet.colony_kernels import _mark, colony, measure, nearest
 from crosstrack.solvers.fleet.rivals import Best
@@ -236,7 +236,7 @@ def test_each_depot_has_the_nearest_cluster() -> None:
     model = FleetRouting(3, points=points, depots=[0, 1, 2])
     labels = np.array([1] * 4 + [2] * 4 + [0] * 4)
     for shuffled in itertools.permutations(range(3)):
-        assert assigned(model, np.array(shuffled)[labels]).tolist() == labels.tolist()
+        assert assign_vehicles(model, np.array(shuffled)[labels]).tolist() == labels.tolist()
 
 
 def shortest(d: Any) -> float:
@@ -334,7 +334,7 @@ def test_stretches_are_moved_and_children_are_tours() -> None:
         _cross(one, two, child, rng)
         assert sorted(child) == list(range(1, 9))
         kept = child == one
-        # What is not of the first parent stands in the order of the second.
+        # The other nodes are in the order of the second parent.
         rest = [node for node in two if node in child[~kept]]
         assert child[~kept].tolist() == rest
 

@@ -28,7 +28,7 @@ OWN = {
 }
 #: Solvers of others, and the packages that they need.
 YARDSTICKS = {"ortools-routing": "ortools", "pyvrp": "pyvrp"}
-#: What only the sum and the longest route are known to.
+#: Pairs of backend and unsupported objective.
 REFUSED = {("pyvrp", "range"), ("pyvrp", "sum-deviation"), ("pyvrp", "sum-variance")}
 #: Those that share nodes out and find tours then; they seek no limits.
 PHASED = ("pso-ac", "kmeans-ac", "tpha")
@@ -125,7 +125,7 @@ def test_every_plan_is_valid(name: str, case: str) -> None:
         return
     assert found.termination is Termination.FEASIBLE
     assert found.verification.ok
-    # The objective anew.
+    # Recompute the objective independently.
     d, lengths = model.distances, []
     for home, route in zip(model.homes, found.plan.routes, strict=True):
         stops = [home, *route, home] if route else []
@@ -283,7 +283,7 @@ def test_restarts_pay() -> None:
         assert again.primal_bound < once.primal_bound
 
 
-def test_what_no_plan_keeps_has_none(name: str) -> None:
+def test_infeasible_models_have_no_plan(name: str) -> None:
     model = FleetRouting(2, points=POINTS, battery=0.1)
     found = solved(model, name)
     assert found.termination is Termination.NO_SOLUTION

@@ -1,4 +1,4 @@
-"""The search for routes: optimal where that is known, the same for the same seed, within all limits."""
+"""Search for routes: known optima, reproducibility by seed, and limits."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_routes_are_never_worse_than_proven_nor_below_a_bound(
         assert found.primal_bound == pytest.approx(exact.primal_bound, rel=GAP, abs=1e-12 * scale)
 
 
-def test_the_same_seed_gives_the_same_plan_whatever_the_threads():
+def test_the_plan_does_not_depend_on_the_number_of_threads():
     model = scattered(30, 3)
     options = {"patience": 1, "steps": 500}
     plans = [
@@ -107,7 +107,7 @@ def test_limits_are_kept(limits):
     assert not found.verification.within_tolerance
 
 
-def test_limits_that_nobody_can_keep_end_without_a_plan():
+def test_infeasible_limits_end_without_a_plan():
     model = scattered(8, 2, battery=1.0)
     found = ct.solve(model, "fleet-search")
     assert found.plan is None
@@ -160,12 +160,12 @@ def test_incumbents_are_reported_and_a_target_stops():
     assert seen == sorted(seen, reverse=True)
 
 
-def test_auto_takes_the_search_where_programs_would_not_end():
+def test_auto_selects_the_search_for_large_models():
     assert ct.solve(scattered(40, 3), time_limit=2.0).backend == "fleet-search"
     assert ct.solve(scattered(6, 2)).backend == "subset-dp"
 
 
-def test_plans_from_elsewhere_are_measured_alike():
+def test_external_plans_have_the_same_objective():
     model = scattered(9, 3, objective="sum-deviation", q=2.0)
     found = ct.solve(model, "fleet-search")
     again = model.verify(FleetPlan(tuple(reversed(found.plan.routes))))

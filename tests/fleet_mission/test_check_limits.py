@@ -13,7 +13,7 @@ from crosstrack.models.fleet_mission import MissionPlan, checks
 
 TOLERANCE = 1e-6
 HOME, A, B, C = [1, 1], [8, 8], [8, 2], [2, 8]
-#: Accepted error of a position: the share of a cell of 0.5 m, and the digits of bounds of 10 m.
+#: Accepted error of a position: tolerance of a cell of 0.5 m, and rounding of bounds of 10 m.
 DEPTH = 0.5 * TOLERANCE + 10e-13
 LENGTHS = (
     "bounds",

@@ -85,7 +85,7 @@ def test_the_separation_is_two_radii_unless_it_is_given():
         replace(HEAD_ON, separation=-1)
 
 
-def test_a_radius_around_the_depot_exempts_nobody():
+def test_a_radius_around_the_depot_exempts_no_robot():
     with pytest.warns(DeprecationWarning, match="depot_radius has no effect"):
         model = replace(HEAD_ON, depot_radius=5.0)
     assert model.digest == HEAD_ON.digest

@@ -1,4 +1,4 @@
-"""The check of a mission: what it must catch, and what it must let pass."""
+"""Check of a mission: violations that it must report, and plans that it must accept."""
 
 import json
 from dataclasses import replace
@@ -176,7 +176,7 @@ def test_routes_that_are_none():
     found = model.verify(alone)
     assert found.objective is None
     assert "one route for each robot" in {check.name for check in found.violated}
-    with pytest.raises(InvalidData, match=r"routes\[0\]\[0\] must lie in 0 … 2, got 3"):
+    with pytest.raises(InvalidData, match=r"routes\[0\]\[0\] must be in 0 … 2, got 3"):
         model.verify(replace(plan, routes=((3, 0), (2,))))
 
 
@@ -204,7 +204,7 @@ def test_robots_that_meet():
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=15, deadline=None)
 def test_distances_from_obstacles_and_robots_are_those_of_samples(seed):
-    """What is said of a curve is what many samples of it say, and never less strict."""
+    """Distances of a curve agree with dense samples and are never less strict."""
     draw = np.random.default_rng(seed)
     square = np.array(SQUARE) + draw.uniform(-1, 1, 2)
     radius = float(draw.choice([0.0, 0.3]))
@@ -230,7 +230,7 @@ def test_distances_from_obstacles_and_robots_are_those_of_samples(seed):
         assert found.worst == 0.0
 
 
-def test_the_model_refuses_what_no_robot_can_do():
+def test_the_model_refuses_unreachable_places():
     cases = [
         ({"obstacles": [[[0, 0], [2, 2], [2, 0], [0, 2]]]}, r"obstacles\[0\] .* do not cross"),
         ({"depot": (5, 5)}, r"depot at \[5.0, 5.0\] must not lie within an obstacle"),

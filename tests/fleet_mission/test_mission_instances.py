@@ -36,14 +36,14 @@ def test_drawn_missions_are_in_the_papers_manner(seed):
     assert len({regions[tuple(cell)] for cell in model.map.cells_of(model.places)}) == 1
 
 
-def test_every_entry_is_what_its_title_says():
+def test_every_entry_matches_its_title():
     found = {one.name: one.build() for one in entries() if one.model == "fleet-mission"}
     assert len(found) == 7
     assert found["fleet-mission/one-cell"].map.blocked.sum() == 8
     corridor = found["fleet-mission/corridor"]
     column = corridor.map.blocked[:, corridor.map.cells_of([5, 4])[1]]
     assert (~column).sum() == 1
-    # What is the robot's must be the robot's: one a little wider does not get through.
+    # A slightly wider robot does not fit through the gap.
     with pytest.raises(InvalidData, match="cannot be reached"):
         FleetMission(**{**vars_of(corridor), "radius": 0.2501})
     example = found["fleet-mission/example"]

@@ -1,4 +1,4 @@
-"""Pictures of missions: what is drawn is what the model and the plan say."""
+"""Figures of missions: drawn data equal those of the model and the plan."""
 
 from types import SimpleNamespace
 
@@ -105,7 +105,7 @@ def test_what_is_drawn(three, tmp_path):
     assert {str(k) for k in range(5)} <= {text.get_text() for text in chart.texts}
 
 
-def test_what_is_limited_over_time(three):
+def test_limited_quantities_are_drawn_over_time(three):
     model, plan = three
     figure = render(ct.plot(model, plan, parts=["velocity", "acceleration", "distance"]))
     found = panels(figure)
@@ -165,7 +165,7 @@ def test_without_a_plan_the_field_is_drawn():
     assert "north" not in words(ct.plot(model, labels=False))
 
 
-def test_what_is_broken_is_ringed(three):
+def test_violations_are_ringed(three):
     model, _ = three
     # Straight through the obstacle in the middle, node 4 left out, two robots on one line.
     plan = stop_and_go(model, [[2], [3], [0, 1]])
@@ -234,7 +234,7 @@ def test_values_that_no_mission_takes(three, options, message):
         ct.plot(*three, **options)
     if "parts" not in options:
         return
-    with pytest.raises(UnsupportedOption, match="only where there is a plan"):
+    with pytest.raises(UnsupportedOption, match="only with a plan"):
         ct.plot(three[0], parts=["map", "loads"])
 
 

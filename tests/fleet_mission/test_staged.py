@@ -1,4 +1,4 @@
-"""The pipelines: every staged plan is verified, whatever the map; the paper's may collide."""
+"""Pipelines: staged plans are verified on every map; the paper's plans may collide."""
 
 import dataclasses
 
@@ -102,7 +102,7 @@ def test_other_backends_of_the_stages():
     assert paths.statistics["polyline length"] >= ours.statistics["polyline length"] * (1 - 1e-9)
 
 
-def test_robots_rest_at_their_knots_where_no_curve_is_found(monkeypatch):
+def test_robots_rest_at_knots_if_no_curve_is_found(monkeypatch):
     none = Answer(Termination.NO_SOLUTION)
     monkeypatch.setattr(flight, "programmed", lambda *_: none)
     found = staged(ct.load("fleet-mission/corridor"))
@@ -124,7 +124,7 @@ def test_options_that_name_no_backend_of_a_stage():
         staged(small(), trajectories="banded")
 
 
-def test_options_that_name_nothing():
+def test_options_with_unknown_names():
     with pytest.raises(UnknownName, match="routing-search"):
         staged(small(), routing="routing-search")
 
@@ -137,7 +137,7 @@ def test_a_run_without_time_returns_the_first_plan():
     assert found.termination == "feasible" and found.verification.ok
 
 
-def test_the_papers_curves_collide_and_the_check_says_where():
+def test_the_check_locates_collisions_of_the_papers_curves():
     model = ct.load("fleet-mission/corridor")
     found = ct.solve(model, "paper-pipeline", seed=0)
     assert found.termination == "rejected"
@@ -151,7 +151,7 @@ def test_the_papers_curves_collide_and_the_check_says_where():
     assert worst == pytest.approx(model.radius - shapely.distance(at, solid) + depth, rel=1e-3)
 
 
-def test_the_papers_pipeline_where_nothing_is_in_the_way():
+def test_the_papers_pipeline_without_obstacles():
     model = small(obstacles=[], bounds=(-20, -20, 30, 30))
     found = ct.solve(model, "paper-pipeline", seed=0)
     assert found.termination == "feasible", found.message
@@ -210,7 +210,7 @@ def test_paths_between_touching_cells_and_through_blocked_ones_are_refused():
 # -- diagnosis ---------------------------------------------------------------------------------------
 
 
-def test_the_diagnosis_says_how_wide_robots_may_be():
+def test_the_diagnosis_returns_the_largest_radius():
     model = small()
     found = ct.diagnose(model)
     assert found.feasible

@@ -159,7 +159,7 @@ def test_ids_are_numbers_where_all_are(labels, ids, tmp_path):
         ("1,1.5", "1,", "line 3, column x: must be a finite number, got ''"),
         (",3.5,0", ",3.5,3", "line 3, column kind: must be one of A, horizontal.* got '3'"),
         (",3.5,0", ",3.5,north", "line 3, column kind: .*got 'north'"),
-        ("2,0.001", "1,0.001", "line 4, column id: '1' stands in line 3 too"),
+        ("2,0.001", "1,0.001", "line 4, column id: '1' is in line 3 too"),
         ("2,0.001", ",0.001", "line 4, column id: must not be empty"),
         (",3.5,0", ",3.5", "line 3: 4 values where the header has 5 columns"),
         (",3.5,0", ",3.5,0,7", "line 3: 6 values where the header has 5 columns"),

@@ -270,7 +270,7 @@ def test_about_half_of_the_small_instances_are_feasible(n):
             lambda: ec.generate(9, 9, TIGHT, seed=1, planted_under=(50,) * 5),
             "nowhere be wider than thresholds: alpha1 is 50 against 20",
         ),
-        (lambda: ec.random_small(10, 1), r"n must lie in 2 … 9, got 10"),
+        (lambda: ec.random_small(10, 1), r"n must be in 2 … 9, got 10"),
         (lambda: ec.uniform_slab(1, TIGHT, seed=1), "n must be at least 2"),
     ],
 )

@@ -39,7 +39,7 @@ def random_model(rng, *, revisits):
         data["points"] = [[int(x)] for x in rng.integers(0, 9, count)]
     if not data or rng.random() < 0.5:
         share = rng.choice([0.0, 0.05, 0.5])
-        # A tree in both directions: whoever leaves the way must come back to it.
+        # A tree in both directions: a walk that leaves the path has to return to it.
         tree = {(i, int(rng.integers(0, i))) for i in range(1, count)}
         pairs = [[i, j] for i in range(count) for j in range(count) if i != j]
         arcs = [
@@ -78,7 +78,7 @@ def neighbours(model):
 def least_length(model):
     """Return the length of the best route, inf without one: every state once, without dominance."""
     leads = neighbours(model)
-    # What exceeds every limit of a resource need not be told apart.
+    # Levels above every limit of a resource are equivalent.
     ceilings = [max(dict(r.limits).values(), default=-1.0) + 1.0 for r in model.resources]
     initial = tuple(min(r.initial, c) for r, c in zip(model.resources, ceilings, strict=True))
     tables = [(dict(r.limits), dict(r.gains), dict(r.resets)) for r in model.resources]

@@ -25,7 +25,7 @@ def test_optimum_and_encoded_plan(draw, seed):
 
 
 def between(reset, limit):
-    """Three legs of 4 in a line; the middle points reset to `reset` at the most."""
+    """Three legs of 4 in a line; the middle points reset to at most `reset`."""
     fuel = Resource(
         "fuel",
         1.0,
@@ -66,7 +66,7 @@ def test_resets_of_every_kind(reset, limit, valid):
         assert formulation.program.verify(formulation.encode(Route((0, 1, 2, 3)))).ok
 
 
-def test_what_it_does_not_cover():
+def test_unsupported_models_are_refused():
     model = random_model(rng_of(3), revisits=True)
     with pytest.raises(UnsupportedFormulation, match="revisits"):
         model.formulate("arc-flow")

@@ -10,7 +10,7 @@ TOLERANCE = 1e-6
 #: Start, two stations, end, and a place off the route.
 KINDS = ("start", "station", "station", "end", "place")
 ROUTE = Route((0, 1, 2, 3))
-#: Fuel and time of each arc of the route, beside those of its length.
+#: Use of fuel and time on the arcs of the route, in addition to the rates.
 USES = [[0.2, 0.0], [0.0, 0.3], [0.1, 0.0]]
 RATE, INITIAL, GAIN, RESET = 2.0, 0.5, 0.1, 0.25
 FUEL_LIMITS, TIME_LIMIT = {"station": 4.0, "end": 5.0}, 20.0

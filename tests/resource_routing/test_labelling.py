@@ -19,7 +19,7 @@ NAME = "resource-labelling"
 
 @pytest.mark.parametrize("draw", [random_model, random_branches])
 @pytest.mark.parametrize("revisits", [False, True])
-def test_all_that_is_found_is_the_least(draw, revisits):
+def test_labelling_finds_the_shortest_route(draw, revisits):
     """500 models in all: ties, lengths of zero, dead ends, resources that nothing limits."""
     routes = critical = 0
     for seed in range(125):
@@ -83,7 +83,7 @@ def stopped(model):
 
 
 @pytest.mark.parametrize("listed", [False, True])
-def test_an_interrupted_search_proves_little_and_nothing_wrong(listed):
+def test_an_interrupted_search_returns_a_valid_bound(listed):
     model = grid()
     if not listed:
         points = np.random.default_rng(1).uniform(0, 1, (300, 2))
@@ -198,7 +198,7 @@ def chain(links, *, back):
 
 
 @pytest.mark.parametrize("back", [False, True])
-def test_labels_ignore_what_they_cannot_visit_any_more(back):
+def test_labels_ignore_unreachable_critical_points(back):
     assert ct.solve(chain(2, back=back), NAME).primal_bound == pytest.approx(
         least_length(chain(2, back=back))
     )

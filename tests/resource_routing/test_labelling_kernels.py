@@ -51,7 +51,7 @@ def test_compiled_and_interpreted_are_the_same():
 
 
 def leads_of(model):
-    """Return what each point leads to; pairs that a full stock of everything does not allow are none."""
+    """Return the successors of each point, without pairs that exceed a limit from levels of 0."""
     if model.arcs is not None:
         return neighbours(model)
     tables = [(r.rate, dict(r.limits), dict(r.gains)) for r in model.resources]
@@ -91,7 +91,7 @@ def ways(model, leads, column, point, level):
 
 
 @pytest.mark.parametrize("draw", [random_model, random_branches])
-def test_levels_are_what_one_resource_allows(draw):
+def test_levels_are_bounds_of_each_resource(draw):
     seen = 0
     for seed in range(15):
         model = draw(rng_of(seed), revisits=True)
@@ -140,7 +140,7 @@ def test_arcs_of_all_pairs_are_those_within_the_limits():
         assert count_pairs(*stock, 10, RUNS)[-1] >= 10
 
 
-def test_what_is_stopped_leaves_no_arc_out():
+def test_a_stop_keeps_all_arcs():
     model = random_model(rng_of(2), revisits=True)
     rows = np.arange(len(model.kinds))
     whole, stopped = network(model, rows, RUNS), network(model, rows, STOPPED)

@@ -1,4 +1,4 @@
-"""Routes with resources: bad input, JSON, what a walk adds up, pictures, diagnosis, instances."""
+"""Routes with resources: bad input, JSON, sums of a walk, figures, diagnosis, instances."""
 
 import math
 
@@ -37,7 +37,7 @@ def test_a_walk_adds_rates_uses_and_gains():
     assert rows[2]["limit of a"] == 20 and rows[1]["limit of a"] is None
     found = model.verify(Route((0, 1, 2)))
     assert found.ok and found.objective == 4
-    assert model.verify(Route((0, 2))).objective is None  # there is no such arc
+    assert model.verify(Route((0, 2))).objective is None  # missing arc
     assert Model.from_json(model.to_json()) == model
 
 
@@ -66,7 +66,7 @@ def test_each_rule_is_checked(route, check):
         ({"arcs": [[0, 1], [0, 1]]}, "arcs", "is there twice"),
         ({"arcs": [[1, 1]]}, "arcs", "to itself"),
         ({"arcs": [[0, 1]], "lengths": [-1.0]}, "lengths", ">= 0"),
-        ({"arcs": [[0, 1]], "uses": [[1.0, 2.0]]}, "uses", "2 columns where there are 1 resources"),
+        ({"arcs": [[0, 1]], "uses": [[1.0, 2.0]]}, "uses", "2 columns, but there are 1 resources"),
         ({"kinds": ("start", 3, "end", "x")}, "kinds", r"kinds\[1\] must be a word"),
         ({"resources": (Resource("a"), Resource("a"))}, "resources", r"resources\[1\].name is 'a'"),
         (
@@ -94,7 +94,7 @@ def test_bad_resources(fields, text):
         Resource("a", **fields)
 
 
-def test_diagnosis_names_limits_that_cannot_be_kept_together():
+def test_diagnosis_names_conflicting_limits():
     found = ct.diagnose(ct.load("resource-routing/no-way"))
     assert found.feasible is False
     assert [one.data["resource"] for one in found.findings] == ["time"]
