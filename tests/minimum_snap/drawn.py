@@ -25,7 +25,7 @@ def smooth(segments=5, dimensions=3, seed=0):
 
 
 def spline(times, points, order=4, start=None, end=None):
-    """SciPy's spline of degree 2r - 1 as a trajectory; at rest where no derivatives are given."""
+    """SciPy's spline of degree 2r - 1 as a trajectory; at rest by default."""
     rest = [(j, np.zeros(points.shape[1])) for j in range(1, order)]
     ends = (rest if start is None else start, rest if end is None else end)
     found = make_interp_spline(times, points, k=2 * order - 1, bc_type=ends)

@@ -43,7 +43,7 @@ def drawn(seed, most=1000):
         derivatives = np.where(fixed, values, np.inf)
     start = end = None
     if derivatives is not None or rng.random() < 0.3:
-        # Free ends; what is fixed there stands among the derivatives.
+        # Free ends: `derivatives` contains their fixed values.
         start = end = np.full((1, axes), np.inf)
     return MinimumDerivative(
         waypoints,

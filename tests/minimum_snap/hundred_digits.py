@@ -2,7 +2,7 @@
 
 Nothing of the package is used but the model's data. A segment's cost is ∫ (x^(r))² over the unit
 interval in whole numbers, by the inverse of the matrix that takes coefficients to the derivatives
-at both ends; what is free at the knots is eliminated knot by knot, without square roots.
+at both ends. Free derivatives are eliminated knot by knot, without square roots.
 """
 
 import math
@@ -65,7 +65,7 @@ def _decimal(fraction):
 
 
 def solve(model, digits=DIGITS):
-    """Return the optimum, the coefficients of all segments, and whether there are no others.
+    """Return the optimum, the coefficients of all segments, and whether it is unique.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def _axis(times, fixed, value, r):
         own[k + 1] = own[k + 1] + matrix[r:, r:]
         right[k] = right[k] - matrix[:r, :r] @ known[k] - matrix[:r, r:] @ known[k + 1]
         right[k + 1] = right[k + 1] - matrix[r:, :r] @ known[k] - matrix[r:, r:] @ known[k + 1]
-    # Forwards: what is free at a knot in terms of what is free at the next.
+    # Forward: free entries of a knot in terms of those of the next knot.
     back, unique = [], True
     matrix = own[0][np.ix_(free[0], free[0])]
     load = right[0][free[0]]
@@ -168,9 +168,9 @@ def _axis(times, fixed, value, r):
 
 
 def _eliminated(matrix, right, sizes):
-    """Return x with matrix x = right for a symmetric matrix, and whether there is no other.
+    """Return x with matrix x = right for a symmetric matrix, and whether x is unique.
 
-    The matrix is positive semidefinite, and the system can be solved: what has no pivot is 0.
+    The matrix is positive semidefinite, and the system is solvable. Entries without a pivot are 0.
     """
     size = len(matrix)
     work = np.column_stack([matrix, right]) if size else np.empty((0, right.shape[1]), object)

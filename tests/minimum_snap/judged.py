@@ -1,17 +1,17 @@
-"""What an answer says of a trajectory, held against the exact optimum."""
+"""Comparison of an answer's claims about a trajectory with the exact optimum."""
 
 from decimal import Decimal, localcontext
 
 import numpy as np
 from minimum_snap import hundred_digits
 
-#: What a plan may differ from the optimum where it is called optimal: relative, of the objective
-#: and of a segment's own extent.
+#: Largest difference of a plan reported as optimal from the optimum, relative to the objective and
+#: to the extent of a segment.
 OBJECTIVE, SHAPE = 1e-6, 1e-8
 #: Beyond this many times the extent of what is given, the optimum runs away through free waypoints: a
 #: ten-millionth of its objective moves it by more than all that is given, and only the objective is judged.
 AWAY = 1e6
-#: What the digits of a double hide of a position, relative to it.
+#: Rounding error of a position in double precision, relative to it.
 ULPS = Decimal(2) ** -50
 #: Places of a segment where plans are compared.
 PLACES = [Decimal(k) / 8 for k in range(9)]
@@ -63,7 +63,7 @@ def judge(model, solution):
     if bound is not None and bound > best + 1e-9 * scale:
         return "WRONG", f"bound {bound:.17g} above {best:.17g}"
     off = abs(objective - best) / scale
-    # Where there are other optima, the plan may be any of them.
+    # If the optimum is not unique, the plan may be any optimum.
     judged = unique and not _runs_away(model, coefficients)
     shape = shape_error(model, solution.plan, coefficients) if judged else 0.0
     if str(solution.termination) != "optimal":

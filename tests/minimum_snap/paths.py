@@ -38,7 +38,7 @@ def chebyshev_rows(at, derivative, degree):
 
 
 def brute_force(model):
-    """Return the optimal trajectory of a model without corridor and limits, None where none is."""
+    """Return the optimal trajectory of a model without corridor and limits, or None without one."""
     count, degree = model.segments, model.degree
     size = degree + 1
     long = np.diff(model.times)
@@ -143,7 +143,7 @@ def models(draw, *, most=2, inner=True):
 
 
 def optimum_of(model):
-    """Return the brute-force optimum of `model` where its rows leave one."""
+    """Return the brute-force optimum of `model` if its rows allow one."""
     plan = brute_force(model)
     assume(plan is not None)
     return plan

@@ -27,7 +27,7 @@ def spline(model, durations):
 
 
 def programmed(model, durations):
-    """The best trajectory by a solver of quadratic programs; None where there is none."""
+    """The best trajectory by a solver of quadratic programs; None without a solution."""
     at = model.at(np.concatenate([[0.0], np.cumsum(durations)]))
     written, backend = at.formulate("legendre"), find_backend("daqp")
     while written is not None:

@@ -56,7 +56,7 @@ def test_fifty_digits(order, count, ratio, kind):
 @pytest.mark.parametrize("order", [2, 3, 4, 5])
 @pytest.mark.parametrize("ratio", [1.0001, 4.0, 400.0])
 def test_shapes_of_many_paths(order, ratio):
-    """What is kept continuous jumps by rounding, and one more step finds the shape certain."""
+    """Continuous derivatives jump by rounding only, and one more step certifies the shape."""
     for seed in range(10):
         kind = "alternating" if seed % 2 else "any"
         durations, values, fixed = through_waypoints(order, 300, ratio, seed=seed, kind=kind)
@@ -75,7 +75,7 @@ def test_shapes_of_many_paths(order, ratio):
 def test_it_is_scipys_spline(order, count):
     durations, values, fixed = through_waypoints(order, count, 2.0)
     times = np.concatenate([[0.0], np.cumsum(durations)])
-    # SciPy is told times, and their differences are what it can know.
+    # SciPy takes times, so the comparison uses their differences.
     durations = np.diff(times)
     solved = banded.solve_hermite(durations, values, fixed, only(order), order - 1)
     conditions = [[(j, values[:, end, j]) for j in range(1, order)] for end in (0, -1)]
@@ -169,7 +169,7 @@ def test_durations_over_a_hundred_million():
     assert solved.objective[0] == pytest.approx(exact, rel=1e-12)
 
 
-def test_what_cannot_be_told_is_not_guessed(monkeypatch):
+def test_ill_conditioned_problems_are_reported(monkeypatch):
     """Corrections as large as the path are no solution."""
     durations, values, fixed = through_waypoints(8, 50, 1e8, axes=1, kind="alternating")
 
@@ -239,7 +239,7 @@ def test_refinement_in_plain_python_means_the_same():
     assert results[0][1] == pytest.approx(results[1][1], rel=1e-14)
 
 
-def test_pivots_that_say_nothing_are_named():
+def test_negligible_pivots_are_reported():
     durations, values, _ = through_waypoints(4, 6, 1e6, kind="alternating")
     table = hermite.table_of(only(4))
     room = np.empty((6, 2, 3, 3)), np.empty((3, 6, 3))

@@ -41,7 +41,7 @@ def test_moving_the_path_changes_nothing(problem, shift):
     durations, values, *rest = problem
     moved = values.copy()
     moved[:, :, 0] += shift
-    # What the sum was rounded to is what both are given.
+    # Both solvers receive the values after rounding of the sum.
     back = values.copy()
     back[:, :, 0] = moved[:, :, 0] - shift
     one, other = solve((durations, back, *rest)), solve((durations, moved, *rest))

@@ -67,9 +67,7 @@ def test_factors_solve_the_dense_normal_equations(seed, shape):
     cost, rows, start, weight, fixed = system(seed, count, n, own, c)
     matrix, free = dense(cost, rows, start, weight, fixed)
     generator = np.random.default_rng(seed + 100)
-    image = matrix[:, free].T @ generator.normal(
-        size=len(matrix)
-    )  # in the range, whatever the rank
+    image = matrix[:, free].T @ generator.normal(size=len(matrix))  # in the range for any rank
     right = np.zeros(free.size)
     right[free] = image
     results = []
@@ -148,7 +146,7 @@ def test_extremes_outside_against_known_roots(roots, sign, share):
     assert (found.max() if row.size else 0.0) == pytest.approx(max(worst, 0.0), rel=1e-6, abs=1e-7)
 
 
-def test_extremes_side_by_side_are_told_apart():
+def test_adjacent_extremes_are_distinguished():
     roots = np.array([0.5103, 0.5168, 0.5235])
     powers = 1e4 * polynomial.polyint(-polynomial.polyfromroots(roots))
     values = polynomial.polyval(roots, powers)

@@ -119,7 +119,7 @@ def test_one_polytope_is_the_box_it_describes(count):
 
 @pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3])
 def test_thin_corridors(width):
-    """Straight through boxes hardly wider than the line: nearly an equality."""
+    """A straight line through very narrow boxes, nearly an equality."""
     points = np.column_stack([np.arange(6.0), np.zeros(6)])
     points[1:-1] = FREE
     lower = np.column_stack([np.arange(5.0) - 0.2, np.full(5, -width)])
@@ -137,7 +137,7 @@ def test_thin_corridors(width):
 @pytest.mark.parametrize("level", [0.0, 5.0, -5.0, 1e3, 1e6])
 @pytest.mark.parametrize("inner", [False, True])
 def test_a_corridor_of_no_width(level, inner):
-    """Flight at one height: the box has no inside, its optimum is the line, and nobody may err."""
+    """Flight at one height: the box has no interior, and the optimum is the line."""
     middle = level if inner else FREE
     model = MinimumSnap(
         [[level], [middle], [level]], [0, 1, 3], corridor_lower=[level], corridor_upper=[level]
@@ -209,7 +209,7 @@ def test_units_of_length_and_time(scale, clock):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_limits_of_derivatives_above_the_degree(order):
-    """The jerk of a polyline or a parabola is none, and limits on it ask nothing."""
+    """The jerk of a polyline or a parabola is 0, so limits on it are inactive."""
     model = MinimumDerivative(
         [[0.0], [1], [3]], [0, 1, 3], order=order, jerk_limit=1e3, acceleration_limit=1e3
     )
@@ -311,7 +311,7 @@ def test_too_few_iterations_are_a_limit(options):
         ({"start": np.zeros((4, 2)), "degree": 9}, "above 3 is fixed"),
     ],
 )
-def test_what_it_does_not_cover(changes, words):
+def test_rejects_unsupported_problems(changes, words):
     with pytest.raises(UnsupportedFormulation, match=words):
         ct.solve(replace(corridor(1), **changes), OURS)
 

@@ -1,4 +1,4 @@
-"""What the interior point calls infeasible is, and what is feasible it solves."""
+"""The interior point solves feasible problems and proves others infeasible."""
 
 import math
 from dataclasses import replace
@@ -67,13 +67,13 @@ def flown(seed):
 
 
 @pytest.mark.parametrize("seed", range(0, 60, 4))
-def test_what_a_plan_keeps_is_solved(seed):
+def test_bounds_of_a_known_plan_are_feasible(seed):
     check_flown(seed)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(60, 300))
-def test_what_a_plan_keeps_is_solved_always(seed):
+def test_bounds_of_a_known_plan_are_always_feasible(seed):
     check_flown(seed)
 
 
@@ -95,7 +95,7 @@ def check_flown(seed):
     assert answer.primal_bound <= checked.objective * (1 + 1e-6) + 1e-9
 
 
-# -- proofs that there is none --------------------------------------------------------------------------
+# -- proofs of infeasibility -----------------------------------------------------------------------------
 
 
 def refuted(model):
@@ -147,7 +147,7 @@ def test_a_stop_that_no_brake_can_do(legs):
 
 @pytest.mark.parametrize("name", ["velocity_limit", "acceleration_limit"])
 def test_a_flight_without_any_freedom(name):
-    """One leg from rest to rest has one polynomial: its peaks are known, and so is the verdict."""
+    """One leg from rest to rest has one polynomial: its peaks and hence the outcome are known."""
     peaks = {"velocity_limit": 1.5, "acceleration_limit": 6.0}
     model = MinimumDerivative([[0.0], [1]], [0, 1], order=2)
     kept = replace(model, **{name: peaks[name] * 1.0001})

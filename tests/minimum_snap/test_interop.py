@@ -195,7 +195,7 @@ def test_figure8():
     begin, end = plan.at_ends(5)
     assert np.abs(begin[1:] - end[:-1]).max() > 1
     points = plan(plan.times)
-    # Printed to six digits, the file's last point is not quite where it stops.
+    # Printed to six digits, the file's last point differs slightly from its end point.
     rest = MinimumSnap(waypoints=points, times=plan.times)
     open_jerk = MinimumSnap(
         waypoints=points, times=plan.times, start=np.zeros((2, 4)), end=np.zeros((2, 4))

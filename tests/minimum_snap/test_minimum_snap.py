@@ -220,7 +220,7 @@ def test_arrays_are_copied_and_frozen():
 def test_limits_spread():
     one = make(velocity_limit=2.0).velocity_limit
     assert one.tolist() == [[2, 2], [2, 2]]
-    # Two segments in 2-D: a flat list is one number an axis, a column one a segment.
+    # Two segments in 2-D: a flat list has one number per axis, a column one per segment.
     assert make(velocity_limit=[2, 3]).velocity_limit.tolist() == [[2, 3], [2, 3]]
     assert make(velocity_limit=[[2], [3]]).velocity_limit.tolist() == [[2, 2], [3, 3]]
     assert make(velocity_limit=[[2, 3]]).velocity_limit.tolist() == [[2, 3], [2, 3]]
@@ -231,7 +231,7 @@ def test_limits_spread():
     assert make(**long, velocity_limit=[[1], [2], [3]]).velocity_limit[2].tolist() == [3, 3]
 
 
-def test_replace_keeps_what_was_said():
+def test_replace_keeps_explicit_values():
     model = make(velocity_limit=[None, 3], name="a")
     other = replace(model, times=[0, 2, 3])
     assert other.name == "a"
@@ -241,7 +241,7 @@ def test_replace_keeps_what_was_said():
 
 
 def test_replace_of_the_order_keeps_the_defaults_filled_in():
-    """A default is content once it is filled in; what should follow the order is named."""
+    """Filled-in defaults are part of the model. Pass those that change with the order."""
     with pytest.raises(InvalidData, match="degree must be >= 2 order - 1 = 9, got 7"):
         replace(of_order(4), order=5)
     changed = replace(of_order(4), order=5, start=None, end=None, degree=None, continuity=None)

@@ -27,7 +27,7 @@ tables = st.integers(1, 5).flatmap(
 @given(tables)
 @settings(max_examples=50, deadline=None)
 def test_poly7_files_are_exact(tmp_path_factory, table):
-    """All digits: every number. 4 bytes: what the firmware stores, and the same text ever after."""
+    """All digits: every number. 4 bytes: the numbers of the firmware, and a stable text."""
     path = tmp_path_factory.mktemp("poly7") / "p.csv"
     pieces = Poly7(table[0], np.reshape(table[1], (-1, 4, 8)))
     path.write_text(pieces.text("float64"))
@@ -47,7 +47,7 @@ def test_poly7_files_are_exact(tmp_path_factory, table):
     st.sampled_from(["float32", "float64"]),
 )
 @settings(max_examples=40, deadline=None)
-def test_poly7_round_trip_within_what_is_reported(
+def test_poly7_round_trip_is_within_the_report(
     tmp_path_factory, segments, dimensions, seed, precision
 ):
     path = tmp_path_factory.mktemp("poly7") / "p.csv"
@@ -170,7 +170,7 @@ def test_poly7_axes_and_yaw(tmp_path):
         (lambda p: Poly7([1.0], np.zeros((1, 3, 8))), "shape"),
     ],
 )
-def test_what_poly7_cannot_hold(call, message, tmp_path):
+def test_poly7_rejects_unsupported_trajectories(call, message, tmp_path):
     path = tmp_path / "p.csv"
     with pytest.raises(InvalidData, match=message):
         call(path)
@@ -224,7 +224,7 @@ def test_poly7_files_of_other_tools(tmp_path):
         read_poly7(path, start=math.nan)
 
 
-def test_load_says_what_a_csv_file_is(tmp_path):
+def test_load_recognises_csv_files(tmp_path):
     path = tmp_path / "some.csv"
     for text, message in (
         (HEADER.upper() + "\n" + ROW, r": a poly7.*a plan, and no instance.*read_poly7\(path\)"),

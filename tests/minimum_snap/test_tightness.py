@@ -1,4 +1,4 @@
-"""Corridors and limits that leave hardly any room, or just none: each is solved, or refuted."""
+"""Corridors and limits near the critical tightness: each is solved or proved infeasible."""
 
 from dataclasses import replace
 
@@ -64,10 +64,10 @@ def test_waypoints_alone_with_durations_far_apart(backend):
         assert answer.primal_bound == pytest.approx(ct.solve(model).primal_bound, rel=2e-6)
 
 
-# -- auto goes on ------------------------------------------------------------------------------------
+# -- fallback of auto --------------------------------------------------------------------------------
 
 
-def test_auto_goes_on_after_a_failure():
+def test_auto_continues_after_a_failure():
     model = family(3)(4.0)
     job = Job(model=model).resolved()
     found = ct.solve(model)

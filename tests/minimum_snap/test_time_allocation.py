@@ -105,7 +105,7 @@ def test_verification_recomputes_the_objective_and_checks_the_total():
 
 
 @pytest.mark.parametrize("more", [{"order": 2}, {"order": 3}, {}, {"weights": [0.1, 0, 0.5, 1]}])
-def test_at_the_optimum_time_costs_what_the_identity_says(more):
+def test_optimum_satisfies_the_time_identity(more):
     model = TimeAllocation(walk(20), 40.0, **more)
     found = ct.solve(model, "time-gradient", backend_options={"gradient": 1e-10})
     assert found.termination == "locally_optimal"
@@ -122,7 +122,7 @@ def test_at_the_optimum_time_costs_what_the_identity_says(more):
     assert model.identity_residual(found.plan) <= 1e-9
 
 
-def test_where_the_identity_need_not_hold_nothing_is_said_of_it():
+def test_identity_residual_is_none_if_it_does_not_apply():
     assert TimeAllocation(POINTS, 1, corridor_upper=5).scales
     for more in (LIMITS, {"start": [[1, 0]]}):
         assert not TimeAllocation(POINTS, 1, **more).scales
@@ -226,8 +226,8 @@ def test_slowing_down_breaks_the_corridor_of_an_end_in_motion():
         assert found.termination == "locally_optimal"
         assert found.verification.ok
         assert min(keeps) - 0.01 <= found.plan.duration <= max(keeps) + 0.01
-    # J falls with T but at T = 1.5, where its slope is 0: with a price there is a local optimum
-    # there, and another one at the wall.
+    # J decreases with T, with slope 0 at T = 1.5. With a time weight, one local optimum is at T = 1.5
+    # and another one at the wall.
     costs = {t: free.value(np.array([t])).objective + 1e-3 * t for t in keeps}
     near = min(cost for t, cost in costs.items() if t < 1.51)
     assert ct.solve(model).primal_bound == pytest.approx(near, rel=1e-4)

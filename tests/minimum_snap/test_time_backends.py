@@ -157,7 +157,7 @@ def test_a_limit_keeps_the_incumbent():
         assert found.verification.ok
 
 
-def test_what_is_not_covered_is_said():
+def test_rejects_unsupported_problems():
     model = TimeAllocation(POINTS, 1, end=np.zeros((4, 2)), degree=9)
     with pytest.raises(UnsupportedFormulation, match="snap"):
         ct.solve(model, "time-gradient")

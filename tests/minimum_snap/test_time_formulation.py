@@ -107,7 +107,7 @@ def test_a_plan_is_its_columns():
     assert start.ok, "from rest to rest and within limits, the guess keeps them"
 
 
-def test_bounds_are_held_where_a_solution_leaves_them():
+def test_refinement_adds_violated_instants():
     free = TimeAllocation(POINTS, 100, order=3)
     path = ct.solve(free).plan
     model = replace(free, velocity_limit=0.8 * np.abs(path.extremes(1).largest).max())
@@ -115,7 +115,7 @@ def test_bounds_are_held_where_a_solution_leaves_them():
     finer = coarse.refined(coarse.encode(path), 1e-6)
     assert finer.program.row_count > coarse.program.row_count
     assert finer.rounds == 1
-    # Where it was: the search goes on from there.
+    # The refined program starts from the previous solution.
     assert finer.program.guess == pytest.approx(coarse.encode(path), rel=1e-12, abs=1e-12)
     assert not finer.program.verify(finer.encode(path)).ok
     found = ct.solve(model, "ipopt", formulation_options={"samples": 2})
@@ -134,7 +134,7 @@ def test_lower_continuity_within_limits_is_covered_here_alone():
     assert loose.primal_bound < smooth.primal_bound
 
 
-def test_what_is_not_covered_is_said():
+def test_rejects_unsupported_problems():
     for more in ({"continuity": 4}, {"end": np.zeros((4, 2)), "degree": 9}):
         with pytest.raises(UnsupportedFormulation, match=r"continuity 4|derivative 4"):
             TimeAllocation(POINTS, 1, **more).formulate("times")

@@ -11,7 +11,7 @@ from crosstrack.solvers.minimum_snap.time_merging import coarser, runs_of, subdi
 
 #: A line of 10 m within limits of 2 m/s, 3 m/s² and 20 m/s³.
 LIMITS = {"velocity_limit": 2.0, "acceleration_limit": 3.0, "jerk_limit": 20.0}
-#: What a plan may exceed one of fewer knots by, relative: the barrier's last share.
+#: Largest relative excess over a plan with fewer knots: the final share of the barrier.
 MORE = 1e-6
 
 
@@ -31,7 +31,7 @@ def test_runs_end_where_something_is_fixed_or_bounds_change():
     assert runs_of(TimeAllocation(points, 1.0, **walls)).tolist() == [4, 1, 2, 1]
 
 
-def test_merged_models_ask_the_same_of_fewer_segments():
+def test_merged_models_are_equivalent():
     points = [[0, 0], *[[None, None]] * 3, [1, 2], *[[None, None]] * 2, [3, 1]]
     upper = np.repeat([[5.0, 6.0], [7.0, 8.0]], [4, 3], axis=0)
     walls = {

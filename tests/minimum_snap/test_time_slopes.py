@@ -170,7 +170,7 @@ def test_the_variables_derivatives_are_those_of_differences(total):
         assert slope(x)[k] == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
-def test_kernels_mean_what_their_python_says():
+def test_kernels_match_plain_python():
     from crosstrack.solvers.minimum_snap import time_rows
 
     model = tight("velocity", "polytopes")

@@ -1,4 +1,4 @@
-"""The check of a plan: what is right passes, and every violation is found where it is."""
+"""Verification of plans: feasible plans pass, and every violation is located."""
 
 import math
 from dataclasses import replace
@@ -207,7 +207,7 @@ def test_plans_of_another_shape_are_refused(plan):
 
 
 @pytest.mark.parametrize("plan", [None, 3, "route", np.zeros((2, 8, 2))])
-def test_what_is_no_plan_is_refused(plan):
+def test_rejects_invalid_plans(plan):
     with pytest.raises(InvalidData, match="plan"):
         ct.verify(make(), plan)
 

@@ -125,7 +125,7 @@ def test_a_thousand_segments_are_as_many_artists_as_a_hundred(shape, dimensions)
             render(figure)
             regions_drawn = "corridor (400 of 1000 drawn)" if dimensions == 3 else "corridor"
             assert regions_drawn in legend(figure)
-    # The rings of the waypoints are one artist, left out where they are too many.
+    # The rings of the waypoints are one artist, omitted if they are too many.
     assert counts[1] == counts[0] - 1 < 130
     assert max(pieces) <= 8000
 

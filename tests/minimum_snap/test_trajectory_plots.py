@@ -1,4 +1,4 @@
-"""The picture of a trajectory: what is drawn, for any number of axes, valid or not."""
+"""Figures of trajectories with any number of axes, feasible or not."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_any_number_of_axes(dimensions, tmp_path):
         figure.savefig(tmp_path / "path.png", dpi=50)
     assert path(figure).name == ("3d" if dimensions > 2 else "rectilinear")
     drawn = derivatives(figure)
-    # The position of one axis stands on the left.
+    # With one axis, the left half shows the position.
     assert next(iter(drawn)) == ("velocity" if dimensions == 1 else "position")
     assert list(drawn)[-1] == "snap"
     for order, word in enumerate(("position", "velocity", "acceleration", "jerk", "snap")):
@@ -41,7 +41,7 @@ def test_any_number_of_axes(dimensions, tmp_path):
     assert drawn["acceleration"].get_ylabel() == "acceleration\n(m/s²)"
 
 
-def test_the_title_tells_what_it_is():
+def test_title_states_objective_and_size():
     model = walk(5, 2, name="minimum-snap/walk")
     plan = spline(model)
     objective = number(model.objective(plan))
@@ -108,7 +108,7 @@ def test_limits_stand_at_their_height():
         artists(drawn["acceleration"], f"curve {'xy'[axis]}")[0].get_color() for axis in (0, 1)
     ]
     assert own == {curve[0]: 4, curve[1]: 5}
-    # One that is far away is told, so that the curve can still be seen.
+    # A distant limit is written as text, so that the curve remains visible.
     assert artists(drawn["jerk"], "limit") == []
     assert drawn["jerk"].get_title(loc="left") == "limit ±1×10⁶"
 
@@ -181,7 +181,7 @@ def test_bodies_of_half_spaces():
     assert "corridor" not in legend(ct.plot(empty))
 
 
-def test_half_spaces_that_cannot_be_shown_are_told():
+def test_omitted_half_spaces_are_noted():
     model = MinimumSnap(
         [[0] * 4, [1] * 4], [0, 1],
         polytope_segments=[0, 0], polytope_normals=[[1, 0, 0, 1], [1, 0, 0, 0]],
@@ -226,7 +226,7 @@ def test_the_worst_violation_is_marked():
     assert ring.get_offsets()[0].tolist() == pytest.approx(plan(t).tolist())
     told = derivatives(figure)["velocity"].get_title(loc="right")
     assert told.startswith(f"velocity limit violated by {number(0.2 * peak, 3)} m/s at ")
-    # Where no panel shows it, it is told beside the path.
+    # Without a panel for it, the violation is written next to the path.
     assert told in words(ct.plot(model, plan, derivatives=(0, 2)))
     assert ct.plot(bare, plan)._suptitle.get_color() != figure._suptitle.get_color() == "#C8102E"
 

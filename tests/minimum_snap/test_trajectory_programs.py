@@ -124,7 +124,7 @@ def test_options_are_checked(name, option, words):
         ("hermite", {"start": np.zeros((4, 2)), "degree": 8}, "derivative 4 is fixed"),
     ],
 )
-def test_what_a_formulation_does_not_cover(name, changes, words):
+def test_formulations_reject_unsupported_models(name, changes, words):
     with pytest.raises(UnsupportedFormulation, match=words):
         make(**changes).formulate(name)
 

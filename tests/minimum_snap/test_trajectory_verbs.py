@@ -21,7 +21,7 @@ TIMES = np.array([0.0, 1.0, 2.5, 4.0])
 
 
 class Done(NamedTuple):
-    """What a command printed."""
+    """Return the output of a command."""
 
     stdout: str
     stderr: str
@@ -114,7 +114,7 @@ def test_diagnose_names_the_segment(segment):
 
 
 def test_diagnose_is_minimal():
-    """Each finding is needed: without it there is a plan; with all of them there is none."""
+    """Removing any finding makes the problem feasible. All findings together are infeasible."""
     box = np.array([[0.0, 1.0], [1.5, 2.5]])  # two boxes that do not touch
     lower = np.column_stack([box[:, 0], [-5.0, -5.0]])
     upper = np.column_stack([box[:, 1], [5.0, 5.0]])
@@ -138,7 +138,7 @@ def test_diagnose_a_feasible_corridor():
     assert ct.diagnose(corridor(5, seed=2)).feasible is True
 
 
-def test_diagnose_what_the_interior_point_does_not_cover():
+def test_diagnose_beyond_the_interior_point():
     limit = np.full((3, 1), 50.0)
     limit[1] = 0.2
     model = MinimumSnap(WAYPOINTS, TIMES, velocity_limit=limit, continuity=2)
@@ -194,7 +194,7 @@ def test_check_against_the_rows_of_a_program(eight):
     assert "verified" in done.stdout
 
 
-def test_export_writes_what_flies(eight, tmp_path):
+def test_export_writes_poly7(eight, tmp_path):
     name = "minimum-snap/figure-eight-yaw"
     report = json.loads(run("export", name, eight, "--output", tmp_path / "f.csv", "--json").stdout)
     assert report["fits"] is True
@@ -232,7 +232,7 @@ def test_bad_files_are_refused(tmp_path):
     assert "bad.json" in done.stderr
 
 
-def test_times_that_are_sought(tmp_path):
+def test_time_allocation_commands(tmp_path):
     done = run(
         "solve", "time-allocation/walk-20-limited", "--json", "--output", tmp_path / "s.json",
         "--plot", tmp_path / "s.png",

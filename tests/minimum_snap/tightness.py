@@ -60,7 +60,7 @@ def family(seed: int, most: int = 100) -> Callable[[float], MinimumDerivative]:
         wide = room * (tightness if kind != 1 else 1.0)
         limits: dict[str, object] = {}
         if kind == 2:
-            # A tube of boxes about the middles of the legs, of which all waypoints inside are free.
+            # A tube of boxes around the middles of the legs. All inner waypoints are free.
             middle = (low + high) / 2
             middle[0], middle[-1] = points[0], points[-1]
             inner = np.full_like(given, FREE)
@@ -82,8 +82,8 @@ def family(seed: int, most: int = 100) -> Callable[[float], MinimumDerivative]:
 def _central(matrix: sp.csc_array, right: np.ndarray) -> np.ndarray | None:
     """Return the middle of the points with ``matrix @ x <= right`` and the least last entry.
 
-    An interior point without crossover: at a vertex, whatever the least entry leaves free would
-    stick out between the instants forever.
+    An interior point without crossover: at a vertex, directions that the minimum leaves free
+    would violate bounds between the instants in every round.
     """
     import highspy
 
@@ -137,7 +137,7 @@ def critical(model: Callable[[float], MinimumDerivative]) -> tuple[float, float]
             return 0.0, np.inf
         least = float(x[-1])
         plan = formulation.decode(x[:-1])
-        # What the exact extremes of this trajectory need.
+        # Tightness that the exact extremes of this trajectory require.
         needs = [least]
         for at, then in zip(model(4.0).bounds, model(5.0).bounds, strict=True):
             peaks = plan.extremes(at.derivative)
@@ -162,7 +162,7 @@ def critical(model: Callable[[float], MinimumDerivative]) -> tuple[float, float]
 
 
 def drawn(count: int, first: int = 0, most: int = 100) -> list[Case]:
-    """Return `count` cases: what is wider than the critical tightness is feasible, what is narrower not."""
+    """Return `count` cases. They are feasible if wider than the critical tightness, else infeasible."""
     cases: list[Case] = []
     seed = first
     while len(cases) < count:

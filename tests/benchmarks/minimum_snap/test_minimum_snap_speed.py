@@ -32,7 +32,8 @@ from crosstrack.solvers.minimum_snap.hermite import jets_to_coefficients
 AXES = 3
 SIZES = {10: 500, 100: 500, 1_000: 200, 10_000: 40, 100_000: 10, 1_000_000: 5}
 NAMES = {2: "acceleration", 3: "jerk", 4: "snap", 5: "crackle"}
-#: Least seconds of the native solver by order and size: what else runs shall not count as growth.
+#: Minimum time of the native solver by order and size, s. A minimum excludes the load of other
+#: processes.
 FOUND: dict[tuple[int, int], float] = {}
 
 

@@ -1,8 +1,8 @@
 """1,000 random trajectories against an elimination in a hundred digits.
 
-Segments 2 … 1000, durations of ratios up to 1e6, orders 2 … 5, any pattern of what is fixed and free.
-An answer that is called optimal must have the optimum's objective and shape, no bound may exceed the
-optimum, and what is refused says why. The table counts the answers.
+Segments 2 … 1000, durations of ratios up to 1e6, orders 2 … 5, any pattern of fixed and free entries.
+An answer reported as optimal must have the optimum's objective and shape, no bound may exceed the
+optimum, and every rejection gives a reason. The table counts the answers.
 """
 
 from __future__ import annotations
