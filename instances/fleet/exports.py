@@ -151,6 +151,6 @@ def _walks(plan: FleetPlan, model: FleetRouting) -> Iterator[tuple[int, list[int
             yield k, [home, *route, home]
 
 
-CSV = ExportFormat("one row a stop (CSV)", ".csv", write_routes_csv)
+CSV = ExportFormat("one row per stop (CSV)", ".csv", write_routes_csv)
 GEOJSON = ExportFormat("routes as lines (GeoJSON, in metres)", ".geojson", write_routes_geojson)
 VRPLIB = ExportFormat("a solution of VRPLIB", ".sol", write_vrplib)

@@ -88,7 +88,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     name: ClassVar[str] = "three-index"
     program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
-    summary: ClassVar[str] = "edges a vehicle, subtour cuts and tangents as they are missed"
+    summary: ClassVar[str] = "edges per vehicle, lazy subtour cuts and tangents"
 
     def __post_init__(self) -> None:
         check_rounds(self.name, self.root_rounds)

@@ -69,7 +69,7 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
 
     name: ClassVar[str] = "two-index"
     program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
-    summary: ClassVar[str] = "edges without vehicles, subtour cuts as they are missed; the sum only"
+    summary: ClassVar[str] = "edges without vehicles, lazy subtour cuts; the sum only"
 
     def __post_init__(self) -> None:
         check_rounds(self.name, self.root_rounds)

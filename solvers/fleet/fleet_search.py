@@ -187,16 +187,16 @@ class FleetSearch(Backend):
     options: ClassVar[Mapping[str, Option]] = {
         "patience": Option(
             1,
-            "Generations in a row without better routes, after which the search ends.",
+            "Consecutive generations without better routes after which the search ends.",
             int,
             lower=1,
         ),
         "steps": Option(
-            0, "Steps of one annealing; 0 means 250 a node, from 500 to 50000.", int, lower=0
+            0, "Steps of one annealing; 0 means 250 per node, from 500 to 50000.", int, lower=0
         ),
         "bound": Option(True, "Whether to prove a lower bound as well.", bool),
     }
-    summary = "annealed from many starts, recombined, with a proven bound; ours"
+    summary = "annealing from many starts and recombination, with a proven bound; ours"
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
         """Search until the time limit, a closed gap or the end of the patience."""

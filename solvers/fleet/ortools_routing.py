@@ -48,13 +48,11 @@ class OrToolsRouting(FleetHeuristic):
         "ortools.sat.python.cp_model_helper",
     )
     options: ClassVar[Mapping[str, Option]] = {
-        "seconds": Option(10.0, "Seconds that it searches where no time limit is set.", lower=0.01),
-        "solutions": Option(
-            None, "Solutions after which it ends, the same on every machine.", int, lower=1
-        ),
+        "seconds": Option(10.0, "Search time without a time limit, s.", lower=0.01),
+        "solutions": Option(None, "Number of solutions after which the search ends.", int, lower=1),
         "first": Option(
             "automatic",
-            "How it finds a first solution.",
+            "Heuristic of the first solution.",
             str,
             ("automatic", "path_cheapest_arc", "parallel_cheapest_insertion", "savings"),
         ),

@@ -50,8 +50,8 @@ class PyVrpRouting(FleetHeuristic):
     options: ClassVar[Mapping[str, Option]] = {
         "patience": Option(
             200,
-            "Iterations without a better plan after which a search ends; that for the sum ends after "
-            "ten times as many, or at the time limit where there is one.",
+            "Iterations without a better plan after which a search ends. The search for the sum ends "
+            "after ten times as many, or at the time limit if there is one.",
             int,
             lower=1,
         ),

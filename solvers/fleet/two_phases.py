@@ -29,7 +29,7 @@ _RESTARTS = Option(False, "Start again with new random numbers until the time li
 
 def _colony(ants: int, iterations: int) -> dict[str, Option]:
     return {
-        "ants": Option(ants, "Ants of a cluster.", int, lower=1, upper=10_000),
+        "ants": Option(ants, "Ants per cluster.", int, lower=1, upper=10_000),
         "ant_iterations": Option(iterations, "Tours of each ant.", int, lower=0),
         "alpha": Option(1.0, "Exponent of the pheromone (paper: 1).", lower=0, upper=10),
         "beta": Option(3.0, "Exponent of the reciprocal distance (paper: 3).", lower=0, upper=10),
@@ -236,7 +236,7 @@ class TwoPhase(ClusterFirst):
     name = "tpha"
     options: ClassVar[Mapping[str, Option]] = {
         "rounds": Option(100, "Largest number of rounds of k-means.", int, lower=1),
-        "population": Option(60, "Tours of a cluster.", int, lower=2, upper=10_000),
+        "population": Option(60, "Tours per cluster.", int, lower=2, upper=10_000),
         "generations": Option(300, "Generations.", int, lower=0),
         "mutation": Option(0.3, "Probability that a child is changed.", lower=0, upper=1),
         "restarts": _RESTARTS,

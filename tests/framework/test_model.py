@@ -196,7 +196,7 @@ def test_threshold_met_exactly_is_met_and_a_hair_above_is_marked():
     ("data", "words"),
     [
         ({"route": [0, 9]}, r"route\[1\] must be in 0 … 4, got 9"),
-        ({"route": [0, -1]}, "must lie in"),
+        ({"route": [0, -1]}, "must be in"),
         ({"route": [0, 1.5]}, r"route\[1\] must be a point index"),
         ({"route": [0, True]}, "must be a point index"),
         ({"route": "0-4"}, "must be a list"),
