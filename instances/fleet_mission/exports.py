@@ -144,7 +144,7 @@ def write_mission_geojson(
     path : path-like
         The file.
     model : FleetMission
-        What it is for.
+        Intended software.
     rate : float
         Points of a curve a second (Hz).
     """

@@ -1,4 +1,4 @@
-"""What the catalogue holds of fleet missions: one with the paper's numbers, and special cases."""
+"""Catalogue entries of fleet missions: one with the paper's numbers, and special cases."""
 
 from __future__ import annotations
 

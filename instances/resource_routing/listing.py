@@ -1,4 +1,4 @@
-"""What the catalogue holds of routes with resources."""
+"""Catalogue entries of routing with resources."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Driver(Declared):
     lag: float = declared(Real(lower=0.001, upper=10.0, unit="s"))
 
 
-#: The driver of the drive that is estimated, who is none of the design's.
+#: Driver of the estimated drive. This driver is not part of the design.
 HELD_OUT = Driver(preview=0.9, correction=0.14, gain=0.98, delay=0.11, lag=0.09)
 
 

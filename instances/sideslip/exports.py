@@ -39,7 +39,7 @@ def write_sideslip_csv(
     path : path-like
         The file.
     model : SideslipEstimation
-        What it is for.
+        Intended software.
 
     Raises
     ------

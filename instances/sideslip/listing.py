@@ -1,4 +1,4 @@
-"""What the catalogue holds of sideslip estimation: the paper's two roads, and drives wilder than its own."""
+"""Catalogue entries of sideslip estimation: the paper's two roads, and more demanding drives."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def simulate(
     vehicle : Vehicle
         The one that is driven. Its friction is not read.
     road : Road
-        What the driver follows.
+        The path that the driver follows.
     driver : Driver
         Who steers.
     speed : ndarray, shape (n,)
@@ -90,7 +90,7 @@ def simulate(
     friction : ndarray, shape (n,)
         Coefficient of friction from each sample on; of no account for linear tyres.
     shocks : ndarray, shape (n, 2)
-        What is added to sideslip angle and yaw rate at each sample after the first.
+        Disturbance added to sideslip angle and yaw rate at each sample after the first.
     period : float
         Time between samples, s.
 

@@ -1,4 +1,4 @@
-"""What is measured on an estimate, from the raw data: no equation of an estimator is used here."""
+"""Checks of an estimate against the raw data, without any equation of an estimator."""
 
 from __future__ import annotations
 

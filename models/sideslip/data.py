@@ -27,7 +27,7 @@ LOW_SPEED = 1.0
 UNKNOWN = math.pi / math.sqrt(12.0)
 #: Seconds without a sample above which a recording is refused.
 MOST_GAP = 2.0
-#: Samples of a recording, at the least and at the most.
+#: Smallest and largest number of samples of a recording.
 LEAST, MOST = 10, 1_000_000
 
 
@@ -113,7 +113,7 @@ class Times(Array):
 
 @dataclass(frozen=True, eq=False)
 class Recording(Declared):
-    """What was measured on a drive, one entry a sample.
+    """Measurements of a drive, one entry per sample.
 
     The axes are those of ISO 8855: forward, left and up, so a turn to the left has a positive steering
     angle, yaw rate and lateral acceleration. The sideslip angle is that of the velocity against the forward axis,

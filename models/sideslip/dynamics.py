@@ -36,7 +36,7 @@ Numbers4 = tuple[float, float, float, float]
 Numbers6 = tuple[float, float, float, float, float, float]
 Numbers8 = tuple[float, float, float, float, float, float, float, float]
 
-#: Seconds of a step at the most: longer times between samples are divided.
+#: Longest step in seconds. Longer times between samples are divided.
 LONGEST_STEP = 0.02
 #: Norm up to which the series is summed, and its terms, with which the rest is below rounding.
 _NORM, _TERMS = 0.5, 14
@@ -52,11 +52,11 @@ class Linearised(NamedTuple):
     step : ndarray, shape (n - 1, 2, 2)
         How the state goes over.
     shift : ndarray, shape (n - 1, 2)
-        What is added.
+        Disturbance that is added.
     slope : ndarray, shape (n, 2, 2)
         How yaw rate and lateral acceleration follow from the state.
     level : ndarray, shape (n, 2)
-        What is added.
+        Disturbance that is added.
     """
 
     step: Floats

@@ -136,7 +136,7 @@ class FullInformation(Formulation[SideslipEstimation, SideslipEstimate]):
 
     @cached_property
     def stretch(self) -> Stretch:
-        """What is known of all samples."""
+        """Terms of all samples."""
         states = np.zeros((len(self.model.recording), 2))  # of no account for linear tyres
         return Stretch.of(self.model, linearise(self.model, states))
 
@@ -216,7 +216,7 @@ def _read(stretch: Stretch, point: Floats, times: Floats) -> SideslipEstimate:
     Parameters
     ----------
     stretch : Stretch
-        What the vector's program was made of.
+        Data of the program to which the vector belongs.
     point : ndarray
         The vector.
     times : ndarray, shape (n,)

@@ -46,7 +46,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
     vehicle : Vehicle or mapping
         The vehicle that estimators believe in, which may not be the one that was driven.
     recording : Recording or mapping
-        What was measured, without the angle.
+        The measurements, without the angle.
     training : sequence of Recording
         Drives with a known angle, for estimators that learn; none by default.
     disturbance : ndarray, shape (2,)

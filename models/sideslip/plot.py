@@ -52,7 +52,7 @@ _TALL, _LOW, _GAP, _LINE, _LETTERS = 1.7, 1.0, 0.85, 0.17, 13.0
 
 
 class _Named(NamedTuple):
-    """An estimate, what the legend calls it, and the number of its colour."""
+    """An estimate, its label in the legend, and the number of its colour."""
 
     label: str
     colour: int
@@ -190,7 +190,7 @@ def _title(
 
 
 def _figure(model: SideslipEstimation, estimates: Sequence[_Named], text: str, size: Any) -> Figure:
-    """Draw the panels below one legend: angle and error across, what was measured in pairs."""
+    """Draw the panels below one legend: angle and error in full width, measurements in pairs."""
     from matplotlib.patches import Patch
 
     drawn = _Drawn(model.recording)

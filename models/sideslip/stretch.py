@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stretch:
-    """What is known of some samples in a row.
+    """Terms of consecutive samples.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class Stretch:
 
     @cached_property
     def scale(self) -> Floats:
-        """What a unit of the state's columns stands for, rad and rad/s: a usual disturbance."""
+        """Unit of the state's columns, rad and rad/s: a typical disturbance."""
         usual = np.median(self.disturbance, axis=0) if len(self.disturbance) else np.diag(self.root)
         return np.asarray(usual)
 

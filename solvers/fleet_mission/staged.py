@@ -32,9 +32,9 @@ __all__ = ["Staged"]
 
 Floats = NDArray[np.float64]
 
-#: Seconds for the routing of each node where none are said.
+#: Default seconds for the routing, per node.
 SECONDS_A_NODE = 0.04
-#: Share of what is left of the time that the routing gets at the most.
+#: Largest share of the remaining time for the routing.
 ROUTING_SHARE = 0.4
 
 
@@ -107,7 +107,7 @@ class Staged(Backend):
             flights = self._flights(stages, solver, corridors)
         counts["minimum-snap problems"] = sum(one.programs for one in flights)
         plan, found = self._put_together(stages, routes, corridors, flights)
-        if not found.ok:  # what a solver's digits broke, rest keeps
+        if not found.ok:  # a stop at every knot repairs violations by rounding
             flights = [Flight(resting(problem, way), 0, True) for way in corridors]
             plan, found = self._put_together(stages, routes, corridors, flights)
         counts["robots that rest at knots"] = sum(one.rests for one in flights)

@@ -44,7 +44,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: What of a pose may move: nothing, the heading, the offset along the boundary, all within the disc.
+#: Free parts of a pose: none, the heading, the offset along the boundary, or all within the disc.
 FIXED, TURNS, RIM, DISC = 0, 1, 2, 3
 #: Steps of the search for a root before it is given up, and the error left, by the length.
 STEPS, EXACT = 40, 1e-14

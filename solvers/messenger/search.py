@@ -43,7 +43,7 @@ NEAR = 1.03
 class TourSearch(Backend):
     """Ruin and recreate under annealing, from many starts, then the best tours again; ours.
 
-    What is best is polished by the nonlinear program of its order and turns, and never made worse.
+    The best tours are polished by the nonlinear program of their order and turns, which never makes them longer.
     The bound is that of :class:`.bound.CurvatureBound`, so that the tour comes with a gap.
     """
 

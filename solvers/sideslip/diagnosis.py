@@ -1,4 +1,4 @@
-"""What a recording, the believed vehicle and the drives to learn from say before any angle is estimated.
+"""Diagnosis of a recording, the assumed vehicle and the training drives before an angle is estimated.
 
 That tyres are linear up to about 4 m/s² on a dry road, and when a vehicle is stable, is textbook knowledge (R. Rajamani,
 Vehicle Dynamics and Control, 2012, chapters 3 and 13).
@@ -41,7 +41,7 @@ def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None
     Parameters
     ----------
     model : SideslipEstimation
-        What is asked.
+        The model.
     time_limit : float, optional
         Not used.
     """
@@ -176,7 +176,7 @@ def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
 
 
 def _observability(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield what measurements tell of the angle at the driven speeds, and what a wrong vehicle costs."""
+    """Yield the observability of the angle at the driven speeds, and the effect of a wrong vehicle."""
     drive, car = model.recording, model.vehicle
     # As many samples as a second has, up to a power of 2.
     count = 2 ** round(math.log2(min(max(1.0 / drive.period, 1.0), 2.0**20)))

@@ -1,6 +1,6 @@
-"""``kalman-filter`` and ``rts-smoother``: what the single-track model and its noises say of the angle.
+"""``kalman-filter`` and ``rts-smoother``: estimates of the angle by the single-track model and its noises.
 
-What they claim is the covariance of the model, widened by what the innovations say against the
+Their uncertainty is the covariance of the model, increased by the evidence of the innovations against the
 model, see :mod:`crosstrack.solvers.sideslip.mismatch`; the estimates themselves are those of the model.
 """
 
@@ -19,7 +19,7 @@ __all__ = ["KalmanFilter", "RtsSmoother", "claim"]
 
 Floats = NDArray[np.float64]
 
-#: Widening from which on a person is told that the model is wrong.
+#: Widening above which a warning states that the model is wrong.
 _WRONG = 2.0
 
 
@@ -38,7 +38,7 @@ def claim(
     problem : SideslipEstimation
         The model.
     found : FilterPass
-        What the Kalman filter found of it.
+        Result of the Kalman filter for it.
     sideslip, variance : ndarray, shape (n,)
         The angle (rad) and its variance by the model.
     ahead : bool

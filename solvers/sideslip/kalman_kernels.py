@@ -89,12 +89,12 @@ def filter_path(
         g, h = slope[k, 1, 0], slope[k, 1, 1]
         v = data[k, 0] - y
         w = data[k, 1] - (g * x + h * y + level[k, 1])
-        # What the second measurement shares with the state, and the covariance H P Hᵀ + R of both.
+        # Cross-covariance of the second measurement and the state, and the covariance H P Hᵀ + R of both.
         i, j = g * a + h * b, g * b + h * c
         r, s, t = c + noise[2], j, g * i + h * j + noise[3]
         keep(k, v, w, r, s, t, innovations, innovation_spread)
         if usable[k]:
-            # The second's variance, where the first is known, is that of its noise at the least.
+            # The variance of the second, given the first, is at least that of its noise.
             rest = max(t - s * s / r, noise[3])
             d, e = (i - b * s / r) / rest, (j - c * s / r) / rest
             f, o = (b - d * s) / r, (c - e * s) / r
@@ -129,7 +129,7 @@ def smooth_path(
 ) -> None:  # fmt: skip
     """Run back over a drive that was filtered; `smoothed` and its covariances are filled in.
 
-    What later samples say of a state x is carried as -xᵀ J x / 2 + xᵀ y, and joined with the filtered state.
+    The information of later samples about a state x is carried as -xᵀ J x / 2 + xᵀ y, and joined with the filtered state.
     """
     a, b, c, v, w = 0.0, 0.0, 0.0, 0.0, 0.0  # J = [[a, b], [b, c]] and y
     last = len(filtered) - 1

@@ -18,13 +18,13 @@ Floats = NDArray[np.float64]
 
 #: Share of normal errors within two deviations, at which claimed deviations are calibrated.
 WITHIN_TWO = math.erf(2.0 / math.sqrt(2.0))
-#: Examples that are left out in turn, at the most: more change the width little, and cost time.
+#: Largest number of examples that are left out in turn. More change the width little, and cost time.
 MOST_LEFT_OUT = 300
-#: Entries of a table of examples against examples, at the most: it is held in memory.
+#: Largest number of entries of a table of examples against examples, which is held in memory.
 MOST_TABLE = 2**24
 #: Entries of a block of such a table: it stays in a processor's cache.
 BLOCK = 2**18
-#: Rows of a block, at the least, unless it fills the memory: fewer are slow to multiply.
+#: Smallest number of rows of a block, unless it fills the memory. Fewer are slow to multiply.
 ROWS = 16
 #: Widths between which the best one is sought, in deviations of the features.
 NARROWEST, WIDEST = 0.02, 5.0
@@ -69,12 +69,12 @@ class Window(NamedTuple):
 
 
 class TrainingSet(NamedTuple):
-    """What is learned from, an example a sample.
+    """Training examples, one per sample.
 
     Parameters
     ----------
     features : ndarray, shape (n, d)
-        What an angle is estimated from.
+        Features from which the angle is estimated.
     angles : ndarray, shape (n,)
         The angle, or whatever else is to be estimated, rad.
     drives : ndarray, shape (n,)
@@ -96,9 +96,9 @@ def training_set(
     training : iterable of Recording
         Drives with a known angle.
     window : Window
-        What an angle is estimated from.
+        Features from which the angle is estimated.
     targets : iterable of ndarray, optional
-        What is to be estimated at each sample of each drive; None takes the angle.
+        Target at each sample of each drive; None takes the angle.
 
     Returns
     -------
@@ -166,7 +166,7 @@ class KernelRegression:
     Parameters
     ----------
     examples : TrainingSet
-        What is learned from.
+        The training examples.
     width : float, optional
         Deviation of the Gaussian in deviations of the features, or in their root mean square deviation without
         `scaling`; None takes the width with the smallest square error on drives that are left out in turn.
@@ -250,7 +250,7 @@ class StraightLine:
     Parameters
     ----------
     examples : TrainingSet
-        What is learned from.
+        The training examples.
 
     Attributes
     ----------

@@ -66,7 +66,7 @@ def mismatch(problem: SideslipEstimation, found: FilterPass, *, ahead: bool = Fa
     problem : SideslipEstimation
         The model.
     found : FilterPass
-        What the Kalman filter found of it.
+        Result of the Kalman filter for it.
     ahead : bool
         Whether later innovations count as earlier ones do, for estimates that use all samples.
 

@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 class Estimate(NamedTuple):
-    """What an estimator found.
+    """Result of an estimator.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Estimate(NamedTuple):
     statistics : mapping
         Counts of its own.
     message : str
-        What a person should know.
+        Warning for the user.
     spread : float
         Deviation of the angles, or of a filter's errors, that were learned, rad; 0 if nothing was learned.
     """

@@ -23,7 +23,7 @@ __all__ = ["FilterPass", "SmoothedPass", "filter_drive", "noise_variances", "smo
 
 Floats = NDArray[np.float64]
 
-#: Deviations of the angle from which on nothing is known, by what could be unknown at the most.
+#: Deviation of the angle above which it is unknown, as a multiple of the largest prior deviation.
 _LOST = 1e4
 
 

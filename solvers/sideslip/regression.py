@@ -200,7 +200,7 @@ def widen_by_kinematics(
 
 
 def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, float]:
-    """Return what statistics tell of it."""
+    """Return its entries of the statistics."""
     said = {"error of drives left out": float(np.degrees(learned.error))}
     if isinstance(learned, KernelRegression):
         said["width"] = learned.width

@@ -1,4 +1,4 @@
-"""What a recording says of its own sensors: sampling, rest, signs, units and noise.
+"""Properties of the sensors of a recording: sampling, rest, signs, units and noise.
 
 Signs and units follow from kinematics, ``a ≈ u ω`` in slow manoeuvres, and from the steady turn of the single-track
 model, ``ω = u δ / (L + K u²)`` with ``K = m (b / C_f - a / C_r) / L`` (R. Rajamani, Vehicle Dynamics and
@@ -201,7 +201,7 @@ def _steering(model: SideslipEstimation) -> Iterator[Remark]:
             + ("mass, stiffness or friction may be wrong" if size < 8 else "a unit or a scale is wrong"),
             "vehicle", gain=gain, correlation=clear,
         )  # fmt: skip
-    # What is left where the steering says straight ahead, by a straight line through both.
+    # Offset at zero steering, by a straight line through both.
     gain, clear = _slope(asked - asked.mean(), yaw - yaw.mean())
     bias = float(yaw.mean() - gain * asked.mean())
     least = max(_BIAS * float(yaw.std()), 4.0 * model.yaw_rate_noise / math.sqrt(asked.size))

@@ -1,4 +1,4 @@
-"""Pictures of attractors: what is drawn is what the series, the embedding and the plan say."""
+"""Pictures of attractors show the data of the series, the embedding and the plan."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The whole analysis: its parts are those of their backends, and what cannot be had is told."""
+"""The whole analysis: its parts equal those of their backends, and missing parts are reported."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_the_methods_are_options():
     _, own = analysed("false-neighbours", x)
     _, answer = analysed("full-analysis", x, dimension_method="false-neighbours")
     assert answer.point.dimension == own.point.dimension
-    # What is given is not chosen.
+    # Options that are given are not chosen automatically.
     _, answer = analysed(
         "full-analysis", x, delay=2, dimension=3, theiler=7, dimension_method="c-c"
     )

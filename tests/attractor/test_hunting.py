@@ -1,4 +1,4 @@
-"""The hunt: its equations and their derivatives, what it never does, and its largest exponent."""
+"""The hunt: its equations and their derivatives, its invariants, and its largest exponent."""
 
 import math
 

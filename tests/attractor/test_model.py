@@ -1,4 +1,4 @@
-"""Attractors as models: what is refused and hidden, and slopes against curves that are counted pair by pair."""
+"""Attractors as models: refused and hidden data, and slopes against curves that are counted pair by pair."""
 
 import json
 import math

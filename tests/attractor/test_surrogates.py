@@ -1,4 +1,4 @@
-"""Surrogates: what they keep, that noise is not rejected, that motions are, and who may be called chaotic."""
+"""Surrogates: their invariants, noise that is not rejected, motions that are, and the conditions of chaos."""
 
 from dataclasses import replace
 

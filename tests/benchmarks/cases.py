@@ -1,4 +1,4 @@
-"""What is timed: the paper's large rows, and uniform points in a slab."""
+"""Timed cases: the paper's large rows, and uniform points in a slab."""
 
 from __future__ import annotations
 

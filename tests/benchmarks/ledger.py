@@ -1,4 +1,4 @@
-"""What the benchmarks measured, and the table that shows it side by side."""
+"""Measurements of the benchmarks, and the table that compares them."""
 
 from __future__ import annotations
 

@@ -23,9 +23,9 @@ from crosstrack.solvers.campaign import LEFT_OUT
 from crosstrack.solvers.solution import Solution
 from crosstrack.solvers.verdict import judge
 
-#: Characters of a plan at the most.
+#: Largest number of characters of a plan.
 PLAN = 12_000
-#: Seconds of a part that is told at the least, and the parts that always are.
+#: Shortest time of a part that is recorded, and the parts that always are.
 LEAST, PARTS = 0.01, ("build", "solve", "total")
 #: Share of the way from the first plan to the last below which nothing between is told.
 LEFT = 1e-4

@@ -1,4 +1,4 @@
-"""Pictures of black boxes: what is drawn is what the function and the plan say."""
+"""Pictures of black boxes show the data of the function and the plan."""
 
 import math
 from types import SimpleNamespace
@@ -101,7 +101,7 @@ def test_a_map_of_levels_with_the_point(tmp_path):
     assert len(shares) > 10
     assert shares.max() < 0.12
     assert mark(axes) == (1, 3)
-    # What is far away stands at the edge.
+    # Values far away are drawn at the edge.
     assert mark(axes, "beyond") == (30, 0)
     assert legend(figure) == ["bound", "point, 0", "beyond, 45713, NOT VALID"]
     assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x[0]", "x[1]", "value")

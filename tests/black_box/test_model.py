@@ -1,4 +1,4 @@
-"""Black boxes as models: what is refused, what is counted, what is verified, and what nobody sees."""
+"""Black boxes as models: refused data, counted evaluations, verification, and hidden data."""
 
 import contextlib
 import copy
@@ -363,7 +363,7 @@ def test_plans_that_are_none():
 
 
 def test_counting_is_exact_through_processes():
-    """The function is called as often as is granted, and once more to verify."""
+    """The function is called as often as the limit allows, and once more to verify."""
     calls = []
     model = box(lambda x: float(calls.append(1) or x @ x), *UNIT, budget=50)
     found = ct.solve(model, "random-search", seed=2)

@@ -174,7 +174,7 @@ def test_a_target_ends_a_search_where_it_is_reached_however_points_are_asked_for
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("last", [1, 4])
 def test_a_search_that_is_stopped_asks_nothing_more(name, last):
-    """As at a time limit; what is known by then comes back."""
+    """As at a time limit, the best point so far is returned."""
     model = box(WAVY, *SQUARE, budget=3000)
     control = Control()
 
@@ -205,7 +205,7 @@ def test_what_the_function_raises_comes_through_every_search(name):
     text = "function raised ZeroDivisionError: too far right, at"
     with pytest.raises(InvalidData, match=text):
         search(name, fragile(0))
-    # What was answered before is kept.
+    # Earlier answers are kept.
     answer, _ = search(name, fragile(4))
     assert text in answer.message
     assert answer.primal_bound == np.square(answer.point.x).sum()
@@ -380,7 +380,7 @@ def test_searches_give_the_same_in_a_process_of_their_own():
     for name in sorted(some - LACKING):
         found = ct.solve(model, name, seed=7)
         assert found.statistics["evaluations"] == 120 and found.verification.ok
-        # What is dispatched, in a process of its own, is what is searched here.
+        # The dispatched run in its own process gives the same result as the search here.
         answer, _ = search(name, model, seed=7)
         assert found.primal_bound == answer.primal_bound and found.plan == answer.point
 

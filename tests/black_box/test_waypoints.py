@@ -1,4 +1,4 @@
-"""Paths through waypoints: their values by other means, what they are worth, and what is refused."""
+"""Paths through waypoints: their values by other means, and refused data."""
 
 import itertools
 from fractions import Fraction
@@ -125,7 +125,7 @@ def test_values_grow_with_the_cells_wherever_they_lie(cell):
         moved = GridMap(grid.blocked, cell, origin)
         function = WaypointPath(moved, *(origin + cell * ends), 4, 7.0)
         found = function.values((origin + cell * points).reshape(len(points), -1))
-        # What lies on a side stays there, but for the corners that a line only meets by chance.
+        # Points on a side stay there, except at corners that a line meets only by chance.
         assert found / cell == pytest.approx(values, rel=1e-8, abs=1e-7)
 
 

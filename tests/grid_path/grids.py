@@ -40,7 +40,7 @@ def movingai(name):
 def as_printed(length, printed):
     """Whether `length` is what was printed, with six significant digits or eight decimals.
 
-    What was printed had been summed in floats of 4 bytes, or with too few digits of √2, so that the
+    The printed values had been summed in floats of 4 bytes, or with too few digits of √2, so that the
     last digit may be rounded the wrong way. Other lengths of paths so short differ by more.
     """
     if len(printed.partition(".")[2]) == 8:

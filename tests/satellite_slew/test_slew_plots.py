@@ -1,4 +1,4 @@
-"""The pictures of slews: what is drawn, for plans valid or not."""
+"""Pictures of slews, for valid and invalid plans."""
 
 from types import SimpleNamespace
 
@@ -78,7 +78,7 @@ def test_a_slew_in_the_papers_manner(tmp_path):
     assert value == pytest.approx(plan["delta"](t)[:, 0], abs=1e-12)
     (line,) = artists(drawn["singularity det(A Aᵀ)"], "curve det(A Aᵀ)")
     assert (line.get_ydata() > 0).all()
-    # The plan obeys no equation of motion, and the title says so.
+    # The plan violates the equations of motion, and the title states it.
     assert figure.get_suptitle().startswith("turn  ·  45° about (1, 0, 0), J = ")
     assert "\nNOT VALID: " in figure.get_suptitle()
 
@@ -109,7 +109,7 @@ def test_tracking_adds_the_errors():
     assert {"saturated", "kept by the paper's controller"} <= set(legend(figure))
     (measure,) = artists(drawn["singularity det(A Aᵀ)"], "curve flown")
     assert set(measure.get_ydata()) == {0.7}
-    # What is held after the end of the plan is in sight.
+    # The hold after the end of the plan is visible.
     assert drawn["quaternion"].get_xlim()[1] > 12
 
 

@@ -1,4 +1,4 @@
-"""What is said of a recording before it is estimated: each oddity by a recording that has it, and no other."""
+"""Diagnosis of a recording before estimation: each fault is reported for a recording that has it, and no other."""
 
 import dataclasses
 import json
@@ -68,7 +68,7 @@ def test_a_good_recording_has_nothing_odd():
     assert "the believed vehicle does not oversteer: it is stable at every speed" in texts
     assert any(text.startswith("1 drive to learn from, 401 samples: ") for text in texts)
     assert diagnose_sideslip(model.blinded()).findings == found.findings, "the truth is not read"
-    # What a vehicle does to the left it does to the right.
+    # The vehicle behaves the same to the left and to the right.
     mirrored = recorded(
         model,
         **{

@@ -135,7 +135,7 @@ def test_a_seed_means_the_same_drives():
     one = generate(seed=5)
     assert one.digest == generate("lane-change", seed=5).digest != generate(seed=6).digest
     assert len({one.digest, generate(road="serpentine", seed=5).digest}) == 2
-    # What is there to learn from does not change the drive that is estimated, nor the first of the others.
+    # The number of training drives changes neither the estimated drive nor the first of the others.
     fewer = generate(seed=5, drivers=3)
     assert fewer.recording.data() == one.recording.data()
     assert [drive.data() for drive in fewer.training] == [d.data() for d in one.training[:3]]
@@ -375,7 +375,7 @@ def test_wild_ones_are_wild():
     for name, model in models.items():
         assert len(model.training) == (0 if name == "untrained" else 15)
         assert (model.truth is None) == (name == "unknown")
-    # Near the limit: what the axles hold is nearly used up.
+    # Near the limit, the lateral force of the axles is almost exhausted.
     limit = models["limit"]
     forces = np.abs([d.lateral_acceleration for d in limit.training]).max() / (0.55 * GRAVITY)
     assert 0.7 < forces < 1.05

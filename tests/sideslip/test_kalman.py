@@ -159,7 +159,7 @@ def test_innovations_and_order(vehicle: Vehicle) -> None:
     np.testing.assert_array_equal(smoothed.states[-1], found.filtered[-1])
 
 
-# What is claimed
+# The claimed uncertainty
 
 
 def test_claims_hold_where_the_model_does() -> None:

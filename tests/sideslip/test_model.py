@@ -1,4 +1,4 @@
-"""Sideslip estimation as a model: what is refused, what is hidden, and what is measured on an estimate."""
+"""Sideslip estimation as a model: refused data, hidden data, and the checks of an estimate."""
 
 import contextlib
 import copy

@@ -1,4 +1,4 @@
-"""Pictures of sideslip estimates: what is drawn is what model and plans say."""
+"""Pictures of sideslip estimates show the data of model and plans."""
 
 import dataclasses
 
@@ -87,7 +87,7 @@ def test_without_plan_or_truth_the_rest_is_drawn():
     plan = estimate(model.truth + 0.3)
     assert list(panels(render(ct.plot(model)))) == ["sideslip angle", *MEASURED]
     alone = dataclasses.replace(model, truth=None)
-    # A constant error is not seen by kinematics; what is left is the rule of the integral.
+    # Kinematics does not detect a constant error. The remainder is the error of the quadrature.
     value = alone.verify(plan).objective
     assert value < 1e-3
     for unknown in (alone, model.blinded()):

@@ -177,7 +177,7 @@ def test_a_vehicle_at_rest_does_not_turn():
     assert np.abs(drive.steering[rest]).max() > 0.004
     for values in (drive.x, drive.y):
         assert np.ptp(values[rest]) == 0.0
-    # What is left of the turn fades within a few tenths of a second.
+    # The rest of the turn decays within a few tenths of a second.
     assert np.abs(drive.yaw_rate[110:300]).max() < 1e-9
     assert np.ptp(drive.heading[110:300]) < 1e-9
     assert np.isfinite(np.stack(drive)).all()

@@ -1,7 +1,7 @@
 """Exponents and correlation dimensions of systems whose values are known, from several starts.
 
 Shown are the means over the starts, the worst relative error (of a dimension: the worst difference), and the mean of the
-deviations that are claimed. What has no scaling region from every start says so. Run with ``make bench``, or::
+deviations that are claimed. Systems without a scaling region from every start are marked. Run with ``make bench``, or::
 
     pytest tests/benchmarks/attractor/test_known_systems.py -s
 """

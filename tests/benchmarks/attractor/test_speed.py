@@ -28,7 +28,7 @@ from crosstrack.solvers.backend import Request
 
 BACKENDS = [Rosenstein(), Kantz(), CorrelationDimension()]
 SIZES = [1_000, 10_000, 100_000, 1_000_000]
-#: Samples that nolds is given at the most.
+#: Largest number of samples for nolds.
 MOST = 10_000
 
 

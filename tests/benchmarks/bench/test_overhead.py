@@ -1,4 +1,4 @@
-"""What a campaign costs beside its jobs, what workers and a cluster gain, and what a report of it costs.
+"""Overhead of a campaign and of its report, and the gain by workers and a cluster.
 
 Ratios within one run: the same jobs by each way in turn, and the page beside the reading of its records.
 """

@@ -1,4 +1,4 @@
-"""What a question about hidden data takes beside the function's own time, one point or many at once.
+"""Overhead of an evaluation of hidden data, for one point or many at once.
 
 Nothing fails because it is slow. Run with ``make bench``, or::
 

@@ -1,6 +1,6 @@
 """The peer `cspy <https://github.com/torressa/cspy>`_ on an error-correction route.
 
-What it can do (version 1.0.3):
+Features (version 1.0.3):
 
 * Resources are additive by default, and cannot be reset. Its ``BiDirectional`` labelling calls a
   resource extension function of one's own, a Python method, once for every arc that it tries; with

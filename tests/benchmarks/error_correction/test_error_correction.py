@@ -28,7 +28,7 @@ PEERS = (*NATIVE, "highs, warm", "highs, cold", "cspy, warm", "cspy, cold")
 
 @dataclass(frozen=True)
 class Call:
-    """One call of one solver: what it took, and what the answer claims."""
+    """One call of one solver: its time, and the claim of its answer."""
 
     own: float
     whole: float

@@ -19,7 +19,7 @@ from benchmarks.measured import write  # noqa: E402
 import crosstrack as ct  # noqa: E402
 
 NAME, REPEATS = "fleet-mission/paper", 3
-#: What the statistics call the seconds of a stage.
+#: Name of the seconds of a stage in the statistics.
 STAGE = " seconds"
 
 

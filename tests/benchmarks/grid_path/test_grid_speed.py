@@ -1,6 +1,6 @@
 """Exact searches on MovingAI's maps beside four peers from PyPI, in one run.
 
-What the peers solve:
+Problems of the peers:
 
 * pyastar2d (C++) solves an easier problem: it cuts corners, and a diagonal step costs no more than a
   straight one, which its lower bound, the larger of the two differences, fits. Its weights are 4-byte

@@ -1,6 +1,6 @@
 """Optimal control in Python by other hands, each in a process of its own beside ours.
 
-What they can do, and what they need:
+Features and requirements:
 
 * `yapss <https://github.com/stevenrhall/yapss>`_ 0.2.3 transcribes by LG, LGR or LGL on a mesh that
   stays as it is; CasADi differentiates, NumPy assembles, and the Ipopt in CasADi's wheel is called
@@ -73,7 +73,7 @@ class Runner:
     peer : str
         ``"ours"``, ``"yapss"``, ``"maptor"`` or ``"mpopt"``.
     task : dict
-        What is solved, and how.
+        The problem and the method.
     """
 
     def __init__(self, peer: str, task: dict[str, Any]) -> None:

@@ -25,7 +25,7 @@ LIMIT = 45.0
 RIGHT = 1e-5
 #: Worst violation, as a share of what is bounded, up to which an answer is accepted.
 TOLERANCE = 1e-6
-#: What each peer is told: the setting of ``test_control_rivals.py`` that reaches 1e-6 where any does.
+#: Setting of each peer: the value of ``test_control_rivals.py`` that reaches 1e-6 where any does.
 SETTINGS: dict[str, dict[str, Any]] = {
     "yapss": {"intervals": 20, "degree": 6},
     "maptor": {"intervals": 8, "degree": 6, "adaptive": {"error_tolerance": 1e-7, "max_iterations": 30}},
@@ -45,7 +45,7 @@ def solve(name: str) -> dict[str, Any]:
     import crosstrack as ct
 
     model = ct.load(name)
-    ct.solve(ct.load("optimal-control/double-integrator-energy"))  # what the first call loads
+    ct.solve(ct.load("optimal-control/double-integrator-energy"))  # the imports of the first call
     begin = time.perf_counter()
     found = ct.solve(model, time_limit=LIMIT)
     return {

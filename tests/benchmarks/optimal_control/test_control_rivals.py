@@ -23,7 +23,7 @@ from benchmarks.optimal_control.control_peers import Runner, facts, missing, pla
 
 import crosstrack as ct
 
-#: What both sides tell Ipopt, on every mesh: what our backend asks of it at tolerance 1e-6.
+#: Options of Ipopt on both sides, on every mesh: those of our backend at tolerance 1e-6.
 IPOPT = {
     "tol": 1e-9,
     "constr_viol_tol": 1e-10,
@@ -76,7 +76,7 @@ class Measured:
 
 
 def measured(case: str, answer: dict[str, Any]) -> Measured | None:
-    """Return what our verifier says of an answer, None where there is no plan."""
+    """Return the result of our verification, None without a plan."""
     problem, best = model(case)
     if answer.get("objective") is None:
         return None
@@ -93,7 +93,7 @@ def measured(case: str, answer: dict[str, Any]) -> Measured | None:
 
 
 def task(case: str, intervals: int, degree: int, **more: Any) -> dict[str, Any]:
-    """Return what a process is told."""
+    """Return the input of a process."""
     return {
         "case": case,
         **facts(model(case)[0]),

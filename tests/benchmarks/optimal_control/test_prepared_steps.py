@@ -22,7 +22,7 @@ from optimal_control.steered import FORCE, brake, cart_cost, cart_pole, cart_rat
 import crosstrack as ct
 
 INTERVALS, DEGREE, STEPS = 5, 4, 60
-#: What both sides tell Ipopt: what a prepared solver asks of it, cold and warm.
+#: Options of Ipopt on both sides: those of a prepared solver, cold and warm.
 IPOPT = {"tol": 3e-9, "constr_viol_tol": 1e-10, "print_level": 0, "sb": "yes", "max_iter": 3000}
 NEAR = 1e-8
 WARM = {

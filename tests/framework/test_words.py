@@ -1,0 +1,129 @@
+"""Budgets for phrases that make docstrings, comments, messages and pages hard to read.
+
+Each class has a pattern and the largest accepted number of hits per 1,000 lines of text, which is
+what SciPy, NetworkX and CVXPY stay below.
+"""
+
+import ast
+import io
+import re
+import tokenize
+from collections import Counter
+
+import pytest
+
+#: Class of phrases: budget per 1,000 lines, pattern, and an example that the pattern must find.
+CLASSES = {
+    "headless clause": (
+        0.5,
+        (r"(?:^|[.;:,(] ?)(?:[Ww]hat|[Ww]ho|[Ww]hoever|whatever) (?:is|was|are|were|has|have|had|does|do"
+        r"|did|no|an?|the|it|of|comes|lies|needs|follows|holds|stands|ends|they|cannot|can|only|makes|asks"
+        r"|remains|belongs|fails|failed|goes|gives|looks)\b"),
+        "What is left of the budget.",
+    ),
+    "where for if": (
+        2.0,
+        (r"\b[Ww]here (?:it|there|they|that|nothing|none|nobody|all|no|some|each|one|an?|both|any|this"
+        r"|these|its|asked|given|known|needed)\b"),
+        "None where there is no limit",
+    ),
+    "negated noun": (
+        3.0,
+        (r"\bthere (?:is|are|was|were) (?:none|no|nothing|nobody)\b|\b(?:is|are) none\b"
+        r"|\bis no (?:number|plan|limit|name|picture|option|part|path|more)\b"),
+        "if there is no plan",
+    ),
+    "at the most": (0.3, r"\bat the (?:most|least|latest|earliest)\b", "four at the most"),
+    "a for per": (
+        0.5,
+        (r"\b(?:one|two|three|rows?|entry|column|lines?|number|seed|process|values?|check|word|points?|path"
+        r"|file|bytes|steps|samples|seconds|copies|page|folder|name) an? (?!(?:few|little|lot|bit|single"
+        r"|given)\b)[a-z]+(?=[\s,.;:)]|$)"),
+        "a row, one a segment",
+    ),
+    "people for code": (
+        0.3,
+        r"\b(?:nobody|somebody|whoever|stranger(?:s|'s)?|(?:for|by|to) who)\b",
+        "nobody reads it",
+    ),
+    "speech for code": (
+        0.5,
+        (r"\b(?:is|are|was|were|be) (?:said|told|content|believed|granted)\b"
+        r"|\bsays? (?:so|which|why|where|of)\b|\btells? (?:so|of|which|why|where)\b|\basks? of\b"),
+        "the log says so",
+    ),
+    "archaic word": (
+        1.5,
+        (r"\b(?:anew|besides|thereof|therein|hence|wherein|lest|thus|mend(?:ed|s)?|better(?:s|ed)"
+        r"|hitherto|hardly|scarcely|sought|bears|bore|borne|stead|amiss|likewise|in vain|to be had)\b"),
+        "the plan is computed anew",
+    ),
+    "of which": (
+        3.0,
+        r"\b(?:of which|by which|in which|from which|such as (?:that|those)|and so (?:is|are|does|do))\b",
+        "the set of which it is one",
+    ),
+    "lies in": (
+        1.0,
+        (r"\b(?:counts? as|stands? (?:for|on|in|beside|apart|under)|lies? (?:in|on|beside|below|under"
+        r"|between)|goes? on|came of|comes? of|comes? out)\b"),
+        "the search goes on",
+    ),
+}  # fmt: skip
+#: Places in code or mathematics, which are no prose.
+CODE = re.compile(r"``[^`]*``|`[^`]*`|\$[^$]*\$|:[a-z:]+:`[^`]*`")
+
+
+def python_lines(text):
+    """Yield the lines of docstrings, comments and messages of exceptions."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            yield from (ast.get_docstring(node) or "").splitlines()
+        elif isinstance(node, ast.Raise) and node.exc is not None:
+            for part in ast.walk(node.exc):
+                if isinstance(part, ast.Constant) and isinstance(part.value, str):
+                    yield part.value
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.string.lstrip("#: ")
+
+
+def page_lines(text):
+    """Yield the lines of a page outside of code blocks."""
+    for k, part in enumerate(re.split(r"^\s*(?:```|~~~).*$", text, flags=re.M)):
+        if k % 2 == 0:
+            yield from part.splitlines()
+
+
+def count_hits(paths):
+    """Return the number of lines of prose in files, and the hits per class."""
+    lines, hits = 0, Counter()
+    for path in paths:
+        text = path.read_text("utf-8")
+        for line in python_lines(text) if path.suffix == ".py" else page_lines(text):
+            prose = CODE.sub("`x`", line).strip()
+            if prose:
+                lines += 1 + len(prose) // 110  # long lines of pages count for several
+                hits.update(
+                    name
+                    for name, (_, pattern, _) in CLASSES.items()
+                    for _ in re.finditer(pattern, prose)
+                )
+    return lines, hits
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_each_pattern_finds_its_example(name):
+    _, pattern, example = CLASSES[name]
+    assert re.search(pattern, example)
+    assert not re.search(pattern, "Return the upper bound on the tour length, in metres.")
+
+
+def test_the_text_of_the_project_is_within_every_budget(own_files):
+    lines, hits = count_hits(path for path in own_files if path.suffix in (".py", ".md"))
+    over = {
+        name: f"{1000 * hits[name] / lines:.1f} per 1,000 lines, at most {budget}"
+        for name, (budget, _, _) in CLASSES.items()
+        if hits[name] > budget * lines / 1000
+    }
+    assert not over
