@@ -13,7 +13,7 @@ from .backend import Backend, Guarantee
 from .certification import SHAPE, UNCERTIFIED
 from .enums import Limit, Termination
 from .job import Job
-from .registry import exact, native_heuristics
+from .registry import guaranteed
 from .solution import Solution
 
 __all__ = ["begin", "better", "go_on"]
@@ -50,7 +50,9 @@ def begin(job: Job, run: Callable[[Job], Solution[Any]]) -> Solution[Any] | None
     own = job.backend_options or job.formulation is not None or job.warm_start is not None
     if job.time_limit is None or not local or own or isinstance(job.model, job.backend.accepts):
         return None
-    for backend in native_heuristics(job.model):
+    for backend in guaranteed(job.model, Guarantee.HEURISTIC):
+        if not isinstance(job.model, backend.accepts):
+            continue
         try:
             found = run(replace(job, backend=backend, time_limit=BEFORE * job.time_limit))
         except (BackendMissing, UnsupportedOption):
@@ -107,7 +109,7 @@ def go_on(job: Job, first: Solution[Any], run: Callable[[Job], Solution[Any]]) -
         return first
     whole = max(AT_LEAST, TIMES * spent) if job.time_limit is None else job.time_limit - spent
     best, tried = first, [f"{first.backend}: {first.termination}"]
-    others: Iterable[Backend] = exact(job.model, job.formulation)
+    others: Iterable[Backend] = guaranteed(job.model, Guarantee.EXACT, job.formulation)
     if late:  # native backends would interpret the same kernels
         others = (other for other in others if not isinstance(job.model, other.accepts))
     others = (one for one in others if one.name != job.backend.name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.metadata
+import itertools
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,12 +25,11 @@ __all__ = [
     "backend_names",
     "backend_states",
     "default_formulation",
-    "exact",
     "find_backend",
     "fitting",
+    "guaranteed",
     "is_ours",
     "is_plain",
-    "native_heuristics",
     "recommended",
     "register_backend",
     "rivals",
@@ -76,9 +76,9 @@ _session: list[Backend] = []
 def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend]:
     """Register a backend by its name for this session. Usable as a class decorator.
 
-    Workers receive the backend with their jobs, so it needs no installation. Backends that accept
-    different types may share a name. Registering a backend again replaces the previous one. A
-    distribution declares its backends in the entry-point group ``crosstrack.backends`` instead.
+    Workers receive the backend with their jobs. Backends that accept different types may share a name.
+    Registering a backend again replaces the previous one. A distribution declares its backends in the
+    entry-point group ``crosstrack.backends`` instead.
 
     Parameters
     ----------
@@ -88,13 +88,12 @@ def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend
     Returns
     -------
     Backend or type of Backend
-        `backend` itself.
+        The argument.
 
     Raises
     ------
     InvalidData
-        The object is not a backend, or a backend of crosstrack with this name accepts the same
-        models.
+        Not a backend, or a backend of crosstrack with this name accepts the same models.
     """
     instance = backend() if isinstance(backend, type) else backend
     if not isinstance(instance, Backend):
@@ -131,10 +130,9 @@ def _accepted_types(backend: Backend) -> tuple[type[Model[Any]], ...]:
 
 def _shared(backend: Backend, other: Backend) -> str:
     """Return the kind of a problem that both backends accept; empty if they share none."""
-    for one in _accepted_types(backend):
-        for two in _accepted_types(other):
-            if issubclass(one, two) or issubclass(two, one):
-                return repr(getattr(one, "kind", one.__name__))
+    for one, two in itertools.product(_accepted_types(backend), _accepted_types(other)):
+        if issubclass(one, two) or issubclass(two, one):
+            return repr(getattr(one, "kind", one.__name__))
     return ""
 
 
@@ -151,11 +149,6 @@ class _Declared:
     name: str
     problem: str
     target: Any
-
-    @property
-    def solves_programs(self) -> bool:
-        """Whether it is one of :data:`_SOLVERS`."""
-        return not self.problem and isinstance(self.target, str)
 
     def load(self) -> Backend:
         """Return the backend; raise ``BackendBroken`` with the cause if it cannot be loaded."""
@@ -250,9 +243,7 @@ def find_backend(
     for entry in matches:
         try:
             loaded.append(entry.load())
-        except (
-            BackendBroken
-        ) as error:  # a broken backend of another problem must not stop this entry
+        except BackendBroken as error:  # it may be the backend of another problem
             log.warning("%s", error)
     if not loaded:
         raise BackendBroken(f"no backend {backend!r} can be loaded")
@@ -326,14 +317,11 @@ def _state(declared: _Declared) -> BackendState:
         backend_version = backend.version()
     except (BackendBroken, ImportError) as error:
         return BackendState(name, "broken", str(error), problem=declared.problem)
-    cause = ""
-    if missing:
-        how = f"crosstrack[{backend.extra}]" if backend.extra else " ".join(missing)
-        cause = f"pip install '{how}'"
+    how = f"crosstrack[{backend.extra}]" if backend.extra else " ".join(missing)
     return BackendState(
         name=name,
         state="missing" if missing else "installed",
-        cause=cause,
+        cause=f"pip install '{how}'" if missing else "",
         version=backend_version,
         accepts=backend.accepted_kinds(),
         guarantee=str(backend.guarantee),
@@ -360,12 +348,10 @@ def rivals(backend: Backend) -> frozenset[str]:
     modules: set[str] = set()
     if backend.conflict_group:
         for declared in _declared():
-            try:
+            with contextlib.suppress(BackendBroken):  # one that cannot be loaded cannot conflict
                 other = declared.load()
-            except BackendBroken:
-                continue  # a backend that cannot be loaded cannot conflict
-            if other.conflict_group == backend.conflict_group:
-                modules.update(other.natives)
+                if other.conflict_group == backend.conflict_group:
+                    modules.update(other.natives)
     return frozenset(modules - set(backend.natives))
 
 
@@ -414,15 +400,16 @@ def _candidates(model: Model[Any]) -> Iterator[_Declared]:
     own = _problems(model)
     yield from (entry for entry in _declared() if entry.problem in own)
     general, step = set(own), model.lower()
-    writes_programs = bool(model.formulations) or not own
+    has_program = bool(model.formulations) or own.isdisjoint(PROBLEMS)
     while step is not None:
         general |= _problems(step)
-        writes_programs |= bool(step.formulations)
+        has_program |= bool(step.formulations)
         step = step.lower()
     # Backends of other problems are not loaded, because they may import further libraries.
     others = set(PROBLEMS) - general | own
     for entry in _declared():
-        if entry.problem not in others and (writes_programs or not entry.solves_programs):
+        is_solver = not entry.problem and isinstance(entry.target, str)  # of programs
+        if entry.problem not in others and (has_program or not is_solver):
             yield entry
 
 
@@ -470,18 +457,12 @@ def _takers(model: Model[Any], formulation: str | None) -> Iterator[tuple[Backen
         yield backend, step
 
 
-def exact(model: Model[Any], formulation: str | None = None) -> Iterator[Backend]:
-    """Yield the installed exact backends that can solve `model`, the recommended one first."""
+def guaranteed(
+    model: Model[Any], guarantee: Guarantee, formulation: str | None = None
+) -> Iterator[Backend]:
+    """Yield the installed backends of a guarantee that can solve `model`, the recommended one first."""
     for backend, _ in _takers(model, formulation):
-        if backend.guarantee is Guarantee.EXACT:
-            yield backend
-
-
-def native_heuristics(model: Model[Any]) -> Iterator[Backend]:
-    """Yield the installed heuristics that take `model` itself."""
-    for backend, step in _takers(model, None):
-        native = step is model and isinstance(model, backend.accepts)
-        if native and backend.guarantee is Guarantee.HEURISTIC:
+        if backend.guarantee is guarantee:
             yield backend
 
 

@@ -5,6 +5,7 @@ SHARED = (
     "diagnosis.diagnose_resources",
     "elementary.Found",
     "elementary.elementary",
+    "first.route_in_time",
     "native.RouteSearch",
     "outcomes.FOUND",
     "outcomes.FULL",

@@ -324,7 +324,7 @@ def test_command_sweeps(instance, tmp_path):
     [
         (["maximum"], 2, "unknown second objective"),
         (["max", "--limits", "20,abc"], 2, "20,abc"),
-        (["max", "--limits", ""], 2, "no list of numbers"),
+        (["max", "--limits", ""], 2, "not a list of numbers"),
         (["max", "--limits", "nan"], 2, "limits[0] must be finite"),
         (["max", "--limits", "20,-1"], 2, "limits[1] must be >= 0"),
         (["max", "--points", "0"], 2, "points"),

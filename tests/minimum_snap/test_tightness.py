@@ -8,9 +8,10 @@ from minimum_snap.tightness import WIDER, critical, drawn, family
 
 import crosstrack as ct
 from crosstrack.models.minimum_snap import MinimumDerivative
+from crosstrack.solvers import Guarantee
 from crosstrack.solvers.fallback import go_on
 from crosstrack.solvers.job import Job
-from crosstrack.solvers.registry import exact
+from crosstrack.solvers.registry import guaranteed
 
 
 def check(case, backend="auto"):
@@ -80,7 +81,9 @@ def test_auto_continues_after_a_failure():
     failed = replace(found, termination="failed", plan=None, primal_bound=None, dual_bound=None)
     answer = go_on(job, failed, run)
     assert answer.termination == "optimal"
-    assert ran == [next(b.name for b in exact(model) if b.name != "interior-point")]
+    assert ran == [
+        next(b.name for b in guaranteed(model, Guarantee.EXACT) if b.name != "interior-point")
+    ]
     assert answer.primal_bound == pytest.approx(found.primal_bound, rel=2e-6)
     assert answer.statistics["backends tried"].startswith("interior-point: failed, ")
 
