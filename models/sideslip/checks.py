@@ -1,4 +1,4 @@
-"""Checks of an estimate against the raw data, without any equation of an estimator."""
+"""Error measures of an estimate, computed from the raw data without an estimator's equations."""
 
 from __future__ import annotations
 
@@ -11,30 +11,65 @@ __all__ = ["kinematic_differences", "kinematic_error", "kinematic_rate", "mean_e
 
 Floats = NDArray[np.float64]
 
-#: Seconds over which a change of the angle is compared with what was measured.
+#: Interval (s) over which changes of the angle are compared with the measurements.
 WINDOW = 1.0
 
 
-@np.errstate(over="ignore")  # what overflows is infinite, and so no objective
+@np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
 def mean_error(recording: Recording, sideslip: Floats, other: Floats) -> float:
-    """Return the mean distance of two angles where they have a meaning, degrees."""
+    """Return the mean absolute difference of two angles over the samples at 1 m/s or more, in degrees.
+
+    Parameters
+    ----------
+    recording : Recording
+        The drive, which determines the samples that count.
+    sideslip, other : ndarray, shape (n,)
+        Angles, rad.
+
+    Returns
+    -------
+    float
+        The mean difference, degrees.
+    """
     return float(np.degrees(np.abs(sideslip - other)[recording.moving].mean()))
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def kinematic_error(recording: Recording, sideslip: Floats) -> float:
-    """Return how far changes of the angle are from those that were measured, degrees.
+    """Return the mean error of the angle's changes relative to kinematics, in degrees.
 
-    On a level road ``dβ/dt = a/u - ω`` for small angles, whatever the tyres do. The change over a second is
-    compared with the integral of the measurements by the trapezoidal rule, on average over all
-    seconds without a halt; over the whole recording where it is shorter.
+    On a level road ``dβ/dt = a/u - ω`` holds for small angles and any tyres. The change over one second is
+    compared with the integral of the measurements by the trapezoidal rule, averaged over all
+    seconds without a halt. A recording shorter than one second is compared as a whole.
+
+    Parameters
+    ----------
+    recording : Recording
+        The drive.
+    sideslip : ndarray, shape (n,)
+        Estimated angle, rad.
+
+    Returns
+    -------
+    float
+        The mean error, degrees; 0 if the vehicle never moves at two consecutive samples.
     """
     apart, _, _ = kinematic_differences(recording, sideslip)
     return float(np.degrees(np.abs(apart).mean())) if apart.size else 0.0
 
 
 def kinematic_rate(recording: Recording) -> Floats:
-    """Return the rate of the angle that was measured, ``a/u - ω``, rad/s; ``-ω`` below 1 m/s."""
+    """Return the measured rate of the angle, ``a/u - ω``, in rad/s; ``-ω`` below 1 m/s.
+
+    Parameters
+    ----------
+    recording : Recording
+        The drive.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
     rate = recording.lateral_acceleration / np.where(recording.moving, recording.speed, np.inf)
     return np.asarray(rate - recording.yaw_rate)
 
@@ -43,17 +78,24 @@ def kinematic_rate(recording: Recording) -> Floats:
 def kinematic_differences(
     recording: Recording, sideslip: Floats
 ) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
-    """Return the change of the angle less the measured one over each second without a halt.
+    """Return the estimated minus the measured change of the angle over each second without a halt.
 
-    If no second is without a halt, neighbouring samples are compared. The result is empty if the vehicle never
-    moves at two samples in a row.
+    If every second contains a halt, neighbouring samples are compared. The result is empty if the vehicle never
+    moves at two consecutive samples.
+
+    Parameters
+    ----------
+    recording : Recording
+        The drive.
+    sideslip : ndarray, shape (n,)
+        Estimated angle, rad.
 
     Returns
     -------
     differences : ndarray, shape (m,)
-        rad.
+        Differences of the changes, rad.
     first, last : ndarray, shape (m,)
-        The samples at both ends.
+        Indices of the first and the last sample of each interval.
     """
     times, moving = recording.times, recording.moving
     rate = kinematic_rate(recording)
@@ -65,7 +107,7 @@ def kinematic_differences(
     last = np.minimum(np.searchsorted(times, times[first] + window * (1 - 1e-9)), len(times) - 1)
     whole = halts[last + 1] == halts[first]
     first, last = first[whole], last[whole]
-    if not first.size:  # never a second without a halt: neighbouring samples
+    if not first.size:  # every second contains a halt: compare neighbouring samples
         first = np.flatnonzero(moving[:-1] & moving[1:])
         last = first + 1
     return sideslip[last] - sideslip[first] - (change[last] - change[first]), first, last

@@ -1,4 +1,4 @@
-"""The vehicle that an estimator believes in, and recordings of drives."""
+"""The vehicle model of the estimators, and recordings of drives."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ Floats = NDArray[np.float64]
 
 #: Standard gravity, m/s².
 GRAVITY = 9.80665
-#: Speed (m/s) below which the sideslip angle has no meaning: the single-track model is singular at rest.
+#: Speed (m/s) below which the sideslip angle is undefined: the single-track model is singular at rest.
 LOW_SPEED = 1.0
-#: Deviation (rad) of an angle of which nothing is known: that of even odds between -90° and 90°.
+#: Standard deviation (rad) of an unknown angle, uniform between -90° and 90°.
 UNKNOWN = math.pi / math.sqrt(12.0)
-#: Seconds without a sample above which a recording is refused.
+#: Longest time (s) between two samples of a valid recording.
 MOST_GAP = 2.0
-#: Smallest and largest number of samples of a recording.
+#: Smallest and largest number of samples in a recording.
 LEAST, MOST = 10, 1_000_000
 
 
 class Tyre(StrEnum):
-    """How an axle's lateral force grows with its slip angle."""
+    """Law of an axle's lateral force over its slip angle."""
 
-    #: In proportion.
+    #: The force is proportional to the slip angle and has no limit.
     LINEAR = "linear"
-    #: By Fiala's brush model, which slides at the friction times the static load.
+    #: Fiala's brush model. The force saturates at friction times static load.
     SATURATING = "saturating"
 
 
@@ -55,9 +55,9 @@ class Vehicle(Declared):
     cornering_front, cornering_rear : float
         Cornering stiffness of each axle, both tyres together, N/rad, > 0.
     friction : float
-        Coefficient of friction between tyre and road; of no account for linear tyres.
+        Coefficient of friction between tyre and road, > 0, 0.9 by default; unused for linear tyres.
     tyre : Tyre
-        The law of the tyres.
+        Law of the tyre forces, linear by default.
     """
 
     mass: float = declared(Real(lower=0, strict=True, unit="kg"))
@@ -82,7 +82,7 @@ class Vehicle(Declared):
 
 
 class Times(Array):
-    """Instants in strictly rising order, none far from the one before."""
+    """Array of strictly increasing times with at most :data:`MOST_GAP` seconds between neighbours."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
         found = super().coerce(name, value, sizes)
@@ -113,26 +113,26 @@ class Times(Array):
 
 @dataclass(frozen=True, eq=False)
 class Recording(Declared):
-    """Measurements of a drive, one entry per sample.
+    """Measurements of a drive, with one entry per sample.
 
-    The axes are those of ISO 8855: forward, left and up, so a turn to the left has a positive steering
-    angle, yaw rate and lateral acceleration. The sideslip angle is that of the velocity against the forward axis,
+    The axes are those of ISO 8855: forward, left and up. A turn to the left has a positive steering
+    angle, yaw rate and lateral acceleration. The sideslip angle is the angle between velocity and forward axis,
     positive to the left.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Instants, s, rising strictly; samples may be missing for up to 2 s.
+        Times, s, strictly increasing, at most 2 s apart.
     speed : ndarray, shape (n,)
-        Forward speed, m/s, >= 0, taken as exact.
+        Forward speed, m/s, >= 0, assumed exact.
     steering : ndarray, shape (n,)
-        Steering angle of the front wheels, rad, taken as exact.
+        Steering angle of the front wheels, rad, assumed exact.
     yaw_rate : ndarray, shape (n,)
         Measured yaw rate, rad/s.
     lateral_acceleration : ndarray, shape (n,)
         Measured lateral acceleration at the centre of mass, m/s².
     sideslip : ndarray, shape (n,), optional
-        Sideslip angle, rad, where it is known: for drives that estimators learn from.
+        True sideslip angle, rad. Required for training drives, None for a drive to estimate.
     """
 
     times: Floats = declared(Times(("n",)))
@@ -145,7 +145,7 @@ class Recording(Declared):
     )
 
     def check(self) -> None:
-        """Refuse drives on which the angle has no meaning anywhere."""
+        """Raise :class:`InvalidData` if the speed never reaches 1 m/s or exceeds 1000 m/s."""
         fastest = float(self.speed.max())
         if not fastest >= LOW_SPEED:
             raise InvalidData(
@@ -161,11 +161,11 @@ class Recording(Declared):
 
     @property
     def period(self) -> float:
-        """The usual time between samples, s."""
+        """Median time between samples, s."""
         return float(np.median(np.diff(self.times)))
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """Whether the angle has a meaning, shape (n,)."""
+        """True for samples at 1 m/s or more, whose angle is defined, shape (n,)."""
         found: NDArray[np.bool_] = self.speed >= LOW_SPEED
         return found

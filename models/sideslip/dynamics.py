@@ -1,7 +1,7 @@
-"""The single-track model that estimators believe in, step by step, and its derivatives.
+"""The single-track model of the estimators in discrete time, and its derivatives.
 
-One scheme for both tyre laws: a step of the exponential Rosenbrock-Euler method, which is exact for linear tyres
-at constant speed and steering, and stays right however stiff the model is at low speed
+Both tyre laws use the exponential Rosenbrock-Euler method. It is exact for linear tyres
+at constant speed and steering, and stays accurate when the model becomes stiff at low speed
 (Hochbruck and Ostermann, Exponential integrators, Acta Numerica 2010).
 
 Angles are in rad, rates in rad/s, speeds in m/s, forces in N and times in s throughout.
@@ -36,27 +36,27 @@ Numbers4 = tuple[float, float, float, float]
 Numbers6 = tuple[float, float, float, float, float, float]
 Numbers8 = tuple[float, float, float, float, float, float, float, float]
 
-#: Longest step in seconds. Longer times between samples are divided.
+#: Longest integration step (s). Longer times between samples are divided.
 LONGEST_STEP = 0.02
-#: Norm up to which the series is summed, and its terms, with which the rest is below rounding.
+#: Norm up to which the series is summed, and its number of terms: the remainder is below rounding.
 _NORM, _TERMS = 0.5, 14
 
 
 class Linearised(NamedTuple):
-    """The model about a state at each sample.
+    """Model linearised about a state at each sample.
 
     Without noise ``x[k + 1] = step[k] @ x[k] + shift[k]`` and ``z[k] = slope[k] @ x[k] + level[k]``.
 
     Parameters
     ----------
     step : ndarray, shape (n - 1, 2, 2)
-        How the state goes over.
+        Transition matrices of the state.
     shift : ndarray, shape (n - 1, 2)
-        Disturbance that is added.
+        Constant terms of the transition.
     slope : ndarray, shape (n, 2, 2)
-        How yaw rate and lateral acceleration follow from the state.
+        Measurement matrices of yaw rate and lateral acceleration.
     level : ndarray, shape (n, 2)
-        Disturbance that is added.
+        Constant terms of the measurements.
     """
 
     step: Floats
@@ -66,15 +66,24 @@ class Linearised(NamedTuple):
 
     @classmethod
     def empty(cls, count: int) -> Linearised:
-        """Return arrays for `count` samples, to be filled in."""
+        """Return uninitialised arrays for `count` samples."""
         shapes = (count - 1, 2, 2), (count - 1, 2), (count, 2, 2), (count, 2)
         return cls(*(np.empty(shape) for shape in shapes))
 
 
 def parameters(vehicle: Vehicle) -> Floats:
-    """Return a vehicle as kernels take it: m, I, a, b, C_f, C_r and the greatest forces of the axles.
+    """Return the parameter vector of a vehicle for the kernels.
 
-    The forces are infinite for linear tyres.
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle.
+
+    Returns
+    -------
+    ndarray, shape (8,)
+        m, I, a, b, C_f, C_r and the largest forces (N) of both axles, which are infinite for linear
+        tyres.
     """
     limits = [math.inf, math.inf]
     if vehicle.tyre is Tyre.SATURATING:
@@ -89,14 +98,14 @@ def parameters(vehicle: Vehicle) -> Floats:
 
 
 def linearise(problem: SideslipEstimation, states: Floats) -> Linearised:
-    """Return the model about given states.
+    """Return the model linearised about the given states.
 
     Parameters
     ----------
     problem : SideslipEstimation
-        Of which the vehicle and the recording's times, speed and steering are used.
+        The model. Only its vehicle and the recording's times, speed and steering are used.
     states : ndarray, shape (n, 2)
-        Angle and yaw rate at each sample. For linear tyres nothing depends on them but the rounding.
+        Angle and yaw rate at each sample. For linear tyres they affect the result by rounding only.
 
     Returns
     -------
@@ -113,11 +122,25 @@ def linearise(problem: SideslipEstimation, states: Floats) -> Linearised:
 
 @kernel
 def axle_force(slip: float, stiffness: float, most: float) -> tuple[float, float]:
-    """Return an axle's lateral force and its derivative by the slip angle.
+    """Return an axle's lateral force and its derivative with respect to the slip angle.
 
-    With an infinite greatest force the law is linear. Otherwise it is E. Fiala's brush model (VDI-Zeitschrift 96,
+    If `most` is infinite, the law is linear. Otherwise it is E. Fiala's brush model (VDI-Zeitschrift 96,
     1954) in the tangent of the slip angle, as in R. Rajamani, Vehicle Dynamics and Control (2012),
-    section 13.7; from the slip angle on at which the whole contact slides the force is the greatest.
+    section 13.7. The force is `most` once the whole contact patch slides.
+
+    Parameters
+    ----------
+    slip : float
+        Slip angle, rad.
+    stiffness : float
+        Cornering stiffness, N/rad.
+    most : float
+        Largest force, N, possibly infinite.
+
+    Returns
+    -------
+    force, slope : float
+        Force, N, and its derivative, N/rad.
     """
     if math.isinf(most):
         return stiffness * slip, stiffness
@@ -126,7 +149,7 @@ def axle_force(slip: float, stiffness: float, most: float) -> tuple[float, float
         tangent = math.tan(size)
         grip = 1.0 - stiffness * tangent / (3.0 * most)
         if grip > 0.0:
-            # 1 - grip³ as a product keeps its digits where the slip angle is small.
+            # Factor 1 - grip³ to avoid cancellation at small slip angles.
             force = stiffness * tangent / 3.0 * (1.0 + grip + grip * grip)
             return math.copysign(force, slip), stiffness * grip * grip * (1.0 + tangent * tangent)
     return math.copysign(most, slip), 0.0
@@ -134,7 +157,7 @@ def axle_force(slip: float, stiffness: float, most: float) -> tuple[float, float
 
 @kernel
 def axle_forces(beta: float, omega: float, u: float, delta: float, p: Floats) -> Numbers4:
-    """Return the forces of the front and the rear axle, and their derivatives by the slip angles."""
+    """Return front and rear axle forces, and their derivatives with respect to the slip angles."""
     v = max(u, LOW_SPEED)
     front, front_slope = axle_force(delta - beta - p[2] * omega / v, p[4], p[6])
     rear, rear_slope = axle_force(p[3] * omega / v - beta, p[5], p[7])
@@ -143,14 +166,14 @@ def axle_forces(beta: float, omega: float, u: float, delta: float, p: Floats) ->
 
 @kernel
 def rates(beta: float, omega: float, u: float, delta: float, p: Floats) -> Numbers6:
-    """Return how fast the state changes, and the Jacobian of that by the state.
+    """Return the time derivative of the state, and its Jacobian with respect to the state.
 
-    Below 1 m/s the speed counts as 1 m/s.
+    Speeds below 1 m/s are replaced by 1 m/s.
 
     Parameters
     ----------
     beta, omega : float
-        The state.
+        The state: sideslip angle and yaw rate.
     u, delta : float
         Speed and steering angle.
     p : ndarray, shape (8,)
@@ -180,7 +203,7 @@ def measured(
 ) -> tuple[float, float, float]:
     """Return the lateral acceleration ``(F_f + F_r) / m``, m/s², and its derivatives by the state.
 
-    The other measurement is the yaw rate itself. The arguments are those of :func:`rates`.
+    The yaw rate is measured directly and needs no function. The arguments are those of :func:`rates`.
     """
     front, rear, c, d = axle_forces(beta, omega, u, delta, p)
     slope = (p[3] * d - p[2] * c) / max(u, LOW_SPEED)
@@ -191,10 +214,10 @@ def measured(
 def flow(a: float, b: float, c: float, d: float) -> Numbers8:
     """Return exp(A) and φ₁(A) = ∫ exp(s A) ds over [0, 1] for A = [[a, b], [c, d]], row by row.
 
-    The series of φ₁ at a small part of A is doubled as often as needed, with φ₁(2A) = φ₁(A) (exp(A) + I) / 2:
-    no eigenvalues, so none that are nearly equal. NaN where A is not finite.
+    The series of φ₁ is evaluated at A / 2^m and doubled m times with φ₁(2A) = φ₁(A) (exp(A) + I) / 2.
+    This uses no eigenvalues and stays accurate if they nearly coincide. The result is NaN if A is not finite.
     """
-    # At least the norm of A with its variables scaled so that b and c are alike in size.
+    # Upper bound on the norm of A after its variables are scaled so that |b| = |c|.
     norm = abs(a) + abs(d) + math.sqrt(abs(b)) * math.sqrt(abs(c))
     if not norm < math.inf:
         nan = math.nan
@@ -229,21 +252,21 @@ def advance(
     ddelta: float,
     p: Floats,
 ) -> Numbers6:
-    """Return the state at the next sample, and its Jacobian by the state now, without noise.
+    """Return the noise-free state at the next sample, and its Jacobian with respect to the current state.
 
-    Speed and steering go over in straight lines; each step of at most :data:`LONGEST_STEP` takes their
-    values at its middle. The Jacobian is the product of the steps' ``exp(h J)``.
+    Speed and steering are interpolated linearly. Each step of at most :data:`LONGEST_STEP` uses their
+    values at its midpoint. The Jacobian is the product of the steps' ``exp(h J)``.
 
     Parameters
     ----------
     beta, omega : float
-        The state.
+        The current state.
     dt : float
         Time to the next sample.
     u, du : float
-        Speed, and its change until then.
+        Current speed, and its change until the next sample.
     delta, ddelta : float
-        Steering angle, and its change until then.
+        Current steering angle, and its change until the next sample.
     p : ndarray, shape (8,)
         The vehicle, see :func:`parameters`.
 
@@ -270,7 +293,7 @@ def linearise_path(
     times: Floats, speed: Floats, steering: Floats, p: Floats, states: Floats,
     step: Floats, shift: Floats, slope: Floats, level: Floats,
 ) -> None:  # fmt: skip
-    """Fill in a :class:`Linearised` about a state at each sample."""
+    """Fill in the arrays of a :class:`Linearised` for the given states."""
     n = len(times)
     for k in range(n):
         beta, omega = states[k, 0], states[k, 1]
@@ -284,7 +307,7 @@ def linearise_measurement(
     k: int, beta: float, omega: float, speed: Floats, steering: Floats, p: Floats,
     slope: Floats, level: Floats,
 ) -> None:  # fmt: skip
-    """Fill in what is measured at sample k, about one state."""
+    """Fill in the measurement equations of sample k, linearised about the given state."""
     value, by_beta, by_omega = measured(beta, omega, speed[k], steering[k], p)
     slope[k, 0, 0], slope[k, 0, 1], level[k, 0] = 0.0, 1.0, 0.0
     slope[k, 1, 0], slope[k, 1, 1] = by_beta, by_omega
@@ -296,7 +319,7 @@ def linearise_step(
     k: int, beta: float, omega: float, times: Floats, speed: Floats, steering: Floats, p: Floats,
     step: Floats, shift: Floats,
 ) -> tuple[float, float]:  # fmt: skip
-    """Fill in the step from sample k on, about one state, and return where it leads."""
+    """Fill in the transition from sample k, linearised about the given state; return the next state."""
     one, two, a, b, c, d = advance(
         beta, omega, times[k + 1] - times[k], speed[k], speed[k + 1] - speed[k],
         steering[k], steering[k + 1] - steering[k], p,

@@ -1,7 +1,8 @@
-"""The most likely path of the single-track model as a quadratic program: estimation with full information.
+"""Full-information estimation: the most likely path of the single-track model as a quadratic program.
 
-For a linear model with normal noise it is what the Kalman filter gives at the last sample and the Rauch-Tung-Striebel
-smoother at all (Rao, Rawlings and Lee, Constrained linear state estimation, Automatica 2001).
+For a linear model with normal noise it equals the Kalman filter at the last sample and the
+Rauch-Tung-Striebel smoother at all samples (Rao, Rawlings and Lee, Constrained linear state
+estimation, Automatica 2001).
 """
 
 from __future__ import annotations
@@ -28,22 +29,34 @@ __all__ = ["Condensed", "FullInformation", "least_squares_program", "misfit"]
 Floats = NDArray[np.float64]
 
 
-#: Seconds over which errors are compared with what they should be.
+#: Length (s) of the window over which errors are compared with their expected size.
 WINDOW = 1.0
 
 
 def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
-    """Return half the sum of squares of all that is unlikely, each relative to its deviation.
+    """Return the program that minimises half the sum of squared relative errors.
 
-    Columns are the states, relative to :attr:`Stretch.scale`, the relative errors of the expected first state, of the
-    steps between samples, and of what was measured; the rows say what these errors are.
+    Columns are the states, divided by :attr:`Stretch.scale`, and the relative errors of the expected
+    first state, of the transitions and of the measurements. Each error is divided by its standard
+    deviation. The rows define the errors.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        Samples with their linearised model.
+    name : str
+        Name of the program.
+
+    Returns
+    -------
+    QuadraticProgram
     """
     count = stretch.count
     linear, scale = stretch.linear, stretch.scale
     used = np.flatnonzero(stretch.used)
     inverse = np.linalg.inv(stretch.root)
     weight = 1.0 / stretch.disturbance[:, :, None]
-    # How each relative error follows from the states: blocks of 2 x 2, and in which rows and columns they are.
+    # Blocks of 2 x 2 that map states to relative errors, with their block rows and columns.
     after = np.arange(1, count)
     parts = (
         (-inverse[None] * scale, [0], [0]),
@@ -89,7 +102,7 @@ def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
 
 
 def _named(program: QuadraticProgram, stretch: Stretch) -> QuadraticProgram:
-    """Return a program of :func:`least_squares_program` that knows what its rows and columns are."""
+    """Return a program of :func:`least_squares_program` with its rows and columns labelled."""
     count = stretch.count
     rows, columns = [], [_block("state", 0, np.arange(count))]
     at = 0
@@ -105,21 +118,21 @@ def _named(program: QuadraticProgram, stretch: Stretch) -> QuadraticProgram:
 
 
 def _block(name: str, start: int, samples: NDArray[np.int64]) -> Block:
-    """Return a block with two entries a sample."""
+    """Return a block with two entries per sample."""
     index = np.stack([samples.repeat(2), np.tile([0, 1], len(samples))], axis=1)
     return Block(name, "", start, len(index), "sample {0}, component {1}", index)
 
 
 @dataclass(frozen=True, eq=False)
 class FullInformation(Formulation[SideslipEstimation, SideslipEstimate]):
-    """The path that makes all that was measured most likely.
+    """Most likely path, given all measurements.
 
-    Its optimum says nothing about the distance from the truth, so no bound of it counts.
+    The optimum of the program is unrelated to the distance from the truth, so it gives no bound on the objective.
 
     Raises
     ------
     UnsupportedFormulation
-        The tyres saturate: the program would not be quadratic. The backend ``moving-horizon`` takes them.
+        The tyres saturate, so the program would not be quadratic. Use the backend ``moving-horizon``.
     """
 
     name = "full-information"
@@ -136,13 +149,13 @@ class FullInformation(Formulation[SideslipEstimation, SideslipEstimate]):
 
     @cached_property
     def stretch(self) -> Stretch:
-        """Terms of all samples."""
-        states = np.zeros((len(self.model.recording), 2))  # of no account for linear tyres
+        """All samples of the recording with their linearised model."""
+        states = np.zeros((len(self.model.recording), 2))  # unused for linear tyres
         return Stretch.of(self.model, linearise(self.model, states))
 
     @cached_property
     def rows(self) -> QuadraticProgram:
-        """The program whose rows say what the errors are."""
+        """Program whose rows define the errors."""
         name = f"{self.model.name or self.model.kind}, {self.name}"
         return _named(least_squares_program(self.stretch, name), self.stretch)
 
@@ -151,7 +164,7 @@ class FullInformation(Formulation[SideslipEstimation, SideslipEstimate]):
         return self.rows
 
     def encode(self, plan: SideslipEstimate) -> Floats:
-        """Return the column vector of an estimate, the yaw rate as it was measured."""
+        """Return the column vector of an estimate, with the measured yaw rate."""
         return self._with_errors(self.rows, self._states(plan))
 
     def _states(self, plan: SideslipEstimate) -> Floats:
@@ -160,20 +173,20 @@ class FullInformation(Formulation[SideslipEstimation, SideslipEstimate]):
 
     @staticmethod
     def _with_errors(program: QuadraticProgram, states: Floats) -> Floats:
-        """Return columns of states with the errors that the rows give them."""
+        """Return the states followed by the errors that the rows assign to them."""
         errors = program.matrix[:, : states.size] @ states - program.row_lower
         return np.concatenate([states, errors])
 
     def decode(self, point: Floats) -> SideslipEstimate:
-        """Return the estimate of a column vector, its deviations from the curvature and the misfit."""
+        """Return the estimate of a column vector; its deviations follow from curvature and misfit."""
         return _read(self.stretch, point, self.model.recording.times)
 
 
 @dataclass(frozen=True, eq=False)
 class Condensed(FullInformation):
-    """The same without rows: the errors are written out, so the states alone are columns.
+    """Full-information program without rows: the errors are eliminated, so only the states are columns.
 
-    The Hessian is positive definite, which some solvers need, and its condition number the square of what it was.
+    The Hessian is positive definite, which some solvers require. Its condition number is squared.
     """
 
     name = "condensed"
@@ -199,7 +212,7 @@ class Condensed(FullInformation):
         )
 
     def encode(self, plan: SideslipEstimate) -> Floats:
-        """Return the column vector of an estimate, the yaw rate as it was measured."""
+        """Return the column vector of an estimate, with the measured yaw rate."""
         return self._states(plan)
 
     def decode(self, point: Floats) -> SideslipEstimate:
@@ -208,19 +221,19 @@ class Condensed(FullInformation):
 
 
 def _read(stretch: Stretch, point: Floats, times: Floats) -> SideslipEstimate:
-    """Return the estimate at all samples of a column vector.
+    """Return the estimate that a column vector represents.
 
-    The claimed deviation is that of the normal distribution whose logarithm the program minimises, times the misfit of
-    the errors nearby, see :func:`misfit`.
+    The claimed deviation is that of the normal distribution whose negative logarithm the program minimises,
+    times the misfit of the errors nearby, see :func:`misfit`.
 
     Parameters
     ----------
     stretch : Stretch
-        Data of the program to which the vector belongs.
+        Samples from which the program was built.
     point : ndarray
-        The vector.
+        Column vector of the program with rows.
     times : ndarray, shape (n,)
-        Instants of the samples, s.
+        Times of the samples, s.
     """
     count = 2 * stretch.count
     angle = point[:count].reshape(-1, 2)[:, 0] * stretch.scale[0]
@@ -229,7 +242,7 @@ def _read(stretch: Stretch, point: Floats, times: Floats) -> SideslipEstimate:
     squares[0] += first.sum()
     squares[1:] += after.reshape(-1, 2).sum(axis=1)
     squares[stretch.used] += seen.reshape(-1, 2).sum(axis=1)
-    # As many errors are free as were measured: the states take up the others.
+    # The degrees of freedom are the number of measurements: the states absorb the other errors.
     factor = misfit(times, squares, np.where(stretch.used, 2.0, 0.0))
     deviation = np.where(stretch.used, stretch.deviations * factor, UNKNOWN)
     angle = np.clip(angle, -np.pi / 2, np.pi / 2)
@@ -237,15 +250,16 @@ def _read(stretch: Stretch, point: Floats, times: Floats) -> SideslipEstimate:
 
 
 def misfit(times: Floats, squares: Floats, degrees: Floats) -> Floats:
-    """Return by how much deviations have to grow for the errors of a model to be what they should be.
+    """Return the factor by which deviations must grow to match the errors of the model.
 
-    The square root of the mean squared relative error a degree of freedom within half a second on both sides, at
-    least 1: R. Birge's ratio (Physical Review 40, 1932). Where the model is right it is about 1.
+    The factor is R. Birge's ratio (Physical Review 40, 1932): the square root of the mean squared
+    relative error per degree of freedom within half a second on both sides, and at least 1. It is about 1 if
+    the model is right.
 
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Instants, s.
+        Times of the samples, s.
     squares : ndarray, shape (n,)
         Sum of squared errors at each sample, each relative to its deviation.
     degrees : ndarray, shape (n,)
@@ -254,6 +268,7 @@ def misfit(times: Floats, squares: Floats, degrees: Floats) -> Floats:
     Returns
     -------
     ndarray, shape (n,)
+        The factor at each sample, >= 1.
     """
     first = np.searchsorted(times, times - WINDOW / 2)
     last = np.searchsorted(times, times + WINDOW / 2, side="right")

@@ -1,4 +1,4 @@
-"""Estimating a vehicle's sideslip angle from what its stability control measures anyway.
+"""Estimation of a vehicle's sideslip angle from the sensors of its stability control.
 
 Source: "Vehicle Sideslip Angle Estimation Based on General Regression Neural Network", Mathematical
 Problems in Engineering 2016, article 3107910, doi 10.1155/2016/3107910.
@@ -28,51 +28,51 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SideslipEstimation(Model[SideslipEstimate]):
-    """The sideslip angle of a vehicle at every sample of a drive.
+    """Estimation of a vehicle's sideslip angle at every sample of a drive.
 
-    Estimators that know the vehicle believe in a single-track model with noise: between samples the state
+    Model-based estimators assume a single-track model with noise. Between samples the state
     ``(β, ω)`` follows ::
 
         m u (dβ/dt + ω) = F_f + F_r
         I dω/dt         = a F_f - b F_r
 
-    with the slip angles ``δ - β - a ω / u`` in front and ``b ω / u - β`` behind, and at each sample it
-    is disturbed by independent normal noise with the variance ``disturbance² dt``. Yaw rate and lateral
+    with the slip angles ``δ - β - a ω / u`` at the front and ``b ω / u - β`` at the rear. At each sample
+    independent normal noise with the variance ``disturbance² dt`` is added to it. Yaw rate and lateral
     acceleration ``(F_f + F_r) / m`` are measured with independent normal noise. Estimators that learn
-    know none of this: they read other drives whose angle is known.
+    use training drives with a known angle instead of this model.
 
     Parameters
     ----------
     vehicle : Vehicle or mapping
-        The vehicle that estimators believe in, which may not be the one that was driven.
+        Vehicle parameters assumed by the estimators. They may differ from those of the real vehicle.
     recording : Recording or mapping
-        The measurements, without the angle.
+        Measurements, without the angle.
     training : sequence of Recording
-        Drives with a known angle, for estimators that learn; none by default.
+        Drives with a known angle, for estimators that learn; empty by default.
     disturbance : ndarray, shape (2,)
-        Deviation of the noise on angle (rad/√s) and yaw rate (rad/s/√s), >= 1e-9: nothing is exact.
+        Standard deviation of the noise on angle (rad/√s) and yaw rate (rad/s/√s), >= 1e-9; (0.002, 0.01) by default.
     yaw_rate_noise : float
-        Deviation of the measured yaw rate, rad/s, > 0.
+        Standard deviation of the measured yaw rate, rad/s, > 0; 0.002 by default.
     acceleration_noise : float
-        Deviation of the measured lateral acceleration, m/s², > 0.
+        Standard deviation of the measured lateral acceleration, m/s², > 0; 0.05 by default.
     initial : ndarray, shape (2,)
-        The state (rad, rad/s) that is expected before the first sample.
+        Expected state (rad, rad/s) before the first measurement; zero by default.
     initial_deviation : ndarray, shape (2,)
-        Its deviation, > 0.
+        Standard deviation of the initial state (rad, rad/s), >= 1e-9; (0.02, 0.1) by default.
     truth : ndarray, shape (n,), optional
-        The true angle, rad. Hidden from backends; None where nobody knows it.
+        True angle, rad. It is hidden from backends. None if it is unknown.
 
     Notes
     -----
-    The objective is the mean distance from the truth in degrees. Where there is no truth it is the mean distance of the
-    estimate's changes over a second from those that kinematics gives from the measurements, see
-    :func:`crosstrack.models.sideslip.checks.kinematic_error`: it sees no constant error. Samples
-    below 1 m/s do not count.
+    The objective is the mean absolute error in degrees. If `truth` is None, it is the mean difference between the
+    estimate's changes over one second and those that kinematics gives from the measurements, see
+    :func:`crosstrack.models.sideslip.checks.kinematic_error`. That measure is insensitive to a constant error. Samples
+    below 1 m/s are ignored.
 
     Raises
     ------
     InvalidData
-        Naming field, place and value.
+        A field has an invalid value. The message gives field, position and value.
 
     Examples
     --------
@@ -105,7 +105,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
     default_formulation: ClassVar[str] = "full-information"
 
     def check(self) -> None:
-        """Refuse a truth that estimators could read, and drives to learn from that teach nothing."""
+        """Raise :class:`InvalidData` if the truth is visible, has a wrong length, or is missing in training."""
         if self.recording.sideslip is not None:
             raise InvalidData(
                 "recording must not hold sideslip, which estimators could read: give it as truth",
@@ -124,7 +124,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
     @property
     def preferred_backend(self) -> str:
-        """The filter corrected by regression if there are drives with the truth to learn from.
+        """``kalman-grnn``, the filter corrected by regression, if the model has training drives.
 
         Of five estimators in 15 scenarios it has the smallest ratio to the best one: 1.2 in the geometric mean and 2.5 at
         most. ``rts-smoother`` has 2.1 and 66: it is better by about a tenth if the vehicle is right, and worse by a
@@ -134,11 +134,11 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
     @property
     def prefers_native(self) -> bool:
-        """True: what a program gives is the same, and an estimator gives it sooner."""
+        """True: estimators give the same result as the programs in less time."""
         return True
 
     def verify(self, plan: SideslipEstimate, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the mean error, and whether the estimate is an angle everywhere."""
+        """Return the mean error (degrees) as objective, and the check that all angles are within ±90°."""
         check_tolerance(tolerance)
         angles = self._checked(plan).sideslip
         over = np.abs(angles) - np.pi / 2
@@ -152,14 +152,27 @@ class SideslipEstimation(Model[SideslipEstimate]):
         return Verification(mean_error(self.recording, angles, self.truth), (angle,))
 
     def coverage(self, plan: SideslipEstimate | Any, deviations: float = 2.0) -> float:
-        """Return the share of samples whose true angle lies within `deviations` of the claimed ones.
+        """Return the share of samples whose error is at most `deviations` times the claimed deviation.
 
-        Of normal errors that are claimed rightly 95.4 % lie within 2. Samples below 1 m/s do not count.
+        The share is 95.4 % within 2 deviations if the errors are normal and the deviations correct.
+        Samples below 1 m/s are ignored.
+
+        Parameters
+        ----------
+        plan : SideslipEstimate, JSON data or Solution
+            The estimate.
+        deviations : float
+            Multiple of the claimed deviation, 2 by default.
+
+        Returns
+        -------
+        float
+            The share, between 0 and 1.
 
         Raises
         ------
         InvalidData
-            The truth is not known, or the plan is none for this model.
+            The truth is unknown, or the plan does not fit this model.
         """
         found = self._checked(self.as_plan(plan))
         if self.truth is None:
@@ -177,7 +190,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
         return plan
 
     def distance(self, plan: SideslipEstimate, other: SideslipEstimate) -> float:
-        """Return the mean distance of two estimates, degrees."""
+        """Return the mean absolute difference of two estimates, in degrees."""
         one, two = self._checked(plan), self._checked(other)
         return mean_error(self.recording, one.sideslip, two.sideslip)
 
@@ -186,11 +199,11 @@ class SideslipEstimation(Model[SideslipEstimate]):
         return plan.data()
 
     def plan_from_data(self, data: Any) -> SideslipEstimate:
-        """Return the plan in `data`."""
+        """Return the estimate in the JSON data of :meth:`plan_to_data`."""
         return SideslipEstimate.from_data(data)
 
     def describe(self) -> str:
-        """Return the size in a few words."""
+        """Return a one-line summary: samples, duration, training drives and tyre law."""
         times = self.recording.times
         count = len(self.training)
         drives = {0: "no drive", 1: "1 drive"}.get(count, f"{count} drives")

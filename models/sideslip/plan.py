@@ -1,4 +1,4 @@
-"""An estimate of the sideslip angle."""
+"""Estimate of the sideslip angle."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SideslipEstimate(Declared):
-    """The angle at every sample, and what is claimed to be known of it.
+    """Estimated angle at every sample, with its claimed standard deviation.
 
     Parameters
     ----------
     sideslip : ndarray, shape (n,)
-        Estimate, rad.
+        Estimated angle, rad.
     deviation : ndarray, shape (n,)
-        Its standard deviation as the estimator claims it, rad, >= 0.
+        Standard deviation claimed by the estimator, rad, >= 0.
     """
 
     sideslip: Floats = declared(Array(("n",)))
@@ -35,7 +35,22 @@ class SideslipEstimate(Declared):
 
     @classmethod
     def from_data(cls, data: Any) -> SideslipEstimate:
-        """Return the plan that ``data()`` wrote; bad data raises ``InvalidData``."""
+        """Return the estimate in the JSON data of ``data()``.
+
+        Parameters
+        ----------
+        data : mapping
+            Object with the keys ``sideslip`` and ``deviation``.
+
+        Returns
+        -------
+        SideslipEstimate
+
+        Raises
+        ------
+        InvalidData
+            The data is no such object, or an entry is invalid.
+        """
         if not isinstance(data, Mapping):
             raise InvalidData(
                 f"a plan must be an object with the keys sideslip and deviation, got {show(data)}",

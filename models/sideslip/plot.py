@@ -1,4 +1,4 @@
-"""The picture of an estimate: the angle and its error over time, above what was measured."""
+"""Plot of an estimate: the angle and its error over time, above the measurements."""
 
 from __future__ import annotations
 
@@ -37,22 +37,23 @@ __all__ = ["draw"]
 
 Floats = NDArray[np.float64]
 
-#: Parts of a long recording of which the least and the greatest value are drawn.
+#: Number of parts of a long recording, each drawn by its minimum and maximum.
 _PARTS = 1500
-#: Estimates beside the first one, and the number of the truth's colour, which comes after theirs.
+#: Largest number of further estimates, and the colour index of the truth, which follows theirs.
 _MOST_OTHERS, _TRUTH = 5, 6
-#: Angles (degree) beyond which nothing is drawn: an invalid plan may hold anything.
+#: Limit (degrees) to which angles are clipped: an invalid plan may contain any value.
 _BEYOND = 1e9
-#: By how many times the height of the curves a band may exceed them in sight: angle, error.
+#: Largest visible height of the band beyond the curves, in heights of the curves: angle, error.
 _REACH = (1.0, 5.0)
 _BAND = "± 2 deviations"
 _STILL = f"below {LOW_SPEED:g} m/s, no meaning"
-#: Inches: a tall and a low panel with the gap below, left of one, a line of words; letters in an inch.
+#: Inches: height of a tall and of a low panel with the gap below, gap at the left, line of text.
+#: The last entry is the number of letters per inch.
 _TALL, _LOW, _GAP, _LINE, _LETTERS = 1.7, 1.0, 0.85, 0.17, 13.0
 
 
 class _Named(NamedTuple):
-    """An estimate, its label in the legend, and the number of its colour."""
+    """Estimate with its legend label and colour index."""
 
     label: str
     colour: int
@@ -60,7 +61,7 @@ class _Named(NamedTuple):
 
 
 class _Drawn:
-    """The samples that are drawn: all, or the extremes of equal parts."""
+    """Samples to draw: all of a short recording, or the extremes of equal parts of a long one."""
 
     def __init__(self, recording: Recording) -> None:
         self.size = len(recording)
@@ -71,7 +72,7 @@ class _Drawn:
         self.moving = recording.moving
 
     def extremes(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-        """Return the least of `low` and the greatest of `high` in each part."""
+        """Return the minimum of `low` and the maximum of `high` in each part."""
         return np.fmin.reduceat(low, self.first), np.fmax.reduceat(high, self.first)
 
     def curve(self, name: str, colour: int, values: Floats, width: float = 1.2) -> Curve:
@@ -82,12 +83,12 @@ class _Drawn:
         return Curve(name, colour, np.repeat(self.times, 2), both, width)
 
     def degrees(self, values: Floats) -> Floats:
-        """Return angles in degrees, NaN where they have no meaning."""
+        """Return angles (rad) in degrees, NaN for samples below 1 m/s."""
         held = np.clip(values, -_BEYOND, _BEYOND)
         return np.clip(np.where(self.moving, np.degrees(held), np.nan), -_BEYOND, _BEYOND)
 
     def rests(self) -> list[tuple[float, float]]:
-        """Return when the vehicle rests; of a part, whether it rests for more than half of it."""
+        """Return the intervals (s) at rest. A part is at rest if more than half of its samples are."""
         count = np.diff(self.first, append=self.size)
         still = 2 * np.add.reduceat((~self.moving).astype(np.int64), self.first) > count
         edges = np.diff(np.concatenate([[False], still, [False]]).astype(np.int8))
@@ -105,35 +106,35 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw the estimate `plan` over time, the truth where it is known, and what was measured.
+    """Draw the estimate `plan` over time, with the truth, if it is known, and the measurements.
 
-    Where the vehicle is slower than 1 m/s the angle has no meaning: its curves have gaps there, and the time is
-    shaded. Of recordings of more than 3000 samples the extremes of 1500 parts are drawn.
+    The angle is undefined below 1 m/s: its curves have gaps there, and the time is
+    shaded. Recordings of more than 3000 samples are drawn by the extremes of 1500 parts.
 
     Parameters
     ----------
     model : SideslipEstimation
-        The model; one without its truth, as backends see it, is drawn as one whose truth nobody knows.
+        The model. If its truth is hidden, as for backends, it is drawn as a model without truth.
     plan : SideslipEstimate, optional
-        An estimate for it, drawn with twice its claimed deviation; None draws the data only.
+        The estimate, drawn with a band of twice its claimed deviation. If None, only the data is drawn.
     others : dict of str to plan, optional
-        Up to 5 further estimates by what the legend calls them: plans, their JSON data or solutions.
+        Up to 5 further estimates by legend label: plans, their JSON data or solutions.
     tolerance : float
-        Largest violation accepted, relative, for what the title says.
+        Largest relative violation at which the title reports a plan as valid.
     title : str, optional
-        Instead of the name, the mean error and the share of errors within two deviations.
+        Title. The default is the name, the mean error and the share of errors within two deviations.
     size : (float, float), optional
         Width and height (inch).
 
     Returns
     -------
     matplotlib.figure.Figure
-        A panel of the angle, one of its error where the truth is known, and four of what was measured.
+        One panel of the angle, one of its error if the truth is known, and four of the measurements.
 
     Raises
     ------
     InvalidData
-        A plan is none of this model.
+        A plan does not fit this model.
     UnsupportedOption
         An option has a value that is not allowed.
     """
@@ -150,7 +151,7 @@ def draw(
         one = required("plan", model.as_plan(value), SideslipEstimate)
         checked = model.verify(one, tolerance=tolerance)
         label = _label(name, checked) if named else name
-        # The first colour is that of the plan, drawn or not.
+        # The first colour is reserved for `plan`, even if it is None.
         estimates.append(_Named(label, len(estimates) + (plan is None), one))
         found = checked if estimates[-1].colour == 0 else found
     text = _title(model, plan, found) if title is None else title
@@ -160,7 +161,7 @@ def draw(
 
 
 def _visible(model: SideslipEstimation) -> SideslipEstimation:
-    """Return a backend's view as a model whose truth nobody knows."""
+    """Return the model, with a hidden truth replaced by None."""
     if not model.is_blinded:
         return model
     hidden = model.hidden_fields()
@@ -239,9 +240,9 @@ def _figure(model: SideslipEstimation, estimates: Sequence[_Named], text: str, s
 def _upper(
     model: SideslipEstimation, drawn: _Drawn, estimates: Sequence[_Named], rests: Any
 ) -> list[Panel]:
-    """Return the panel of the angle, and that of its error where it is known."""
+    """Return the panels of the angle and, if the truth is known, of its error."""
     truth, shades = model.truth, {_STILL: rests}
-    # The first estimate lies above all others, and above the truth.
+    # Draw the first estimate last, on top of all other curves.
     angles = [
         drawn.curve(label, colour, drawn.degrees(plan.sideslip))
         for label, colour, plan in reversed(estimates)
@@ -261,7 +262,7 @@ def _upper(
 
 
 def _lower(recording: Recording, drawn: _Drawn, rests: Any) -> list[Panel]:
-    """Return what was measured."""
+    """Return the panels of the measurements."""
     measured = (
         ("yaw rate", "°/s", np.degrees(recording.yaw_rate)),
         ("lateral acceleration", "m/s^2", recording.lateral_acceleration),
@@ -275,7 +276,7 @@ def _lower(recording: Recording, drawn: _Drawn, rests: Any) -> list[Panel]:
 
 
 def _draw_band(axes: Axes, panel: Panel, drawn: _Drawn, main: _Named, row: int) -> None:
-    """Fill what the first estimate claims, about itself in the first row and about 0 in the second."""
+    """Fill the band of the first estimate: about the angle in row 0, about zero error in row 1."""
     wide = 2 * drawn.degrees(main.plan.deviation)
     middle = drawn.degrees(main.plan.sideslip) if row == 0 else np.zeros(drawn.size)
     lower, upper = drawn.extremes(middle - wide, middle + wide)
@@ -284,12 +285,12 @@ def _draw_band(axes: Axes, panel: Panel, drawn: _Drawn, main: _Named, row: int) 
     least, most = float(held.min()), float(held.max())
     height = most - least
     reach = _REACH[row] * height if height > 0 else np.inf
-    # Most of the band, not what few samples of which nothing is known would ask for.
+    # Use quantiles of the band: a few samples with an unknown angle would stretch the axis.
     low = max(min(least, float(np.nanquantile(lower, 0.02))), least - reach)
     high = min(max(most, float(np.nanquantile(upper, 0.98))), most + reach)
     if high > low:
         axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
     look: dict[str, Any] = {"color": axis_style(0)["color"], "alpha": 0.2, "lw": 0, "zorder": 1.5}
     axes.fill_between(drawn.times, lower, upper, gid="band", **look)
-    for edge in (lower, upper) if row else ():  # seen also where the curve fills the panel
+    for edge in (lower, upper) if row else ():  # visible if curves fill the panel
         axes.plot(drawn.times, edge, color=DARK, lw=0.5, zorder=3.5, gid="edge of the band")

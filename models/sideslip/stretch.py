@@ -1,4 +1,4 @@
-"""Samples in a row with the linear model at each, and what is known of the angle from them."""
+"""Consecutive samples with their linearised model, and the deviation of the angle given them."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stretch:
-    """Terms of consecutive samples.
+    """Consecutive samples with linearised model, measurements and noise.
 
     Parameters
     ----------
     linear : Linearised
-        The model at each of them.
+        Model at each sample.
     measured : ndarray, shape (n, 2)
-        Yaw rate and lateral acceleration.
+        Measured yaw rate (rad/s) and lateral acceleration (m/s²).
     used : ndarray of bool, shape (n,)
-        Whether what was measured counts.
+        True if the measurements of a sample are used.
     noise : ndarray, shape (2,)
-        Deviation of what was measured.
+        Standard deviations of the measurements.
     disturbance : ndarray, shape (n - 1, 2)
-        Deviation of what is added to the state after each sample but the last.
+        Standard deviations of the noise added to the state between samples.
     mean : ndarray, shape (2,)
-        The state expected at the first sample, before what was measured there.
+        Expected state at the first sample, before its measurement.
     root : ndarray, shape (2, 2)
-        The lower Cholesky factor of its covariance.
+        Lower Cholesky factor of the covariance of that state.
     """
 
     linear: Linearised
@@ -48,7 +48,19 @@ class Stretch:
 
     @classmethod
     def of(cls, model: SideslipEstimation, linear: Linearised) -> Stretch:
-        """Return all samples of a model."""
+        """Return the stretch of all samples of `model`.
+
+        Parameters
+        ----------
+        model : SideslipEstimation
+            The model, which gives measurements, noise and initial state.
+        linear : Linearised
+            Linearised model at each of its samples.
+
+        Returns
+        -------
+        Stretch
+        """
         drive = model.recording
         return cls(
             linear,
@@ -63,7 +75,23 @@ class Stretch:
     def part(
         self, first: int, last: int, mean: Floats, root: Floats, linear: Linearised | None = None
     ) -> Stretch:
-        """Return the samples `first` … `last` with another expectation at the first, `linear` where given."""
+        """Return the samples `first` … `last` with a new prior and, optionally, a new model.
+
+        Parameters
+        ----------
+        first, last : int
+            Indices of the first and the last sample, both included.
+        mean : ndarray, shape (2,)
+            Expected state at the first sample.
+        root : ndarray, shape (2, 2)
+            Lower Cholesky factor of its covariance.
+        linear : Linearised, optional
+            Linearised model of these samples; by default the part of the present one.
+
+        Returns
+        -------
+        Stretch
+        """
         step, shift, slope, level = self.linear
         if linear is None:
             linear = Linearised(
@@ -84,16 +112,16 @@ class Stretch:
 
     @cached_property
     def scale(self) -> Floats:
-        """Unit of the state's columns, rad and rad/s: a typical disturbance."""
+        """Unit of the state columns (rad, rad/s): the median disturbance, shape (2,)."""
         usual = np.median(self.disturbance, axis=0) if len(self.disturbance) else np.diag(self.root)
         return np.asarray(usual)
 
     @cached_property
     def deviations(self) -> Floats:
-        """Deviation of the angle at each sample, given what was measured at all, rad, shape (n,).
+        """Standard deviation of the angle at each sample given all measurements, rad, shape (n,).
 
-        The covariance given what came before, and the information from what comes after (the two-filter form of a
-        smoother, Fraser and Potter 1969).
+        The covariance given earlier samples is combined with the information from later ones: the two-filter
+        form of a smoother (Fraser and Potter 1969).
         """
         step, _, slope, _ = self.linear
         seen = np.swapaxes(slope / self.noise[:, None], 1, 2) @ (slope / self.noise[:, None])
@@ -102,7 +130,7 @@ class Stretch:
         before = np.empty((self.count, 2, 2))
         covariance = self.root @ self.root.T
         for k in range(self.count):
-            # (P⁻¹ + S)⁻¹ without the inverse of what may be nearly singular.
+            # (P⁻¹ + S)⁻¹ without inverting P, which may be nearly singular.
             before[k] = np.linalg.solve(eye + covariance @ seen[k], covariance)
             if k < self.count - 1:
                 covariance = step[k] @ before[k] @ step[k].T + np.diag(self.disturbance[k] ** 2)
