@@ -1,7 +1,7 @@
-"""Diagnosis of a recording, the assumed vehicle and the training drives before an angle is estimated.
+"""Diagnosis of a recording, the vehicle parameters and the training drives before the estimation.
 
-That tyres are linear up to about 4 m/s² on a dry road, and when a vehicle is stable, is textbook knowledge (R. Rajamani,
-Vehicle Dynamics and Control, 2012, chapters 3 and 13).
+The linear range of tyres, up to about 4 m/s² on a dry road, and the stability criterion are those of R. Rajamani
+(Vehicle Dynamics and Control, 2012, chapters 3 and 13).
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ Floats = NDArray[np.float64]
 
 #: Lateral acceleration (m/s²) up to which tyres are about linear on a dry road.
 _LINEAR_UP_TO = 4.0
-#: Share of an axle's stiffness below which its force says little of the angle.
+#: Share of an axle's stiffness below which its force is insensitive to the angle.
 _SLIDING = 0.3
-#: Condition of the Gramian above which the angle counts as hidden.
+#: Condition number of the Gramian above which the angle is reported as unobservable.
 _HIDDEN = 1e6
-#: Ratio of two periods above which lags of the one are none of the other.
+#: Ratio of two sampling periods above which lagged features are not comparable.
 _UNLIKE = 1.5
 
 
 def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None) -> Diagnosis:
-    """Return what is odd about a recording, the believed vehicle, and the drives to learn from.
+    """Return findings about a recording, the vehicle parameters and the training drives.
 
-    There always is a plan, for every angle below 90° is one; what may be wrong is what it is made from. The findings
-    that ask for a look come first. The truth is not read.
+    The model is always feasible, because every angle below 90° is a plan. The findings check its data.
+    Findings that need attention come first. The truth is not read.
 
     Parameters
     ----------
@@ -44,8 +44,12 @@ def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None
         The model.
     time_limit : float, optional
         Not used.
+
+    Returns
+    -------
+    Diagnosis
     """
-    with np.errstate(all="ignore"):  # what overflows is no finding
+    with np.errstate(all="ignore"):  # an overflow gives no finding
         found = [
             *signal_remarks(model),
             *_stability(model),
@@ -64,9 +68,19 @@ def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None
 
 
 def critical_speed(vehicle: Vehicle) -> float:
-    """Return the speed from which on a vehicle with linear tyres is unstable, m/s; infinite where it never is.
+    """Return the critical speed of a vehicle with linear tyres, in m/s.
 
-    One that oversteers, ``a C_f > b C_r``, has it at ``L √(C_f C_r / (m (a C_f - b C_r)))``.
+    A vehicle that oversteers, ``a C_f > b C_r``, is unstable above ``L √(C_f C_r / (m (a C_f - b C_r)))``.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle. Its tyre law and friction are not used.
+
+    Returns
+    -------
+    float
+        The critical speed; infinite if the vehicle does not oversteer.
     """
     front, rear = np.float64(vehicle.cornering_front), np.float64(vehicle.cornering_rear)
     over = vehicle.front * front - vehicle.rear * rear
@@ -78,29 +92,29 @@ def critical_speed(vehicle: Vehicle) -> float:
 
 
 def gramian(model: SideslipEstimation, speed: float, count: int) -> Floats:
-    """Return the observability Gramian of angle and yaw rate over some samples at constant speed.
+    """Return the observability Gramian of angle and yaw rate over `count` samples at constant speed.
 
     It is ``Σ (H Φ^k)ᵀ R⁻¹ H Φ^k`` for k from 0 to `count` - 1, for linear tyres and without disturbance. Its inverse is
-    the covariance of the first state (rad, rad/s) by these measurements alone.
+    the covariance of the first state (rad, rad/s) given these measurements alone.
 
     Parameters
     ----------
     model : SideslipEstimation
-        Of which the vehicle, the noise and the usual time between samples are used.
+        The model. Its vehicle, noise and median time between samples are used.
     speed : float
-        m/s, > 0.
+        Speed, m/s, > 0.
     count : int
-        Samples, a power of 2.
+        Number of samples, a power of 2.
 
     Returns
     -------
     ndarray, shape (2, 2)
-        NaN where the vehicle's numbers overflow.
+        The Gramian; NaN if the vehicle parameters overflow.
     """
     car, u = model.vehicle, np.float64(speed)
     stiff = np.array([car.cornering_front, car.cornering_rear])
     arms = np.array([car.front, -car.rear])
-    by_slip = -np.stack([np.ones(2), arms / u], axis=1)  # slip angles by the state
+    by_slip = -np.stack([np.ones(2), arms / u], axis=1)  # derivatives of the slip angles
     forces = stiff[:, None] * by_slip
     lateral, torque = forces.sum(axis=0) / car.mass, arms @ forces / car.yaw_inertia
     rates = np.stack([lateral / u - [0.0, 1.0], torque])
@@ -115,11 +129,11 @@ def gramian(model: SideslipEstimation, speed: float, count: int) -> Floats:
     return found
 
 
-# -- the believed vehicle ------------------------------------------------------------------------
+# -- vehicle -------------------------------------------------------------------------------------
 
 
 def _stability(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield whether the believed vehicle is stable at the speeds that were driven."""
+    """Yield a remark on the stability of the assumed vehicle at the recorded speeds."""
     critical, fastest = critical_speed(model.vehicle), float(model.recording.speed.max())
     if math.isinf(critical):
         text = "the believed vehicle does not oversteer: it is stable at every speed"
@@ -136,7 +150,7 @@ def _stability(model: SideslipEstimation) -> Iterator[Remark]:
 
 
 def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield whether the law of the tyres is credible at the accelerations that were measured."""
+    """Yield a remark on the validity of the tyre law at the measured accelerations."""
     drive, car = model.recording, model.vehicle
     size = np.abs(drive.lateral_acceleration[drive.moving])
     most = float(size.max())
@@ -155,7 +169,7 @@ def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
         return
     limit = car.friction * GRAVITY
     share = float((size > limit + 4 * model.acceleration_noise).mean())
-    # A brush at a share s of its greatest force has (1 - s)^(2/3) of its stiffness left.
+    # The brush model at a share s of its largest force has (1 - s)^(2/3) of its stiffness left.
     left = (1.0 - min(most / limit, 1.0)) ** (2 / 3)
     if share:
         told = f"more than the {limit:.3g} m/s² that a friction of {car.friction:g} allows"
@@ -176,9 +190,9 @@ def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
 
 
 def _observability(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield the observability of the angle at the driven speeds, and the effect of a wrong vehicle."""
+    """Yield remarks on the observability of the angle and its sensitivity to vehicle parameters."""
     drive, car = model.recording, model.vehicle
-    # As many samples as a second has, up to a power of 2.
+    # Number of samples per second, rounded to a power of 2.
     count = 2 ** round(math.log2(min(max(1.0 / drive.period, 1.0), 2.0**20)))
     scale = np.diag(model.initial_deviation)
     worst = (0.0, 0.0, 0.0)
@@ -206,11 +220,11 @@ def _observability(model: SideslipEstimation) -> Iterator[Remark]:
     )  # fmt: skip
 
 
-# -- the drives to learn from --------------------------------------------------------------------
+# -- training drives -----------------------------------------------------------------------------
 
 
 def _training(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield whether the recording lies within what the other drives show."""
+    """Yield remarks on the range and the sampling period of the training drives."""
     drive, others = model.recording, model.training
     if not others:
         text = "there are no drives to learn from, and estimators that learn refuse"

@@ -12,7 +12,7 @@ The constant rate c, the bias of the reference, and its variance p are estimated
 ``|d| > 1.5 s_k + 3.5 √v``, the deviation becomes ``√(s_k² + d²)``; the sample after a contradicted one is contradicted if
 ``|d| > 1.5 s_k + 2 √v``. A contradicted sample is no starting point: windows that would start there start at its own
 starting point o instead, so that an error that stays is found after it stopped growing. The sample is trusted again if d
-is explained, or if a bias of the sensors that began during the drive may be the reason: for 8 s the rate of the angle
+is explained, or if a sensor bias that began during the drive may be the reason: for 8 s the rate of the angle
 differed from the reference by less than a bias does, and ``|d| <= 1.5 s_k + 3.5 √(v + p₀ T²)``.
 
 The training-range gate compares the inputs with those of the training drives. At a standardised distance D outside of
@@ -171,7 +171,7 @@ def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation
     Returns
     -------
     ndarray, shape (n,)
-        rad.
+        Differences, rad.
     """
     drive = problem.recording
     times, moving = drive.times, drive.moving
@@ -216,11 +216,11 @@ def gate_path(
     Parameters
     ----------
     times, moving : ndarray, shape (n,)
-        Of the drive.
+        Times, s, and samples at 1 m/s or more.
     angle, claim : ndarray, shape (n,)
-        The estimate and its deviation.
+        The estimate and its claimed deviation, rad.
     change, noise, lacking : ndarray, shape (n,)
-        Sums up to each sample: the measured change, its variance, and the term that it lacks.
+        Sums up to each sample: the measured change, its variance, and the neglected braking term.
     bias : ndarray, shape (n,)
         Variance of the bias of the rate before the drive.
     begins : ndarray, shape (n, w)
@@ -228,7 +228,7 @@ def gate_path(
     origin : ndarray, shape (n,)
         Starting point of each sample's reference; on entry the sample itself, on return changed.
     found : ndarray, shape (n,)
-        Zero on entry.
+        Zero on entry; on return the differences (rad) of contradicted samples.
     """
     limit = THRESHOLD * THRESHOLD
     opened, rate, variance, last, start, doubt = False, 0.0, math.inf, -1, 0, -math.inf
@@ -304,7 +304,7 @@ def measure_training_distance(problem: SideslipEstimation) -> tuple[Floats, tupl
     Returns
     -------
     distance : ndarray, shape (n,)
-        0 at rest.
+        Standardised distance, 0 below 1 m/s.
     names : tuple of str
         Inputs outside of their range; ``"combinations of inputs"`` if only principal components are.
     """

@@ -1,7 +1,7 @@
-"""``kalman-filter`` and ``rts-smoother``: estimates of the angle by the single-track model and its noises.
+"""``kalman-filter`` and ``rts-smoother``: estimators based on the single-track model.
 
-Their uncertainty is the covariance of the model, increased by the evidence of the innovations against the
-model, see :mod:`crosstrack.solvers.sideslip.mismatch`; the estimates themselves are those of the model.
+The claimed covariance is that of the model, widened if the innovations contradict the
+model, see :mod:`crosstrack.solvers.sideslip.mismatch`. The angles are not corrected.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["KalmanFilter", "RtsSmoother", "claim"]
 
 Floats = NDArray[np.float64]
 
-#: Widening above which a warning states that the model is wrong.
+#: Widening factor above which the message reports a wrong model.
 _WRONG = 2.0
 
 
@@ -31,18 +31,22 @@ def claim(
     *,
     ahead: bool = False,
 ) -> Estimate:
-    """Return an estimate that claims what the model and the filter's innovations allow.
+    """Return an estimate whose claimed deviation accounts for the filter's innovations.
 
     Parameters
     ----------
     problem : SideslipEstimation
         The model.
     found : FilterPass
-        Result of the Kalman filter for it.
+        Result of the Kalman filter on the model.
     sideslip, variance : ndarray, shape (n,)
-        The angle (rad) and its variance by the model.
+        The angle, rad, and its variance according to the model, rad².
     ahead : bool
-        Whether the estimates use later samples.
+        True if the estimate of a sample uses later samples; False by default.
+
+    Returns
+    -------
+    Estimate
     """
     own = np.sqrt(np.maximum(variance, 0.0))
     deviation = mismatch(problem, found, ahead=ahead).widen(own)
@@ -59,13 +63,13 @@ def claim(
 
 
 class KalmanFilter(SideslipBackend):
-    """The (extended) Kalman filter: the angle from the samples up to its own."""
+    """Kalman filter, extended for saturating tyres. Each angle uses samples up to its time."""
 
     name = "kalman-filter"
     summary = "Kalman filter on the single-track model, extended for saturating tyres"
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
-        """Filter."""
+        """Return the filtered angles, or None if the run was stopped."""
         found = filter_drive(problem, request.control)
         if found is None:
             return None
@@ -73,13 +77,13 @@ class KalmanFilter(SideslipBackend):
 
 
 class RtsSmoother(SideslipBackend):
-    """The Rauch-Tung-Striebel smoother: the angle from all samples."""
+    """Rauch-Tung-Striebel smoother. Each angle uses all samples."""
 
     name = "rts-smoother"
     summary = "Rauch-Tung-Striebel smoother: the Kalman filter, run back over all samples"
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
-        """Filter, and smooth."""
+        """Return the smoothed angles, or None if the run was stopped."""
         found = filter_drive(problem, request.control)
         if found is None:
             return None

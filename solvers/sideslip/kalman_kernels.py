@@ -1,6 +1,6 @@
-"""Loops of the Kalman filter and of the smoother that runs back over what it found.
+"""Kernels of the Kalman filter and of the Rauch-Tung-Striebel smoother.
 
-Symmetric matrices [[a, b], [b, c]] are carried as a, b, c.
+Symmetric matrices [[a, b], [b, c]] are stored as a, b, c.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["filter_path", "smooth_path"]
 
 Floats = NDArray[np.float64]
 
-#: Samples between two looks at the stop flag.
+#: Number of samples between two checks of the stop flag.
 _SAMPLES = 1024
 
 
@@ -25,7 +25,7 @@ _SAMPLES = 1024
 def congruence(
     w: float, m: float, u: float, v: float, a: float, b: float, c: float
 ) -> tuple[float, float, float]:
-    """Return M P Mᵀ for M = [[w, m], [u, v]] and the symmetric P of a, b, c."""
+    """Return M P Mᵀ for M = [[w, m], [u, v]] and P = [[a, b], [b, c]]."""
     p, q, r, s = w * a + m * b, w * b + m * c, u * a + v * b, u * b + v * c
     return p * w + q * m, p * u + q * v, r * u + s * v
 
@@ -34,7 +34,7 @@ def congruence(
 def keep(
     k: int, x: float, y: float, a: float, b: float, c: float, states: Floats, spread: Floats
 ) -> None:
-    """Note down sample k's state and its covariance."""
+    """Store the state of sample k and its covariance."""
     states[k, 0], states[k, 1] = x, y
     spread[k, 0, 0], spread[k, 0, 1], spread[k, 1, 0], spread[k, 1, 1] = a, b, b, c
 
@@ -47,7 +47,9 @@ def filter_path(
     innovations: Floats, innovation_spread: Floats,
     step: Floats, shift: Floats, slope: Floats, level: Floats, flag: NDArray[np.int8],
 ) -> int:  # fmt: skip
-    """Filter a drive, linearised about what is predicted and then about what is filtered.
+    """Run the extended Kalman filter over a drive.
+
+    Measurements are linearised about the predicted state, transitions about the filtered state.
 
     Parameters
     ----------
@@ -56,26 +58,26 @@ def filter_path(
     data : ndarray, shape (n, 2)
         Measured yaw rate and lateral acceleration.
     usable : ndarray of bool, shape (n,)
-        Whether a sample's measurements are used.
+        True if a sample's measurements are used.
     p : ndarray, shape (8,)
-        The vehicle as the dynamics take it.
+        Vehicle parameters, see :func:`crosstrack.models.sideslip.dynamics.parameters`.
     noise : ndarray, shape (4,)
-        Variances: of the disturbances in a second, and of the measurements.
+        Variances of the disturbances per second, and of the measurements.
     initial : ndarray, shape (4,)
-        The state before the first sample, and its variances.
+        State before the first sample, and its variances.
     most : float
-        Variance of the angle from which on nothing is known: the filter begins anew.
+        Variance of the angle at which the filter restarts from `initial`.
     predicted, spread, filtered, filtered_spread, innovations, innovation_spread : ndarray
-        Filled in: states and innovations, shape (n, 2), and their covariances, shape (n, 2, 2).
+        Output: states and innovations, shape (n, 2), and their covariances, shape (n, 2, 2).
     step, shift, slope, level : ndarray
-        Filled in with the model as it was linearised. Where the filter began anew, the step forgets.
+        Output: the linearised model. The transition matrix is zero at a restart.
     flag : ndarray of int8
-        Not 0 asks to stop.
+        Stop flag; a value other than 0 stops the filter.
 
     Returns
     -------
     int
-        How often it began anew; -1 where it was stopped.
+        Number of restarts; -1 if the filter was stopped.
     """
     n = len(times)
     x, y = initial[0], initial[1]
@@ -89,12 +91,12 @@ def filter_path(
         g, h = slope[k, 1, 0], slope[k, 1, 1]
         v = data[k, 0] - y
         w = data[k, 1] - (g * x + h * y + level[k, 1])
-        # Cross-covariance of the second measurement and the state, and the covariance H P Hᵀ + R of both.
+        # Covariance of the second measurement with the state, and H P Hᵀ + R.
         i, j = g * a + h * b, g * b + h * c
         r, s, t = c + noise[2], j, g * i + h * j + noise[3]
         keep(k, v, w, r, s, t, innovations, innovation_spread)
         if usable[k]:
-            # The variance of the second, given the first, is at least that of its noise.
+            # The variance of the second given the first is at least that of its noise.
             rest = max(t - s * s / r, noise[3])
             d, e = (i - b * s / r) / rest, (j - c * s / r) / rest
             f, o = (b - d * s) / r, (c - e * s) / r
@@ -127,9 +129,10 @@ def smooth_path(
     step: Floats, shift: Floats, slope: Floats, level: Floats,
     filtered: Floats, filtered_spread: Floats, smoothed: Floats, smoothed_spread: Floats,
 ) -> None:  # fmt: skip
-    """Run back over a drive that was filtered; `smoothed` and its covariances are filled in.
+    """Run the smoother backwards over a filtered drive; fill `smoothed` and `smoothed_spread`.
 
-    The information of later samples about a state x is carried as -xᵀ J x / 2 + xᵀ y, and joined with the filtered state.
+    The log-likelihood of later samples given a state x is carried as -xᵀ J x / 2 + xᵀ y and combined with the
+    filtered state.
     """
     a, b, c, v, w = 0.0, 0.0, 0.0, 0.0, 0.0  # J = [[a, b], [b, c]] and y
     last = len(filtered) - 1
@@ -141,7 +144,7 @@ def smooth_path(
                 a, b, c = a + s * g * g, b + s * g * h, c + r + s * h * h
                 e = s * (data[k + 1, 1] - level[k + 1, 1])
                 v, w = v + e * g, w + e * h + r * data[k + 1, 0]
-            # Through the disturbance: (I + J Q)⁻¹ J and (I + J Q)⁻¹ (y - J shift).
+            # Disturbance: (I + J Q)⁻¹ J and (I + J Q)⁻¹ (y - J shift).
             dt = times[k + 1] - times[k]
             q, r = noise[0] * dt, noise[1] * dt
             det = max(a * c - b * b, 0.0)
@@ -150,13 +153,13 @@ def smooth_path(
             v, w = v - a * d - b * e, w - b * d - c * e
             v, w = ((1.0 + c * r) * v - b * r * w) / rest, ((1.0 + a * q) * w - b * q * v) / rest
             a, b, c = (a + r * det) / rest, b / rest, (c + q * det) / rest
-            # And through the step: Aᵀ J A and Aᵀ y.
+            # Transition: Aᵀ J A and Aᵀ y.
             g, h, i, j = step[k, 0, 0], step[k, 0, 1], step[k, 1, 0], step[k, 1, 1]
             a, b, c = congruence(g, i, h, j, a, b, c)
             v, w = g * v + i * w, h * v + j * w
         x, y = filtered[k, 0], filtered[k, 1]
         d, e, f = filtered_spread[k, 0, 0], filtered_spread[k, 0, 1], filtered_spread[k, 1, 1]
-        # The covariance (P⁻¹ + J)⁻¹, in which nothing is divided by what may be 0.
+        # The covariance (P⁻¹ + J)⁻¹ in a form without division by zero.
         r, s = max(a * c - b * b, 0.0), max(d * f - e * e, 0.0)
         rest = 1.0 + max(d * a + 2.0 * e * b + f * c, 0.0) + r * s
         d, e, f = (d + s * c) / rest, (e - s * b) / rest, (f + s * a) / rest

@@ -1,4 +1,4 @@
-"""What estimators that learn share: examples from drives, and a regression by kernels on them."""
+"""Training examples from drives, and kernel and linear regression on them."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ __all__ = ["KernelRegression", "Scale", "StraightLine", "TrainingSet", "Window",
 
 Floats = NDArray[np.float64]
 
-#: Share of normal errors within two deviations, at which claimed deviations are calibrated.
+#: Share of normal errors within two deviations; claimed deviations are calibrated to it.
 WITHIN_TWO = math.erf(2.0 / math.sqrt(2.0))
-#: Largest number of examples that are left out in turn. More change the width little, and cost time.
+#: Largest number of examples in cross-validation: more change the width little, and cost time.
 MOST_LEFT_OUT = 300
-#: Largest number of entries of a table of examples against examples, which is held in memory.
+#: Largest number of entries of a table of examples by examples, which is held in memory.
 MOST_TABLE = 2**24
-#: Entries of a block of such a table: it stays in a processor's cache.
+#: Number of entries in a block of such a table, which fits a processor's cache.
 BLOCK = 2**18
-#: Smallest number of rows of a block, unless it fills the memory. Fewer are slow to multiply.
+#: Smallest number of rows in a block, if memory allows: fewer rows are slow to multiply.
 ROWS = 16
-#: Widths between which the best one is sought, in deviations of the features.
+#: Search interval of the kernel width, in deviations of the features.
 NARROWEST, WIDEST = 0.02, 5.0
-#: Widths of the first search, and the accuracy of the second in the logarithm.
+#: Number of widths in the grid search, and tolerance of the refinement in the logarithm.
 GRID, ACCURACY = 9, 0.05
-#: A feature whose deviation is this part of its values is constant but for rounding.
+#: Ratio of a feature's deviation to its largest value below which it is treated as constant.
 CONSTANT = 1e-9
 
 
 class Window(NamedTuple):
-    """Which measurements an angle is estimated from.
+    """Window of lagged measurements used as features.
 
     Parameters
     ----------
     period : float
-        Time between two of them, s.
+        Time between two lags, s.
     lags : int
-        How many.
+        Number of lags per sensor, 5 by default.
     ahead : int
-        Periods from the newest of them to the angle: 0 uses the sample itself, 1 is that of the paper.
+        Periods between the newest lag and the angle. 0, the default, uses the sample itself; the paper uses 1.
     inputs : bool
-        Whether speed and steering angle count among them; False in the paper.
+        If True, the default, speed and steering angle are features too; False in the paper.
     """
 
     period: float
@@ -55,10 +55,19 @@ class Window(NamedTuple):
     inputs: bool = True
 
     def features(self, recording: Recording) -> Floats:
-        """Return the measurements before each sample, shape (n, 2 lags) or (n, 4 lags).
+        """Return the lagged measurements of each sample, shape (n, 2 lags) or (n, 4 lags).
 
-        They are taken at multiples of the period, linear between samples, so that missing samples
-        shift nothing. Before the first sample all was as it is there.
+        They are interpolated linearly at multiples of the period, so that missing samples
+        do not shift them. Times before the first sample take its values.
+
+        Parameters
+        ----------
+        recording : Recording
+            The drive.
+
+        Returns
+        -------
+        ndarray, shape (n, d)
         """
         signals = [recording.yaw_rate, recording.lateral_acceleration]
         if self.inputs:
@@ -74,11 +83,11 @@ class TrainingSet(NamedTuple):
     Parameters
     ----------
     features : ndarray, shape (n, d)
-        Features from which the angle is estimated.
+        Lagged measurements.
     angles : ndarray, shape (n,)
-        The angle, or whatever else is to be estimated, rad.
+        Targets: the angle or the error of a filter, rad.
     drives : ndarray, shape (n,)
-        The drive of each, which is left out as a whole.
+        Index of the drive of each example. Cross-validation leaves out whole drives.
     """
 
     features: Floats
@@ -89,21 +98,21 @@ class TrainingSet(NamedTuple):
 def training_set(
     training: Iterable[Recording], window: Window, targets: Iterable[Floats] | None = None
 ) -> TrainingSet:
-    """Return the examples of drives where the angle has a meaning.
+    """Return the examples of all samples at 1 m/s or more.
 
     Parameters
     ----------
     training : iterable of Recording
         Drives with a known angle.
     window : Window
-        Features from which the angle is estimated.
+        Window of the features.
     targets : iterable of ndarray, optional
-        Target at each sample of each drive; None takes the angle.
+        Target at each sample of each drive, rad; by default the angle.
 
     Returns
     -------
     TrainingSet
-        Those of a single drive count as two drives, its halves.
+        The examples. A single drive is split into two halves, so that one of them can be left out.
     """
     drives = list(training)
     found: list[Any] = [drive.sideslip for drive in drives] if targets is None else list(targets)
@@ -116,12 +125,12 @@ def training_set(
 
 
 class Scale(NamedTuple):
-    """The shift and the divisor of each feature; constant features become 0.
+    """Standardisation of features. Constant features become 0.
 
     Parameters
     ----------
     middle, size : ndarray, shape (d,)
-        Mean and divisor; an infinite divisor if all values are the same.
+        Mean and divisor of each feature; the divisor of a constant feature is infinite.
     """
 
     middle: Floats
@@ -136,8 +145,12 @@ class Scale(NamedTuple):
         features : ndarray, shape (n, d)
             The features.
         each : bool
-            Divide each feature by its own deviation, else all by their root mean square deviation, which keeps the
-            ratios of distances.
+            If True, the default, divide each feature by its own deviation. Otherwise divide all by their root mean
+            square deviation, which preserves ratios of distances.
+
+        Returns
+        -------
+        Scale
         """
         middle, size = features.mean(axis=0), features.std(axis=0)
         varies = size > CONSTANT * np.abs(features).max(axis=0)
@@ -146,41 +159,41 @@ class Scale(NamedTuple):
         return cls(middle, np.where(varies, size, np.inf))
 
     def __call__(self, features: Floats) -> Floats:
-        """Return the features scaled."""
+        """Return the scaled features, shape (n, d)."""
         return (features - self.middle) / self.size
 
 
 class KernelRegression:
-    """The mean of all examples, each weighted by a Gaussian of its distance.
+    """Kernel regression: the mean of all examples, each weighted by a Gaussian of its distance.
 
     This is the estimator of Nadaraya (Theory of Probability & Its Applications 9, 1964) and Watson
     (Sankhya A 26, 1964), which Specht calls a general regression neural network (IEEE
-    Transactions on Neural Networks 2, 1991). Weights are formed relative to the nearest example's, so
-    far from all examples the estimate tends to that of the nearest one.
+    Transactions on Neural Networks 2, 1991). Weights are relative to that of the nearest example, so
+    the estimate tends to the angle of the nearest example far from all examples.
 
-    The claimed variance at a place is ``c² (s² + r²)``: ``s`` is the weighted spread of the examples' angles
-    about the estimate, ``r`` the root mean square error of drives that are left out, and ``c`` makes
-    95 % of these errors lie within 2 deviations. Where the nearest example is farther away than those
-    of drives left out are, the variance goes over to that of all angles about the estimate.
+    The claimed variance is ``c² (s² + r²)``: ``s`` is the weighted standard deviation of the examples' angles
+    about the estimate, ``r`` the root mean square error in cross-validation over drives. The factor ``c`` is set so
+    that 95 % of these errors are within 2 deviations. If the nearest example is farther away than for 95 % of the
+    examples in cross-validation, the variance tends to that of all angles about the estimate.
 
     Parameters
     ----------
     examples : TrainingSet
-        The training examples.
+        Training examples.
     width : float, optional
-        Deviation of the Gaussian in deviations of the features, or in their root mean square deviation without
-        `scaling`; None takes the width with the smallest square error on drives that are left out in turn.
+        Standard deviation of the Gaussian in deviations of the features, or in their root mean square deviation
+        without `scaling`. By default the width with the smallest squared error in cross-validation over drives.
     scaling : bool
-        Whether each feature is divided by its own deviation. Without it distances mix the units rad/s and m/s².
+        If True, the default, divide each feature by its own deviation. Otherwise distances mix rad/s and m/s².
 
     Attributes
     ----------
     width : float
-        The width taken.
+        Kernel width.
     error : float
-        Root mean square error of drives that are left out, rad.
+        Root mean square error in cross-validation over drives, rad.
     spread : float
-        Deviation of the angles that were learned, rad.
+        Standard deviation of the training targets, rad.
     """
 
     def __init__(
@@ -189,7 +202,7 @@ class KernelRegression:
         self._scale = Scale.of(examples.features, scaling)
         self._places = self._scale(examples.features)
         self._middle = float(examples.angles.mean())
-        self._values = examples.angles - self._middle  # spreads cancel least about the mean
+        self._values = examples.angles - self._middle  # avoids cancellation in variances
         self.spread = float(examples.angles.std())
         self._half = 0.5 * np.einsum("ij,ij->i", self._places, self._places)
         out = left_out(examples.drives)
@@ -204,22 +217,33 @@ class KernelRegression:
         self._reach = float(np.quantile(self._nearest(self._places[out], scores), WITHIN_TWO))
 
     def _scores(self, places: Floats) -> Floats:
-        """Return what is greater for nearer examples by half the square distances' difference."""
+        """Return minus half the squared distance to each example, up to a constant per row."""
         found: Floats = places @ self._places.T - self._half
         return found
 
     def _nearest(self, places: Floats, scores: Floats) -> Floats:
-        """Return the distance of the nearest example."""
+        """Return the distance to the nearest example, shape (n,)."""
         found: Floats = np.linalg.norm(places - self._places[scores.argmax(axis=1)], axis=1)
         return found
 
     def __call__(
         self, features: Floats, stopped: Callable[[], bool] = lambda: False
     ) -> tuple[Floats, Floats, Floats] | None:
-        """Return the estimate, its deviation and how near examples are, or None where it was stopped.
+        """Return the estimates, their deviations and the proximity of examples, or None if stopped.
 
-        All have the shape (n,). The last is 1 where examples are as near as those of drives left out
-        were, and tends to 0 far from all of them.
+        Parameters
+        ----------
+        features : ndarray, shape (n, d)
+            Lagged measurements.
+        stopped : callable
+            Function without arguments that returns True to stop; by default the call runs to its end.
+
+        Returns
+        -------
+        values, deviations : ndarray, shape (n,)
+            Estimates and their standard deviations, rad.
+        near : ndarray, shape (n,)
+            1 if examples are as near as in cross-validation, tending to 0 far from all of them.
         """
         places = self._scale(features)
         values, deviations, near = np.empty((3, len(places)))
@@ -241,23 +265,24 @@ class KernelRegression:
 
 
 class StraightLine:
-    """Least squares with a constant, by way of orthonormal combinations of the features.
+    """Linear least squares with a constant, computed in an orthonormal basis of the features.
 
-    The claimed variance is ``c² r² (1 + m h)``: ``r`` is the root mean square error of drives that are left
-    out, ``h`` the leverage of the features, ``m`` the samples of a drive, as errors of one drive are so alike
-    that they count as one, and ``c`` makes 95 % of the errors of drives left out lie within 2 deviations.
+    The claimed variance is ``c² r² (1 + m h)``: ``r`` is the root mean square error in cross-validation over
+    drives, ``h`` the leverage of the features and ``m`` the mean number of samples per drive, because the errors
+    within a drive are strongly correlated. The factor ``c`` is set so that 95 % of the errors in cross-validation are
+    within 2 deviations.
 
     Parameters
     ----------
     examples : TrainingSet
-        The training examples.
+        Training examples.
 
     Attributes
     ----------
     error : float
-        Root mean square error of drives that are left out, rad.
+        Root mean square error in cross-validation over drives, rad.
     spread : float
-        Deviation of the angles that were learned, rad.
+        Standard deviation of the training targets, rad.
     """
 
     def __init__(self, examples: TrainingSet) -> None:
@@ -272,7 +297,7 @@ class StraightLine:
         off, leverage = np.empty((2, len(rows)))
         for one in np.unique(examples.drives):
             out = examples.drives == one
-            # Of orthonormal rows the normal matrix is the identity, and without some it is:
+            # The normal matrix of all rows is the identity: subtract that of the rows left out.
             normal = np.eye(rows.shape[1]) - rows[out].T @ rows[out]
             inverse = np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
             weights = inverse @ (self._weights - rows[out].T @ angles[out])
@@ -289,30 +314,30 @@ class StraightLine:
         return np.sqrt(1.0 + self._each * leverage)
 
     def __call__(self, features: Floats) -> tuple[Floats, Floats]:
-        """Return the estimate and its deviation, shapes (n,)."""
+        """Return the estimates and their standard deviations, rad, shapes (n,)."""
         rows = self._with_constant(features) @ self._basis
         leverage = np.einsum("ij,ij->i", rows, rows)
         return rows @ self._weights, self._deviation * self._growth(leverage)
 
 
 def calibrate(errors: Floats, claimed: Floats) -> float:
-    """Return the factor by which claimed deviations make 95 % of the errors lie within 2 of them."""
+    """Return the factor on the claimed deviations with 95 % of the errors within 2 of them."""
     ratios = np.divide(errors, 2.0 * claimed, out=np.zeros_like(errors), where=claimed > 0.0)
     return float(np.quantile(ratios, WITHIN_TWO))
 
 
 def left_out(drives: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the examples that are left out with their drives: evenly from each, few of many."""
+    """Return the indices of the validation examples, evenly spaced in each drive."""
     most = min(MOST_LEFT_OUT, max(MOST_TABLE // len(drives), 10))
     stride = -(-len(drives) // most)
     places = [np.flatnonzero(drives == one) for one in np.unique(drives)]
     found = np.concatenate([one[len(one) % stride // 2 :: stride] for one in places])
-    return found[:: -(-len(found) // most)]  # there may be more drives than that
+    return found[:: -(-len(found) // most)]  # drives may outnumber `most`
 
 
 def best_width(scores: Floats, values: Floats, wanted: Floats) -> float:
-    """Return the width of the least square error; the first of a grid's best, then refined."""
-    # Numbers of half the size are twice as fast, and right to more digits than a width has.
+    """Return the kernel width with the least squared error, by grid search and refinement."""
+    # Single precision is twice as fast and more accurate than the tolerance of the width.
     table, known = scores.astype(np.float32), values.astype(np.float32)
 
     def error(logarithm: float) -> float:
@@ -331,7 +356,7 @@ def best_width(scores: Floats, values: Floats, wanted: Floats) -> float:
 
 
 def weigh(scores: Any, values: Any, width: float) -> tuple[Floats, Floats]:
-    """Return the weighted mean of the values and their variance about it, shapes (n,)."""
+    """Return the kernel-weighted means of the values and the variances about them, shapes (n,)."""
     weights = scores - scores.max(axis=1, keepdims=True)
     weights /= width**2
     np.exp(weights, out=weights)

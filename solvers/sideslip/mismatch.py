@@ -1,14 +1,14 @@
-"""How far the angle may be off because the vehicle or its sensors are not what the model says.
+"""Errors of the angle caused by wrong vehicle parameters and biased sensors.
 
-A filter's covariance follows from the model alone and stays small when the model is wrong. The innovations
-tell: B. Friedland (Treatment of bias in recursive filtering, IEEE Transactions on Automatic Control 14,
-1969) gives the mark that a constant error of the model leaves in them, and what it makes of the filtered state. Here
-each of four errors is fitted alone to the innovations of the last seconds, and its square, less what noise
-alone would give, is added to the variance. What no error explains widens the variance, as with
+A filter's covariance follows from the model alone and stays small if the model is wrong. The innovations reveal
+this. B. Friedland (Treatment of bias in recursive filtering, IEEE Transactions on Automatic Control 14,
+1969) derives the effect of a constant model error on the innovations and on the filtered state. Here
+each of four errors is fitted separately to the innovations of the last seconds. Its square, less the part expected
+from noise, is added to the variance. A residual that no error explains scales the variance, following
 R. T. Birge (Physical Review 40, 1932).
 
-Of the true angles of simulated drives, within 2 claimed deviations were 94-97 % where the model is right, and
-89-100 % where its mass is wrong by 30 %; the covariance alone had 6-60 % there.
+On simulated drives 94-97 % of the true angles were within 2 claimed deviations if the model was right, and
+89-100 % if its mass was wrong by 30 %. The covariance alone gave 6-60 % with the wrong mass.
 """
 
 from __future__ import annotations
@@ -30,45 +30,58 @@ __all__ = ["Mismatch", "mismatch"]
 
 Floats = NDArray[np.float64]
 
-#: Seconds after which what innovations told counts for 1/e: 1 s covers less where a vehicle starts and stops.
+#: Time constant (s) of the exponential weights of innovations. With 1 s the coverage is lower if a vehicle starts
+#: and stops.
 MEMORY = 2.0
-#: The errors of a model and what they are without data (deviations): the share by which both axles' forces are
-#: greater, as with a mass, friction or stiffness that is wrong; that by which the front's are greater and the
-#: rear's are less; and the biases of yaw rate (rad/s) and lateral acceleration (m/s²).
+#: Prior standard deviations of the four model errors: a relative error of both axles' forces, as with a wrong mass,
+#: friction or stiffness; a relative error of opposite sign at front and rear; and the biases of yaw rate (rad/s)
+#: and lateral acceleration (m/s²).
 ERRORS = frozen(np.array([0.3, 0.3, 0.02, 0.5]))
 
 
 class Mismatch(NamedTuple):
-    """What innovations say against a model.
+    """Mismatch between a model and the innovations of its filter.
 
     Parameters
     ----------
     scale : ndarray, shape (n,)
-        What variances must be multiplied with, >= 1.
+        Factor on the variances, >= 1.
     error : ndarray, shape (n,)
-        How far the errors put the angle off, rad, >= 0: the root of the sum of their squares.
+        Error of the angle caused by the model errors, rad, >= 0: the root of the sum of their squares.
     """
 
     scale: Floats
     error: Floats
 
     def widen(self, deviation: Floats) -> Floats:
-        """Return the deviations (rad), shape (n,), that an estimate may claim, for those of the model."""
+        """Return the deviations of the model, widened by the mismatch.
+
+        Parameters
+        ----------
+        deviation : ndarray, shape (n,)
+            Standard deviations according to the model, rad.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Standard deviations that an estimate may claim, rad.
+        """
         found: Floats = np.sqrt(self.scale * deviation**2 + self.error**2)
         return found
 
 
 def mismatch(problem: SideslipEstimation, found: FilterPass, *, ahead: bool = False) -> Mismatch:
-    """Return what the filter's innovations say against the model.
+    """Return the mismatch between a model and the innovations of its filter.
 
     Parameters
     ----------
     problem : SideslipEstimation
         The model.
     found : FilterPass
-        Result of the Kalman filter for it.
+        Result of the Kalman filter on the model.
     ahead : bool
-        Whether later innovations count as earlier ones do, for estimates that use all samples.
+        If True, later innovations are weighted like earlier ones, for estimates that use all samples.
+        False by default.
 
     Returns
     -------
@@ -93,7 +106,7 @@ def mismatch(problem: SideslipEstimation, found: FilterPass, *, ahead: bool = Fa
         sums += later[::-1] - terms
     fit, weight = sums[:, :count], sums[:, count : 2 * count]
     size = fit / (weight + ERRORS**-2.0)
-    gain = size * fit  # of χ², by each error
+    gain = size * fit  # reduction of χ² by each error
     scale = np.maximum((sums[:, -2] - gain.max(axis=1)) / np.maximum(sums[:, -1], 1.0), 1.0)
     noise = np.minimum(scale[:, None] / np.maximum(gain, 1e-300), 1.0)
     return Mismatch(scale, np.sqrt(((marks * size) ** 2 * (1.0 - noise)).sum(axis=1)))
@@ -105,25 +118,26 @@ def leave_marks(
     noise: Floats, predicted: Floats, filtered: Floats, covariance: Floats,
     innovations: Floats, spread: Floats, step: Floats, slope: Floats, marks: Floats, terms: Floats,
 ) -> None:  # fmt: skip
-    """Follow what errors of the model make of a filter's state and innovations.
+    """Propagate the effect of model errors on the state and the innovations of a filter.
 
     Parameters
     ----------
     times, speed, steering : ndarray, shape (n,)
         The drive.
     usable : ndarray of bool, shape (n,)
-        Whether a sample's measurements were used.
+        True if a sample's measurements were used.
     p : ndarray, shape (8,)
-        The vehicle as the dynamics take it.
+        Vehicle parameters, see :func:`crosstrack.models.sideslip.dynamics.parameters`.
     noise : ndarray, shape (4,)
-        Variances: of the disturbances in a second, and of the measurements.
+        Variances of the disturbances per second, and of the measurements.
     predicted, filtered, covariance, innovations, spread, step, slope : ndarray
-        Of the :class:`FilterPass` and its model.
+        Fields of the :class:`FilterPass` and its model.
     marks : ndarray, shape (n, 4)
-        Filled in: true less filtered angle by each error of size 1, rad.
+        Output: true minus filtered angle for each error of size 1, rad.
     terms : ndarray, shape (n, 10)
-        Filled in: for each error, the innovations along its mark and the mark's square, both normalised; then the
-        normalised innovations' square and their number.
+        Output: for each error the normalised product of innovations and their predicted change, then for each error
+        the normalised square of that change. The last two columns are the normalised square of the innovations and
+        their number.
     """
     n, count = marks.shape
     x, y = np.zeros(count), np.zeros(count)
@@ -178,7 +192,7 @@ def leave_marks(
 
 @kernel(interpretable=True)
 def fade(times: Floats, terms: Floats, sums: Floats) -> None:
-    """Fill each row of `sums`, shape (n, m), with that of `terms` and those before, as far as remembered."""
+    """Fill `sums`, shape (n, m), with sums of the rows of `terms` weighted exponentially in time."""
     for k in range(len(terms)):
         share = math.exp((times[k - 1] - times[k]) / MEMORY) if k else 0.0
         for j in range(terms.shape[1]):

@@ -1,4 +1,4 @@
-"""Moving-horizon estimation: at every sample the most likely path of the last ones, by a solver of quadratic programs."""
+"""Moving-horizon estimation: the most likely path of the last samples as a quadratic program per sample."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ __all__ = ["MovingHorizon"]
 
 Floats = NDArray[np.float64]
 
-#: Change of the states, in usual disturbances, below which a linearisation is settled.
+#: Change of the states, in median disturbances, at which the linearisation has converged.
 SETTLED = 1e-6
 
 
 class MovingHorizon(SideslipBackend):
     """Moving-horizon estimation.
 
-    What came before a horizon is summed up by the Kalman filter's expectation at its first sample, so that for linear
-    tyres every horizon gives the filter's estimate (Rao, Rawlings and Lee, Constrained linear state estimation,
-    Automatica 2001). Tyres that saturate are linearised about the path again until it no longer changes,
-    by the method of Gauss and Newton.
+    The prior of a horizon is the Kalman filter's prediction at its first sample. For linear
+    tyres every horizon therefore gives the filter's estimate (Rao, Rawlings and Lee, Constrained linear state
+    estimation, Automatica 2001). Saturating tyres are relinearised about the path until it converges, which is the
+    Gauss-Newton method.
     """
 
     name = "moving-horizon"
@@ -51,9 +51,9 @@ class MovingHorizon(SideslipBackend):
     }
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
-        """Return the last angle of every horizon, or the path of a single one.
+        """Return the last angle of every horizon, or all angles of a single horizon.
 
-        Where a program has no solution, or the run is stopped, the Kalman filter's angle stays.
+        The Kalman filter's angle is used if a program has no solution or the run is stopped.
         """
         solver = _solver(request.options["solver"])
         count = len(problem.recording)
@@ -80,7 +80,7 @@ class MovingHorizon(SideslipBackend):
 
 
 def _solver(name: str) -> Backend:
-    """Return the backend of quadratic programs called `name`."""
+    """Return the backend called `name`, which must accept quadratic programs."""
     backend = find_backend(name)
     kinds = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
     if not any(issubclass(QuadraticProgram, kind) for kind in kinds):
@@ -92,9 +92,9 @@ def _solver(name: str) -> Backend:
 
 
 def _root(covariance: Floats, least: Floats) -> Floats:
-    """Return the lower Cholesky factor of a covariance, its diagonal at least the last disturbance's deviations.
+    """Return the lower Cholesky factor of a covariance, with a diagonal of at least `least`.
 
-    That much is in it whatever rounding has made of it.
+    `least` is the deviation of the last disturbance, which the covariance includes up to rounding.
     """
     first = max(math.sqrt(max(covariance[0, 0], 0.0)), least[0])
     shared = covariance[1, 0] / first
@@ -103,7 +103,7 @@ def _root(covariance: Floats, least: Floats) -> Floats:
 
 
 class _Run:
-    """One run: the filter before it, and counts of the programs."""
+    """State of a run: the result of the Kalman filter, and counts of programs."""
 
     def __init__(
         self, problem: SideslipEstimation, request: Request, solver: Backend, passed: FilterPass
@@ -113,7 +113,7 @@ class _Run:
         self.programs = self.failed = self.unsettled = 0
 
     def report(self, found: Estimate) -> Estimate:
-        """Return an estimate with what a person should know of the programs."""
+        """Return the estimate with statistics and message on the programs."""
         parts = [found.message] if found.message else []
         if self.failed:
             parts.append(f"{self.failed} of {self.programs} programs had no solution")
@@ -127,9 +127,9 @@ class _Run:
         return found._replace(statistics=statistics, message="; ".join(parts))
 
     def path(self, first: int, last: int) -> tuple[Floats, Stretch] | None:
-        """Return the optimal column vector of the samples `first` … `last`, and what it is a vector of.
+        """Return the optimal column vector of the samples `first` … `last`, and their stretch.
 
-        None where there is none.
+        The result is None if a program has no solution or the run is stopped.
         """
         mean, root = self.whole.mean, self.whole.root
         if first:
@@ -154,7 +154,7 @@ class _Run:
         return None if point is None else (point, stretch)
 
     def _linear(self, first: int, states: Floats) -> Linearised:
-        """Return the model about states at the samples from `first` on."""
+        """Return the model linearised about `states`, beginning at the sample `first`."""
         drive, last = self.problem.recording, first + len(states)
         found = Linearised.empty(len(states))
         linearise_path(
@@ -164,7 +164,7 @@ class _Run:
         return found
 
     def _solved(self, stretch: Stretch) -> Floats | None:
-        """Return the solution of a program, None where there is none."""
+        """Return the optimal column vector of a stretch, or None if the solver returns no optimum."""
         program = least_squares_program(stretch, "horizon")
         answer = self.request.within(self.solver, program)
         self.programs += 1

@@ -1,4 +1,4 @@
-"""What all estimators of the sideslip angle share: how an answer is made of angles and deviations."""
+"""Base class of the sideslip estimators, and their result."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Estimate(NamedTuple):
     sideslip, deviation : ndarray, shape (n,)
         The angle and its standard deviation, rad.
     statistics : mapping
-        Counts of its own.
+        Statistics of the estimator; empty by default.
     message : str
-        Warning for the user.
+        Warning for the user; empty by default.
     spread : float
-        Deviation of the angles, or of a filter's errors, that were learned, rad; 0 if nothing was learned.
+        Standard deviation of the training targets, rad; 0, the default, for estimators that do not learn.
     """
 
     sideslip: Floats
@@ -46,33 +46,45 @@ class Estimate(NamedTuple):
 
 
 class SideslipBackend(Backend):
-    """Base of the estimators; a subclass says the angle at every sample, and how sure it is."""
+    """Base class of the estimators. A subclass implements :meth:`estimate`."""
 
     accepts = SideslipEstimation
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
-    #: Whether it learns from other drives.
+    #: True if the estimator needs training drives.
     learns = False
 
     def refuses(self, problem: SideslipEstimation) -> str:
-        """Return why there is nothing to learn from."""
+        """Return the reason if the model lacks the training drives that the estimator needs, else ""."""
         if self.learns and not problem.training:
             return "it learns from drives whose angle is known, and the model has no training"
         return ""
 
     @abstractmethod
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
-        """Return the estimate, or None where the run was stopped before there was one."""
+        """Return the estimate, or None if the run was stopped before one was available.
+
+        Parameters
+        ----------
+        problem : SideslipEstimation
+            The model.
+        request : Request
+            Options and stop flag of the run.
+
+        Returns
+        -------
+        Estimate or None
+        """
 
     def run(self, problem: SideslipEstimation, request: Request) -> Answer:
-        """Estimate, apply the gates, and claim nothing about the angle while the vehicle rests."""
+        """Return the estimate after the gates. At rest its deviation is that of an unknown angle."""
         refusal = self.refuses(problem)
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
         begin = clock()
-        with np.errstate(all="ignore"):  # what overflows is replaced below
+        with np.errstate(all="ignore"):  # infinite and NaN angles are replaced below
             found = self.estimate(problem, request)
         seconds = {"solve": clock() - begin}
         if found is None:

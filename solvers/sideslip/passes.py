@@ -1,7 +1,7 @@
-"""A drive as the Kalman filter goes through it, and as the Rauch-Tung-Striebel smoother goes back.
+"""Forward pass of the Kalman filter and backward pass of the Rauch-Tung-Striebel smoother.
 
 For linear tyres means and covariances are exact (R. E. Kalman, Journal of Basic Engineering 82, 1960;
-H. E. Rauch, F. Tung and C. T. Striebel, AIAA Journal 3, 1965); for saturating ones the model is linearised at
+H. E. Rauch, F. Tung and C. T. Striebel, AIAA Journal 3, 1965). For saturating tyres the model is linearised at
 every sample (A. H. Jazwinski, Stochastic Processes and Filtering Theory, 1970, chapter 8).
 """
 
@@ -23,27 +23,28 @@ __all__ = ["FilterPass", "SmoothedPass", "filter_drive", "noise_variances", "smo
 
 Floats = NDArray[np.float64]
 
-#: Deviation of the angle above which it is unknown, as a multiple of the largest prior deviation.
+#: Ratio of the angle's deviation to that of an unknown angle at which the filter restarts.
 _LOST = 1e4
 
 
 class FilterPass(NamedTuple):
-    """A drive as the Kalman filter went through it.
+    """Result of the Kalman filter.
 
     Parameters
     ----------
     predicted, filtered : ndarray, shape (n, 2)
-        State (rad, rad/s) at each sample, from the samples before, and with its own.
+        State (rad, rad/s) at each sample before and after its measurement is used.
     predicted_covariance, filtered_covariance : ndarray, shape (n, 2, 2)
-        Their covariances.
+        Covariances of these states.
     innovations : ndarray, shape (n, 2)
-        Measurements less what was predicted of them, rad/s and m/s²; those of samples below 1 m/s were not used.
+        Measured minus predicted yaw rate (rad/s) and lateral acceleration (m/s²). Samples below 1 m/s are included,
+        although the filter does not use them.
     innovation_covariance : ndarray, shape (n, 2, 2)
-        Their covariances.
+        Covariances of the innovations.
     model : Linearised
-        The model as it was used: measurements about what was predicted, steps about what was filtered.
+        Linearised model: measurements about predicted states, transitions about filtered states.
     lost : int
-        How often the filter began anew, because nothing was known any more.
+        Number of restarts after the state had become unknown.
     """
 
     predicted: Floats
@@ -57,14 +58,14 @@ class FilterPass(NamedTuple):
 
 
 class SmoothedPass(NamedTuple):
-    """A drive as all of its samples show it.
+    """Result of the Rauch-Tung-Striebel smoother.
 
     Parameters
     ----------
     states : ndarray, shape (n, 2)
-        State (rad, rad/s) at each sample.
+        State (rad, rad/s) at each sample given all measurements.
     covariance : ndarray, shape (n, 2, 2)
-        Its covariance.
+        Covariances of these states.
     """
 
     states: Floats
@@ -72,31 +73,43 @@ class SmoothedPass(NamedTuple):
 
 
 def noise_variances(problem: SideslipEstimation) -> Floats:
-    """Return the variances of the disturbances in a second and of the measurements, shape (4,)."""
+    """Return the variances of the disturbances per second and of the measurements.
+
+    Parameters
+    ----------
+    problem : SideslipEstimation
+        The model.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Variances of angle and yaw rate per second, then of measured yaw rate and lateral acceleration.
+    """
     noises = problem.yaw_rate_noise, problem.acceleration_noise
     return np.square([*problem.disturbance, *noises])
 
 
 def measurements(drive: Recording) -> Floats:
-    """Return yaw rates and lateral accelerations, shape (n, 2)."""
+    """Return measured yaw rates (rad/s) and lateral accelerations (m/s²), shape (n, 2)."""
     return np.column_stack([drive.yaw_rate, drive.lateral_acceleration])
 
 
 def filter_drive(problem: SideslipEstimation, control: Control | None = None) -> FilterPass | None:
     """Run the (extended) Kalman filter over the drive.
 
-    Samples below 1 m/s are not used: the acceleration of a vehicle at rest says nothing about the angle.
+    Measurements below 1 m/s are not used: the acceleration of a vehicle at rest does not depend on the angle.
 
     Parameters
     ----------
     problem : SideslipEstimation
-        The model; its truth is not looked at.
+        The model. Its truth is not read.
     control : Control, optional
-        Asked whether to stop.
+        Control whose stop flag is polled; by default the filter runs to its end.
 
     Returns
     -------
-    FilterPass, or None where the run was stopped
+    FilterPass or None
+        The result; None if the run was stopped.
     """
     drive = problem.recording
     n = len(drive)
@@ -119,11 +132,22 @@ def filter_drive(problem: SideslipEstimation, control: Control | None = None) ->
 
 
 def smooth_drive(problem: SideslipEstimation, found: FilterPass) -> SmoothedPass:
-    """Return what all samples say, from what :func:`filter_drive` found of the same model.
+    """Return the smoothed states, computed from the result of :func:`filter_drive`.
 
-    It is what Rauch, Tung and Striebel's formulas give, in the form of D. C. Fraser and J. E. Potter (IEEE
-    Transactions on Automatic Control 14, 1969), which inverts no covariance: with hardly
-    any disturbance they are singular but for rounding.
+    The states equal those of Rauch, Tung and Striebel. They are computed in the form of D. C. Fraser and
+    J. E. Potter (IEEE Transactions on Automatic Control 14, 1969), which inverts no covariance: covariances are
+    nearly singular if the disturbance is small.
+
+    Parameters
+    ----------
+    problem : SideslipEstimation
+        The model.
+    found : FilterPass
+        Result of the Kalman filter on the same model.
+
+    Returns
+    -------
+    SmoothedPass
     """
     drive = problem.recording
     n = len(drive)

@@ -1,4 +1,4 @@
-"""Estimators that learn from drives whose angle is known."""
+"""Estimators that learn from drives with a known angle."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ _WIDTH = {
 
 
 class _Learning(SideslipBackend):
-    """Base of the estimators that learn."""
+    """Base class of the estimators that learn."""
 
     learns = True
     options = _WINDOW
 
     def refuses(self, problem: SideslipEstimation) -> str:
-        """Return why there is too little to learn from."""
+        """Return the reason if the training drives are missing or too short, else ""."""
         moving = sum(int(drive.moving.sum()) for drive in problem.training)
         if problem.training and moving < LEAST:
             return f"it learns from {LEAST} samples in motion or more, and training has {moving} samples in motion"
@@ -63,7 +63,7 @@ class _Learning(SideslipBackend):
     def window(
         self, problem: SideslipEstimation, request: Request
     ) -> tuple[Window, dict[str, Any]]:
-        """Return what an angle is estimated from, at the drives' usual period, and other options."""
+        """Return the window of the features, with the median period of the drives, and other options."""
         own = self.checked_options(request.options)
         period = float(np.median([drive.period for drive in problem.training]))
         return Window(period, **{name: own.pop(name) for name in _WINDOW}), own
@@ -80,7 +80,9 @@ def _scaling(default: bool) -> dict[str, Option]:
 
 
 class Grnn(_Learning):
-    """The paper's network: the mean of all training angles, weighted by a Gaussian of the distance of measurements.
+    """General regression neural network (GRNN) of the paper.
+
+    The estimate is the mean of all training angles, weighted by a Gaussian of the distance of their features.
 
     Features are not scaled by default, as in the toolbox that the paper uses.
     """
@@ -92,7 +94,7 @@ class Grnn(_Learning):
     )
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
-        """Return the weighted mean of the angles."""
+        """Return the weighted mean of the training angles, or None if the run was stopped."""
         window, own = self.window(problem, request)
         learned = KernelRegression(training_set(problem.training, window), **own)
         found = learned(window.features(problem.recording), lambda: request.control.stopped)
@@ -100,13 +102,12 @@ class Grnn(_Learning):
 
 
 class KalmanGrnn(_Learning):
-    """A Kalman filter, and what a GRNN learned of its errors on the training drives.
+    """Kalman filter corrected by a GRNN that learns the filter's errors on the training drives.
 
-    The filter believes in the model's vehicle on these drives too, so what is wrong with it there and
-    here is alike, and its errors are smaller and smoother than the angle. Far from all training drives
-    the filter is left alone. The claimed deviation is that of the GRNN, in proportion to how much less
-    sure the filter is here than it was there. A run that is stopped before it has learned returns the estimate
-    of the filter.
+    The filter uses the same vehicle parameters on the training drives, so its errors there are similar, and they are
+    smaller and smoother than the angle. The correction vanishes far from all training drives. The claimed deviation
+    is that of the GRNN. It is scaled up if the filter's deviation exceeds its median on the training drives.
+    A run that is stopped before the training ends returns the estimate of the filter.
     """
 
     name = "kalman-grnn"
@@ -114,7 +115,7 @@ class KalmanGrnn(_Learning):
     summary = "Kalman filter, corrected by kernel regression on its errors on other drives"
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
-        """Return the filter's angle less the error that it had where measurements were alike."""
+        """Return the filter's angle, corrected by its error at similar measurements."""
         believed = {
             field.name: getattr(problem, field.name)
             for field in fields(problem)
@@ -153,7 +154,7 @@ class KalmanGrnn(_Learning):
 
 
 class LinearRegression(_Learning):
-    """Least squares with a constant: the floor that whatever learns must beat."""
+    """Linear least squares with a constant: the baseline for other estimators that learn."""
 
     name = "linear-regression"
     summary = "least squares on other drives: the floor that whatever learns must beat"
@@ -171,12 +172,25 @@ def widen_by_kinematics(
     deviation: Floats,
     learned: KernelRegression | StraightLine,
 ) -> Estimate:
-    """Return an estimate whose claim is wider everywhere if kinematics contradicts its angles on average.
+    """Return an estimate with a wider deviation everywhere if kinematics contradicts it on average.
 
-    For any tyre the angle changes as yaw rate and acceleration give. The difference of the estimate from that,
-    beyond the largest one of the true angle on a training drive, is an error of the estimate or of the sensors. It is
-    the mean size of a difference of two angles, and so ``2 / √π`` deviations of one. Samples that kinematics
-    contradicts one by one are left to :mod:`crosstrack.solvers.sideslip.gates`.
+    Yaw rate and acceleration determine the change of the angle for any tyre. The mean difference of the estimate from
+    this change is compared with the largest one of the true angle on a training drive. The excess is an error of the
+    estimate or of the sensors. It is the mean absolute difference of two angles, and so ``2 / √π`` deviations of one.
+    Samples contradicted one by one are left to :mod:`crosstrack.solvers.sideslip.gates`.
+
+    Parameters
+    ----------
+    problem : SideslipEstimation
+        The model, with training drives.
+    angle, deviation : ndarray, shape (n,)
+        Estimated angle and its standard deviation, rad.
+    learned : KernelRegression or StraightLine
+        Regression that gave the estimate.
+
+    Returns
+    -------
+    Estimate
     """
     drive = problem.recording
     bounded = np.clip(angle, -math.pi / 2, math.pi / 2)
@@ -200,7 +214,7 @@ def widen_by_kinematics(
 
 
 def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, float]:
-    """Return its entries of the statistics."""
+    """Return the statistics of a regression: its validation error (degrees) and kernel width."""
     said = {"error of drives left out": float(np.degrees(learned.error))}
     if isinstance(learned, KernelRegression):
         said["width"] = learned.width
@@ -208,6 +222,6 @@ def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, flo
 
 
 def _uncorrected(filtered: Estimate) -> Estimate:
-    """Return the estimate of the Kalman filter for a run that was stopped before it had learned."""
+    """Return the Kalman filter's estimate for a run that was stopped before the training ended."""
     words = "stopped before it had learned: the angles are the Kalman filter's"
     return filtered._replace(message="; ".join(filter(None, (words, filtered.message))))

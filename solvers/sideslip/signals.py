@@ -1,4 +1,4 @@
-"""Properties of the sensors of a recording: sampling, rest, signs, units and noise.
+"""Checks of a recording's sensors: sampling, rest, signs, units and noise.
 
 Signs and units follow from kinematics, ``a ≈ u ω`` in slow manoeuvres, and from the steady turn of the single-track
 model, ``ω = u δ / (L + K u²)`` with ``K = m (b / C_f - a / C_r) / L`` (R. Rajamani, Vehicle Dynamics and
@@ -22,44 +22,68 @@ __all__ = ["Remark", "asks", "signal_remarks", "tells"]
 
 Floats = NDArray[np.float64]
 
-#: Correlation from which on a slope says something, and the factor by which it may be off without a word.
+#: Correlation above which a slope is significant, and largest factor between it and its expected value.
 _CLEAR, _SLACK = 0.8, 2.0
-#: By what ``a / (u ω)`` is too small where a unit is wrong.
+#: Factors by which ``a / (u ω)`` is too small if a unit is wrong, with their findings.
 _UNITS = (
     (180.0 / math.pi, "the yaw rate seems to be in degrees a second, and must be in rad/s"),
     (GRAVITY, "the lateral acceleration seems to be in g, and must be in m/s²"),
     (3.6, "the speed seems to be in km/h, and must be in m/s"),
     (2.237, "the speed seems to be in miles an hour, and must be in m/s"),
 )
-#: Bias as a share of the yaw rate's deviation that is worth a word.
+#: Bias that is reported, as a share of the yaw rate's deviation.
 _BIAS = 0.15
-#: Factor by which the deviation of noise may be off without a word.
+#: Ratio of measured and declared noise that is reported.
 _NOISE = 2.0
-#: Change of the angle from the beginning of a drive to its end, rad, beyond what drives have.
+#: Change of the angle (rad) over a drive by kinematics that is reported, beyond noise.
 _DRIFT = 0.1
-#: Speed (m/s) below which a vehicle stands; samples that a mean of its sensors needs.
+#: Speed (m/s) below which a vehicle is at rest, and smallest number of samples for a mean.
 _STANDS, _ENOUGH = 0.01, 10
 
 
 class Remark(NamedTuple):
-    """A finding, and whether it asks for a look."""
+    """Finding with a flag that is True if it needs attention."""
 
     asks: bool
     finding: Finding
 
 
 def asks(text: str, where: str, **data: Any) -> Remark:
-    """Return a finding that asks for a look."""
+    """Return a remark that needs attention.
+
+    Parameters
+    ----------
+    text : str
+        The finding.
+    where : str
+        Field that it concerns.
+    **data
+        Numbers of the finding.
+
+    Returns
+    -------
+    Remark
+    """
     return Remark(True, Finding(text, where=where, data=data))
 
 
 def tells(text: str, where: str, **data: Any) -> Remark:
-    """Return a finding that is good to know."""
+    """Return a remark for information. The parameters are those of :func:`asks`."""
     return Remark(False, Finding(text, where=where, data=data))
 
 
 def signal_remarks(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield what the recording alone says, and what it says beside the believed vehicle and noise."""
+    """Yield remarks on the recording, and on its agreement with the assumed vehicle and noise.
+
+    Parameters
+    ----------
+    model : SideslipEstimation
+        The model. Its truth is not read.
+
+    Yields
+    ------
+    Remark
+    """
     yield from _sampling(model.recording)
     yield from _stale(model.recording)
     yield from _rest(model)
@@ -70,7 +94,7 @@ def signal_remarks(model: SideslipEstimation) -> Iterator[Remark]:
 
 
 def _sampling(drive: Recording) -> Iterator[Remark]:
-    """Yield length, period and its jitter, and what is missing."""
+    """Yield remarks on length, sampling period and jitter, and on missing samples."""
     steps, period = np.diff(drive.times), drive.period
     whole = float(drive.times[-1] - drive.times[0])
     jitter = float(steps[steps < 1.5 * period].std() / period)
@@ -90,7 +114,7 @@ def _sampling(drive: Recording) -> Iterator[Remark]:
 
 
 def _stale(drive: Recording) -> Iterator[Remark]:
-    """Yield sensors that never change, and samples that repeat those before them."""
+    """Yield remarks on constant sensors and on repeated samples."""
     dead = [
         name for name in ("yaw_rate", "lateral_acceleration") if not np.ptp(getattr(drive, name))
     ]
@@ -111,7 +135,7 @@ def _stale(drive: Recording) -> Iterator[Remark]:
 
 
 def _sensors(model: SideslipEstimation) -> tuple[tuple[str, str, float], ...]:
-    """Return name, unit and declared noise of both."""
+    """Return name, unit and declared noise of both sensors."""
     return (
         ("yaw_rate", "rad/s", model.yaw_rate_noise),
         ("lateral_acceleration", "m/s²", model.acceleration_noise),
@@ -119,7 +143,7 @@ def _sensors(model: SideslipEstimation) -> tuple[tuple[str, str, float], ...]:
 
 
 def _rest(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield how long the vehicle rests, and what the sensors show meanwhile."""
+    """Yield remarks on the share of samples at rest, and on sensor biases at rest."""
     drive = model.recording
     slow = float((~drive.moving).mean())
     if slow:
@@ -140,7 +164,7 @@ def _rest(model: SideslipEstimation) -> Iterator[Remark]:
 
 
 def _slope(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return by what `x` is multiplied to be nearest to `y`, and their correlation about 0."""
+    """Return the slope of the least-squares line through 0, and the correlation about 0."""
     across, own, other = float(x @ y), float(x @ x), float(y @ y)
     if not (own > 1e-200 and other > 1e-200):
         return 0.0, 0.0
@@ -148,7 +172,7 @@ def _slope(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def _signs(drive: Recording) -> Iterator[Remark]:
-    """Yield where lateral acceleration, yaw rate and speed contradict one another."""
+    """Yield remarks on contradictions between lateral acceleration, yaw rate and speed."""
     on = drive.moving
     slope, clear = _slope((drive.speed * drive.yaw_rate)[on], drive.lateral_acceleration[on])
     if clear < -_CLEAR:
@@ -169,14 +193,14 @@ def _signs(drive: Recording) -> Iterator[Remark]:
 
 
 def _steering(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield where the yaw rate contradicts the steering."""
+    """Yield remarks on contradictions between yaw rate and steering."""
     drive, car = model.recording, model.vehicle
     on = drive.moving
     under = (
         car.mass / car.wheelbase * (car.rear / car.cornering_front - car.front / car.cornering_rear)
     )
     turn = car.wheelbase + under * drive.speed**2
-    on &= turn > 0.2 * car.wheelbase  # near and above its critical speed there is no steady turn
+    on &= turn > 0.2 * car.wheelbase  # a steady turn requires less than the critical speed
     asked, yaw = (drive.speed * drive.steering / turn)[on], drive.yaw_rate[on]
     if asked.size < _ENOUGH:
         return
@@ -201,7 +225,7 @@ def _steering(model: SideslipEstimation) -> Iterator[Remark]:
             + ("mass, stiffness or friction may be wrong" if size < 8 else "a unit or a scale is wrong"),
             "vehicle", gain=gain, correlation=clear,
         )  # fmt: skip
-    # Offset at zero steering, by a straight line through both.
+    # Yaw rate at zero steering, by a straight line through both signals.
     gain, clear = _slope(asked - asked.mean(), yaw - yaw.mean())
     bias = float(yaw.mean() - gain * asked.mean())
     least = max(_BIAS * float(yaw.std()), 4.0 * model.yaw_rate_noise / math.sqrt(asked.size))
@@ -213,7 +237,7 @@ def _steering(model: SideslipEstimation) -> Iterator[Remark]:
 
 
 def _drift(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield where the angle would not come back to about where it was, by kinematics."""
+    """Yield a remark if the kinematic change of the angle over the drive is implausible."""
     drive = model.recording
     speed = np.maximum(drive.speed, LOW_SPEED)
     rate = np.where(drive.moving, drive.lateral_acceleration / speed - drive.yaw_rate, 0.0)
@@ -229,7 +253,7 @@ def _drift(model: SideslipEstimation) -> Iterator[Remark]:
 
 
 def _noise(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield where the noise is loud, or other than was declared."""
+    """Yield remarks on noise that is large relative to the signal or differs from its declaration."""
     drive = model.recording
     regular = np.abs(np.diff(drive.times) / drive.period - 1) < 0.1
     even = regular[:-2] & regular[1:-1] & regular[2:]
@@ -242,7 +266,7 @@ def _noise(model: SideslipEstimation) -> Iterator[Remark]:
                 "drive hardly excites what is to be estimated",
                 name, signal=signal, declared=noise,
             )  # fmt: skip
-        # A smooth signal leaves little in third differences, white noise √20 times its deviation.
+        # Third differences of a smooth signal are small; those of white noise are √20 times its deviation.
         third = np.abs(np.diff(values, 3)[even])
         heard = float(np.median(third)) / 0.6745 / math.sqrt(20.0) if third.size >= 100 else 0.0
         if heard and not 1 / _NOISE < heard / noise < _NOISE:
