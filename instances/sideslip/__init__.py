@@ -1,4 +1,4 @@
-"""Instances of sideslip estimation: simulated drives, and recordings that are read from files."""
+"""Instances of sideslip estimation: simulated drives, and recordings read from files."""
 
 from __future__ import annotations
 

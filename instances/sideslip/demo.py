@@ -1,4 +1,4 @@
-"""The demonstration of sideslip estimation: the paper's double lane change."""
+"""Demonstration of sideslip estimation: the paper's double lane change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drivers with preview, and the uniform design of those whose drives estimators learn from."""
+"""Drivers with preview, and the uniform design of the training drivers."""
 
 from __future__ import annotations
 
@@ -21,27 +21,26 @@ ROWS, FACTORS = 15, (1, 2, 4, 7, 8, 11, 13, 14)
 COLUMNS = (0, 2, 3)
 #: Minimum and maximum of the factors in the order of the paper's text: T_d, T_h and T. The paper does not print them.
 RANGES = {"delay": (0.05, 0.15), "lag": (0.05, 0.15), "preview": (0.75, 1.2)}
-#: The other parameters of the drivers to learn from, which the paper does not vary and does not print.
+#: Other parameters of the training drivers. The paper neither varies nor prints them.
 FIXED = {"correction": 0.15, "gain": 0.95}
 
 
 @dataclass(frozen=True, eq=False)
 class Driver(Declared):
-    """A driver who steers by what is seen ahead.
+    """Driver with preview of the road ahead.
 
     Parameters
     ----------
     preview : float
-        How far ahead the driver looks, s (paper: T).
+        Preview time, s, 0.1 … 10 (paper: T).
     correction : float
-        How much the driver makes up for the lag of the vehicle, s (paper: T_c).
+        Time constant of the compensation for the vehicle's lag, s, 0 … 10 (paper: T_c).
     gain : float
-        Steering angle for a wanted lateral acceleration (paper: C_0), as a multiple of what the
-        vehicle needs when it turns steadily.
+        Steering angle per lateral acceleration (paper: C_0), as a multiple of that of a steady turn, 0 … 100.
     delay : float
-        Until the driver reacts, s (paper: T_d).
+        Reaction time, s, 0 … 10 (paper: T_d).
     lag : float
-        Time constant of the muscles, s (paper: T_h).
+        Time constant of the muscles, s, 0.001 … 10 (paper: T_h).
     """
 
     preview: float = declared(Real(lower=0.1, upper=10.0, unit="s"))
@@ -51,37 +50,47 @@ class Driver(Declared):
     lag: float = declared(Real(lower=0.001, upper=10.0, unit="s"))
 
 
-#: Driver of the estimated drive. This driver is not part of the design.
+#: Driver of the estimated drive, not part of the design.
 HELD_OUT = Driver(preview=0.9, correction=0.14, gain=0.98, delay=0.11, lag=0.09)
 
 
 class Design(StrEnum):
-    """How drivers are picked."""
+    """Method of choosing the training drivers."""
 
-    #: By a uniform design table, Fang and Wang, Number-theoretic Methods in Statistics, 1994.
+    #: The factors follow a uniform design table (Fang and Wang, Number-theoretic Methods in Statistics, 1994).
     UNIFORM = "uniform"
-    #: At random.
+    #: The factors are drawn uniformly at random.
     RANDOM = "random"
 
 
 def uniform_design() -> NDArray[np.int64]:
-    """Return the table U15(15^8) of the paper's Table 1: row i of column j is ``i h_j`` modulo 15, or 15 for 0."""
+    """Return the table U15(15^8) of the paper's Table 1.
+
+    Returns
+    -------
+    ndarray of int, shape (15, 8)
+        Row i of column j is ``i h_j`` modulo 15, or 15 instead of 0.
+    """
     found: NDArray[np.int64] = np.outer(np.arange(1, ROWS + 1), FACTORS) % ROWS
     return np.where(found == 0, ROWS, found)
 
 
 def design_drivers(count: int, design: Design, rng: np.random.Generator) -> tuple[Driver, ...]:
-    """Return drivers whose three factors are within :data:`RANGES`.
+    """Return training drivers whose three factors are within :data:`RANGES`.
 
     Parameters
     ----------
     count : int
-        Number of drivers. A uniform design of fewer than 15 takes the first rows of the table; from the 16th driver on
-        the factors are random.
+        Number of drivers. A uniform design of fewer than 15 uses the first rows of the table. The factors of
+        the 16th and later drivers are random.
     design : Design
         Uniform or random.
     rng : Generator
-        Draws the random factors.
+        Generator of the random factors.
+
+    Returns
+    -------
+    tuple of Driver
     """
     low, high = np.array(list(RANGES.values())).T
     shares = rng.random((count, len(RANGES)))

@@ -16,7 +16,7 @@ from ..exports import ExportFormat
 
 __all__ = ["CSV", "write_sideslip_csv"]
 
-#: The header. Its columns are those that recordings are read from, and the claimed deviation.
+#: Header: the columns of a recording, and the claimed deviation.
 _COLUMNS = (
     "time [s]", "sideslip [rad]", "deviation [rad]", "speed [m/s]", "steering [rad]",
     "yaw_rate [rad/s]", "lateral_acceleration [m/s^2]",
@@ -26,11 +26,11 @@ _COLUMNS = (
 def write_sideslip_csv(
     plan: SideslipEstimate, path: str | os.PathLike[str], *, model: SideslipEstimation
 ) -> Path:
-    """Write one row a sample as CSV, in one step; return the path.
+    """Write an estimate as CSV with one row per sample, atomically, and return the path.
 
-    The columns are time (s), the estimated angle and its deviation (rad), and what was measured: speed
-    (m/s), steering angle (rad), yaw rate (rad/s), lateral acceleration (m/s²), with all digits.
-    :func:`~crosstrack.instances.sideslip.read_recording` reads them back, the estimate as the angle.
+    The columns are time (s), the estimated angle and its deviation (rad), and the measurements: speed
+    (m/s), steering angle (rad), yaw rate (rad/s) and lateral acceleration (m/s²), with all digits.
+    :func:`~crosstrack.instances.sideslip.read_recording` reads the file as a recording with the estimate as angle.
 
     Parameters
     ----------
@@ -39,12 +39,17 @@ def write_sideslip_csv(
     path : path-like
         The file.
     model : SideslipEstimation
-        Intended software.
+        Model of the estimate, which gives the measurements.
+
+    Returns
+    -------
+    pathlib.Path
+        Path of the file.
 
     Raises
     ------
     InvalidData
-        An estimate of another number of samples, or a file that cannot be written.
+        The estimate has another number of samples than the model, or the file cannot be written.
     """
     required("plan", plan, SideslipEstimate)
     required("model", model, SideslipEstimation)

@@ -1,8 +1,8 @@
-"""Simulated drives: one whose angle is asked for, and those that estimators learn from.
+"""Simulated drives: one to estimate, and training drives.
 
-Only ``Generator.random`` is drawn from, and what is recorded is rounded, so that a seed means the same
-drives wherever it is used. Every drive has a stream of its own: the drive that is estimated does not depend
-on how many there are to learn from.
+Only ``Generator.random`` is used, and recordings are rounded, so that a seed gives the same
+drives on every platform. Every drive has its own random stream, so the estimated drive does not depend
+on the number of training drives.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ __all__ = ["generate"]
 
 Floats = NDArray[np.float64]
 
-#: Drives to learn from, at most.
+#: Largest number of training drives.
 MOST_DRIVES = 1000
-#: Streams of random numbers that are no drive's.
+#: Random streams of the choice of drivers and of the spoilt samples, and the first stream of a drive.
 _PICKING, _LOSING, _FIRST = 0, 1, 2
-#: Digits after the point of what is recorded: more than any sensor has, fewer than machines agree in.
+#: Decimal places of recordings: more than sensors resolve, fewer than platforms agree in.
 _DIGITS = 9
 
 
@@ -65,67 +65,70 @@ def generate(
     known: bool = True,
     name: str = "",
 ) -> SideslipEstimation:
-    """Return the estimation of a simulated drive.
+    """Return the model of a simulated drive.
 
     Parameters
     ----------
     road : str
-        ``"lane-change"`` (the double lane change, made for 80 km/h) or ``"serpentine"`` (65 km/h).
+        ``"lane-change"`` (double lane change, 80 km/h), the default, or ``"serpentine"`` (65 km/h).
     seed : int
-        Same seed, same drives.
+        Seed of the random numbers, >= 0. Equal seeds give equal drives.
     driver : Driver or mapping, optional
-        Who drives; by default one who is none of those that estimators learn from.
+        Driver of the estimated drive; by default ``HELD_OUT``, which differs from all training drivers.
     drivers : int
-        How many others drive the same road for estimators to learn from.
+        Number of training drives on the same road, each by another driver, 15 by default and at most 1000.
     design : str
-        How these are picked: ``"uniform"`` (the table U15(15^8)) or ``"random"``.
+        Choice of the training drivers: ``"uniform"`` (the table U15(15^8)), the default, or ``"random"``.
     vehicle : Vehicle or mapping
-        The vehicle that is driven. Its tyres and friction are set by `tyre` and `friction`.
+        True vehicle. Its tyre law and friction are replaced by `tyre` and `friction`.
     tyre : str
-        Of the vehicle that is driven, ``"linear"`` or ``"saturating"``.
+        Tyre law of the true vehicle, ``"linear"`` (default) or ``"saturating"``.
     believed_tyre : str, optional
-        That estimators believe in; by default the true one.
+        Tyre law assumed by estimators; by default the true one.
     mismatch : mapping of str to float, optional
-        By what the parameters of :class:`~crosstrack.models.sideslip.Vehicle` are multiplied that
-        estimators believe in, such as ``{"mass": 1.3}``.
+        Factors between assumed and true parameters of :class:`~crosstrack.models.sideslip.Vehicle`,
+        such as ``{"mass": 1.3}``; by default none.
     friction : float
-        Coefficient of friction, of no account for linear tyres.
+        Coefficient of friction, > 0, 0.9 by default; unused for linear tyres.
     later_friction : float, optional
-        The same from the middle of the drive's time on. Estimators believe in the first.
+        Coefficient of friction in the second half of the drive; by default `friction`. Estimators assume `friction`.
     training_friction : float, optional
-        On all of the drives to learn from; by default they meet what the estimated drive meets.
+        Coefficient of friction on the training drives; by default that of the estimated drive.
     speed : float or sequence of (time, speed), optional
-        m/s; by default what the road is made for. With instants (s, the first 0) the speed is linear in between, also on
-        the drives to learn from. A vehicle at rest does not turn.
+        Speed, m/s; by default the design speed of the road. A sequence gives times (s, starting at 0) and speeds with
+        linear interpolation, also for the training drives. A vehicle at rest does not turn.
     samples : int, optional
-        Of the drive that is estimated; by default, and for the others, to the end of the road or to the last
-        instant of `speed`.
+        Number of samples of the estimated drive. By default, and on training drives, the drive ends with the road or
+        at the last time of `speed`.
     period : float
-        Time between samples, s.
+        Time between samples, s, 0.05 by default and at most 2.
     disturbance : array-like, shape (2,)
-        Deviation of the noise on angle (rad/√s) and yaw rate (rad/s/√s), in truth and as believed.
+        Standard deviation of the noise on angle (rad/√s) and yaw rate (rad/s/√s), both true and assumed.
     yaw_rate_noise, acceleration_noise : float
-        Deviation of what is measured (rad/s, m/s²), in truth and as believed.
+        Standard deviations of the measurements (rad/s, m/s²), both true and assumed.
     decibels : float, optional
-        Power of the signal to that of the noise, dB, for both sensors on the drive that is estimated: instead
-        of the two deviations.
+        Signal-to-noise ratio of both sensors on the estimated drive, dB. It replaces the two standard deviations.
     bias : array-like, shape (2,)
-        Added to measured yaw rate (rad/s) and acceleration (m/s²) of the drive that is estimated.
+        Bias of measured yaw rate (rad/s) and acceleration (m/s²) of the estimated drive, zero by default.
     missing : float
-        Share of its samples that are left out, below 0.9; the first and the last are kept.
+        Share of the estimated drive's samples that are removed, 0 … 0.9. The first and the last sample are kept.
     stale : float
-        Share of its samples that repeat the sensors' values of the sample before, below 0.9.
+        Share of the estimated drive's samples that repeat the sensor values of the previous sample, 0 … 0.9.
     known : bool
-        Whether the true angle goes into the model, for the verification.
+        If True, the default, the model contains the true angle for the verification.
     name : str
-        Of the model.
+        Name of the model.
+
+    Returns
+    -------
+    SideslipEstimation
 
     Raises
     ------
     InvalidData
-        A value that is not allowed, named; a vehicle that spins.
+        A value is invalid, or the vehicle spins.
     UnsupportedOption
-        `mismatch` names no parameter of a vehicle.
+        A key of `mismatch` is not a parameter of a vehicle.
     """
     kind = RoadKind(Member(RoadKind).coerce("road", road, {}))
     seed = Whole(0).coerce("seed", seed, {})
@@ -194,29 +197,29 @@ def generate(
 
 
 class _Noise(NamedTuple):
-    """Deviations of the noise on the state, the yaw rate and the acceleration."""
+    """Standard deviations of the noise on the state, the yaw rate and the acceleration."""
 
     disturbance: Floats
     yaw_rate: float
     acceleration: float
 
     def at(self, drive: Drive, decibels: float) -> _Noise:
-        """Return it with the sensors' noise at this distance below the signals of `drive`."""
+        """Return a copy whose sensor noise has the given signal-to-noise ratio (dB) on `drive`."""
         signals = np.stack([drive.yaw_rate, drive.lateral_acceleration])
         power = np.sqrt((signals**2).mean(axis=1)) * 10.0 ** (-decibels / 20.0)
-        # As many digits as machines agree in; a vehicle that never turns has no signal.
+        # Digits in which platforms agree. The limit is for a vehicle that never turns.
         yaw_rate, acceleration = (max(float(f"{one:.6g}"), 1e-9) for one in power)
         return self._replace(yaw_rate=yaw_rate, acceleration=acceleration)
 
 
 def _normal(rng: np.random.Generator, count: int) -> Floats:
-    """Return normal numbers, shape (count, 2)."""
-    found: Floats = ndtri(rng.random((count, 2)) + 2.0**-54)  # never 0
+    """Return standard normal numbers, shape (count, 2)."""
+    found: Floats = ndtri(rng.random((count, 2)) + 2.0**-54)  # avoids 0
     return found
 
 
 def _part(kind: Any, name: str, value: Any) -> Any:
-    """Return a part of its own, or the one that its data make."""
+    """Return a part given as an object or as its data."""
     if isinstance(value, Mapping):
         return kind.from_data(value)
     return required(name, value, kind)
@@ -242,7 +245,7 @@ def _speeds(kind: RoadKind, speed: Any, samples: int | None, period: float) -> F
 
 
 def _whole(duration: float, period: float) -> int:
-    """Return how many samples a duration has."""
+    """Return the number of samples in a duration (s), both ends included."""
     steps = duration / period
     if not steps < MOST:
         raise InvalidData(
@@ -255,7 +258,7 @@ def _whole(duration: float, period: float) -> int:
 def _recorded(
     drive: Drive, speeds: Floats, period: float, noise: _Noise, normal: Floats
 ) -> Recording:
-    """Return what sensors make of a drive."""
+    """Return the recording of a drive, with noise and rounding."""
     return Recording(
         times=np.round(np.arange(len(speeds)) * period, _DIGITS),
         speed=speeds,
@@ -270,10 +273,10 @@ def _recorded(
 def _spoilt(
     recording: Recording, rng: np.random.Generator, bias: Floats, missing: float, stale: float
 ) -> tuple[Recording, NDArray[np.intp]]:
-    """Return a recording by worse sensors, and which of its samples are left."""
+    """Return the recording with biases, stale and missing samples, and the indices of its samples."""
     draw = rng.random((2, len(recording)))
     draw[:, 0] = draw[0, -1] = 1.0
-    # Each sample shows the last one before it that is not stale.
+    # A stale sample repeats the last sample that is not stale.
     shown = np.maximum.accumulate(np.where(draw[1] < stale, 0, np.arange(len(recording))))
     kept = np.flatnonzero(draw[0] >= missing)
     found = dataclasses.replace(
@@ -290,7 +293,7 @@ def _spoilt(
 
 
 def _believed(truth: Vehicle, tyre: str | None, mismatch: Mapping[str, float] | None) -> Vehicle:
-    """Return the vehicle that estimators believe in."""
+    """Return the vehicle assumed by estimators."""
     changes: dict[str, Any] = {}
     allowed = sorted({field.name for field in dataclasses.fields(Vehicle)} - {"tyre"})
     for key, factor in Table().coerce("mismatch", {} if mismatch is None else mismatch, {}).items():

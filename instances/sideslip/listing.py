@@ -1,4 +1,4 @@
-"""Catalogue entries of sideslip estimation: the paper's two roads, and more demanding drives."""
+"""Catalogue entries of sideslip estimation: the paper's two roads, and more difficult drives."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAPER = (
     "Problems in Engineering, 2016"
 )
 
-#: What the parameters that estimators believe in are multiplied by where they are wrong: a heavier car on
+#: Factors between assumed and true parameters in the entries with a wrong vehicle: a heavier car on
 #: softer tyres.
 MISMATCH = {"mass": 1.3, "cornering_front": 0.7, "cornering_rear": 0.7}
 #: The roads with their speed, km/h, and row of Table 3.
@@ -29,7 +29,7 @@ _LOST = (
 )
 _SPECIAL = "Ours: the paper has no such drive."
 
-#: Drives that the paper has not: name, title, and what the generator is asked for.
+#: Drives that are not in the paper: name, title and arguments of the generator.
 _WILD: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
     (
         "limit", "saturating tyres near the limit, friction 0.55",
@@ -65,7 +65,12 @@ _WILD: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
-    """Return the instances."""
+    """Return the catalogue entries of sideslip estimation.
+
+    Returns
+    -------
+    tuple of CatalogueEntry
+    """
     found = []
     for road, (speed, row) in _ROADS.items():
         words = f"{road.replace('-', ' ')} at {speed} km/h"

@@ -1,4 +1,4 @@
-"""The paper on the estimation of the sideslip angle: its items and its tables."""
+"""Items and tables of the paper on the estimation of the sideslip angle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Our values of the paper's tables."""
+"""Reproduction of the paper's tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .paper import TABLE_2
 __all__ = ["table_1", "table_2", "table_3"]
 
 _ROADS = {"double lane": "lane-change", "serpentine line": "serpentine"}
-#: The measurements of the paper: five before the angle, without speed and steering angle.
+#: Window of the paper: five lags before the angle, without speed and steering angle.
 _PAPER: Mapping[str, Any] = {"ahead": 1, "inputs": False}
 #: Runs of Table 3: column, backend and options.
 _RUNS: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
@@ -30,7 +30,20 @@ _RUNS: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
 
 
 def table_1(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return a row of the design table."""
+    """Return a row of the design table.
+
+    Parameters
+    ----------
+    row : tuple of str
+        Key of the row, its number from 1.
+    trials : Trials
+        Not used.
+
+    Returns
+    -------
+    mapping of str to int
+        Entries by column.
+    """
     entries = uniform_design()[int(row[0]) - 1]
     return {str(k): int(entry) for k, entry in enumerate(entries, 1)}
 
@@ -44,7 +57,20 @@ def _discrepancy(columns: tuple[int, ...]) -> float:
 
 
 def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return the columns with the smallest centred discrepancy for a number of factors."""
+    """Return the columns with the smallest centred discrepancy for a number of factors.
+
+    Parameters
+    ----------
+    row : tuple of str
+        Key of the row, the number of factors.
+    trials : Trials
+        Not used.
+
+    Returns
+    -------
+    mapping of str to number
+        The columns, and the discrepancies of the printed and of these columns.
+    """
     best = min(combinations(range(1, 9), int(row[0])), key=lambda one: (_discrepancy(one), one))
     paper = tuple(int(cell) for cell in TABLE_2.rows[row] if cell is not None)
     return {
@@ -55,7 +81,20 @@ def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
 
 
 def table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return medians of the errors over drives from different seeds, degrees."""
+    """Return medians of the errors over drives from different seeds, in degrees.
+
+    Parameters
+    ----------
+    row : tuple of str
+        Key of the row, the road.
+    trials : Trials
+        Seeds, number of runs and solver calls.
+
+    Returns
+    -------
+    mapping of str to number
+        Entries by column.
+    """
     from scipy.stats import wilcoxon
 
     errors: dict[str, list[NDArray[np.float64]]] = {name: [] for name, _, _ in _RUNS}

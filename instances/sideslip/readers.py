@@ -1,8 +1,8 @@
 """Recordings of measured drives in CSV and Excel files.
 
 A file has a header with the columns ``time``, ``speed``, ``steering``, ``yaw_rate``,
-``lateral_acceleration`` and, where it is known, ``sideslip``, in any order, each with its unit in
-brackets, such as ``speed [km/h]``. Other columns are not read, and the log names them in a warning.
+``lateral_acceleration`` and, optionally, ``sideslip``, in any order, each with its unit in
+brackets, such as ``speed [km/h]``. Other columns are ignored with a warning in the log.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ log = logging.getLogger("crosstrack")
 
 
 class _Quantity(NamedTuple):
-    """A column: what each unit is of ours, which is the first, and what may be measured in ours."""
+    """Column of a file: factors from its units to the first one, and limits of its values in that unit."""
 
     units: Mapping[str, float]
     lower: float = -math.inf
@@ -61,17 +61,27 @@ _HEADER = re.compile(r"([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
 def read_recording(path: str | os.PathLike[str]) -> Recording:
     """Return the drive in a CSV or Excel file.
 
-    Times may begin anywhere. A line that repeats the one before is dropped, and the log tells it. The steering
-    angle is that of the front wheels, not of the steering wheel; signs are those of ISO 8855, positive to the left.
+    The first time is arbitrary. Repeated lines are dropped with a warning in the log. The steering
+    angle is that of the front wheels, not of the steering wheel. Signs are those of ISO 8855, positive to the left.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    Recording
+        The drive in SI units, with the angle if the file has a column ``sideslip``.
 
     Raises
     ------
     BackendMissing
-        It is an Excel file, and openpyxl is not installed.
+        The file is an Excel file, and openpyxl is not installed.
     InvalidData
-        Naming file, line, column and value: columns that are missing or come twice, a unit that is absent or
-        not known, a row too short or too long, what is no finite number or out of range, two different
-        lines with one time, a step back, a gap above 2 s, fewer than 10 samples.
+        A column is missing or repeated, a unit is missing or unknown, a row is too short or too long, a value is not
+        finite or out of range, two different lines have the same time, times decrease, a gap exceeds 2 s, or there
+        are fewer than 10 samples. The message gives file, line, column and value.
     """
     columns: dict[str, tuple[str, float]] = {}
     places: list[str] = []
@@ -111,7 +121,7 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
 
 
 def _columns(names: list[str], where: str) -> dict[str, tuple[str, float]]:
-    """Return what each column of a header is, and what its unit is of ours; others are left out."""
+    """Return quantity and unit factor of each known column of a header."""
     found: dict[str, tuple[str, float]] = {}
     for name in names:
         parts = _HEADER.fullmatch(name)
@@ -143,16 +153,25 @@ def _columns(names: list[str], where: str) -> dict[str, tuple[str, float]]:
 def _kept(
     table: NDArray[np.float64], times: NDArray[np.float64], places: list[str]
 ) -> NDArray[np.intp]:
-    """Return the rows that do not repeat the one before; times that do not rise or leave a gap raise.
+    """Return the indices of rows that differ from the previous row, after a check of the times.
 
     Parameters
     ----------
     table : ndarray, shape (columns, n)
-        All that is read.
+        Values of all known columns.
     times : ndarray, shape (n,)
-        s.
+        Times, s.
     places : list of str
-        Where each row stands.
+        Position of each row in the file, for messages.
+
+    Returns
+    -------
+    ndarray of int
+
+    Raises
+    ------
+    InvalidData
+        Times do not increase, or a gap exceeds 2 s.
     """
     new = np.concatenate([[True], (table[:, 1:] != table[:, :-1]).any(axis=0)])
     kept = np.flatnonzero(new)
@@ -173,9 +192,19 @@ def _kept(
 
 
 def table_file(file: Path) -> dict[str, Any]:
-    """Return the data of an instance that a file of a drive holds: the vehicle is a standard one unless given.
+    """Return the fields of a model from the file of a drive, with a default vehicle.
 
-    An angle in the file is the truth that estimates are compared with.
+    An angle in the file becomes the truth of the model.
+
+    Parameters
+    ----------
+    file : pathlib.Path
+        The file.
+
+    Returns
+    -------
+    dict
+        Fields of :class:`~crosstrack.models.sideslip.SideslipEstimation` by name.
     """
     drive = read_recording(file)
     found = {

@@ -1,4 +1,4 @@
-"""The paper's two roads: the course of the centre line, equations 4-7.
+"""Centre lines of the paper's two roads, equations 4-7.
 
 The lane change consists of cubics with a continuous derivative, which determines the coefficients of equations 4 and 5:
 each shift is ``3 s² - 2 s³``. The serpentine consists of the sines of equation 7.
@@ -30,28 +30,28 @@ BEFORE, AFTER = 2.0, 3.0
 
 
 class RoadKind(StrEnum):
-    """A road of the paper."""
+    """Road of the paper."""
 
-    #: Over to the next lane and back.
+    #: Double lane change: to the next lane and back, designed for 80 km/h.
     LANE_CHANGE = "lane-change"
-    #: Past poles in a line, left and right in turn.
+    #: Slalom around poles in a line, designed for 65 km/h.
     SERPENTINE = "serpentine"
 
 
 class Road(NamedTuple):
-    """The course of a road in the plane.
+    """Centre line of a road in the plane.
 
     Parameters
     ----------
     along : ndarray, shape (k,)
-        Where its pieces begin and end, m, rising.
+        Longitudinal positions of the ends of its segments, m, increasing.
     aside : ndarray, shape (k,)
-        Lateral position there, m, positive to the left. Between two places it follows the cubic ``3 s² - 2 s³`` or
-        the sine ``(1 - cos π s) / 2``; before the first and after the last place it is straight.
+        Lateral positions there, m, positive to the left. Between two positions the road follows the cubic
+        ``3 s² - 2 s³`` or the sine ``(1 - cos π s) / 2``. It is straight before the first and after the last.
     speed : float
         Design speed, m/s.
     sine : bool
-        Whether the pieces are sines, else cubics.
+        True if the segments are sines, False, the default, if they are cubics.
     """
 
     along: Floats
@@ -61,19 +61,23 @@ class Road(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Where the last piece ends, m."""
+        """Longitudinal position of the end of the last segment, m."""
         return float(self.along[-1])
 
 
 def road_of(kind: RoadKind, length: float = 0.0) -> Road:
-    """Return a road.
+    """Return the centre line of a road.
 
     Parameters
     ----------
     kind : RoadKind
-        Which.
+        The road.
     length : float
-        Minimum length, m: the serpentine gets more poles, the lane change ends straight.
+        Minimum length, m, 0 by default. The serpentine is extended by poles, the lane change by a straight end.
+
+    Returns
+    -------
+    Road
     """
     if kind is RoadKind.LANE_CHANGE:
         speed = 80.0 / 3.6
@@ -85,7 +89,7 @@ def road_of(kind: RoadKind, length: float = 0.0) -> Road:
     rest = (length - (BEFORE + AFTER) * speed) / distance
     count = max(DISTANCES, int(np.ceil(rest)))
     along = np.asarray(BEFORE * speed + distance * np.arange(count + 1), dtype=np.float64)
-    # With five distances the last piece leads from -2H to 0, as equation 7 prints.
+    # With five distances the last segment leads from -2H to 0, as printed in equation 7.
     aside = SWING * np.where(np.arange(count + 1) % 2, 1.0, -1.0)
     aside[0] = aside[-1] = 0.0
     along = np.concatenate([[0.0], along, [along[-1] + AFTER * speed]])

@@ -1,4 +1,4 @@
-"""The vehicle of the simulated drives."""
+"""Vehicle of the simulated drives."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from ...models.sideslip.data import Vehicle
 
 __all__ = ["VEHICLE"]
 
-#: A car with the parameters of an exercise in Z. Yu, Automobile Theory (in Chinese, China Machine Press), to its
-#: chapter on handling; stiffness for both tyres of an axle. The paper does not print its own parameters.
+#: Car with the parameters of an exercise in the chapter on handling of Z. Yu, Automobile Theory (in Chinese, China
+#: Machine Press). The stiffness is that of both tyres of an axle. The paper does not print its parameters.
 VEHICLE = Vehicle(
     mass=1818.2,
     yaw_inertia=3885.0,

@@ -1,12 +1,12 @@
-"""A vehicle that is driven along a road: the truth that estimators are measured by.
+"""Simulation of a vehicle on a road, which gives the true angle.
 
-The single-track model is written and integrated here on its own, so that no estimator is tested against
-itself: the classic Runge-Kutta method in steps of 25 ms at most, and shorter ones where the model is
-stiffer. The driver follows Guo's preview follower theory (K. Guo and H. Guan, Modelling of driver/vehicle
-directional control system, Vehicle System Dynamics 22, 1993), as the paper does: the lateral acceleration ``2/T² (f - y - T v)`` would
-bring the vehicle onto the course ``f`` that is seen at the time T ahead; it is asked for by the steering
-angle ``C_0 (1 + T_c s) e^(-T_d s) / (1 + T_h s)`` times as large. The least C_0 that follows a steady turn is what the
-vehicle itself needs, ``L / u² + m (b / C_f - a / C_r) / L``.
+The single-track model is implemented here independently of the estimators, so that no estimator is tested against
+itself. It is integrated by the classic Runge-Kutta method in steps of at most 25 ms, or less if the model is
+stiff. The driver follows Guo's preview follower theory (K. Guo and H. Guan, Modelling of driver/vehicle
+directional control system, Vehicle System Dynamics 22, 1993), as in the paper. The lateral acceleration
+``2/T² (f - y - T v)`` would bring the vehicle onto the course ``f`` at the preview time T. The steering angle is this
+acceleration times ``C_0 (1 + T_c s) e^(-T_d s) / (1 + T_h s)``. The gain C_0 of a steady turn is
+``L / u² + m (b / C_f - a / C_r) / L``.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ __all__ = ["STEERING_LIMIT", "Drive", "simulate"]
 Floats = NDArray[np.float64]
 Row = tuple[float, ...]
 
-#: Greatest angle of the front wheels, rad.
+#: Largest steering angle of the front wheels, rad.
 STEERING_LIMIT = math.radians(30.0)
-#: Longest step of the integration, s, and its product with the model's fastest decay.
+#: Longest integration step, s, and largest product of the step and the fastest decay rate.
 STEP, STIFFEST = 0.025, 0.5
-#: Steps of one drive above which it is refused.
+#: Largest number of integration steps of a drive.
 MOST_STEPS = 50_000_000
-#: Speed (m/s) below which the driver steers as at that speed.
+#: Lower limit (m/s) of the speed in the driver's gain.
 SLOW = 3.0
 
 
 class Drive(NamedTuple):
-    """What happened, one entry a sample.
+    """Simulated drive with one entry per sample.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
-        Position, along the road and to its left, m.
+        Position along the road and to its left, m.
     heading : ndarray, shape (n,)
-        Of the vehicle, to the left of the road, rad.
+        Heading of the vehicle relative to the road, rad, positive to the left.
     sideslip : ndarray, shape (n,)
-        Angle of the velocity to the left of the heading, rad.
+        Angle of the velocity relative to the heading, rad, positive to the left.
     yaw_rate : ndarray, shape (n,)
-        rad/s.
+        Yaw rate, rad/s.
     steering : ndarray, shape (n,)
-        Angle of the front wheels, rad.
+        Steering angle of the front wheels, rad.
     lateral_acceleration : ndarray, shape (n,)
-        Sum of the axles' forces by the mass, m/s².
+        Sum of the axle forces divided by the mass, m/s².
     """
 
     x: Floats
@@ -75,30 +75,34 @@ def simulate(
     shocks: Floats,
     period: float,
 ) -> Drive:
-    """Drive along a road, straight on in its middle at first: position, angles and rates begin at zero.
+    """Simulate a drive along a road. Position, angles and rates are zero at the start.
 
     Parameters
     ----------
     vehicle : Vehicle
-        The one that is driven. Its friction is not read.
+        The vehicle. Its friction is not read.
     road : Road
-        The path that the driver follows.
+        Centre line that the driver follows.
     driver : Driver
-        Who steers.
+        The driver.
     speed : ndarray, shape (n,)
-        Forward speed at each sample, m/s, linear in between. At standstill nothing turns.
+        Forward speed at each sample, m/s, interpolated linearly. A vehicle at rest does not turn.
     friction : ndarray, shape (n,)
-        Coefficient of friction from each sample on; of no account for linear tyres.
+        Coefficient of friction from each sample to the next; unused for linear tyres.
     shocks : ndarray, shape (n, 2)
-        Disturbance added to sideslip angle and yaw rate at each sample after the first.
+        Disturbances added to sideslip angle (rad) and yaw rate (rad/s) at each sample after the first.
     period : float
         Time between samples, s.
+
+    Returns
+    -------
+    Drive
 
     Raises
     ------
     InvalidData
-        The vehicle spun: its sideslip angle reached 90°, beyond which the model means nothing. Or the
-        model is so stiff that it would take too many steps.
+        The vehicle spins, which means that its sideslip angle reaches 90°, or the model is too stiff for
+        the largest number of steps.
     """
     v = vehicle
     slowest = max(float(speed.min()), LOW_SPEED)
@@ -112,7 +116,7 @@ def simulate(
             field="vehicle",
         )
     needed = v.mass * (v.rear / v.cornering_front - v.front / v.cornering_rear) / v.wheelbase
-    # Tuples: interpreted, Python's own numbers are several times as fast as those of arrays.
+    # Tuples: without compilation Python numbers are several times as fast as array elements.
     parameters = (
         *(v.mass, v.yaw_inertia, v.front, v.rear, v.cornering_front, v.cornering_rear),
         needed,
@@ -138,7 +142,7 @@ def simulate(
 
 @kernel
 def _force(angle: float, stiffness: float, limit: float) -> float:
-    """Return the lateral force of an axle by Fiala's brush."""
+    """Return the lateral force (N) of an axle by Fiala's brush model."""
     if abs(angle) >= 0.5 * math.pi:
         return math.copysign(limit, angle)
     part = stiffness * math.tan(angle) / (3.0 * limit)
@@ -152,13 +156,13 @@ def _rates(
     p: Row, speed: float, steering: float, sideslip: float, yaw_rate: float, front: float,
     rear: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return the derivatives of angle and yaw rate, and the lateral acceleration."""
+    """Return the time derivatives of angle and yaw rate, and the lateral acceleration."""
     least = max(speed, LOW_SPEED)
-    # The lateral speed of each axle: it vanishes at rest, whatever the angles are.
+    # Slip by the lateral speed of each axle, which vanishes at rest for any angle.
     aside = speed * sideslip
     one = (speed * steering - aside - p[2] * yaw_rate) / least
     two = (p[3] * yaw_rate - aside) / least
-    # Infinite limits: linear tyres.
+    # An infinite limit marks linear tyres.
     one = p[4] * one if front == math.inf else _force(one, p[4], front)
     two = p[5] * two if rear == math.inf else _force(two, p[5], rear)
     acceleration = (one + two) / p[0]
@@ -167,7 +171,7 @@ def _rates(
 
 @kernel
 def _aside(along: Floats, aside: Floats, sine: bool, at: float, piece: int) -> tuple[float, int]:
-    """Return the lateral position of the course at a place, and the piece, searched from the one before."""
+    """Return the lateral position of the road at `at` (m), and its segment, searched from `piece`."""
     last = len(along) - 2
     while piece < last and along[piece + 1] < at:
         piece += 1
@@ -188,7 +192,7 @@ def _drive(
 ) -> None:  # fmt: skip
     """Fill `wanted` with the driver's steering before delay and lag, and `found` with the drive.
 
-    Between the steps of the integration the steering angle is linear in time.
+    The steering angle is linear in time within an integration step.
     """
     preview, correction, gain, late, lag = who[0], who[1], who[2], who[3] / h, who[4]
     x, y, heading, sideslip, yaw_rate, steering, muscle = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
