@@ -1,11 +1,11 @@
-"""Drives for tests, made by formulas alone: no simulator and no estimator has a part in them."""
+"""Drives for tests from closed formulas, independent of simulator and estimators."""
 
 import numpy as np
 
 from crosstrack.models import SideslipEstimation
 from crosstrack.models.sideslip import Recording, SideslipEstimate, Vehicle
 
-#: A mid-size car that understeers.
+#: Mid-size car that understeers.
 CAR = {
     "mass": 1500.0, "yaw_inertia": 2500.0, "front": 1.2, "rear": 1.5,
     "cornering_front": 80_000.0, "cornering_rear": 90_000.0,
@@ -13,7 +13,7 @@ CAR = {
 
 
 def kinematic(n=201, period=0.05, speed=20.0, *, noise=(0.0, 0.0), seed=0, **fields):
-    """Return a model whose record is consistent: a = u (dβ/dt + ω), with β and ω chosen freely.
+    """Return a model with a consistent recording: a = u (dβ/dt + ω), for chosen β and ω.
 
     β = 0.02 sin(t) rad and ω = 0.2 sin(1.5 t) rad/s, steering as at low speed.
     """
@@ -33,6 +33,6 @@ def kinematic(n=201, period=0.05, speed=20.0, *, noise=(0.0, 0.0), seed=0, **fie
 
 
 def estimate(angles, deviation=0.001):
-    """Return a plan whose deviation is the same everywhere, or given for each sample."""
+    """Return a plan with a constant deviation, or one given for each sample."""
     angles = np.asarray(angles, float)
     return SideslipEstimate(angles, np.broadcast_to(np.asarray(deviation, float), angles.shape))

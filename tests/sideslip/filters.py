@@ -1,4 +1,4 @@
-"""Drives for the tests of filters, and estimates of them in this process."""
+"""Drives for the tests of filters, and estimates computed in this process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BOTH = [KalmanFilter, RtsSmoother]
 
 
 def answer(problem: SideslipEstimation, backend: type[Any]) -> Answer:
-    """Run in this process, without the truth."""
+    """Return the answer of a backend, run in this process without the truth."""
     found: Answer = backend().run(problem.blinded(), Request())
     return found
 
@@ -42,7 +42,7 @@ def filtered(problem: SideslipEstimation) -> FilterPass:
 
 
 def drawn(seed: int, vehicle: Vehicle = VEHICLE, n: int = 30, **more: Any) -> SideslipEstimation:
-    """Return a drive of irregular samples, with halts, of measurements that no vehicle makes."""
+    """Return a random drive with irregular samples and halts. No vehicle has such measurements."""
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.choice([0.001, 0.01, 0.05, 0.3, 1.9], n, p=[0.1, 0.4, 0.3, 0.15, 0.05]))
     speed = np.where(rng.random(n) < 0.15, rng.uniform(0, 1, n), rng.uniform(1, 40, n))
@@ -52,12 +52,12 @@ def drawn(seed: int, vehicle: Vehicle = VEHICLE, n: int = 30, **more: Any) -> Si
     return SideslipEstimation(vehicle, recording, **more)
 
 
-#: The true states of what was simulated, by seed.
+#: True states of the simulated drives, by seed.
 TRUE: dict[int, Floats] = {}
 
 
 def simulated(seed: int, n: int = 150, dt: float = 0.02) -> SideslipEstimation:
-    """Return a drive of the model itself: matrix exponentials, and the noises that it declares."""
+    """Return a drive simulated from the model by matrix exponentials, with its declared noise."""
     rng = np.random.default_rng(seed)
     u, (m, inertia, a, b) = 22.0, (1500.0, 2500.0, 1.2, 1.5)
     front, rear = 9e4, 1.1e5

@@ -1,4 +1,4 @@
-"""Limit of the check of an angle, and both errors: 1.1 times the accepted violation is refused."""
+"""Limit of the angle check, and both error measures. 1.1 times the accepted violation is refused."""
 
 import math
 from dataclasses import replace
@@ -10,7 +10,7 @@ from sideslip.drives import estimate, kinematic
 
 TOLERANCE = 1e-6
 RIGHT = 0.5 * math.pi
-#: Seconds between samples and speed, m/s.
+#: Time between samples, s, and speed, m/s.
 DRIVES = [(0.01, 1.0), (0.05, 20.0), (0.2, 1000.0)]
 
 
@@ -58,11 +58,11 @@ def test_the_kinematic_error_is_the_drift_over_a_second(drift, seconds, drive):
     period = min(drive[0], 0.05)
     model = kinematic(n=round(seconds / period) + 1, period=period, speed=drive[1])
     times = model.recording.times
-    # A recording begins at any time.
+    # The first time of a recording is arbitrary.
     recording = replace(model.recording, times=times + 100.0)
     model = replace(model, recording=recording, truth=None)
     found = model.verify(estimate(0.02 * np.sin(times) + 0.3 + drift * times))
-    # The trapezoidal rule is off by less than a hundredth of it.
+    # The error of the trapezoidal rule is less than a hundredth of it.
     assert found.objective == pytest.approx(math.degrees(0.01 * min(seconds, 1.0)), rel=0.01)
 
 
@@ -76,6 +76,6 @@ def test_the_kinematic_error_leaves_out_halts(drift, halts):
     angles = 0.02 * np.sin(times) + drift * times
     angles[halts] = 1.0
     found = model.verify(estimate(angles))
-    # If every second has a halt, neighbouring samples are compared.
+    # If every second contains a halt, neighbouring samples are compared.
     window = 0.05 if halts.step else 1.0
     assert found.objective == pytest.approx(math.degrees(0.01 * window), rel=0.02)

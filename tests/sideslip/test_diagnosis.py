@@ -1,4 +1,4 @@
-"""Diagnosis of a recording before estimation: each fault is reported for a recording that has it, and no other."""
+"""Diagnosis of a recording. Each finding is tested on a recording with exactly that defect."""
 
 import dataclasses
 import json
@@ -15,7 +15,7 @@ from crosstrack.solvers.sideslip.diagnosis import critical_speed, diagnose_sides
 
 
 def turning(n=401, speed=20.0, *, noise=True, vehicle=None, scale=(1, 1, 1, 1), seed=0, **fields):
-    """Return a model of steady turns of a car, whose noise is as declared.
+    """Return a model of steady turns of a car with the declared noise.
 
     `scale` multiplies speed, steering, yaw rate and acceleration as recorded.
     """
@@ -38,12 +38,12 @@ def turning(n=401, speed=20.0, *, noise=True, vehicle=None, scale=(1, 1, 1, 1), 
 
 
 def recorded(model, **columns):
-    """Return a model with other columns in its recording."""
+    """Return a copy of a model with some columns of its recording replaced."""
     return dataclasses.replace(model, recording=dataclasses.replace(model.recording, **columns))
 
 
 def odd(model):
-    """Return what asks for a look."""
+    """Return the findings that need attention."""
     found = diagnose_sideslip(model)
     assert found.feasible
     json.dumps(found.to_dict(), allow_nan=False)
@@ -52,7 +52,7 @@ def odd(model):
 
 
 def drive_of(model):
-    """Return its recording as one to learn from."""
+    """Return the recording of a model as a training drive."""
     return dataclasses.replace(model.recording, sideslip=np.zeros(len(model.recording)))
 
 
@@ -68,7 +68,7 @@ def test_a_good_recording_has_nothing_odd():
     assert "the believed vehicle does not oversteer: it is stable at every speed" in texts
     assert any(text.startswith("1 drive to learn from, 401 samples: ") for text in texts)
     assert diagnose_sideslip(model.blinded()).findings == found.findings, "the truth is not read"
-    # The vehicle behaves the same to the left and to the right.
+    # Left and right are symmetric.
     mirrored = recorded(
         model,
         **{
@@ -122,7 +122,7 @@ def test_each_oddity_is_told(model, words):
         "hardly excites",
         "by kinematics",
     ]
-    if len(words) < 2:  # what is wrong in one way is not said to be wrong in others
+    if len(words) < 2:  # one defect gives no other finding
         assert all(any(one in text for one in allowed) for text in found), found
 
 
@@ -185,9 +185,9 @@ def test_tyres_that_slide_are_told_by_their_stiffness(friction):
         )
         assert texts[0] in odd(model)
         return
-    # The slope of Fiala's force at a share of the greatest one, by differences.
+    # Slope of Fiala's force at a share of its maximum, by differences.
     share = min(most / (friction * 9.80665), 1.0)
-    slips = np.linspace(0, 3, 300_001)  # C tan α / (μ F_z), which slides from 3 on
+    slips = np.linspace(0, 3, 300_001)  # C tan α / (μ F_z): the tyre slides from 3
     force = slips - slips**2 / 3 + slips**3 / 27
     left = np.interp(share, force, np.gradient(force, slips))
     assert f"tyres then have {100 * left:.3g} % of their stiffness left" in texts[0]
@@ -195,7 +195,7 @@ def test_tyres_that_slide_are_told_by_their_stiffness(friction):
 
 
 def plain_gramian(model, speed, count):
-    """Return the sum over the powers of the step, of a model whose matrices are got by differences."""
+    """Return the Gramian as a sum over powers of the step, with matrices by differences."""
     car = model.vehicle
 
     def forces(state):
@@ -238,7 +238,7 @@ def test_the_deviation_that_is_told_is_that_of_least_squares():
     (finding,) = [
         one for one in diagnose_sideslip(model).findings if "samples tell the angle" in one.text
     ]
-    # The prior is of no account: nothing but 16 samples.
+    # The prior has no influence: the result uses 16 samples only.
     known = np.linalg.inv(plain_gramian(model, 20.0, 16))
     assert finding.data["angle"] == pytest.approx(math.sqrt(known[0, 0]), rel=1e-6)
     assert finding.data["samples"] == 16 and finding.data["speed"] == pytest.approx(20.0)

@@ -1,4 +1,4 @@
-"""The single-track model step by step: against matrix exponentials, quadrature and finite differences."""
+"""Single-track model, compared with matrix exponentials, quadrature and finite differences."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 VEHICLE = Vehicle(1500.0, 2500.0, 1.2, 1.5, 9e4, 1.1e5)
 GRIPPING = dataclasses.replace(VEHICLE, tyre="saturating")
-#: Parameters that differ by up to 1e6.
+#: Vehicles with parameters that differ by factors up to 1e6.
 UNLIKE = [
     dataclasses.replace(VEHICLE, cornering_front=1e3, cornering_rear=1e9),
     dataclasses.replace(VEHICLE, cornering_front=1e9, cornering_rear=1e3),
@@ -43,11 +43,11 @@ def matrix(entries: Any) -> Floats:
     return np.array(entries, dtype=float).reshape(2, 2)
 
 
-# The plain meaning, by NumPy
+# Reference implementation in NumPy
 
 
 def plain_force(slip: float, stiffness: float, most: float) -> float:
-    """Rajamani, Vehicle Dynamics and Control, eq. 13.54, for one axle."""
+    """Return the force of an axle by Rajamani, Vehicle Dynamics and Control, eq. 13.54."""
     if np.isinf(most):
         return stiffness * slip
     t = np.tan(slip)
@@ -59,7 +59,7 @@ def plain_force(slip: float, stiffness: float, most: float) -> float:
 
 
 def plain_rates(x: Floats, u: float, delta: float, p: Floats) -> Floats:
-    """dβ/dt, dω/dt and the lateral acceleration."""
+    """Return dβ/dt, dω/dt and the lateral acceleration."""
     m, inertia, a, b, front, rear, most_front, most_rear = p
     v = max(u, 1.0)
     one = plain_force(delta - x[0] - a * x[1] / v, front, most_front)
@@ -89,15 +89,15 @@ def test_force_is_the_law(most: float) -> None:
     for slip in np.linspace(-1.5, 1.5, 61):
         force, slope = axle_force(slip, 9e4, most)
         assert force == pytest.approx(plain_force(slip, 9e4, most), rel=1e-12, abs=1e-9)
-        # One-sided where the tyre begins to slide, which no grid point is.
+        # Differences are one-sided at the onset of sliding, which is not a grid point.
         by = 1e-8
         two = [plain_force(slip + e, 9e4, most) for e in (-by, by)]
-        # Above 85° the tangent is steep, and differences are coarse.
+        # Above 85° the tangent is steep, and differences are inaccurate.
         assert slope == pytest.approx((two[1] - two[0]) / (2 * by), rel=1e-4, abs=1e-2)
 
 
 def test_force_grows_to_its_greatest_and_stays() -> None:
-    """At the slip angle where all slides, value and derivative are continuous; beyond 90° nothing turns."""
+    """Value and derivative are continuous at full sliding. The force keeps its sign beyond 90°."""
     edge = math.atan(3 * 7e3 / 9e4)
     before, after = axle_force(edge * (1 - 1e-9), 9e4, 7e3), axle_force(edge * (1 + 1e-9), 9e4, 7e3)
     assert before == pytest.approx(after, abs=1e-3) and after == (7e3, 0.0)
@@ -124,7 +124,7 @@ def test_rates_and_measurement_with_their_derivatives(
     size = np.abs(plain).max() + abs(p[4] + p[5]) / p[0]
     np.testing.assert_allclose([*found[:2], value[0]], plain, rtol=1e-9, atol=1e-9 * size)
 
-    # Complex steps do not take the modulus, so differences; the law has a kink in its second derivative.
+    # Complex steps do not support the absolute value. The law has a kink in its second derivative.
     slopes = differences(lambda at: plain_rates(at, u, delta, p), x, 1e-5)
     got = np.array([*found[2:], *value[1:]]).reshape(3, 2)
     scale = np.array([[abs(p[4] + p[5]) / p[0]], [(p[2] * p[4] + p[3] * p[5]) / p[1]]])
@@ -166,7 +166,7 @@ def test_flow_over_nothing_and_over_what_is_no_number() -> None:
             for other in (0.0, 1.0):
                 entries = [bad if k == place else other for k in range(4)]
                 assert np.isnan(flow(*entries)).all() and np.isnan(flow.py_func(*entries)).all()
-    assert len(flow(1e308, 1e308, 1e308, 1e308)) == 8  # ends, whatever it gives
+    assert len(flow(1e308, 1e308, 1e308, 1e308)) == 8  # terminates; the values are not checked
 
 
 @pytest.mark.parametrize("vehicle", [VEHICLE, *UNLIKE])
@@ -194,7 +194,7 @@ def test_step_of_linear_tyres_is_exact(vehicle: Vehicle, u: float, dt: float) ->
 
 @pytest.mark.parametrize(("u", "du"), [(22.0, 3.0), (0.5, 4.0), (10.0, -9.5)])
 def test_saturating_tyres_in_the_second_order(u: float, du: float) -> None:
-    """Speed and steering change meanwhile, and the tyres begin to slide."""
+    """Speed and steering change during the step, and the tyres begin to slide."""
     p, x, time = parameters(GRIPPING), np.array([0.02, 0.3]), 0.4
     delta, ddelta = 0.02, 0.12
 
@@ -203,7 +203,7 @@ def test_saturating_tyres_in_the_second_order(u: float, du: float) -> None:
 
     exact = solve_ivp(slope, (0, time), x, rtol=1e-11, atol=1e-12, max_step=0.002).y[:, -1]
     errors = []
-    for count in (20, 40, 80):  # steps of 0.02 s and less, none of which is divided
+    for count in (20, 40, 80):  # steps of at most 0.02 s are not divided
         at = x
         for k in range(count):
             share = k / count
@@ -228,7 +228,7 @@ def test_saturating_tyres_in_the_second_order(u: float, du: float) -> None:
 @settings(deadline=None)
 @given(states, st.floats(1, 60), angles, st.floats(-0.02, 0.02))
 def test_jacobian_of_a_short_step(x: Floats, u: float, delta: float, ddelta: float) -> None:
-    """The product of exponentials is the derivative of the step but for terms of second order in time."""
+    """The product of exponentials equals the derivative of the step up to second order in time."""
     p, dt = parameters(GRIPPING), 1e-4
     found = advance(*x, dt, u, 0.0, delta, ddelta, p)
     slopes = differences(
@@ -300,7 +300,7 @@ def test_left_and_right_are_alike(
 @settings(max_examples=50, deadline=None)
 @given(states, st.floats(0, 60), angles, st.floats(1e-3, 1e3), st.booleans())
 def test_mass_cancels(x: Floats, u: float, delta: float, by: float, slides: bool) -> None:
-    """Mass, inertia and stiffness together scale all forces."""
+    """A common factor on mass, inertia and stiffness does not change the motion."""
     one = GRIPPING if slides else VEHICLE
     names = "mass", "yaw_inertia", "cornering_front", "cornering_rear"
     two = dataclasses.replace(one, **{name: by * getattr(one, name) for name in names})
@@ -329,7 +329,7 @@ def test_kernels_mean_the_same_interpreted() -> None:
 
 
 def test_no_step_is_longer_than_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps are counted by calls of the interpreted kernel."""
+    """Steps are counted as calls of the interpreted kernel."""
     count = []
     real = dynamics.rates.py_func
     monkeypatch.setattr(dynamics, "rates", lambda *at: count.append(1) or real(*at))

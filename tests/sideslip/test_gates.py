@@ -1,4 +1,4 @@
-"""Gates widen a claim if kinematics or the training range contradicts it, and only there."""
+"""Gates widen a claimed deviation only if kinematics or the training range contradicts it."""
 
 import dataclasses
 from functools import cache
@@ -123,7 +123,7 @@ def test_a_claim_that_covers_the_error_stays():
 
 
 def test_a_bias_that_begins_late_is_forgiven():
-    """A bank of 3° in the road is no error of the angle."""
+    """A road with a bank of 3° does not indicate an error of the angle."""
     model = kinematic(1201)
     drive = model.recording
     moved = drive.lateral_acceleration + 0.5 * (drive.times >= 10.0)

@@ -1,4 +1,4 @@
-"""Instances of sideslip estimation: the design of experiments, the generator, the catalogue, files."""
+"""Instances of sideslip estimation: design of experiments, generator, catalogue and files."""
 
 import csv
 import itertools
@@ -49,7 +49,7 @@ def test_the_design_table():
 
 
 def test_the_tables_of_the_paper():
-    """Table 1 but for one entry, and Table 2 but for its last row."""
+    """Table 1 except one entry, and Table 2 except its last row."""
     paper = np.array(list(TABLE_1.rows.values()))
     assert np.argwhere(paper != uniform_design()).tolist() == [[0, 6]]
     assert (paper[0, 6], uniform_design()[0, 6]) == (12, 13)
@@ -75,7 +75,7 @@ def test_drivers_of_a_design():
 
     low, high = np.array(list(RANGES.values())).T
     uniform = table(15, Design.UNIFORM)
-    # Each parameter takes 15 levels at equal distances, both ends among them.
+    # Each parameter has 15 equidistant levels, including both ends.
     for column, lower, upper in zip(uniform.T, low, high, strict=True):
         assert np.sort(column) == pytest.approx(np.linspace(lower, upper, 15), abs=1e-6)
     assert np.array_equal(uniform, table(15, Design.UNIFORM, seed=9))
@@ -104,7 +104,7 @@ def test_the_lane_change_of_equation_4_by_hand():
     u = road.speed
     assert u * 3.6 == pytest.approx(80)
     assert np.diff(road.along) / u == pytest.approx([2, 2, 2, 1, 2, 5, 3])
-    # Straight to 4u, over by 3.5 m to 6u, straight to 7u, back to 9u. A quarter of a shift is 3/16 - 2/64 = 5/32.
+    # Straight to 4u, shift by 3.5 m to 6u, straight to 7u, back to 9u. At a quarter a shift is 3/16 - 2/64 = 5/32.
     places = np.array([3.9, 4.5, 5, 6, 6.5, 7, 8, 8.5, 9, 16])
     wanted = 3.5 * np.array([0, 5 / 32, 1 / 2, 1, 1, 1, 1 / 2, 5 / 32, 0, 0])
     assert course(road, u * places) == pytest.approx(wanted)
@@ -115,7 +115,7 @@ def test_the_serpentine_of_equation_7_by_hand():
     u, h = road.speed, 2.46 / 2
     assert u * 3.6 == pytest.approx(65)
     assert road.length / u == pytest.approx(15)
-    # The printed last piece, and the pieces before it that continue it.
+    # The printed last segment, and the segments before it that follow by continuity.
     for t in np.linspace(10, 12, 9):
         assert course(road, [u * t])[0] == pytest.approx(h * (-1 + math.sin(math.pi * (t + 1) / 2)))
     for t in np.linspace(4, 10, 19):
@@ -135,7 +135,7 @@ def test_a_seed_means_the_same_drives():
     one = generate(seed=5)
     assert one.digest == generate("lane-change", seed=5).digest != generate(seed=6).digest
     assert len({one.digest, generate(road="serpentine", seed=5).digest}) == 2
-    # The number of training drives changes neither the estimated drive nor the first of the others.
+    # The number of training drives changes neither the estimated drive nor the first training drives.
     fewer = generate(seed=5, drivers=3)
     assert fewer.recording.data() == one.recording.data()
     assert [drive.data() for drive in fewer.training] == [d.data() for d in one.training[:3]]
@@ -181,7 +181,7 @@ def test_noise_has_the_deviation_that_it_is_said_to_have():
 
 
 def test_disturbances_have_the_variance_of_the_model():
-    # Without tyres the yaw rate is constant between samples, and the angle falls by it.
+    # Without tyre forces the yaw rate is constant between samples, and the angle decreases at that rate.
     weak = {**VEHICLE.data(), "cornering_front": 1e-6, "cornering_rear": 1e-6}
     disturbance = np.array([3e-5, 1e-5])
     model = generate(
@@ -206,7 +206,7 @@ def test_decibels():
         ):
             power = np.mean(getattr(clean.recording, name) ** 2) / noise**2
             assert 10 * np.log10(power) == pytest.approx(decibels, abs=1e-3)
-    # What estimators learn from is recorded as before.
+    # Training drives are unchanged.
     assert model.training[3].data() == generate().training[3].data()
 
 
@@ -257,7 +257,7 @@ def test_friction_and_speed_over_time():
     dry = generate(**asked, friction=0.9)
     falls = generate(**asked, friction=0.9, later_friction=0.5)
     apart = np.flatnonzero(dry.truth != falls.truth)
-    assert apart[0] == 172  # a step after the middle, where the tyres begin to know of it
+    assert apart[0] == 172  # one step after the friction changes
     assert falls.training[0].data() != dry.training[0].data()
     learnt_dry = generate(**asked, friction=0.9, later_friction=0.5, training_friction=0.9)
     assert learnt_dry.training[0].data() == dry.training[0].data()
@@ -267,7 +267,7 @@ def test_friction_and_speed_over_time():
     times = np.arange(201) * 0.05
     assert model.recording.speed == pytest.approx(np.interp(times, [0, 5, 6, 10], [20, 0, 0, 10]))
     assert model.training[0].speed == pytest.approx(model.recording.speed)
-    # A slower drive takes longer over the same road.
+    # A slower drive on the same road takes longer.
     assert len(generate(speed=40 / 3.6, drivers=0).recording) == 681
     assert len(generate(samples=50).recording) == 50
     assert len(generate(samples=50).training[0]) == 341
@@ -375,7 +375,7 @@ def test_wild_ones_are_wild():
     for name, model in models.items():
         assert len(model.training) == (0 if name == "untrained" else 15)
         assert (model.truth is None) == (name == "unknown")
-    # Near the limit, the lateral force of the axles is almost exhausted.
+    # Near the limit the axle forces are close to their maximum.
     limit = models["limit"]
     forces = np.abs([d.lateral_acceleration for d in limit.training]).max() / (0.55 * GRAVITY)
     assert 0.7 < forces < 1.05
@@ -392,7 +392,7 @@ def test_wild_ones_are_wild():
     assert len(models["short"].recording) == 50
     assert len(models["long"].recording) == 10_000
     assert len(models["long"].training[0]) == 301
-    # Turning does not end with the usual road.
+    # The serpentine continues beyond its usual length.
     assert np.degrees(np.abs(models["long"].truth[-500:]).max()) > 0.3
 
 
@@ -408,7 +408,7 @@ def test_export(tmp_path):
     with file.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [float(row["deviation [rad]"]) for row in rows] == [1e-3] * count
-    # It is a recording of the drive, with the estimate for its angle, to the last digit.
+    # The file is a recording of the drive with the estimate as angle, exact to the last digit.
     back = read_recording(file)
     assert back.data() == {**model.recording.data(), "sideslip": plan.sideslip.tolist()}
     with pytest.raises(InvalidData, match="sideslip must have 50 entries, one a sample, got 49"):

@@ -1,4 +1,4 @@
-"""Kalman filter and smoother: against least squares over the whole drive, and by what they claim."""
+"""Kalman filter and smoother: comparison with least squares, and claimed deviations."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ both = pytest.mark.parametrize("backend", BOTH, ids=lambda one: one.name)
 
 
 def batch(problem: SideslipEstimation, model: Any, last: int) -> tuple[Floats, Floats]:
-    """Return the states up to `last` and their covariance by least squares over everything at once."""
+    """Return the states up to `last` and their covariance by batch least squares."""
     n = last + 1
     rows: list[Floats] = []
     values: list[float] = []
@@ -63,20 +63,20 @@ def batch(problem: SideslipEstimation, model: Any, last: int) -> tuple[Floats, F
             blocks = {k + 1: np.eye(2), k: -model.step[k]}
             add(blocks, model.shift[k], problem.disturbance * root)
     whole = np.array(rows)
-    # Columns of length 1, for rows of all sizes.
+    # Scale columns to length 1, because rows differ in size.
     size = np.linalg.norm(whole, axis=0)
     found, *_ = np.linalg.lstsq(whole / size, np.array(values), rcond=None)
     inverse = np.linalg.pinv(whole / size)
     return (found / size).reshape(n, 2), (inverse @ inverse.T) / size / size[:, None]
 
 
-# Against least squares
+# Comparison with least squares
 
 
 @pytest.mark.parametrize("vehicle", [VEHICLE, GRIPPING], ids=["linear", "saturating"])
 @pytest.mark.parametrize("seed", range(6))
 def test_filter_and_smoother_are_least_squares(seed: int, vehicle: Vehicle) -> None:
-    """Of the linear tyres' model, and of the saturating ones' as the filter linearised it."""
+    """Linear tyres, and saturating tyres with the linearisation of the filter."""
     problem = drawn(seed, vehicle, initial=(0.01, -0.1))
     found = filtered(problem)
     n = len(problem.recording)
@@ -118,7 +118,7 @@ def test_noises_of_all_sizes(more: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("disturbance", [(1e-9, 1e-9), (1e-9, 0.01), (0.002, 1e-9)], ids=str)
 def test_hardly_a_disturbance(disturbance: tuple[float, float]) -> None:
-    """The predicted covariance is singular but for rounding; a little more gives nearly the same."""
+    """The predicted covariance is nearly singular. A slightly larger disturbance gives nearly the same."""
     problem = drawn(3, disturbance=disturbance)
     nearly = drawn(3, disturbance=np.maximum(disturbance, 1e-7))
     one, two = (smooth_drive(each, filtered(each)) for each in (problem, nearly))
@@ -148,7 +148,7 @@ def test_innovations_and_order(vehicle: Vehicle) -> None:
     still = ~drive.moving
     assert still.any()
     np.testing.assert_array_equal(found.filtered[still], found.predicted[still])
-    # More samples never tell less; the last has none after it.
+    # More samples never increase the covariance. At the last sample both are equal.
     smoothed = smooth_drive(problem, found)
     for less, more in (
         (found.predicted_covariance, found.filtered_covariance),
@@ -159,11 +159,11 @@ def test_innovations_and_order(vehicle: Vehicle) -> None:
     np.testing.assert_array_equal(smoothed.states[-1], found.filtered[-1])
 
 
-# The claimed uncertainty
+# Claimed deviations
 
 
 def test_claims_hold_where_the_model_does() -> None:
-    """On 200 drives of the model: the right share within 2 deviations, and innovations as they should be."""
+    """On 200 drives of the model the share within 2 deviations and the innovations are as expected."""
     within: dict[str, list[float]] = {"filter": [], "smoother": [], "covariance": []}
     squares, surprises = [], []
     for seed in range(200):
@@ -186,7 +186,7 @@ def test_claims_hold_where_the_model_does() -> None:
         squares.append(float((x * solved).sum(axis=1).mean()))
         solved = np.linalg.solve(found.innovation_covariance, found.innovations[..., None])[..., 0]
         surprises.append(float((found.innovations * solved).sum(axis=1).mean()))
-    # Errors stay for about 0.1 s, so 200 drives of 3 s are some 6000 of them.
+    # Errors are correlated over about 0.1 s, so 200 drives of 3 s have about 6000 independent ones.
     assert np.mean(within["covariance"]) == pytest.approx(0.9545, abs=0.012)
     assert np.mean(squares) == pytest.approx(2.0, abs=0.1)
     assert np.mean(surprises) == pytest.approx(2.0, abs=0.04)
@@ -196,7 +196,7 @@ def test_claims_hold_where_the_model_does() -> None:
 
 @both
 def test_an_unstable_vehicle_begins_anew(backend: type[Any]) -> None:
-    """Without grip at the rear nothing is known after 2 s at 100 m/s, and the next samples are as good as ever."""
+    """Without grip at the rear the state is unknown after 2 s at 100 m/s. The filter recovers."""
     n = 40
     rng = np.random.default_rng(0)
     vehicle = dataclasses.replace(VEHICLE, cornering_rear=1.0, cornering_front=1e8)
@@ -289,7 +289,7 @@ def test_kernels_mean_the_same_interpreted(
         return parts + [array for each in both_ways for array in each]
 
     compiled = everything()
-    # The modules that call them: what a kernel calls is interpreted as it is.
+    # Patch the calling modules: an interpreted kernel also calls interpreted kernels.
     monkeypatch.setattr(passes, "filter_path", kalman_kernels.filter_path.py_func)
     monkeypatch.setattr(passes, "smooth_path", kalman_kernels.smooth_path.py_func)
     monkeypatch.setattr(mismatches, "leave_marks", mismatches.leave_marks.py_func)

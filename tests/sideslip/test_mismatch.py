@@ -1,4 +1,4 @@
-"""What estimates claim where the vehicle or its sensors are not what the model says."""
+"""Claimed deviations if the vehicle or its sensors differ from the model."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from crosstrack.solvers.sideslip.passes import FilterPass
 Floats = NDArray[np.float64]
 
 STOPPING = [[0, 0], [2, 0], [6, 20], [12, 20], [15, 0], [18, 0], [21, 15]]
-#: Wrong models and bad sensors, and the least share of true angles within 3 claimed deviations; 99.7 % of normal
-#: errors are.
+#: Wrong models and bad sensors, with the smallest share of true angles within 3 claimed deviations. The share of normal
+#: errors is 99.7 %.
 WILD: dict[str, tuple[dict[str, Any], float]] = {
     "as believed": ({}, 0.98),
     "saturating": ({"tyre": "saturating"}, 0.98),
@@ -72,7 +72,7 @@ def test_what_is_not_known_is_said(case: str) -> None:
 )
 @pytest.mark.parametrize("backend", BOTH, ids=lambda one: one.name)
 def test_stiffness_a_million_times_wrong(front: float, rear: float, backend: type[Any]) -> None:
-    """No estimate can be right, but there is one, and it claims less than the model would."""
+    """The estimate cannot be accurate, but it exists and claims less accuracy than the model."""
     for tyre in ("linear", "saturating"):
         factors = {"cornering_front": front, "cornering_rear": rear}
         problem = generate(drivers=0, mismatch=factors, believed_tyre=tyre)
@@ -92,11 +92,11 @@ def test_covariance_alone_would_claim_too_much() -> None:
     assert problem.coverage(widened) > 0.9
 
 
-# Errors one by one
+# Single errors
 
 
 def noiseless(front: float = 1.0, rear: float = 1.0) -> tuple[SideslipEstimation, Floats]:
-    """Return a drive without noise of a vehicle whose forces are greater, and its states."""
+    """Return a noise-free drive of a vehicle with scaled forces, and its states."""
     n, dt = 300, 0.01
     times = dt * np.arange(n)
     recording = Recording(
@@ -114,7 +114,7 @@ def noiseless(front: float = 1.0, rear: float = 1.0) -> tuple[SideslipEstimation
 
 @pytest.mark.parametrize("error", range(4))
 def test_marks_are_what_errors_make(error: int) -> None:
-    """Of the angle; and where there is only one error, it is the one that is found."""
+    """Marks equal the change of the angle. A single error is identified."""
     size = [1e-3, 1e-3, 1e-4, 1e-3][error]
     bigger = {0: (1 + size, 1 + size), 1: (1 + size, 1 - size)}.get(error, (1.0, 1.0))
     problem, x = noiseless(*bigger)
@@ -127,13 +127,13 @@ def test_marks_are_what_errors_make(error: int) -> None:
     marks, terms = left(problem, found)
     made = x[:, 0] - found.filtered[:, 0]
     np.testing.assert_allclose(marks[:, error] * size, made, atol=0.03 * np.abs(made).max())
-    # All of it is explained, so the error that fits says its size.
+    # A single error explains all innovations, so its fit gives its size.
     fit, weight = terms[:, error].sum(), terms[:, 4 + error].sum()
     assert fit / weight == pytest.approx(size, rel=0.03)
 
 
 def left(problem: SideslipEstimation, found: FilterPass) -> tuple[Floats, Floats]:
-    """Return what errors leave, as the kernel gives it interpreted."""
+    """Return the marks of errors by the interpreted kernel."""
     n, drive = len(problem.recording), problem.recording
     marks, terms = np.empty((n, 4)), np.empty((n, 10))
     mismatches.leave_marks.py_func(
@@ -169,7 +169,7 @@ def test_noise_that_is_greater_than_declared_scales() -> None:
     )
     found = mismatch(dataclasses.replace(problem, recording=noisy), filtered(
         dataclasses.replace(problem, recording=noisy)))  # fmt: skip
-    # The innovations hold the noise of a sample and the filter's own error by it.
+    # Innovations contain the noise of the sample and the filter's error.
     assert 50 < np.median(found.scale) < 130
 
 

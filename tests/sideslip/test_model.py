@@ -1,4 +1,4 @@
-"""Sideslip estimation as a model: refused data, hidden data, and the checks of an estimate."""
+"""Sideslip estimation model: validation, hidden fields and error measures."""
 
 import contextlib
 import copy
@@ -22,7 +22,7 @@ from crosstrack.solvers.sideslip.native import Estimate, SideslipBackend
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
-#: Ten samples: the least that a recording may have.
+#: Ten samples, the minimum of a recording.
 SHORT = {
     "times": np.arange(10) * 0.1, "speed": np.full(10, 20.0), "steering": np.zeros(10),
     "yaw_rate": np.zeros(10), "lateral_acceleration": np.zeros(10),
@@ -30,13 +30,13 @@ SHORT = {
 
 
 def changed(name, place, value):
-    """Return one column of a short recording with one other entry."""
+    """Return a column of the short recording with one entry replaced."""
     column = np.array(SHORT[name])
     column[place] = value
     return {name: column}
 
 
-# -- what is refused -----------------------------------------------------------------------------
+# -- validation ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_a_plan_that_is_none(plan, message):
             model.coverage(plan)
 
 
-# -- copies, files, and what is hidden -----------------------------------------------------------
+# -- copies, files and hidden fields -------------------------------------------------------------
 
 
 def learner():
@@ -204,7 +204,7 @@ def test_the_digest_tells_models_apart_and_copies_not():
 
 
 class Spy(SideslipBackend):
-    """Looks for the truth."""
+    """Backend that tries to read the truth."""
 
     name = "spy"
 
@@ -244,7 +244,7 @@ def test_what_describes_a_model():
     assert car.loads[0] * car.front == pytest.approx(car.loads[1] * car.rear)
 
 
-# -- what is measured ----------------------------------------------------------------------------
+# -- error measures ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-9, 0.001, -0.3])
@@ -283,7 +283,7 @@ def test_samples_at_rest_do_not_count():
 
 
 def plain_kinematic_error(recording, angles):
-    """Return the mean distance of changes over a second by the definition, sample for sample."""
+    """Return the mean difference of changes over a second, sample by sample from the definition."""
     times = recording.times
     window = min(1.0, times[-1] - times[0])
     moving = recording.speed >= 1.0
@@ -322,7 +322,7 @@ def test_the_kinematic_error_is_that_of_its_definition(steps, halts, seed):
 
 
 def test_a_consistent_record_has_no_kinematic_error():
-    # Where the rate of the angle is linear between samples the integral is exact.
+    # The integral is exact if the rate of the angle is linear between samples.
     times = np.sort(np.random.default_rng(1).uniform(0, 20, 400))
     rate = np.interp(times, [0, 5, 9, 14, 20], [0, 0.05, -0.08, 0.03, 0])
     turn = 0.3 * np.sin(times)
@@ -331,7 +331,7 @@ def test_a_consistent_record_has_no_kinematic_error():
     record = Recording(times, speed, np.zeros(400), turn, speed * (rate + turn))
     model = SideslipEstimation(CAR, record)
     assert model.verify(estimate(angles)).objective < 1e-12
-    # A constant error is not seen, and one that grows is seen by its rate.
+    # A constant error has no effect. A growing error contributes its rate.
     assert model.verify(estimate(angles + 0.2)).objective < 1e-12
     drift = model.verify(estimate(angles + 0.01 * times)).objective
     apart = np.searchsorted(times, times[times <= times[-1] - 1] + 1) - np.arange(

@@ -1,4 +1,4 @@
-"""Estimation by quadratic programs: the whole drive at once, and moving horizons, against filter and smoother."""
+"""Estimation by quadratic programs, full and moving horizon, compared with filter and smoother."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from crosstrack.solvers import find_backend
 from crosstrack.solvers.backend import Answer, Limit, Request, Termination
 from crosstrack.solvers.sideslip.moving_horizon import _root
 
-#: Every backend of quadratic programs.
+#: All backends of quadratic programs.
 EVERY = (
     *("clarabel", "highs", "piqp", "proxqp", "daqp", "quadprog", "osqp", "scs", "qpsolvers"),
     *("casadi", "cvxpy"),
@@ -33,7 +33,7 @@ def ran(name, model, **options):
 
 
 def wild(seed=0, n=40, vehicle=None):
-    """Return a drive over which speed, steering and the steps vary, with samples at rest."""
+    """Return a drive with varying speed, steering and time steps, and samples at rest."""
     draw = np.random.default_rng(seed)
     times = np.cumsum(draw.choice([0.01, 0.05, 0.1, 0.9], n))
     speed = np.clip(np.cumsum(draw.normal(0, 4, n)) + 15, 0, 60)
@@ -69,15 +69,15 @@ def test_full_information_gives_smoother_and_filter(model):
 @given(st.integers(0, 10**6), *[st.floats(-3, 3)] * 4)
 @settings(max_examples=10, deadline=None)
 def test_whatever_the_noises(seed, one, two, yaw, lateral):
-    # A million times more or less than usual, between any two of them.
+    # The ratio of any two noises differs from the usual one by a factor of up to a million.
     noises = {"yaw_rate_noise": 2e-3 * 10.0**yaw, "acceleration_noise": 0.05 * 10.0**lateral}
     disturbance = [2e-3 * 10.0**one, 1e-2 * 10.0**two]
     model = replace(wild(seed, 10), disturbance=disturbance, **noises)
     whole, smoothed = ran("moving-horizon", model, horizon=0), ran("rts-smoother", model)
-    # Angles of many turns are cut to those that there are.
+    # Angles beyond ±90° are clipped.
     apart = np.abs(whole.point.sideslip - smoothed.point.sideslip)
     assert np.isfinite(whole.point.deviation).all()
-    # Where a program could not be solved to 1e-9, no estimate is made up.
+    # If a program cannot be solved to 1e-9, the filter's angle is used.
     if not whole.statistics["programs without a solution"]:
         assert apart.max() <= 1e-6 * (1 + np.abs(smoothed.point.sideslip).max())
 
@@ -88,12 +88,12 @@ def test_every_solver_of_quadratic_programs_agrees(name):
         pytest.skip(f"{name} is not installed")
     model = wild(3, 25)
     smoothed = ran("rts-smoother", model).point
-    # quadprog needs a positive definite Hessian, which the states alone have.
+    # quadprog needs a positive definite Hessian, as in the condensed form.
     forms = ["condensed"] if name == "quadprog" else ["full-information", "condensed"]
     for form in forms:
         solution = ct.solve(model, name, formulation=form, tolerance=1e-8, time_limit=60)
         assert solution.termination == "feasible", solution.message
-        assert solution.dual_bound is None  # its optimum is none of the model
+        assert solution.dual_bound is None  # the optimum gives no bound on the objective
         np.testing.assert_allclose(solution.plan.sideslip, smoothed.sideslip, atol=1e-8)
         rows = ct.verify(model, solution, formulation=form)
         assert rows.ok
@@ -111,7 +111,7 @@ def test_estimators_are_compared_by_their_distance():
 
 
 def errors(model, states):
-    """Return the relative errors of states of saturating tyres, by the steps of the model themselves."""
+    """Return the relative errors of states for saturating tyres, with the nonlinear model."""
     drive, p = model.recording, parameters(model.vehicle)
     found = [(states[0] - model.initial) / model.initial_deviation]
     for k, (beta, omega) in enumerate(states):
@@ -134,7 +134,7 @@ def errors(model, states):
 
 
 def test_tyres_that_saturate_against_nonlinear_least_squares():
-    """Lateral accelerations near the limit of 4.9 m/s²: the forces are far from linear."""
+    """Lateral accelerations are near the limit of 4.9 m/s², so the forces are strongly nonlinear."""
     model = kinematic(20, speed=22.0, noise=(0.002, 0.05), vehicle=SLIDING)
     drive = model.recording
     assert np.abs(drive.lateral_acceleration).max() > 3.5
@@ -146,7 +146,7 @@ def test_tyres_that_saturate_against_nonlinear_least_squares():
     )
     angles = best.x.reshape(-1, 2)[:, 0]
     assert np.abs(found.point.sideslip - angles).max() < 2e-3 * np.abs(angles).max()
-    # A filter that is linearised once is further from it.
+    # A filter with a single linearisation is farther away.
     filtered = ran("rts-smoother", model).point.sideslip
     assert np.abs(found.point.sideslip - angles).max() <= np.abs(filtered - angles).max()
 

@@ -1,4 +1,4 @@
-"""Recordings of measured drives in files: any order, known units, and clear refusals."""
+"""Recordings of measured drives in files: order of columns, units and error messages."""
 
 import logging
 import math
@@ -12,9 +12,9 @@ from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import generate, read_recording
 from crosstrack.instances.sideslip.settings import VEHICLE
 
-#: The usual header, its columns in the order of DRIVE.
+#: Header with the columns in the order of DRIVE.
 HEADER = "time [s],speed [m/s],steering [rad],yaw_rate [rad/s],lateral_acceleration [m/s²]"
-#: What one of each unit is in ours.
+#: Factors from each unit to the internal one.
 UNITS = {
     "time": {"s": 1.0, "ms": 0.001, "us": 1e-6},
     "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "kph": 1 / 3.6, "mph": 1609.344 / 3600},
@@ -100,7 +100,7 @@ def test_doubled_lines_are_dropped_and_told(tmp_path, caplog):
     assert drive.times == pytest.approx(np.arange(12) * 0.05)
     assert "2 lines repeat the one before" in caplog.text
     caplog.clear()
-    # Columns that are not read may differ; a warning names them.
+    # Ignored columns may differ. A warning names them.
     marked = [[*line, k] for k, line in enumerate(lines)]
     with caplog.at_level(logging.WARNING, logger="crosstrack"):
         assert len(read_recording(written(tmp_path, marked, HEADER + ",slip angle [deg]"))) == 12

@@ -1,4 +1,4 @@
-"""What estimators of the sideslip angle learn from drives, beside its plain meaning."""
+"""Estimators that learn from drives, compared with reference implementations."""
 
 import math
 from dataclasses import replace
@@ -29,7 +29,7 @@ LEARNING = ["grnn", "linear-regression", "kalman-grnn"]
 
 
 def drive(seed, samples=80, *, noise=1.0, period=0.05, curved=0.0, **fields):
-    """Return a drive whose angle follows from what was measured a sample before, with noise."""
+    """Return a drive whose angle depends on the previous measurements, with noise."""
     rng = np.random.default_rng(seed)
     times = period * np.arange(samples)
     pace, size, phase = rng.uniform(1, 2), rng.uniform(0.1, 0.3), rng.uniform(0, 6)
@@ -59,7 +59,7 @@ def problem(recording, training, **fields):
 
 
 def estimate(name, model, control=None, **own):
-    """Return the answer of an estimator, without a process of its own."""
+    """Return the answer of an estimator, run in this process."""
     backend = find_backend(name)
     control = control or Control()
     request = Request(options=backend.checked_options(own), control=control)
@@ -67,14 +67,14 @@ def estimate(name, model, control=None, **own):
 
 
 def scaled(features, others):
-    """Return others in deviations of the features, those that are constant left out."""
+    """Return `others` in deviations of the features, without constant ones."""
     varies = np.ptp(features, axis=0) > 0
     middle, size = features[:, varies].mean(axis=0), features[:, varies].std(axis=0)
     return (others[:, varies] - middle) / size
 
 
 def plain_mean(places, values, place, width):
-    """Return the weighted mean and spread at one place, by the definition; weights must not vanish."""
+    """Return weighted mean and spread at a point from the definition. Weights must not vanish."""
     weights = [math.exp(-(math.dist(one, place) ** 2) / (2 * width**2)) for one in places]
     mean = np.average(values, weights=weights)
     spread = np.average((values - mean) ** 2, weights=weights)
@@ -132,7 +132,7 @@ def test_a_single_drive_counts_as_its_halves():
     assert found.drives.tolist() == [0] * 5 + [1] * 6
 
 
-# -- regression by kernels -------------------------------------------------------------------------
+# -- kernel regression -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("width", [0.3, 1.0, 4.0])
@@ -149,7 +149,7 @@ def test_kernels_are_the_plain_double_loop(seed, width):
 
 
 def test_the_network_of_the_paper_by_hand():
-    """Three examples at (0, 0), (3, 4) and (6, 8), asked at (0, 0) with sigma = 5: weights 1, e^-1/2 and e^-2."""
+    """Examples at (0, 0), (3, 4) and (6, 8), evaluated at (0, 0) with sigma = 5: weights 1, e^-1/2, e^-2."""
     features = np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0]])
     known = TrainingSet(features, np.array([0.1, 0.2, 0.4]), np.array([0, 1, 2]))
     # Variances are 6 and 32/3: the width is in units of their root mean square, and 3 and 4 keep their ratio.
@@ -174,7 +174,7 @@ def test_the_network_scales_nothing_unless_asked():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_left_out_drives_by_brute_force(seed):
-    """Also what is claimed: spread and error of left-out drives, and 95 % within two deviations."""
+    """Include the claimed deviation: spread and validation error, with 95 % within two deviations."""
     known = some_examples(seed)
     learned = KernelRegression(known, 0.8)
     places = scaled(known.features, known.features)
@@ -194,7 +194,7 @@ def test_left_out_drives_by_brute_force(seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_width_taken_is_the_best(seed):
-    """No width of a fine grid has a smaller error by more than a hundredth."""
+    """No width of a fine grid reduces the error by more than 1 %."""
     known = training_set([drive(10 * seed + k) for k in range(4)], Window(0.05))
     learned = KernelRegression(known)
     grid = np.geomspace(learning.NARROWEST, learning.WIDEST, 60)
@@ -213,12 +213,12 @@ def test_a_narrow_kernel_takes_the_nearest_and_a_wide_one_the_mean():
 
 
 def test_ties_are_shared_evenly():
-    """The same measurements with different angles: their mean, however narrow the kernel."""
+    """Equal measurements with different angles give their mean for any kernel width."""
     features = np.repeat([[0.0, 1.0], [1.0, 0.0]], 6, axis=0)
     known = TrainingSet(features, np.tile([0.1, 0.2, 0.3], 4), np.tile([0, 1], 6))
     values, deviations, near = KernelRegression(known, 1e-6)(np.array([[0.0, 1.0], [1.0, 0.0]]))
     assert values == pytest.approx([0.2, 0.2])
-    assert (deviations >= 0.05 - 1e-12).all()  # 0.1 off is within two of them
+    assert (deviations >= 0.05 - 1e-12).all()  # an error of 0.1 is within two deviations
     assert near.tolist() == [1, 1]
 
 
@@ -233,7 +233,7 @@ def test_blocks_change_nothing(monkeypatch):
 
 
 def test_few_are_left_out_of_many(monkeypatch):
-    """Evenly from every drive, and from some drives where there are more than that."""
+    """Examples come evenly from all drives, or from some if there are too many drives."""
     monkeypatch.setattr(learning, "MOST_LEFT_OUT", 20)
     drives = np.repeat(np.arange(4), 50)
     out = learning.left_out(drives)
@@ -259,7 +259,7 @@ def test_far_from_all_examples_nothing_is_claimed_to_be_known(width):
 
 @pytest.mark.parametrize("fields", [{}, {"mismatch": {"mass": 1.3}}])
 def test_the_residual_is_what_the_filter_leaves(fields):
-    """The filter on each drive, and kernels on what it leaves there: each part by itself."""
+    """Compare with the filter on each drive and a kernel regression on its errors."""
     model = generate(seed=1, drivers=4, samples=120, **fields)
     found = estimate("kalman-grnn", model).point
 
@@ -338,7 +338,7 @@ def test_the_line_without_each_drive_by_brute_force(seed):
 
 
 def test_a_line_through_tied_and_constant_features():
-    """Twice the same feature, and one that is always the same: the estimate is as without them."""
+    """A repeated and a constant feature do not change the estimate."""
     known = some_examples(7)
     doubled = np.column_stack([known.features, known.features[:, 1], np.full(60, 3.7)])
     plain, claimed = StraightLine(known)(known.features)
@@ -364,9 +364,9 @@ def test_units_and_the_order_of_drives_change_nothing(name):
 
     changed = problem(other(asked), [other(one) for one in reversed(training)])
     again = estimate(name, changed, **own).point
-    # The width of the kernel comes from sums in single precision, which depend on the order and the machine.
+    # The kernel width depends on single-precision sums, and so on their order and the platform.
     assert again.sideslip == pytest.approx(first.sideslip, abs=1e-7)
-    # Other units contradict kinematics, so the claim is that of the order alone.
+    # Other units contradict kinematics, so the claimed deviation is compared for the order only.
     again = estimate(name, problem(asked, training[::-1]), **own).point
     assert again.deviation == pytest.approx(first.deviation, rel=1e-5)
 
@@ -429,7 +429,7 @@ def test_wild_drives_give_angles(name, case, inputs):
 
 @pytest.mark.parametrize("name", LEARNING)
 def test_claims_hold_on_other_drives(name):
-    """Of the same kind of drives, about 95 % of the errors lie within two claimed deviations."""
+    """About 95 % of the errors on similar drives are within two claimed deviations."""
     shares = []
     for seed in range(12):
         training = [drive(100 * seed + k, curved=0.1) for k in range(10)]
@@ -453,7 +453,7 @@ def test_kernels_follow_what_no_line_does():
 
 @pytest.mark.parametrize("name", ["grnn", "linear-regression"])
 def test_claims_are_wider_where_kinematics_contradicts(name):
-    """A bias of the sensors is nothing that training shows, yet less is claimed to be known."""
+    """A sensor bias that is absent in training widens the claimed deviation."""
     for bias, wider in (((0.0, 0.0), False), ((0.02, 0.3), True)):
         model = generate(seed=1, drivers=8, bias=bias)
         answer = estimate(name, model)

@@ -1,4 +1,4 @@
-"""Pictures of sideslip estimates show the data of model and plans."""
+"""Plots of sideslip estimates: the drawn data equals that of model and plans."""
 
 import dataclasses
 
@@ -20,7 +20,7 @@ def line(axes, name):
 
 
 def band(axes):
-    """Return the lower and the upper edge of the band by its path's corners."""
+    """Return the lower and the upper edge of the band from the vertices of its path."""
     (found,) = artists(axes, "band")
     return [corners for path in found.get_paths() for corners in path.vertices.tolist()]
 
@@ -87,7 +87,7 @@ def test_without_plan_or_truth_the_rest_is_drawn():
     plan = estimate(model.truth + 0.3)
     assert list(panels(render(ct.plot(model)))) == ["sideslip angle", *MEASURED]
     alone = dataclasses.replace(model, truth=None)
-    # Kinematics does not detect a constant error. The remainder is the error of the quadrature.
+    # A constant error has no effect on kinematics. The rest is the error of the trapezoidal rule.
     value = alone.verify(plan).objective
     assert value < 1e-3
     for unknown in (alone, model.blinded()):
@@ -122,7 +122,7 @@ def test_long_recordings_keep_their_extremes():
     n = 1_000_000
     speed = np.full(n, 20.0)
     speed[n // 2 : n // 2 + 5_000] = 0.0
-    speed[::1000] = 0.0  # for moments, which are not shown
+    speed[::1000] = 0.0  # halts of one sample, which are not shown
     model = kinematic(n, speed=speed)
     angles = model.truth.copy()
     angles[123_457], angles[777_777] = 0.7, -0.6

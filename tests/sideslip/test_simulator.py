@@ -1,4 +1,4 @@
-"""The simulated vehicle and its driver, against SciPy's integration and formulas of textbooks."""
+"""Simulated vehicle and driver, compared with integration by SciPy and textbook formulas."""
 
 import math
 
@@ -15,7 +15,7 @@ from crosstrack.instances.sideslip.settings import VEHICLE
 from crosstrack.instances.sideslip.simulator import STEERING_LIMIT, STEP, simulate
 from crosstrack.models.sideslip import Vehicle
 
-#: A goal so far to the left that the wheels are soon turned as far as they go, and stay so.
+#: Goal far to the left, for which the steering soon stays at its limit.
 TURN = Road(np.array([-1e6, 1.0 - 1e6]), np.array([0.0, 1e9]), 1.0)
 
 
@@ -30,12 +30,12 @@ def driven(car, road, speed, driver=HELD_OUT, friction=0.9, shocks=None, period=
     return simulate(car, road, driver, speed, np.broadcast_to(friction, len(speed)), shocks, period)
 
 
-#: The cubic with the ends 0 and 1 and no slope at either, by SciPy.
+#: Cubic with values 0 and 1 and zero slopes at the ends, by SciPy.
 cubic_hermite = CubicHermiteSpline([0.0, 1.0], [0.0, 1.0], [0.0, 0.0])
 
 
 def integrated(car, speed, friction, steering, period):
-    """Return x, y, heading, sideslip and yaw rate by SciPy, given what the driver did."""
+    """Return x, y, heading, sideslip and yaw rate by SciPy for the given steering."""
     times = np.arange(len(speed)) * period
 
     def force(angle, stiffness, limit):
@@ -78,7 +78,7 @@ def integrated(car, speed, friction, steering, period):
     ids=["linear", "near-the-limit", "friction-falls", "speed-varies"],
 )
 def test_the_drive_is_what_scipy_integrates(tyre, friction, speed):
-    # One step of the integration a sample: the steering in between is known exactly.
+    # One integration step per sample: the steering within a step is known exactly.
     count = 800
     speeds = np.full(count, speed) if speed else np.linspace(25.0, 2.0, count)
     grips = np.where(np.arange(count) < 400, *friction)
@@ -88,7 +88,7 @@ def test_the_drive_is_what_scipy_integrates(tyre, friction, speed):
     wanted = integrated(car, speeds, grips, drive.steering, STEP)
     found = np.stack(drive[:5])
     scale = np.abs(wanted).max(axis=1)
-    # At 2 m/s the model is 20 times stiffer: there its fastest part takes most of the error.
+    # At 2 m/s the model is 20 times stiffer, and its fastest mode dominates the error.
     assert (np.abs(found - wanted).max(axis=1) / scale).max() < (2e-5 if speed else 1e-3)
     by_forces = drive.lateral_acceleration[1:-1]
     slide = np.gradient(drive.sideslip, STEP)[1:-1] + drive.yaw_rate[1:-1]
@@ -115,7 +115,7 @@ def test_no_tyre_holds_more_than_the_friction(friction):
     car = vehicle(tyre="saturating")
     drive = driven(car, TURN, np.full(41, 30.0), friction=friction)
     limit = friction * 9.80665
-    # Turning as far as it goes, the front slides all the time.
+    # At the steering limit the front axle slides all the time.
     assert np.abs(drive.lateral_acceleration).max() <= limit * (1 + 1e-12)
     assert np.abs(drive.lateral_acceleration).max() > 0.4 * limit
 
@@ -177,7 +177,7 @@ def test_a_vehicle_at_rest_does_not_turn():
     assert np.abs(drive.steering[rest]).max() > 0.004
     for values in (drive.x, drive.y):
         assert np.ptp(values[rest]) == 0.0
-    # The rest of the turn decays within a few tenths of a second.
+    # The remaining turn decays within a few tenths of a second.
     assert np.abs(drive.yaw_rate[110:300]).max() < 1e-9
     assert np.ptp(drive.heading[110:300]) < 1e-9
     assert np.isfinite(np.stack(drive)).all()
@@ -202,7 +202,7 @@ def test_drivers_follow_the_road_and_come_to_rest_on_it(kind):
         assert np.abs(drive.steering).max() < 0.5 * STEERING_LIMIT
         assert np.abs(drive.y).max() < 1.8 * np.abs(road.aside).max()
         assert np.abs(drive.y[-20:]).max() < 0.05
-        # Not only in the end: on average within a fifth of the width.
+        # Check the whole drive: on average within a fifth of the width.
         piece = np.clip(np.searchsorted(road.along, drive.x) - 1, 0, len(road.along) - 2)
         share = (drive.x - road.along[piece]) / np.diff(road.along)[piece]
         rise = cubic_hermite(np.clip(share, 0.0, 1.0))
@@ -221,7 +221,7 @@ def test_a_driver_sees_the_preview_ahead_and_reacts_after_the_delay(preview):
 
 
 def test_a_slow_muscle_follows_with_its_time_constant():
-    # The goal is so far that what the driver wants stays beyond the limit; without a lead the lag alone is seen.
+    # A preview of 10 s keeps the demanded angle nearly constant. Without correction only the lag acts.
     road = Road(np.array([-1.0, 0.0]), np.array([0.0, 5.0]), 1.0)
     driver = Driver(preview=10.0, correction=0.0, gain=1.0, delay=0.0, lag=0.5)
     drive = driven(vehicle(), road, np.full(200, 1.0), driver, period=0.01)
