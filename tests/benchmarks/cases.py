@@ -1,4 +1,4 @@
-"""Timed cases: the paper's large rows, and uniform points in a slab."""
+"""Cases of the benchmarks: the paper's large rows, and uniform points in a slab."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class Case:
     row : int, optional
         The paper's row.
     repeats : int
-        How often ``label-setting`` is called.
+        Number of calls of ``label-setting``.
     peer_repeats : int
-        How often every other solver is called; 0 leaves them out.
+        Number of calls of every other solver; 0 skips them.
     goals : tuple of 2 floats
-        Seconds wanted of ``label-setting``: its own, and the whole call (inf where none is set).
+        Target times of ``label-setting``, s: of the solver and of the whole call; inf for no target.
     """
 
     name: str

@@ -1,6 +1,6 @@
-"""The benchmarks' options, and the table at the end of their run.
+"""Options of the benchmarks, and the table at the end of their run.
 
-They are no part of ``pytest tests``: they run only where this folder is named.
+``pytest tests`` skips the benchmarks: they run only if this folder is named.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Our answers beside other packages from PyPI, for the tables of ``docs/how-well.md``.
+"""Comparison with other packages from PyPI, for the tables of ``docs/how-well.md``.
 
 ``python tests/benchmarks/peers.py`` measures everything within some minutes and writes
-``docs/measured/peers.json``; ``peers.py grid-path fleet`` measures these alone. It wants the extra
-``benchmark``, and the public maps and TSPLIB files that the tests read. Each problem has a process of its own.
+``docs/measured/peers.json``; ``peers.py grid-path fleet`` measures these problems alone. It requires the extra
+``benchmark``, and the public maps and TSPLIB files that the tests read. Each problem runs in a separate process.
 
-Seconds are medians of whole calls on fresh models, after one that loads and compiles; where a call takes long,
-one is timed. Ours include our check of the answer. Every peer's plan is put before the same check, untimed.
+Times are medians of whole calls on fresh models, after one that loads and compiles. If a call takes long,
+only one is timed. Our times include the verification. Every peer's plan is verified in the same way, untimed.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from crosstrack.jit import compile_always  # noqa: E402
 from crosstrack.models import AttractorAnalysis, FleetRouting, GridPath  # noqa: E402
 from crosstrack.models.attractor import AttractorEstimate, Slope  # noqa: E402
 
-#: Calls of which the median is taken, and the seconds after which no further one is made.
+#: Largest number of timed calls, and total time (s) after which no further call starts.
 REPEATS, LONG = 9, 0.5
-#: Seconds that cspy may take, and those that each search for a fleet's routes does take.
+#: Time limit (s) of cspy, and time (s) of each search for a fleet's routes.
 PATIENCE, SEARCH = 60.0, 5.0
-#: Scenarios of a map, and seeds of a search.
+#: Number of scenarios of a map, and seeds of a search.
 SCENARIOS, SEEDS = 9, range(3)
-#: The longest distance for PyVRP and OR-Tools, which count in whole numbers; PyVRP's penalties want small ones.
+#: Longest distance for PyVRP and OR-Tools, which use integers. PyVRP's penalties require small ones.
 LARGEST = 20_000
 
 Row = tuple[Any, ...]
@@ -58,7 +58,7 @@ COLUMNS = {
 
 
 def timed(call: Callable[[Any], Any], fresh: Callable[[], Any]) -> tuple[float, Any]:
-    """Return the median seconds of a call, after one that loads and compiles, and its last answer."""
+    """Return the median time (s) of a call after one that loads and compiles, and the last answer."""
     call(fresh())
     spent: list[float] = []
     while not spent or (len(spent) < REPEATS and sum(spent) < LONG):

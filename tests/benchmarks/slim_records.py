@@ -1,13 +1,13 @@
-"""Make the records of a campaign small enough to be kept: what judges, ranks and draws them stays.
+"""Reduce the records of a campaign to the data that verdicts, rankings and plots need.
 
 ::
 
     python tests/benchmarks/slim_records.py records.jsonl docs/campaign/records.jsonl
 
-Of each instance the best plan stays where it is short, which the report draws; of a course of better
-plans those that halve what is left to the last one. Checks that hold but for rounding go, and so do the
-machine of all but the first answer, which is one, and entries that say nothing. Answers are sorted, so
-that two campaigns differ by what they found.
+The best plan of each instance is retained if it is short, because the report draws it. Of the incumbents
+those that halve the distance to the last one are retained. Satisfied checks, the machine of all
+answers but the first, and empty entries are removed. Answers are sorted, so that two campaigns differ
+only in their results.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from crosstrack.solvers.verdict import judge
 
 #: Largest number of characters of a plan.
 PLAN = 12_000
-#: Shortest time of a part that is recorded, and the parts that always are.
+#: Shortest time (s) of a recorded part, and the parts that are always recorded.
 LEAST, PARTS = 0.01, ("build", "solve", "total")
-#: Share of the way from the first plan to the last below which nothing between is told.
+#: Smallest recorded distance of an incumbent to the last one, relative to that of the first one.
 LEFT = 1e-4
-#: Options as they are where nobody asks.
+#: Default values of the options.
 USUAL = {"starts": 1, "warm_start": None, "backend_options": {}, "threads": None, "repeat": 0}
 
 
 def slim(row: dict[str, Any], best: bool) -> dict[str, Any]:
-    """Return an answer without what its verdict and its place do not need."""
+    """Return an answer reduced to the data that its verdict and its rank need."""
     kept = {name: value for name, value in row.items() if name not in ("gap", "duals", "history")}
-    # Whether there is one decides; what it is, only the picture needs.
+    # The verdict needs the existence of a plan, and only the plot needs its content.
     if row["plan"] is not None and not (best and len(json.dumps(row["plan"])) <= PLAN):
         kept["plan"] = LEFT_OUT
     kept["rejected_plan"], kept["starts"] = None, []
@@ -68,7 +68,7 @@ def slim(row: dict[str, Any], best: bool) -> dict[str, Any]:
 
 
 def course(incumbents: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the better plans that halve what is left to the last one, which is the least, and that one."""
+    """Return the incumbents that halve the distance to the best objective, and the best one."""
     if not incumbents:
         return []
     last = min(one["objective"] for one in incumbents)

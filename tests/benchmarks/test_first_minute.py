@@ -56,7 +56,7 @@ def test_demonstration(benchmark: Any, ledger: Ledger, tmp_path: Path) -> None:
 
 
 def run(script: str, folder: Path) -> float:
-    """Return the seconds of a process whose compiled code lies in `folder`."""
+    """Return the time (s) of a process whose cache of compiled code is in `folder`."""
     begin = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-c", script],

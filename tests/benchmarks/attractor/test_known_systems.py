@@ -1,7 +1,7 @@
-"""Exponents and correlation dimensions of systems whose values are known, from several starts.
+"""Exponents and correlation dimensions of systems with known values, from several starts.
 
-Shown are the means over the starts, the worst relative error (of a dimension: the worst difference), and the mean of the
-deviations that are claimed. Systems without a scaling region from every start are marked. Run with ``make bench``, or::
+The table shows the means over the starts, the worst relative error (for a dimension, the worst difference), and the
+mean claimed deviation. It marks systems without a scaling region from every start. Run with ``make bench``, or::
 
     pytest tests/benchmarks/attractor/test_known_systems.py -s
 """

@@ -1,7 +1,7 @@
-"""How long exponents and correlation dimensions take, beside nolds.
+"""Time of exponents and correlation dimensions, compared with nolds.
 
-Loops are compiled before, as a process does once. nolds (PyPI) is of the extra ``benchmark``: where it is not
-installed its rows are skipped. It is asked for less, as it takes long: 10,000 samples at the most. Run with
+Kernels are compiled before the measurement. nolds (PyPI) belongs to the extra ``benchmark``; its rows are
+skipped if it is not installed. It gets at most 10,000 samples, because it is slow. Run with
 ``make bench``, or::
 
     pytest tests/benchmarks/attractor/test_speed.py -s
@@ -33,12 +33,12 @@ MOST = 10_000
 
 
 def lorenz(count: int) -> np.ndarray:
-    """Return the first coordinate of the Lorenz equations each 0.02 s."""
+    """Return the first coordinate of the Lorenz equations every 0.02 s."""
     return generate("lorenz", count, period=0.02).series
 
 
 def seconds_of(call: Callable[[], Any], times: int = 3) -> tuple[float, Any]:
-    """Return the shortest of some calls, and what it returned."""
+    """Return the shortest time (s) of several calls, and the last result."""
     found, best = None, np.inf
     for _ in range(times):
         begin = time.perf_counter()
@@ -49,7 +49,7 @@ def seconds_of(call: Callable[[], Any], times: int = 3) -> tuple[float, Any]:
 
 @cache
 def load_nolds() -> Any:
-    """Return nolds, which asks for its files by the name of a module; Python 3.11 wants a package's."""
+    """Return nolds. It looks up its files by the name of a module, but Python 3.11 requires a package."""
     found = importlib.util.find_spec("nolds")
     assert found is not None
     assert found.origin is not None
@@ -59,7 +59,7 @@ def load_nolds() -> Any:
 
 
 def run(backend: Any, series: np.ndarray) -> Any:
-    """Return the answer in an embedding that all are given."""
+    """Return the answer of a backend in an embedding common to all backends."""
     options = backend.checked_options({"delay": 8, "dimension": 3, "theiler": 50})
     return backend.run(AttractorAnalysis(series, period=0.02), Request(options=options))
 

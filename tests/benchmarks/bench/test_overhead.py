@@ -1,6 +1,7 @@
-"""Overhead of a campaign and of its report, and the gain by workers and a cluster.
+"""Overhead of a campaign and of its report, and speed-up by workers and a cluster.
 
-Ratios within one run: the same jobs by each way in turn, and the page beside the reading of its records.
+Ratios are taken within one run: the same jobs with each kind of execution in turn; and reading, judging and the page
+relative to parsing the records as JSON.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from crosstrack.solvers.scheduling import Task
 
 ROUNDS = 3
 RECORDS = Path(__file__).parents[3] / "docs" / "campaign" / "records.jsonl"
-#: Jobs of a second or so each, and of two backends: a worker serves one.
+#: Jobs of about one second each, with two backends: a worker serves one backend.
 CAMPAIGN = Campaign(
     (
         Set(

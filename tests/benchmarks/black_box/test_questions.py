@@ -1,6 +1,6 @@
-"""Overhead of an evaluation of hidden data, for one point or many at once.
+"""Overhead of an oracle query about hidden data, for one point and for batches.
 
-Nothing fails because it is slow. Run with ``make bench``, or::
+Slowness does not fail the test. Run with ``make bench``, or::
 
     pytest tests/benchmarks/black_box/test_questions.py -s
 """
@@ -23,7 +23,7 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 
 def seconds_of(ask: Any, points: int, times: int = 2000) -> float:
-    """Return the seconds of one question of so many points, the mean of many."""
+    """Return the mean time (s) of a query with the given number of points."""
     asked = np.full((points, 10), 0.5)
     begin = time.perf_counter()
     for _ in range(times):
@@ -32,7 +32,7 @@ def seconds_of(ask: Any, points: int, times: int = 2000) -> float:
 
 
 class Asks(Backend):
-    """Asks, and says in its statistics how long that took."""
+    """Backend that records the time of queries in its statistics."""
 
     name = "asks"
     accepts = BlackBoxMinimisation
@@ -40,7 +40,7 @@ class Asks(Backend):
     deterministic = True
 
     def run(self, problem: BlackBoxMinimisation, request: Request) -> Answer:
-        """Ask for one point, and for a thousand, again and again."""
+        """Query one point and a thousand points repeatedly."""
         taken = {str(count): seconds_of(request.control.ask, count) for count in (1, 1000)}
         return Answer(Termination.FEASIBLE, point=BlackBoxPoint((0.5,) * 10), statistics=taken)
 

@@ -1,11 +1,11 @@
-"""The peer `cspy <https://github.com/torressa/cspy>`_ on an error-correction route.
+"""Peer `cspy <https://github.com/torressa/cspy>`_ on an error-correction route.
 
-Features (version 1.0.3):
+Features and limits of version 1.0.3:
 
 * Resources are additive by default, and cannot be reset. Its ``BiDirectional`` labelling calls a
-  resource extension function of one's own, a Python method, once for every arc that it tries; with
-  ``direction="forward"`` that is enough for our two errors. The function adds the arc to both
-  errors, answers with a distance above its bound where the head's thresholds refuse the arrival,
+  user-defined resource extension function, a Python method, once for every arc that it tries. With
+  ``direction="forward"`` that suffices for our two errors. The function adds the arc to both
+  errors, returns a distance above its bound if the head's thresholds refuse the arrival,
   and sets the corrected error to 0.
 * That is exact for walks: a label dominates another by cost and by every resource at once, and our
   function never falls when a resource grows. The first ("critical") resource must grow along a
@@ -42,20 +42,20 @@ __all__ = ["PeerRun", "run"]
 
 @dataclass(frozen=True)
 class PeerRun:
-    """What came of one run.
+    """Result of one run.
 
     Parameters
     ----------
     plan : Route, optional
         The route.
     build, search : float
-        Seconds until the graph was loaded, and of the search alone.
+        Time to build the graph, and time of the search, s.
     extensions : int
-        How often an arc was tried.
+        Number of arc extensions.
     arcs : int
-        Number of arcs it was given.
+        Number of arcs in the graph.
     simple : bool
-        Whether the walk found visits no point twice, and therefore is the optimum.
+        True if the walk visits no point twice, and therefore is the optimum.
     """
 
     plan: Any
@@ -109,7 +109,7 @@ def run(
     begin = time.perf_counter()
     options = {} if bound is None else {"length_bound": bound}
     arcs = model.formulate("arc-flow", **options).arcs
-    # cspy numbers the nodes in the order in which they were added, which is therefore ours.
+    # cspy numbers the nodes in order of insertion, so its order equals ours.
     names: list[Any] = list(range(len(model.points)))
     names[model.start], names[model.end] = "Source", "Sink"
     graph = DiGraph(directed=True, n_res=3)

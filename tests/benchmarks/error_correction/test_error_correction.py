@@ -22,13 +22,13 @@ import crosstrack as ct
 from crosstrack.errors import BackendMissing, UnsupportedFormulation
 
 NATIVE = ("two-stage", "pulse", "dynamic-programming")
-#: Warm: told the length of the best route beforehand, and the route itself where it takes one.
+#: Warm: with the optimal length as a bound, and the optimal route if the solver accepts a start.
 PEERS = (*NATIVE, "highs, warm", "highs, cold", "cspy, warm", "cspy, cold")
 
 
 @dataclass(frozen=True)
 class Call:
-    """One call of one solver: its time, and the claim of its answer."""
+    """Time and answer of one solver call."""
 
     own: float
     whole: float
@@ -107,8 +107,8 @@ def test_peer(name: str, peer: str, benchmark: Any, ledger: Ledger, limit: float
 
 
 def repeated(benchmark: Any, case: Case, run: Callable[[Any], Call], repeats: int) -> list[Call]:
-    """Return `repeats` calls of `run`, each on a model of its own on which nothing is computed."""
-    case.reference  # noqa: B018  lest it be computed within the first call
+    """Return `repeats` calls of `run`, each on a fresh model without cached data."""
+    case.reference  # noqa: B018  computed here, outside the first timed call
     calls: list[Call] = []
     benchmark.group = case.name
     benchmark.pedantic(
@@ -203,7 +203,7 @@ def solved_by_cspy(model: Any, bound: float | None, limit: float) -> Call:
 
 
 def check(case: Case, calls: list[Call]) -> None:
-    """Every plan is verified anew, every proof gives the same optimum, no bound contradicts it."""
+    """Verify every plan, and check that proofs and bounds agree with the reference optimum."""
     best = case.reference
     assert best.termination == "optimal"
     assert best.verification is not None and best.verification.ok

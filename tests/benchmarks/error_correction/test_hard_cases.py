@@ -28,11 +28,11 @@ from crosstrack.solvers.error_correction.way_kernels import plain_ways
 
 
 def out_of_reach(n: int) -> Any:
-    """Return uniform points of which none is near enough to B for its threshold."""
+    """Return uniform points that are all too far from B for its threshold."""
     return uniform_slab(n, (25, 15, 20, 25, 1e-3), seed=3)
 
 
-#: Name: the instance, the seconds wanted (inf for none), and a smaller one for the ratio.
+#: Instance, target time (s, inf for none) and smaller instance for the ratio, by name.
 CASES = {
     "ball": (lambda: ball(10_000), 0.1, lambda: ball(700)),
     "ball of 100,000": (lambda: ball(100_000), np.inf, None),

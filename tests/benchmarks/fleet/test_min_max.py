@@ -1,7 +1,7 @@
-"""The longest route on TSPLIB: how many seeds reach the known values, and how soon; rivals beside.
+"""Min-max routes on TSPLIB: share of seeds that reach the known values, and their time, with rivals.
 
-Distances are real-valued and city 1 is the depot. A run stops at the known value. Nothing fails because
-it is slow. Run with ``make bench``, or with other seconds a run and numbers of seeds::
+Distances are real-valued and city 1 is the depot. A run stops at the known value. Slowness does not
+fail the test. Run with ``make bench``, or with another time per run and number of seeds::
 
     CROSSTRACK_FLEET_SECONDS=10 CROSSTRACK_FLEET_SEEDS=10 pytest tests/benchmarks/fleet/test_min_max.py -s
 """

@@ -19,7 +19,7 @@ from benchmarks.measured import write  # noqa: E402
 import crosstrack as ct  # noqa: E402
 
 NAME, REPEATS = "fleet-mission/paper", 3
-#: Name of the seconds of a stage in the statistics.
+#: Suffix of the statistics with the time (s) of a stage.
 STAGE = " seconds"
 
 

@@ -1,9 +1,9 @@
 """Exact searches on MovingAI's maps beside four peers from PyPI, in one run.
 
-Problems of the peers:
+Problems solved by the peers:
 
 * pyastar2d (C++) solves an easier problem: it cuts corners, and a diagonal step costs no more than a
-  straight one, which its lower bound, the larger of the two differences, fits. Its weights are 4-byte
+  straight one, consistent with its lower bound, the larger of the two differences. Its weights are 4-byte
   floats, and an infinite one blocks a cell.
 * scikit-image's ``route_through_array`` cuts corners too, and is Dijkstra's algorithm.
 * networkx gets a graph of the very steps that ours may take, whose building is not timed, and the

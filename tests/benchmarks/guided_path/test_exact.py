@@ -1,6 +1,6 @@
-"""a-star on chains at whole numbers from 1 to 200: seconds to a proof, or the gap after some seconds.
+"""a-star on chains at whole numbers from 1 to 200: time to a proof, or the gap at the time limit.
 
-Nothing fails because it is slow. Run with ``make bench``, or with other seconds a run and numbers of
+Slowness does not fail the test. Run with ``make bench``, or with another time per run and number of
 seeds::
 
     CROSSTRACK_PATH_SECONDS=10 CROSSTRACK_PATH_SEEDS=5 \

@@ -1,4 +1,4 @@
-"""Results of the benchmarks of messenger tours, as the tables of ``docs/problems/messenger.md``.
+"""Benchmark results of messenger tours, as the tables of ``docs/problems/messenger.md``.
 
 ``python tests/benchmarks/messenger/tables.py TABLE [VEHICLES]`` makes one of ``gaps``, ``spread`` and
 ``public``, or some of its rows, and writes ``docs/measured/messenger.json``. The tables of the paper are

@@ -1,6 +1,6 @@
-"""The gaps of ``tour-search`` to its bound, its spread, and public instances.
+"""Gaps of ``tour-search`` to its bound, its spread, and public instances.
 
-Run with ``make bench``, or with other seconds a run::
+Run with ``make bench``, or with another time per run::
 
     CROSSTRACK_MESSENGER_SECONDS=20 pytest tests/benchmarks/messenger/test_tour_search.py -s
 """

@@ -32,14 +32,13 @@ from crosstrack.solvers.minimum_snap.hermite import jets_to_coefficients
 AXES = 3
 SIZES = {10: 500, 100: 500, 1_000: 200, 10_000: 40, 100_000: 10, 1_000_000: 5}
 NAMES = {2: "acceleration", 3: "jerk", 4: "snap", 5: "crackle"}
-#: Minimum time of the native solver by order and size, s. A minimum excludes the load of other
-#: processes.
+#: Shortest time (s) of the native solver by order and size. The minimum excludes other load from the growth.
 FOUND: dict[tuple[int, int], float] = {}
 
 
 @dataclass(frozen=True, eq=False)
 class Path3:
-    """A random walk from rest to rest, as each solver wants it."""
+    """Random walk from rest to rest, in the format of each solver."""
 
     order: int
     times: Any

@@ -1,8 +1,8 @@
 """1,000 random trajectories against an elimination in a hundred digits.
 
-Segments 2 … 1000, durations of ratios up to 1e6, orders 2 … 5, any pattern of fixed and free entries.
-An answer reported as optimal must have the optimum's objective and shape, no bound may exceed the
-optimum, and every rejection gives a reason. The table counts the answers.
+They have 2 … 1000 segments, ratios of durations up to 1e6, orders 2 … 5, and any pattern of fixed and free
+derivatives. An answer reported as optimal must have the optimum's objective and shape, no bound may exceed the
+optimum, and a refusal must have a message. The table counts the answers.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Our solvers for trajectories beside quadratic solvers and a peer from PyPI, in one run.
+"""Our solvers for trajectories, quadratic solvers and a peer from PyPI, compared in one run.
 
-The tests fail on wrong results, not on slow ones. They print medians and their ratios to the native
-solver. Run with ``make bench``, or::
+Wrong results fail the test, slowness does not. The output gives median times and
+their ratios to our own solver. Run with ``make bench``, or::
 
     pytest tests/benchmarks/minimum_snap/test_trajectory_rivals.py -s
 """
@@ -144,7 +144,7 @@ def test_long_corridor(capsys: Any) -> None:
 
 
 def test_cold_start(capsys: Any) -> None:
-    """Time of the first call in a process, with compiled code on disk."""
+    """Time of the first call in a process, with compiled code in the cache."""
     rows: list[tuple[str, float | None, str]] = []
     for backend, name in (("banded", "random-10"), ("interior-point", "corridor-10")):
         code = (

@@ -1,17 +1,17 @@
-"""Optimal control in Python by other hands, each in a process of its own beside ours.
+"""Other packages for optimal control in Python, each in a separate process.
 
-Features and requirements:
+Methods and requirements:
 
 * `yapss <https://github.com/stevenrhall/yapss>`_ 0.2.3 transcribes by LG, LGR or LGL on a mesh that
-  stays as it is; CasADi differentiates, NumPy assembles, and the Ipopt in CasADi's wheel is called
-  by ctypes. It wants ``casadi<=3.7.2``, which our pins exclude.
+  is fixed. CasADi differentiates, NumPy assembles, and the Ipopt in CasADi's wheel is called
+  by ctypes. It requires ``casadi<=3.7.2``, which our pins exclude.
 * `maptor <https://github.com/maptor/maptor>`_ 0.2.1 is LGR with hp refinement on ``casadi.Opti``;
-  it lives with any CasADi, so the extra ``benchmark`` brings it.
+  it works with any CasADi, so the extra ``benchmark`` includes it.
 * `mpopt <https://github.com/mpopt/mpopt>`_ 0.2.2 moves the widths of a fixed number of segments. It
-  declares ``numpy==1.22.0``, which no Python from 3.11 on can install, yet runs with today's when it
-  is installed without what it declares; its hp method stops at a variable that has no value.
+  requires ``numpy==1.22.0``, which Python 3.11 and later cannot install, but runs with current versions if it
+  is installed without dependencies. Its hp method fails with an unassigned variable.
 
-A peer is looked for in ``build/peers/<name>``, then among our own packages::
+A peer is searched in ``build/peers/<name>``, then among our own packages::
 
     python3 -m venv build/peers/yapss
     build/peers/yapss/bin/pip install yapss==0.2.3
@@ -19,9 +19,8 @@ A peer is looked for in ``build/peers/<name>``, then among our own packages::
     build/peers/mpopt/bin/pip install --no-deps mpopt==0.2.2
     build/peers/mpopt/bin/pip install casadi==3.8.2 numpy scipy matplotlib
 
-This file is also what runs in those processes (as a script), so that at its top it imports nothing
-but the standard library. Equations of motion stand here once for all peers; bounds, guess and typical
-sizes come from our own problem.
+Those processes run this file as a script, so its top imports only the standard library. The equations of motion are
+defined here once for all peers. Bounds, guess and typical sizes come from our own problem.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ from typing import Any
 __all__ = ["Runner", "missing", "plan_of"]
 
 ROOT = Path(__file__).resolve().parents[3]
-#: Seconds that a process may take to import everything.
+#: Time limit (s) of the imports of a process.
 START = 120.0
 
 
@@ -54,7 +53,7 @@ def interpreter(peer: str) -> str:
 
 
 def missing(peer: str) -> str:
-    """Return why `peer` cannot run, empty where it can."""
+    """Return the reason if `peer` cannot run, else an empty string."""
     if peer == "ours":
         return ""
     code = "from mpopt import mp" if peer == "mpopt" else f"import {peer}"
@@ -73,7 +72,7 @@ class Runner:
     peer : str
         ``"ours"``, ``"yapss"``, ``"maptor"`` or ``"mpopt"``.
     task : dict
-        The problem and the method.
+        Problem, settings and options.
     """
 
     def __init__(self, peer: str, task: dict[str, Any]) -> None:
@@ -243,7 +242,7 @@ def slew(x: Any, u: Any, m: Any) -> tuple[list[Any], list[Any], Any]:
     return rates, [measure, *torque], 1.0 + 0.1 * sum(u[k] ** 2 for k in range(4))
 
 
-#: Equations, and the objective where nothing is integrated: of the final state and the final time.
+#: Equations of motion, and the objective of the final state and time, or None for an integral objective.
 MOTIONS: dict[str, tuple[Callable[..., Any], Callable[..., Any] | None]] = {
     "optimal-control/brachistochrone": (brachistochrone, lambda x, t: t),
     "optimal-control/bryson-denham": (bryson_denham, None),

@@ -19,13 +19,13 @@ from typing import Any
 HERE = Path(__file__).resolve()
 ROOT = HERE.parents[3]
 PAGE = ROOT / "docs" / "how-well.md"
-#: Seconds that one problem may take.
+#: Time limit (s) of a problem.
 LIMIT = 45.0
-#: Relative error of the objective up to which an answer counts as right.
+#: Largest relative error of the objective of a correct answer.
 RIGHT = 1e-5
-#: Worst violation, as a share of what is bounded, up to which an answer is accepted.
+#: Largest violation, relative to the bounded quantity, of an accepted answer.
 TOLERANCE = 1e-6
-#: Setting of each peer: the value of ``test_control_rivals.py`` that reaches 1e-6 where any does.
+#: Settings of each peer: that of ``test_control_rivals.py`` that reaches 1e-6, if there is such a setting.
 SETTINGS: dict[str, dict[str, Any]] = {
     "yapss": {"intervals": 20, "degree": 6},
     "maptor": {"intervals": 8, "degree": 6, "adaptive": {"error_tolerance": 1e-7, "max_iterations": 30}},
@@ -41,11 +41,11 @@ STATED = (
 
 
 def solve(name: str) -> dict[str, Any]:
-    """Return what one call of ``solve`` with defaults gives; run in a process of its own."""
+    """Return the result of ``solve`` with defaults. Run it in a separate process."""
     import crosstrack as ct
 
     model = ct.load(name)
-    ct.solve(ct.load("optimal-control/double-integrator-energy"))  # the imports of the first call
+    ct.solve(ct.load("optimal-control/double-integrator-energy"))  # loads modules
     begin = time.perf_counter()
     found = ct.solve(model, time_limit=LIMIT)
     return {

@@ -2,8 +2,8 @@
 
 ``python tests/benchmarks/optimal_control/nlp_backends.py [--json FILE] [--seconds LIMIT] [problems]``
 
-Each pair has a process of its own with a limit of time, one after the other, at tolerance 1e-3. A
-backend matches where its plan is verified and its objective is Ipopt's, or better, to 1e-3.
+Each pair runs in a separate process with a time limit, one after the other, at tolerance 1e-3. A
+backend matches if its plan is verified and its objective is at most Ipopt's, to 1e-3.
 """
 
 from __future__ import annotations

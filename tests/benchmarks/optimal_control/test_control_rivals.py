@@ -23,7 +23,7 @@ from benchmarks.optimal_control.control_peers import Runner, facts, missing, pla
 
 import crosstrack as ct
 
-#: Options of Ipopt on both sides, on every mesh: those of our backend at tolerance 1e-6.
+#: Ipopt options of all packages on every mesh: those of our backend at tolerance 1e-6.
 IPOPT = {
     "tol": 1e-9,
     "constr_viol_tol": 1e-10,
@@ -33,9 +33,9 @@ IPOPT = {
     "linear_solver": "mumps",
 }
 TOLERANCE = 1e-6
-#: Calls of each solver after the first, and seconds from which one call is enough.
+#: Number of calls of each solver after the first, and time (s) above which one call suffices.
 REPEATS, LONG = 7, 10.0
-#: The best value known of the paper's slew, which has no closed form.
+#: Best known value of the paper's slew, which has no closed form.
 SLEW = 8.6529177
 
 
@@ -76,7 +76,7 @@ class Measured:
 
 
 def measured(case: str, answer: dict[str, Any]) -> Measured | None:
-    """Return the result of our verification, None without a plan."""
+    """Return objective and violation of an answer by our verifier, or None without a plan."""
     problem, best = model(case)
     if answer.get("objective") is None:
         return None
@@ -93,7 +93,7 @@ def measured(case: str, answer: dict[str, Any]) -> Measured | None:
 
 
 def task(case: str, intervals: int, degree: int, **more: Any) -> dict[str, Any]:
-    """Return the input of a process."""
+    """Return the task of a process."""
     return {
         "case": case,
         **facts(model(case)[0]),

@@ -22,7 +22,7 @@ from optimal_control.steered import FORCE, brake, cart_cost, cart_pole, cart_rat
 import crosstrack as ct
 
 INTERVALS, DEGREE, STEPS = 5, 4, 60
-#: Options of Ipopt on both sides: those of a prepared solver, cold and warm.
+#: Ipopt options of both programs, cold and warm: those of a prepared solver.
 IPOPT = {"tol": 3e-9, "constr_viol_tol": 1e-10, "print_level": 0, "sb": "yes", "max_iter": 3000}
 NEAR = 1e-8
 WARM = {
@@ -44,8 +44,8 @@ def bare(
 ) -> tuple[Any, Any, dict[str, Any], int]:
     """Return Radau collocation over one horizon as plain ``nlpsol``, cold and warm.
 
-    `sizes` holds the number of states, the force's bound and the horizon. The third result holds the
-    bounds, the fourth says where the first force stands.
+    `sizes` contains the number of states, the force's bound and the horizon. The third result contains the
+    bounds, the fourth is the column of the first force.
     """
     states, bound, horizon = sizes
     tau = casadi.collocation_points(DEGREE, "radau")

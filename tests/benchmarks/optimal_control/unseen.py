@@ -1,8 +1,8 @@
-"""Problems of the literature that the catalogue lacks, declared as a user would: defaults, no guess.
+"""Problems of the literature outside the catalogue, declared with defaults and without a guess.
 
-Each has the value that is published or follows from a formula, and how far that value can be trusted:
-a plan within `exact` of it counts as right, as does a better one that is verified. Whoever tunes the
-package on the catalogue sees here what it does with what it was not tuned on.
+Each has a value that is published or follows from a formula, and its relative accuracy `exact`.
+A verified plan is correct if its objective is within `exact` of the value or slightly better. The problems show
+how settings tuned on the catalogue perform on other problems.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["UNSEEN", "Unseen"]
 
 @dataclass(frozen=True)
 class Unseen:
-    """A problem, its best known value, where that is from, and its relative accuracy."""
+    """Problem with its best known value, the source of that value and its relative accuracy."""
 
     declare: Callable[[OptimalControlProblem], None]
     value: float

@@ -56,8 +56,8 @@ def measure(name: str, value: float, exact: float, limit: float) -> dict[str, An
     answer.update(name=name, value=value, exact=exact, error=None)
     if answer["J"] is not None:
         answer["error"] = (answer["J"] - value) / abs(value)
-    # A verified plan that is a little better than what is published is right too; one that is far
-    # better answers another statement. Where nothing is published, the value is not a number.
+    # A verified plan may be slightly better than the published value. A much better one indicates
+    # another problem statement. The value is NaN if none is published.
     known = value == value
     answer["right"] = answer["verified"] and (not known or -1e-3 <= answer["error"] <= exact)
     return answer

@@ -25,7 +25,7 @@ from crosstrack.models.satellite_slew.flight import Breach  # noqa: E402
 
 #: Signs of the torque about the three axes.
 AXES = np.array([1.0, -1.0, -1.0])
-#: Flown cases: words, share of inertia, torque (N m), share of it that is known.
+#: Flights: description, relative error of the inertia, disturbance torque (N m), known share of it.
 FLIGHTS = (
     ("as planned", 0.0, 0.0, 0.0),
     *((f"inertia {100 * share:+g} %", share, 0.0, 0.0) for share in (0.02, -0.02, 0.05, -0.05)),

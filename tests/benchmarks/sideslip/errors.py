@@ -30,7 +30,7 @@ from crosstrack.solvers import Request, find_backend  # noqa: E402
 SEEDS, FEW = 20, 5
 NAMES = ("rts-smoother", "kalman-filter", "kalman-grnn", "grnn", "linear-regression")
 LEARN = ("grnn", "linear-regression")
-#: The measurements that the paper learns from: those before the angle, without speed and steering angle.
+#: Window of the paper: measurements before the angle, without speed and steering angle.
 PAPER = {"ahead": 1, "inputs": False}
 ROADS = ("lane-change", "serpentine")
 #: A spin: true friction 0.35, assumed 0.95, after drives on a dry road.
@@ -168,7 +168,7 @@ def spins() -> None:
 
 
 def learning() -> None:
-    """Write what the drives to learn from and the measurements change."""
+    """Write the effect of the training drives and of the measurements."""
     rows = []
     for road in ROADS:
         here = {"road": road}

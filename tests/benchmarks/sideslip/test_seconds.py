@@ -24,14 +24,14 @@ from crosstrack.solvers import Request, Termination, find_backend
 from crosstrack.solvers.sideslip import BACKENDS
 
 REPEATS = 5
-#: One quadratic program a sample: not for many samples.
+#: Backends with one quadratic program per sample, skipped for many samples.
 SLOW = ("moving-horizon",)
-#: Bytes that learning from 1e5 samples may take; their table against 1e4 others would take 8e9.
+#: Memory limit (bytes) of learning from 1e5 samples. A full table against 1e4 others would take 8e9.
 MOST_BYTES = 1_000_000_000
 
 
 def seconds_of(model: SideslipEstimation, name: str, repeats: int = REPEATS) -> float:
-    """Return the median seconds of so many runs, which all give angles."""
+    """Return the median time (s) of several runs, which must all give angles."""
     backend, taken = find_backend(name), []
     request = Request(options=backend.checked_options({}))
     for _ in range(repeats):
@@ -86,7 +86,7 @@ def test_long_drives(capsys: Any) -> None:
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("name", ["grnn", "linear-regression"])
 def test_many_examples(name: str, capsys: Any) -> None:
-    """Drives of 1e5 samples in all, and 1e4 that are asked for."""
+    """Training drives have 1e5 samples in total, the estimated drive 1e4."""
     drives = [generate("serpentine", samples=10_000, drivers=0, seed=seed) for seed in range(11)]
     model = SideslipEstimation(
         vehicle=drives[0].vehicle,

@@ -1,9 +1,9 @@
-"""Milliseconds a decision of the classical policies, and D* Lite beside A* from scratch on large maps.
+"""Time per decision of the classical policies, and D* Lite compared with A* from scratch on large maps.
 
-The first decision of D* Lite searches the whole map once, and stands apart. Both policies take the same
-steps, or the test fails. Beside them stands the A* of ``crosstrack.models.grid_path`` on the same known
-maps, which may return any of several shortest ways where the policies must find a certain one.
-Nothing fails because it is slow, but for what the first assertions ask. Run with ``make bench``, or::
+The first decision of D* Lite searches the whole map once, and is reported separately. The test fails if the two
+policies take different steps. A* of ``crosstrack.models.grid_path`` is timed on the same known
+maps for comparison. It may return any shortest path, while the policies must return a certain one.
+Slowness does not fail the test, except in the first assertions. Run with ``make bench``, or::
 
     pytest tests/benchmarks/unknown_grid/test_replanning_speed.py -s
 """
@@ -39,7 +39,7 @@ SMALL = (
     DStarLite, AStarReplanning, CurrentView,
     BaselineOne, BaselineOneReachable, BaselineTwo, BaselineTwoReachable,
 )  # fmt: skip
-#: Decisions on a large map: in a maze A* takes 0.1 s for each.
+#: Number of decisions on a large map. In a maze A* takes 0.1 s per decision.
 DECISIONS = 300
 LARGE = {
     "maze": lambda **fields: maze(1001, 1001, **fields),
@@ -49,7 +49,7 @@ LARGE = {
 
 
 class Timed:
-    """A policy, and the seconds of each of its decisions."""
+    """Policy that records the time (s) of each decision."""
 
     def __init__(self, policy: Policy, spent: list[float], swept: list[float]) -> None:
         self.policy, self.spent, self.swept = policy, spent, swept
@@ -70,7 +70,7 @@ class Timed:
 def timed(
     backend: NavigationBackend, model: UnknownGridNavigation
 ) -> tuple[NavigationRuns, list[float], list[float]]:
-    """Return the plan, the seconds of each decision, and those of the other A*."""
+    """Return the plan, the time (s) of each decision, and that of the other A*."""
     spent: list[float] = []
     swept: list[float] = []
     make = backend.policy
