@@ -93,7 +93,11 @@ _READING: list[Callable[..., Any]] = [
 ]
 _COMMON: list[Callable[..., Any]] = [
     click.option("--formulation", help="Formulation for backends that take programs."),
-    click.option("--time-limit", type=float, help="Seconds for a run, including building."),
+    click.option(
+        "--time-limit",
+        type=float,
+        help="Wall-clock seconds for a run, with building and compiling.",
+    ),
     memory_limit,
     click.option("--gap", type=float, help="Relative gap at which an exact backend may stop."),
     tolerance,

@@ -2,7 +2,7 @@
 
 A model declares each field with a :class:`Spec`; :class:`~crosstrack.models.model.Model` applies
 them. Strings are never converted to numbers and NaN is always rejected. Infinity is allowed only if
-the spec says so, and JSON writes it as ``null``.
+its spec has an ``infinity``, and JSON writes it as ``null``.
 """
 
 from __future__ import annotations

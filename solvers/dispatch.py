@@ -72,8 +72,9 @@ def solve(
     formulation_options, backend_options : mapping, optional
         Options of the formulation and of the backend. Backend options override the common ones.
     time_limit : float, optional
-        Wall-clock seconds for the call, with building, loading and compiling; the verification of
-        the answer follows. Kernels that cannot be compiled in time are interpreted, the message
+        Wall-clock seconds for the call, with building, loading and compiling. A run gets at least half
+        of them, so a slow start of a worker or slow imports can exceed the limit, as does the
+        verification of the answer, which follows. Kernels that cannot be compiled in time are interpreted, the message
         names them, and a background process compiles them for later calls.
     memory_limit : float, optional
         Memory limit in MiB, at least 64; Linux only. The run moves to a worker process, which is
