@@ -188,3 +188,36 @@ def test_the_cache_is_looked_up_without_importing_numba(run_python, tmp_path, ow
         for given in (["compile"], [])
     ]
     assert said == [["False", "False"], ["True", "False"]]
+
+
+@pytest.mark.parametrize("cached", [True, False])
+def test_compiled_code_is_loaded_at_a_short_limit_however_many_kernels_it_calls(
+    monkeypatch, cached
+):
+    import numba  # noqa: F401  # the time of its import is not tested here
+
+    from crosstrack import compilation, jit
+    from crosstrack.solvers.messenger.annealing import anneal
+
+    monkeypatch.setattr(compilation, "is_cached", lambda *_: cached)
+    assert len(jit._callees(anneal)) > 20
+    with jit.within(jit.Limit(0.5)):
+        if cached:
+            anneal._require_time(())
+        else:
+            with pytest.raises(jit._DoesNotFit):
+                anneal._require_time(())
+
+
+def test_a_warm_tour_within_a_second_has_a_bound(run_python, tmp_path):
+    code = (
+        "import sys, crosstrack as ct\n"
+        "limit = float(sys.argv[1]) or None\n"
+        "tour = ct.models.MessengerTour([[60, 20], [10, 70], [80, 65]], [[1, 0], [0, -2], [-1.5, 1]])\n"
+        "found = ct.solve(tour, time_limit=limit, seed=1)\n"
+        "print(found.dual_bound, 'interpreted' in found.message)\n"
+    )
+    for limit in ("0", "1.5"):  # the first run fills the cache
+        bound, interpreted = run_python("-c", code, limit, cwd=tmp_path).split()
+    assert float(bound) > 100.0
+    assert interpreted == "False"
