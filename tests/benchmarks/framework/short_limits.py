@@ -8,7 +8,8 @@
 
 Each run is a process of its own with an empty cache of compiled code, and two processes run side by side.
 Runs that the file of records holds already are not repeated. ``--backends all`` runs each native backend of
-a model as well, and compares the recommended one with them.
+a model as well, and compares the recommended one with them; ``--warm`` uses the present cache of compiled
+code for that.
 """
 
 from __future__ import annotations
@@ -30,8 +31,6 @@ import crosstrack as ct
 from crosstrack.instances import catalogue
 from crosstrack.solvers.registry import backend_names, find_backend
 
-#: Processes side by side.
-PROCESSES = 2
 #: Seconds beyond the limit that a call may take: the last polls of the clock, and the verification.
 GRACE = 0.5
 #: Seconds beyond the limit after which a process is killed.
@@ -60,15 +59,19 @@ if compilation._process is not None:  # it compiles for later runs, which have a
 """
 
 
-def run(name: str, backend: str, limit: float) -> dict[str, Any]:
-    """Return the record of one run in a new process with an empty cache of compiled code."""
+def run(name: str, backend: str, limit: float, warm: bool = False) -> dict[str, Any]:
+    """Return the record of one run in a new process, by default with an empty cache of compiled code."""
     record: dict[str, Any] = {"name": name, "backend": backend, "limit": limit}
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         begin = time.perf_counter()
         record["machine"] = os.getloadavg()[0]
         process = subprocess.Popen(
             [sys.executable, "-c", SOLVE, name, backend, str(limit)],
-            env={**os.environ, "NUMBA_CACHE_DIR": folder, "MPLBACKEND": "Agg"},
+            env={
+                **os.environ,
+                "MPLBACKEND": "Agg",
+                **({} if warm else {"NUMBA_CACHE_DIR": folder}),
+            },
             cwd=folder,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -106,6 +109,8 @@ def main() -> None:
     parser.add_argument("--limits", type=float, nargs="+", default=[1.0, 3.0, 10.0])
     parser.add_argument("--names", nargs="+", default=["*"])
     parser.add_argument("--backends", choices=("auto", "all"), default="auto")
+    parser.add_argument("--warm", action="store_true", help="use the present cache of compiled code")
+    parser.add_argument("--processes", type=int, default=2, help="processes side by side")
     options = parser.parse_args()
     done = read(options.records)
     names = [
@@ -119,17 +124,18 @@ def main() -> None:
         for name in names
         for backend in ["auto", *(native(name) if options.backends == "all" else [])]
     ]
-    missing = [one for one in runs if one not in done]
+    missing = [key for key in runs if key not in done]
     begin = time.perf_counter()
-    with ThreadPoolExecutor(PROCESSES) as pool, options.records.open("a") as file:
-        for number, record in enumerate(pool.map(lambda one: run(*one), missing), 1):
+    with ThreadPoolExecutor(options.processes) as pool, options.records.open("a") as file:
+        records = pool.map(lambda key: run(*key, warm=options.warm), missing)
+        for number, record in enumerate(records, 1):
             file.write(json.dumps(record) + "\n")
             file.flush()
             if number % 20 == 0:
                 spent = time.perf_counter() - begin
                 print(f"{number} of {len(missing)} runs, {spent:.0f} s", flush=True)
     done = read(options.records)
-    report([done[one] for one in runs])
+    report([done[key] for key in runs])
 
 
 def read(path: Path) -> dict[tuple[str, str, float], dict[str, Any]]:
@@ -166,7 +172,7 @@ def report(rows: list[dict[str, Any]]) -> None:
         if is_late(row):
             print(f"{about}: {row['seconds']:.2f} s, {row['ran']}, {row['parts']}")
         best = min(
-            others[row["name"], row["limit"]], key=lambda one: one["objective"], default=None
+            others[row["name"], row["limit"]], key=lambda other: other["objective"], default=None
         )
         if is_without_plan(row):
             plan = "" if best is None else f"; {best['backend']} has {best['objective']:.6g}"
