@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from .models.optimal_control.declaration.tables import table as table
     from .models.plots import plot as plot
     from .solvers.bench.running import bench as bench
-    from .solvers.crosscheck import Comparison as Comparison, compare as compare
-    from .solvers.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
-    from .solvers.dispatch import solve as solve, verify as verify
-    from .solvers.fronts import Front as Front
+    from .solvers.contract.registry import backend_states as backends
+    from .solvers.contract.solution import Solution as Solution
     from .solvers.optimal_control.prepared import prepare as prepare
-    from .solvers.pareto import front as front
-    from .solvers.registry import backend_states as backends
-    from .solvers.solution import Solution as Solution
+    from .solvers.run.crosscheck import Comparison as Comparison, compare as compare
+    from .solvers.run.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
+    from .solvers.run.dispatch import solve as solve, verify as verify
+    from .solvers.run.fronts import Front as Front
+    from .solvers.run.pareto import front as front
 
 _get, _, _names = attach(
     __name__,
@@ -44,13 +44,13 @@ _get, _, _names = attach(
         "models.optimal_control.declaration.tables": ("table",),
         "models.plots": ("plot",),
         "solvers.bench.running": ("bench",),
-        "solvers.crosscheck": ("Comparison", "compare"),
-        "solvers.diagnosis": ("Diagnosis", "diagnose"),
-        "solvers.dispatch": ("solve", "verify"),
-        "solvers.fronts": ("Front",),
+        "solvers.run.crosscheck": ("Comparison", "compare"),
+        "solvers.run.diagnosis": ("Diagnosis", "diagnose"),
+        "solvers.run.dispatch": ("solve", "verify"),
+        "solvers.run.fronts": ("Front",),
         "solvers.optimal_control.prepared": ("prepare",),
-        "solvers.pareto": ("front",),
-        "solvers.solution": ("Solution",),
+        "solvers.run.pareto": ("front",),
+        "solvers.contract.solution": ("Solution",),
     },
 )
 __all__ = [
@@ -79,7 +79,7 @@ _PACKAGES = ("errors", "instances", "models", "solvers")
 
 def __getattr__(name: str) -> Any:
     if name == "backends":
-        return importlib.import_module(".solvers.registry", __name__).backend_states
+        return importlib.import_module(".solvers.contract.registry", __name__).backend_states
     if name in _PACKAGES:
         return importlib.import_module(f".{name}", __name__)
     return _get(name)

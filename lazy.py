@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import Any
 
-__all__ = ["attach"]
+__all__ = ["attach", "redirect"]
 
 
 def attach(
@@ -39,3 +44,38 @@ def attach(
         return getattr(importlib.import_module(f".{modules[name]}", package), name)
 
     return get, lambda: names, names
+
+
+def redirect(package: str, homes: Mapping[str, str]) -> None:
+    """Keep the former names of modules importable, with a ``DeprecationWarning``.
+
+    Parameters
+    ----------
+    package : str
+        The package's ``__name__``.
+    homes : mapping of str to str
+        Present name of each module by its former name, both relative to the package.
+    """
+    sys.meta_path.append(
+        _Redirect({f"{package}.{old}": f"{package}.{new}" for old, new in homes.items()})
+    )
+
+
+class _Redirect(MetaPathFinder, Loader):
+    """Finder and loader of modules under their former names."""
+
+    def __init__(self, homes: Mapping[str, str]) -> None:
+        self.homes = homes
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        return ModuleSpec(fullname, self) if fullname in self.homes else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        home = self.homes[module.__name__]
+        message = f"{module.__name__} is now {home}; the former name will be removed"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        current = importlib.import_module(home)
+        module.__doc__ = current.__doc__
+        module.__getattr__ = lambda name: getattr(current, name)  # type: ignore[method-assign]

@@ -12,7 +12,7 @@ from .options import as_json, compare_code, draw, picture_path
 
 if TYPE_CHECKING:
     from ..models.model import Model
-    from ..solvers.solution import Solution
+    from ..solvers.contract.solution import Solution
 
 __all__ = ["demo"]
 
@@ -62,9 +62,9 @@ def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **dat
     The default PROBLEM is error-correction: a route past 327 points.
     """
     from ..instances.demos import build_demo
-    from ..solvers.crosscheck import Comparison, compare, rejudged
-    from ..solvers.registry import find_backend, fitting
+    from ..solvers.contract.registry import find_backend, fitting
     from ..solvers.report.terminal import emit, progress, say, show
+    from ..solvers.run.crosscheck import Comparison, compare, rejudged
 
     try:
         picture = picture_path(plot or _PICTURE)

@@ -14,7 +14,7 @@ import click
 from ..solvers.report.terminal import reserved
 
 if TYPE_CHECKING:
-    from ..solvers.crosscheck import Comparison
+    from ..solvers.run.crosscheck import Comparison
 
 __all__ = [
     "INFEASIBLE",

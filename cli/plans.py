@@ -52,9 +52,9 @@ def check(
     """Verify a plan from any source for INSTANCE: exit code 0 if it is valid, 6 if it is not."""
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
-    from ..solvers.dispatch import verify
     from ..solvers.report.tables import details_table, verification_table
     from ..solvers.report.terminal import emit, show
+    from ..solvers.run.dispatch import verify
 
     picture = picture_path(plot)
     model = load(instance, **reading)
@@ -116,9 +116,9 @@ def export(
     from ..instances.catalogue import load
     from ..instances.exports import choose_format, export_plan
     from ..instances.storage import read_plan
-    from ..solvers.dispatch import verify
     from ..solvers.report.tables import render, verification_table
     from ..solvers.report.terminal import emit, say, show, write
+    from ..solvers.run.dispatch import verify
 
     arguments = only(rate=rate, precision=precision) | pairs(options, "--option")
     model = load(instance, **reading)
@@ -182,9 +182,9 @@ def diagnose(
 ) -> int:
     """Explain why INSTANCE has no plan, in the paper's terms (exit code 3), or report that it has one (0)."""
     from ..instances.catalogue import load
-    from ..solvers import diagnosis
-    from ..solvers.isolation import Worker
+    from ..solvers.processes.isolation import Worker
     from ..solvers.report.terminal import emit, progress, show
+    from ..solvers.run import diagnosis
 
     model = load(instance, **reading)
     with progress(f"{instance}: looking for the reason"):

@@ -31,7 +31,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from ..solvers.solution import Solution
+    from ..solvers.contract.solution import Solution
 
 __all__ = ["compare", "front", "reproduce", "solve"]
 
@@ -81,10 +81,10 @@ def solve(
     from ..files import writable
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
-    from ..solvers import dispatch
-    from ..solvers.registry import find_backend, is_plain, recommended
+    from ..solvers.contract.registry import find_backend, is_plain, recommended
     from ..solvers.report.tables import details_table
     from ..solvers.report.terminal import emit, progress, say, show
+    from ..solvers.run import dispatch
 
     as_json = as_json or output == "-"
     picture = picture_path(plot)
@@ -176,9 +176,9 @@ def compare(
     """Solve every INSTANCE with several backends in worker processes and compare the answers."""
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
-    from ..solvers import crosscheck
-    from ..solvers.registry import fitting
+    from ..solvers.contract.registry import fitting
     from ..solvers.report.terminal import emit, progress, show
+    from ..solvers.run import crosscheck
 
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")
@@ -262,8 +262,8 @@ def front(
 ) -> int:  # fmt: skip
     """Solve INSTANCE under limits on its SECOND objective, such as max, and print the Pareto front."""
     from ..instances.catalogue import load
-    from ..solvers import pareto
     from ..solvers.report.terminal import emit, progress, show
+    from ..solvers.run import pareto
 
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")

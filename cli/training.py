@@ -37,9 +37,9 @@ def train(
     A checkpoint next to FILE is written after each epoch. Ctrl-C and the time limit keep the checkpoint
     and the best weights so far.
     """
+    from ..solvers.learning.training import Epoch, find_training, train as run
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, progress, show
-    from ..solvers.training import Epoch, find_training, train as run
 
     if name is None or listed:
         _print_trainings(as_json)
@@ -85,9 +85,9 @@ def train(
 
 
 def _print_trainings(as_json: bool) -> None:
+    from ..solvers.learning.training import trainings
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, show
-    from ..solvers.training import trainings
 
     declared = list(trainings().values())
     if as_json:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..lazy import attach
+from ..lazy import attach, redirect
 
 if TYPE_CHECKING:
-    from .backend import (
+    from .contract.backend import (
         Answer as Answer,
         Backend as Backend,
         Control as Control,
@@ -18,23 +18,20 @@ if TYPE_CHECKING:
         Request as Request,
         Termination as Termination,
     )
-    from .crosscheck import Comparison as Comparison, compare as compare
-    from .diagnosis import Diagnosis as Diagnosis, Finding as Finding, diagnose as diagnose
-    from .dispatch import solve as solve, verify as verify
-    from .fronts import Front as Front, FrontPoint as FrontPoint
-    from .isolation import Worker as Worker
-    from .pareto import front as front, sweep as sweep
-    from .probing import probe as probe
-    from .registry import (
+    from .contract.registry import (
         BackendState as BackendState,
         backend_names as backend_names,
         backend_states as backend_states,
         find_backend as find_backend,
         register_backend as register_backend,
     )
-    from .repeats import Spread as Spread
-    from .solution import Incumbent as Incumbent, Solution as Solution, relative_gap as relative_gap
-    from .stopping import (
+    from .contract.repeats import Spread as Spread
+    from .contract.solution import (
+        Incumbent as Incumbent,
+        Solution as Solution,
+        relative_gap as relative_gap,
+    )
+    from .contract.stopping import (
         AllOf as AllOf,
         AnyOf as AnyOf,
         Criterion as Criterion,
@@ -44,12 +41,19 @@ if TYPE_CHECKING:
         Stalled as Stalled,
         Target as Target,
     )
-    from .verdict import Outcome as Outcome, Verdict as Verdict
+    from .contract.verdict import Outcome as Outcome, Verdict as Verdict
+    from .processes.isolation import Worker as Worker
+    from .run.crosscheck import Comparison as Comparison, compare as compare
+    from .run.diagnosis import Diagnosis as Diagnosis, Finding as Finding, diagnose as diagnose
+    from .run.dispatch import solve as solve, verify as verify
+    from .run.fronts import Front as Front, FrontPoint as FrontPoint
+    from .run.pareto import front as front, sweep as sweep
+    from .run.probing import probe as probe
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
     {
-        "backend": (
+        "contract.backend": (
             "Answer",
             "Backend",
             "Control",
@@ -60,14 +64,14 @@ __getattr__, __dir__, __all__ = attach(
             "Request",
             "Termination",
         ),
-        "registry": (
+        "contract.registry": (
             "BackendState",
             "backend_names",
             "backend_states",
             "find_backend",
             "register_backend",
         ),
-        "stopping": (
+        "contract.stopping": (
             "AllOf",
             "AnyOf",
             "Criterion",
@@ -77,32 +81,51 @@ __getattr__, __dir__, __all__ = attach(
             "Stalled",
             "Target",
         ),
-        "repeats": ("Spread",),
-        "crosscheck": (
+        "contract.repeats": ("Spread",),
+        "run.crosscheck": (
             "Comparison",
             "compare",
         ),
-        "diagnosis": (
+        "run.diagnosis": (
             "Diagnosis",
             "Finding",
             "diagnose",
         ),
-        "solution": (
+        "contract.solution": (
             "Incumbent",
             "Solution",
             "relative_gap",
         ),
-        "verdict": (
+        "contract.verdict": (
             "Outcome",
             "Verdict",
         ),
-        "fronts": ("Front", "FrontPoint"),
-        "pareto": ("front", "sweep"),
-        "isolation": ("Worker",),
-        "probing": ("probe",),
-        "dispatch": (
+        "run.fronts": ("Front", "FrontPoint"),
+        "run.pareto": ("front", "sweep"),
+        "processes.isolation": ("Worker",),
+        "run.probing": ("probe",),
+        "run.dispatch": (
             "solve",
             "verify",
         ),
+    },
+)
+
+#: Modules that were in this folder itself before it had rooms, by room.
+_ROOMS = {
+    "contract": "backend control enums job option registry repeats solution stopping verdict",
+    "run": (
+        "assembly certification confirmation crosscheck diagnosis dispatch execution "
+        "fallback fronts looking pareto probing refinement restarts running"
+    ),
+    "processes": "environment interrupts isolation oracles output scheduling worker",
+    "learning": "gradient trainer training weights",
+    "programs": "attempts casadi_plugins cvxpy_library highs_library scaling",
+}
+redirect(
+    __name__,
+    {
+        "campaign": "bench.recording",
+        **{name: f"{room}.{name}" for room, names in _ROOMS.items() for name in names.split()},
     },
 )

@@ -160,10 +160,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 @pytest.fixture(autouse=True)
 def _restore_session_backends() -> Iterator[None]:
     """Forget the backends that a test registers: `auto` would choose them in later tests."""
-    registry = sys.modules.get("crosstrack.solvers.registry")
+    registry = sys.modules.get("crosstrack.solvers.contract.registry")
     before = [] if registry is None else list(registry._session)
     yield
-    registry = sys.modules.get("crosstrack.solvers.registry")
+    registry = sys.modules.get("crosstrack.solvers.contract.registry")
     if registry is not None:
         registry._session[:] = before
 

@@ -147,7 +147,7 @@ PAPER = Paper(
                   "implementation of MACN, whose settings Table II repeats, counts batches as episodes. The shipped "
                   "weights saw 200 batches (MCGN-I, MACN) and 1,100 (MCGN-II): less than 1 % and 5 % of "
                   "the printed training."),
-        different("Table II, optimiser and first weights", "not printed", "solvers.gradient:GradientTrainer",
+        different("Table II, optimiser and first weights", "not printed", "solvers.learning.gradient:GradientTrainer",
                   "Adam, with a rate that falls as half a cosine and gradients cut to norm 1. First weights are normal with "
                   "standard deviation 0.01 in ConvNet and VIN."),
         printed("Table II, VIN", "30 iterations, 4 channels of Q, 150 channels of the first layer", _VALUES),

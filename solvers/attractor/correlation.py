@@ -19,8 +19,8 @@ from ...errors import InvalidData
 from ...models.attractor.checks import ALL, RADII
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate, Method, Slope
-from ..backend import Request
-from ..option import Option
+from ..contract.backend import Request
+from ..contract.option import Option
 from .exponents import Fit
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 from .neighbour_kernels import count_pairs

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import LEAST, AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
-from ..backend import Request
-from ..option import Option
+from ..contract.backend import Request
+from ..contract.option import Option
 from .c_c_curves import Curves, curves, longest_delay
 from .information import decorrelation, first_zero, longest, minimum_of_information
 from .native import EMBEDDING, AttractorBackend, Finding, embed

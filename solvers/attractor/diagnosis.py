@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
-from ..diagnosis import Diagnosis, Finding
+from ..run.diagnosis import Diagnosis, Finding
 from .information import autocorrelation, standardised
 
 __all__ = ["diagnose_attractor"]

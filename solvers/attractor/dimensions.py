@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
-from ..backend import Request
-from ..option import Option
+from ..contract.backend import Request
+from ..contract.option import Option
 from .delays import halves
 from .native import EMBEDDING, AttractorBackend, Finding, embed
 from .unfolding import LARGEST, cao_curves, false_shares, largest_dimension, saturated

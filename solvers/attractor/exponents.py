@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate, Method, Slope
-from ..backend import Request
-from ..option import Option
+from ..contract.backend import Request
+from ..contract.option import Option
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 from .partings import FEW, MOST, Curve, kantz_curve, kantz_radius, rosenstein_curve
 from .regions import Stretches, steady_stretches

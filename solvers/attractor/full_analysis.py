@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 from ...errors import InvalidData
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
-from ..backend import Answer, Backend, Feature, Request
-from ..option import Option
+from ..contract.backend import Answer, Backend, Feature, Request
+from ..contract.option import Option
 from .correlation import CorrelationDimension
 from .delays import (
     Autocorrelation,

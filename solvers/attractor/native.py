@@ -14,8 +14,8 @@ from ...errors import InvalidData
 from ...jit import clock
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
-from ..option import Option
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.option import Option
 
 __all__ = ["EMBEDDING", "AttractorBackend", "Embedding", "Finding", "embed"]
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ...models.attractor.checks import RADII
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate, Method, Slope
-from ..backend import Answer, Request
-from ..option import Option
+from ..contract.backend import Answer, Request
+from ..contract.option import Option
 from .correlation import Counts, correlation_counts
 from .delays import ImprovedCorrelationIntegral
 from .exponents import FIRST, LEAST, SHARE, STEPS, Rosenstein, mean_level

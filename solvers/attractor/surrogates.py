@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate, Judgement, Slope, SurrogateTest
-from ..backend import Feature, Request
-from ..option import Option
+from ..contract.backend import Feature, Request
+from ..contract.option import Option
 from .exponents import Rosenstein
 from .iaaft import match_ends, normal_scores, prediction_error, sampled_error, surrogates_of
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed

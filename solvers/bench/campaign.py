@@ -19,10 +19,9 @@ from ...models.fields import Flag, Optional, Real, Spec, Text, Whole, show
 from ...models.model import Model
 from ...models.records import Table
 from ...models.verification import TOLERANCE
-from ..backend import Backend, Feature
-from ..crosscheck import task_of
-from ..job import GAP, LEAST_MEMORY
-from ..registry import (
+from ..contract.backend import Backend, Feature
+from ..contract.job import GAP, LEAST_MEMORY
+from ..contract.registry import (
     accepted,
     backend_states,
     default_formulation,
@@ -30,7 +29,8 @@ from ..registry import (
     fitting,
     recommended,
 )  # fmt: skip
-from ..scheduling import Task
+from ..processes.scheduling import Task
+from ..run.crosscheck import task_of
 
 __all__ = ["Campaign", "Set"]
 

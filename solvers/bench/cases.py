@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any, NamedTuple
 
-from ..repeats import Spread
+from ..contract.repeats import Spread
+from ..contract.solution import Solution
+from ..contract.verdict import Outcome, Verdict
 from ..report.tables import number, seconds_text
-from ..solution import Solution
-from ..verdict import Outcome, Verdict
 from .chart import Series, draw_steps
 from .draws import compare_on_instance
 from .markup import cell, figure, numeric, table, tested

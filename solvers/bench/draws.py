@@ -8,8 +8,8 @@ from itertools import combinations
 from statistics import median
 from typing import Any
 
-from ..solution import Solution
-from ..verdict import Verdict
+from ..contract.solution import Solution
+from ..contract.verdict import Verdict
 from .profiles import Profile, data_profile
 from .standing import Standing, is_reference, slack, who
 from .statistics import FEWEST, RankTest, compare_pairs, compare_seeds, correct_tests

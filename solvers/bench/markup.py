@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from html import escape
 from typing import Any
 
-from ..enums import Limit
-from ..solution import Solution
+from ..contract.enums import Limit
+from ..contract.solution import Solution
 from .statistics import LEVEL, RankTest
 
 __all__ = ["cell", "choices", "count_cell", "ended", "figure", "many", "numeric", "table", "tested"]

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidData
 from ...files import writable, write_text
-from ..repeats import name_backend
+from ..contract.repeats import name_backend
+from ..contract.solution import Solution
+from ..contract.verdict import Outcome, Verdict
 from ..report.tables import number, seconds_text
-from ..solution import Solution
-from ..verdict import Outcome, Verdict
 from .cases import OUTCOMES, Case, describe_instance
 from .chart import Series, draw_steps
 from .conditions import describe_conditions
@@ -31,7 +31,7 @@ from .standing import REFERENCE, TOO_LATE, Standing, are_rivals, who
 from .statistics import success_interval
 
 if TYPE_CHECKING:
-    from ..crosscheck import Comparison
+    from ..run.crosscheck import Comparison
 
 __all__ = ["write_page"]
 

@@ -11,8 +11,8 @@ from typing import Any
 from ...models.model import Model
 from ...models.plots import picture_options, plot
 from ...models.verification import TOLERANCE
-from ..campaign import LEFT_OUT
-from ..solution import Solution
+from ..contract.solution import Solution
+from .recording import LEFT_OUT
 
 __all__ = ["Load", "draw_plan"]
 

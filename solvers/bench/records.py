@@ -11,10 +11,10 @@ from typing import Any
 from ...errors import CrosstrackError, InvalidData
 from ...files import as_path, read_bytes
 from ...models.fields import show
-from ..campaign import lines_of
-from ..solution import Solution
-from ..verdict import Outcome, Verdict, judge
+from ..contract.solution import Solution
+from ..contract.verdict import Outcome, Verdict, judge
 from .markup import many
+from .recording import lines_of
 from .standing import Standing, rank, standings_table, who
 
 __all__ = ["Records", "read_records"]

@@ -14,10 +14,10 @@ from typing import Any
 
 from ...errors import BackendMissing, InvalidData, UnsupportedOption
 from ...models.fields import required, show
-from ..crosscheck import checked_pool, run_tasks
-from ..enums import Limit, Termination
-from ..scheduling import Task, close_kept
-from ..solution import Solution
+from ..contract.enums import Limit, Termination
+from ..contract.solution import Solution
+from ..processes.scheduling import Task, close_kept
+from ..run.crosscheck import checked_pool, run_tasks
 from .campaign import Campaign
 from .records import Records
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from ...errors import CrosstrackError
 from ...models.problems import model_type
 from ...models.verification import ROUNDING
-from ..enums import Termination
-from ..registry import find_backend
-from ..repeats import name_backend, own_options
+from ..contract.enums import Termination
+from ..contract.registry import find_backend
+from ..contract.repeats import name_backend, own_options
+from ..contract.solution import Solution
+from ..contract.verdict import Outcome, Verdict, judge
 from ..report.fitting import FittedTable
 from ..report.tables import seconds_text, table
-from ..solution import Solution
-from ..verdict import Outcome, Verdict, judge
 from .profiles import performance_profile
 from .statistics import primal_integral, shifted_geometric_mean, success_interval
 

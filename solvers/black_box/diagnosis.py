@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
-from ..diagnosis import Diagnosis, Finding
+from ..run.diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_black_box"]
 

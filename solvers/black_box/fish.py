@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-from ..option import Option
+from ..contract.option import Option
 from .fish_swarms import AdaptiveSwarm, ImprovedSwarm, Swarm
 from .native import BlackBoxBackend, Objective
 

@@ -14,7 +14,7 @@ from ...errors import InvalidData, UnsupportedFormulation
 from ...jit import clock
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
 __all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube"]
 

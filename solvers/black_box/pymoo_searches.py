@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..backend import Option
+from ..contract.backend import Option
 from .native import BlackBoxBackend, Objective, latin_hypercube
 
 __all__ = ["CmaEs", "ParticleSwarm"]

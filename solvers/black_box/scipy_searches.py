@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
-from ..backend import Feature, Option
+from ..contract.backend import Feature, Option
 from .native import BlackBoxBackend, Objective, latin_hypercube
 
 __all__ = ["DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.programs.base import BlockProgram, RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Answer, Feature, Limit, Request, Termination
-from ..refinement import proven_bound
-from ..solution import without_rounding
+from ..contract.backend import Answer, Feature, Limit, Request, Termination
+from ..contract.solution import without_rounding
+from ..run.refinement import proven_bound
 
 __all__ = [
     "Case",

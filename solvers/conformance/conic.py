@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
-from ..backend import Feature, Termination
+from ..contract.backend import Feature, Termination
 from .cases import Case, Table, asked_for, ended, optimum, tabled
 from .quadratic import quadratic
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
-from ..backend import Termination
+from ..contract.backend import Termination
 from .cases import Case, optimum
 from .limits import numbers, timed_cases
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.programs.base import BlockProgram
 from ...models.programs.linear import MixedIntegerProgram
-from ..backend import Feature, Limit, Termination
+from ..contract.backend import Feature, Limit, Termination
 from .cases import GRACE, Case, Expectation, Run
 from .linear import program
 

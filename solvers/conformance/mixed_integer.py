@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
-from ..backend import Feature, Termination
+from ..contract.backend import Feature, Termination
 from .cases import Case, Expectation, Run, asked_for, optimum, tabled, unsolvable
 from .limits import hard_knapsack, same_seed_same_answer, seeds_differ
 from .linear import program

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Termination
+from ..contract.backend import Termination
 from .cases import Case, Expectation, Table, asked_for, tabled
 from .limits import same_seed_same_answer, seeds_differ
 from .nonlinear_hard import hard_cases, unsolvable_cases

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..backend import Termination
+from ..contract.backend import Termination
 from .cases import Case, Expectation, Table, ended
 from .nonlinear_posing import ENDS, known, nonlinear
 

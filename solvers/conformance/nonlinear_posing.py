@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Termination
+from ..contract.backend import Termination
 from .cases import Expectation, bounds
 
 __all__ = ["ENDS", "known", "nonlinear"]

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from ...models.programs.linear import QuadraticProgram
-from ..backend import Termination
+from ..contract.backend import Termination
 from .cases import Case, Expectation, Table, asked_for, bounds, optimum, tabled, unsolvable
 from .convex import horizon, portfolio
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...errors import BackendMissing, WorkerFailure
-from ..backend import Backend
-from ..isolation import Worker
-from ..registry import find_backend
+from ..contract.backend import Backend
+from ..contract.registry import find_backend
+from ..processes.isolation import Worker
 from .suite import CaseResult, Matrix, Status, cases_for, run_case
 
 __all__ = ["run_suite"]

@@ -13,9 +13,9 @@ from typing import Any
 
 from ...errors import UnknownName, UnsupportedFormulation, UnsupportedOption
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Answer, Backend, Control, Feature, Limit, Request
-from ..output import captured
-from ..registry import is_plain
+from ..contract.backend import Answer, Backend, Control, Feature, Limit, Request
+from ..contract.registry import is_plain
+from ..processes.output import captured
 from .cases import Case, Run
 from .conic import conic_cases
 from .convex import conic_limit_cases, quadratic_limit_cases

@@ -12,8 +12,8 @@ from ...models.model import Model
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
 from ...models.verification import ROUNDING
-from ..attempts import Ended, Ending
-from ..backend import Answer, Request, Termination
+from ..contract.backend import Answer, Request, Termination
+from ..programs.attempts import Ended, Ending
 from ..qp.base import QuadraticBackend, Run, answered
 from ..qp.forms import Core
 from ..qp.proofs import Findings

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ...models.model import Model
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
-from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
-from ..backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from ..qp.base import COMMON
 from ..qp.forms import ConicForm
 from .base import ConvexBackend

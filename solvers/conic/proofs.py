@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...models.programs.cones import ConeBlock, ConeKind, inside, order, triangle
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Ending
+from ..programs.attempts import Ending
 from ..qp.proofs import Findings, least, receding, unit, without_bound
 
 __all__ = ["examined", "excludes", "recedes"]

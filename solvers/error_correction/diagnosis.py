@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.error_correction.model import ErrorCorrectionRouting
-from ..backend import Termination
-from ..diagnosis import Diagnosis, Finding
-from ..dispatch import solve
+from ..contract.backend import Termination
 from ..resource_routing.diagnosis import diagnose_resources
+from ..run.diagnosis import Diagnosis, Finding
+from ..run.dispatch import solve
 from .reachability import Refusal, reachable, refusals
 
 __all__ = ["diagnose_routing"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...jit import clock
-from ..backend import Request
+from ..contract.backend import Request
 from .native import PrintedSearch
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...jit import clock
-from ..backend import Request
+from ..contract.backend import Request
 from .native import RoutingBackend
 
 if TYPE_CHECKING:

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 
 if TYPE_CHECKING:
     from .airspace import Airspace

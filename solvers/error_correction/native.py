@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
-from ..backend import Request
+from ..contract.backend import Request
 from ..resource_routing.native import RouteSearch
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...jit import clock
-from ..backend import Request
+from ..contract.backend import Request
 from .labelling import FactorSearch, label_with_factors
 from .native import PrintedSearch
 

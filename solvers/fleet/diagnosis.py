@@ -13,9 +13,9 @@ from ...models.fleet.checks import deviation_of, loads_of
 from ...models.fleet.data import Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
-from ..backend import Termination
-from ..diagnosis import Diagnosis, Finding
-from ..dispatch import solve
+from ..contract.backend import Termination
+from ..run.diagnosis import Diagnosis, Finding
+from ..run.dispatch import solve
 
 __all__ = ["diagnose_fleet"]
 

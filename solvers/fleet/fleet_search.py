@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 from ...jit import clock
 from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import loads_of, objective_of
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 from .bound import lower_bound, trip_bound
 from .search_kernels import anneal, measure
 from .start import first_routes, repair

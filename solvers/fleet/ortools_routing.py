@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.fleet import FleetRouting, Objective
-from ..backend import Feature, Option, Request
+from ..contract.backend import Feature, Option, Request
 from .rivals import Best, FleetHeuristic, whole_demands, whole_distances
 
 __all__ = ["OrToolsRouting"]

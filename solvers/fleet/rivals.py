@@ -16,7 +16,7 @@ from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
 __all__ = ["Best", "FleetHeuristic", "available_threads", "whole_demands", "whole_distances"]
 

@@ -26,7 +26,7 @@ from ...models.fleet.checks import loads_of, objective_of
 from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from .bound import trip_bound
 from .start import first_routes
 

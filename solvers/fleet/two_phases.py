@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...models.fleet import FleetRouting
 from ...models.fleet.checks import objective_of
-from ..backend import Feature, Option, Request
+from ..contract.backend import Feature, Option, Request
 from .rivals import Best, FleetHeuristic, available_threads
 from .swarm import Colonies, energies, swarm
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import InvalidData
 from ...models.fleet_mission.model import FleetMission
-from ..diagnosis import Diagnosis, Finding
+from ..run.diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_mission"]
 

@@ -12,7 +12,7 @@ from ...models.fleet_mission.curves import lengths_of
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.model import MinimumSnap
 from ...models.minimum_snap.trajectory import Trajectory
-from ..backend import Answer, Backend, Request, Termination
+from ..contract.backend import Answer, Backend, Request, Termination
 from .corridor import Corridor
 
 __all__ = ["Flight", "fly", "programmed", "resting", "slowed", "times_along"]

@@ -15,8 +15,8 @@ from ...models.fleet_mission.plan import MissionPlan
 from ...models.grid_path.model import Connectivity
 from ...models.minimum_snap.model import MinimumSnap
 from ...models.minimum_snap.trajectory import Trajectory
-from ..backend import Answer, Backend, Feature, Guarantee, Option, Request, Termination
-from ..registry import find_backend
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Option, Request, Termination
+from ..contract.registry import find_backend
 from .corridor import Corridor
 from .delays import departures
 from .energies import READINGS, leg_energies

@@ -21,7 +21,7 @@ from ...models.grid_path.model import Connectivity, GridPath
 from ...models.minimum_snap.model import MinimumSnap
 from ...models.programs.linear import QuadraticProgram
 from ...models.verification import Verification
-from ..backend import Answer, Backend, Feature, Guarantee, Option, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Option, Request, Termination
 from .corridor import Cell, Corridor, corridor, crossed
 from .delays import departures
 from .flight import Flight, fly, resting

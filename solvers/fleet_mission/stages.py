@@ -20,8 +20,8 @@ from ...models.grid_path.model import Connectivity, GridPath
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import Model
 from ...models.problems import problem_of
-from ..backend import Answer, Backend, Limit, Request, Termination
-from ..registry import find_backend
+from ..contract.backend import Answer, Backend, Limit, Request, Termination
+from ..contract.registry import find_backend
 
 __all__ = ["Stages", "Unanswered", "planned", "taking"]
 

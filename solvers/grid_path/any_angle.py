@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..backend import Feature, Guarantee, Request
+from ..contract.backend import Feature, Guarantee, Request
 from .free_paths import AnyDirection, Ground, Leg
 from .smoothing import without_collinear
 

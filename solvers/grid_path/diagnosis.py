@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...models.grid_path.model import GridPath, Reach
-from ..diagnosis import Diagnosis, Finding
+from ..run.diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_path"]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.grid_path.model import GridPath
-from ..backend import Answer, Backend, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Guarantee, Limit, Request, Termination
 
 if TYPE_CHECKING:
     from ...models.grid_path.plan import GridPlan

@@ -14,7 +14,7 @@ from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.grid_path.model import Connectivity, GridPath, Reach
 from ...models.grid_path.plan import GridPlan
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
 __all__ = ["Field", "Found", "NeighbourSearch"]
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..backend import Feature, Guarantee, Option, Request
+from ..contract.backend import Feature, Guarantee, Option, Request
 from .free_paths import AnyDirection, Ground, Leg
 
 __all__ = ["RRTStar"]

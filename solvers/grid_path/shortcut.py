@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.grid_path.model import Connectivity, GridPath
-from ..backend import Feature, Guarantee, Option, Request
+from ..contract.backend import Feature, Guarantee, Option, Request
 from .free_paths import AnyDirection, Ground, Leg
 from .smoothing import How, straighten
 

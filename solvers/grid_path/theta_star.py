@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from ...models.grid_path.sight import SLACK, sees
-from ..backend import Feature, Guarantee, Request
+from ..contract.backend import Feature, Guarantee, Request
 from .free_paths import AnyDirection, Ground, Leg
 
 __all__ = ["ThetaStar", "theta"]

@@ -20,7 +20,16 @@ from ...jit import clock
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 from . import search_kernels as kernels
 from .beam_kernels import beam
 from .bound import Tables

@@ -9,7 +9,7 @@ import numpy as np
 from ...models.guided_path.data import GuidedPathData
 from ...models.guided_path.gaps import Gaps
 from ...models.guided_path.model import GuidedPathTour
-from ..diagnosis import Diagnosis, Finding
+from ..run.diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_tour"]
 

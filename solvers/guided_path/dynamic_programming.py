@@ -25,7 +25,16 @@ from ...models.guided_path.data import GuidedPathData
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 from .a_star import SAFE
 from .bound import Tables
 

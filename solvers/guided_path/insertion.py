@@ -24,7 +24,16 @@ from ...models.guided_path.data import GuidedPathData
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, passed, reduced, served
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 
 __all__ = ["ChainBackend", "Greedy", "InsertIndex", "InsertNearest", "ordered_chains"]
 

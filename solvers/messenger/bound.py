@@ -9,7 +9,7 @@ import numpy as np
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import Primitive, TourPlan
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
 __all__ = ["CurvatureBound", "EuclideanBound"]
 

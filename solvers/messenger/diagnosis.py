@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ...models.messenger.model import MessengerTour
-from ..diagnosis import Diagnosis
-from ..dispatch import solve
+from ..run.diagnosis import Diagnosis
+from ..run.dispatch import solve
 
 __all__ = ["diagnose_tour"]
 

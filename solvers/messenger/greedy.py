@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..backend import Option, Request
+from ..contract.backend import Option, Request
 from .rivals import Flight, Rival
 
 __all__ = ["GreedyBoundary", "GreedyCentre"]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..backend import Option, Request
+from ..contract.backend import Option, Request
 from .rivals import Flight, RandomRival
 
 __all__ = ["Memetic", "MemeticRelaxed", "MemeticUntransformed"]

@@ -15,7 +15,7 @@ from ...models.messenger.model import MessengerTour
 from ...models.messenger.motion import tour
 from ...models.messenger.plan import SIGNS, TourPlan
 from ...models.verification import ROUNDING
-from ..backend import Request
+from ..contract.backend import Request
 from .newton import improve
 
 __all__ = ["polish"]
@@ -284,7 +284,7 @@ def _by_program(
     problem: MessengerTour, plan: TourPlan, request: Request, seconds: float | None
 ) -> TourPlan:
     """Return the result of Ipopt for the program fitted to `plan`, or `plan` if it is not better."""
-    from ..registry import find_backend
+    from ..contract.registry import find_backend
 
     fitted = problem.formulate("primitives").fitted(plan)
     answer = request.within(

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 
 if TYPE_CHECKING:
     from ...models.messenger.plan import TourPlan

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.messenger.model import MessengerTour
-from ..backend import Option, Request
+from ..contract.backend import Option, Request
 from .rivals import Flight, Rival
 
 __all__ = ["DirectSampling"]

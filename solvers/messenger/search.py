@@ -13,7 +13,16 @@ from ...jit import clock
 from ...models.messenger.checks import UNDECIDABLE, decidable_length, integrated
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 from .annealing import anneal
 from .chain import confine, fly
 from .emission import Chain, move_to_boundary

@@ -11,8 +11,8 @@ import numpy as np
 from ...models.minimum_snap.bounds import Bound, derivative_name, derivative_unit
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
-from ..backend import Control, Termination
-from ..diagnosis import Diagnosis, Finding, filtered
+from ..contract.backend import Control, Termination
+from ..run.diagnosis import Diagnosis, Finding, filtered
 from .interior_point import InteriorPoint
 
 __all__ = ["diagnose_trajectory"]

@@ -10,7 +10,7 @@ from ...jit import clock
 from ...models.minimum_snap.bounds import derivative_name
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
-from ..backend import Answer, Backend, Feature, Guarantee, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
 __all__ = ["Banded"]
 

@@ -14,9 +14,18 @@ from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
-from ..certification import SHAPE, UNCERTIFIED
-from ..scaling import common
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
+from ..programs.scaling import common
+from ..run.certification import SHAPE, UNCERTIFIED
 
 if TYPE_CHECKING:
     from .interior_solver import ChainResult

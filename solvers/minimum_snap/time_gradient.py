@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 
 if TYPE_CHECKING:
     from .time_barrier import Inner

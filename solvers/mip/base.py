@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 
 from ...models.model import Model
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import (
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Control,
+    Feature,
+    Guarantee,
+    Limit,
+    Request,
+    Termination,
+)
+from ..programs.attempts import (
     Clock,
     Ended,
     Ending,
@@ -28,8 +38,7 @@ from ..attempts import (
     stop_reason,
     trivial_ending,
 )
-from ..backend import Answer, Backend, Control, Feature, Guarantee, Limit, Request, Termination
-from ..scaling import Scaling
+from ..programs.scaling import Scaling
 
 __all__ = [
     "CALLED_BACK",

@@ -12,8 +12,8 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, forward_stop, loosened_cutoff, stop_reason
-from ..backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, forward_stop, loosened_cutoff, stop_reason
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["CpSat"]

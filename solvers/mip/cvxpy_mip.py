@@ -14,10 +14,10 @@ from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
-from ..attempts import Clock, Ended, Ending, ending_if_stopped, solver_tolerance
-from ..backend import Answer, Feature, Option, Request
 from ..conic.base import ConicRun
-from ..cvxpy_library import Solved, chosen, found, solve_by_cvxpy
+from ..contract.backend import Answer, Feature, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, ending_if_stopped, solver_tolerance
+from ..programs.cvxpy_library import Solved, chosen, found, solve_by_cvxpy
 from ..qp.base import POLISH, UNPOLISHED, answered
 from ..qp.cvxpy_qp import attempt as attempt_quadratic
 from .base import ProgramBackend, with_cutoff_row, with_offset_column

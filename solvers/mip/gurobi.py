@@ -10,7 +10,8 @@ import numpy as np
 
 from ...errors import BackendBroken
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import (
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import (
     Clock,
     Ended,
     Ending,
@@ -20,7 +21,6 @@ from ..attempts import (
     solver_tolerance,
     stop_reason,
 )
-from ..backend import Feature, Limit, Option, Request
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["Gurobi"]

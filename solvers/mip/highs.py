@@ -12,9 +12,16 @@ from ...errors import UnsupportedOption
 from ...models.model import Model
 from ...models.programs.base import RowProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
-from ..attempts import Clock, Ended, Ending, loosened_cutoff, solver_options, solver_tolerance
-from ..backend import Answer, Feature, Option, Request
-from ..highs_library import meanings, run_highs
+from ..contract.backend import Answer, Feature, Option, Request
+from ..programs.attempts import (
+    Clock,
+    Ended,
+    Ending,
+    loosened_cutoff,
+    solver_options,
+    solver_tolerance,
+)
+from ..programs.highs_library import meanings, run_highs
 from ..qp.base import POLISH, UNPOLISHED, answered
 from ..qp.highs import attempt as attempt_quadratic
 from .base import CALLED_BACK, Incumbents, ProgramBackend

@@ -8,8 +8,16 @@ from typing import Any
 import numpy as np
 
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending, Meaning, forward_stop, solver_tolerance, stop_reason
-from ..backend import Feature, Limit, Request
+from ..contract.backend import Feature, Limit, Request
+from ..programs.attempts import (
+    Clock,
+    Ended,
+    Ending,
+    Meaning,
+    forward_stop,
+    solver_tolerance,
+    stop_reason,
+)
 from .base import CALLED_BACK, Incumbents, ProgramBackend, with_cutoff_row
 
 __all__ = ["MathOpt"]

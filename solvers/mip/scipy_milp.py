@@ -9,8 +9,8 @@ import numpy as np
 
 from ...errors import UnsupportedOption
 from ...models.programs.linear import MixedIntegerProgram
-from ..attempts import Clock, Ended, Ending
-from ..backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending
 from .base import ProgramBackend, with_cutoff_row, with_offset_column
 
 __all__ = ["ScipyMilp"]

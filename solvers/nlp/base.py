@@ -17,8 +17,17 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, ending_if_stopped, limit_reached, stop_reason
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
+from ..programs.attempts import Clock, Ended, Ending, ending_if_stopped, limit_reached, stop_reason
 from .curvature import descent_by_curvature
 from .quality import Quality, measured, worst_blocks
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Option, Request
+from ..contract.backend import Option, Request
 from .base import COMMON, most_iterations
 from .casadi_nlp import DERIVATIVES, CasadiNlp
 

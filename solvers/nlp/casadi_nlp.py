@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limit_reached
-from ..backend import Feature, Limit, Request
-from ..casadi_plugins import ended_by_words, last_line, load_plugin, status_of, vector
+from ..contract.backend import Feature, Limit, Request
+from ..programs.attempts import Clock, Ended, Ending, limit_reached
+from ..programs.casadi_plugins import ended_by_words, last_line, load_plugin, status_of, vector
 from .base import COMMON, NonlinearBackend
 from .quality import estimated_duals
 from .scaled import Scaled

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ...errors import BackendBroken
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limit_reached, solver_tolerance
-from ..backend import Feature, Limit, Option, Request
-from ..casadi_plugins import ended_by_words, status_of
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, limit_reached, solver_tolerance
+from ..programs.casadi_plugins import ended_by_words, status_of
 from .base import COMMON, HESSIAN, most_iterations
 from .blas import use_threads
 from .casadi_nlp import DERIVATIVES, CasadiNlp

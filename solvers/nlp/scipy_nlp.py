@@ -12,9 +12,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, limit_reached, stop_reason
-from ..backend import Feature, Limit, Request
-from ..casadi_plugins import last_line, vector
+from ..contract.backend import Feature, Limit, Request
+from ..programs.attempts import Clock, Ended, Ending, limit_reached, stop_reason
+from ..programs.casadi_plugins import last_line, vector
 from .base import COMMON, NonlinearBackend
 from .scaled import Scaled
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Ended
-from ..backend import Limit, Option, Request
-from ..casadi_plugins import HIGHS_MARK, ended_by_words, status_of
+from ..contract.backend import Limit, Option, Request
+from ..programs.attempts import Ended
+from ..programs.casadi_plugins import HIGHS_MARK, ended_by_words, status_of
 from .base import most_iterations
 from .casadi_nlp import CasadiNlp
 

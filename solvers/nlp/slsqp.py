@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Ended, Ending, Meaning
-from ..backend import Limit, Option, Request
+from ..contract.backend import Limit, Option, Request
+from ..programs.attempts import Ended, Ending, Meaning
 from .base import most_iterations
 from .scipy_nlp import Posed, ScipyNlp
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import Clock, Ended, Ending, solver_tolerance
-from ..backend import Limit, Option, Request
-from ..casadi_plugins import ended_by_words, load_plugin, status_of
+from ..contract.backend import Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, solver_tolerance
+from ..programs.casadi_plugins import ended_by_words, load_plugin, status_of
 from .base import HESSIAN, most_iterations
 from .casadi_nlp import CasadiNlp
 

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..attempts import Ended, Ending
-from ..backend import Limit, Option, Request
+from ..contract.backend import Limit, Option, Request
+from ..programs.attempts import Ended, Ending
 from .base import most_iterations
 from .scipy_nlp import Posed, ScipyNlp
 

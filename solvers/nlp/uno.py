@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from ...models.programs.nonlinear import NonlinearProgram
-from ..attempts import solver_tolerance
-from ..backend import Option, Request
+from ..contract.backend import Option, Request
+from ..programs.attempts import solver_tolerance
 from .base import most_iterations
 from .casadi_nlp import CasadiNlp
 

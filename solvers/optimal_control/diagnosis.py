@@ -12,9 +12,9 @@ from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
 from ...models.programs.blocks import Block
 from ...models.programs.nonlinear import NonlinearProgram
-from ..backend import Answer, Request, Termination
-from ..diagnosis import Diagnosis, Finding
-from ..registry import find_backend
+from ..contract.backend import Answer, Request, Termination
+from ..contract.registry import find_backend
+from ..run.diagnosis import Diagnosis, Finding
 from .elastic import Elastic, elastic
 
 __all__ = ["diagnose_control"]

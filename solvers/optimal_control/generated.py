@@ -8,7 +8,7 @@ from typing import Any
 
 from ...errors import InvalidData, UnsupportedFormulation
 from ...files import writable, write_text
-from ..casadi_plugins import last_line
+from ..programs.casadi_plugins import last_line
 from .parametric import Parametric
 
 __all__ = ["step_function", "write_step"]

@@ -30,11 +30,11 @@ from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
 from ...models.optimal_control.transcription.base import Transcription
 from ...models.verification import TOLERANCE, Verification
-from ..attempts import Ended
-from ..backend import Request
-from ..casadi_plugins import last_line, status_of, vector
+from ..contract.backend import Request
+from ..contract.registry import find_backend
 from ..nlp.casadi_nlp import CasadiNlp
-from ..registry import find_backend
+from ..programs.attempts import Ended
+from ..programs.casadi_plugins import last_line, status_of, vector
 from .generated import write_step
 from .parametric import Parametric, Point
 from .sensitivity import Sensitivity, differentiate

@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 
 from ...errors import InvalidData, NoDerivative
 from ...models.optimal_control.plan import ControlPlan, Piecewise, Signal
-from ..casadi_plugins import vector
+from ..programs.casadi_plugins import vector
 from .parametric import Point
 
 __all__ = ["Sensitivity", "differentiate"]

@@ -20,7 +20,18 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import (
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
+from ..contract.job import UNPOLISHED
+from ..programs.attempts import (
     Clock,
     Ended,
     Ending,
@@ -33,9 +44,7 @@ from ..attempts import (
     stop_reason,
     trivial_ending,
 )
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
-from ..job import UNPOLISHED
-from ..scaling import Scaling
+from ..programs.scaling import Scaling
 from .forms import Core
 from .polishing import polished
 from .proofs import Findings, examined

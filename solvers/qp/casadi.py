@@ -10,9 +10,16 @@ import numpy as np
 
 from ...errors import BackendBroken, UnsupportedFormulation, WorkerFailure
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, limit_reached, solver_tolerance, stop_reason
-from ..backend import Feature, Limit, Option, Request
-from ..casadi_plugins import HIGHS_MARK, ended_by_words, last_line, load_plugin, status_of, vector
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, limit_reached, solver_tolerance, stop_reason
+from ..programs.casadi_plugins import (
+    HIGHS_MARK,
+    ended_by_words,
+    last_line,
+    load_plugin,
+    status_of,
+    vector,
+)
 from .base import COMMON, POLISH, QuadraticBackend, too_large
 from .forms import independent_rows
 
@@ -263,7 +270,7 @@ def plugins() -> dict[str, str]:
 
     Each plugin is tried in a worker process, because it may crash or conflict with others.
     """
-    from ..isolation import Worker
+    from ..processes.isolation import Worker
 
     reasons: dict[str, str] = {}
     for name in _PLUGINS:

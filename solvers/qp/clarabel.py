@@ -9,9 +9,17 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance, stop_reason
-from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import (
+    Clock,
+    Ended,
+    Ending,
+    Meaning,
+    solver_options,
+    solver_tolerance,
+    stop_reason,
+)
 from .base import COMMON, POLISH
 from .forms import ConicForm, Convex
 

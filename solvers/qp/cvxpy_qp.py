@@ -9,9 +9,9 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending
-from ..backend import Request
-from ..cvxpy_library import solve_by_cvxpy
+from ..contract.backend import Request
+from ..programs.attempts import Clock, Ended, Ending
+from ..programs.cvxpy_library import solve_by_cvxpy
 from .base import told
 
 __all__ = ["attempt"]

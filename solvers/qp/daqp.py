@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
-from ..backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from .base import COMMON, POLISH, QuadraticBackend, too_large
 
 __all__ = ["Daqp"]

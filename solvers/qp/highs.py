@@ -13,9 +13,9 @@ import scipy.sparse as sp
 
 from ...errors import InvalidData
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, solver_tolerance
-from ..backend import Request
-from ..highs_library import meanings, run_highs
+from ..contract.backend import Request
+from ..programs.attempts import Clock, Ended, Ending, solver_tolerance
+from ..programs.highs_library import meanings, run_highs
 
 __all__ = ["attempt"]
 

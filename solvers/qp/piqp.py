@@ -9,8 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
-from ..backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
 from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
 

@@ -10,8 +10,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_tolerance, stop_reason
-from ..backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import (
+    Clock,
+    Ended,
+    Ending,
+    Meaning,
+    limit_reached,
+    solver_tolerance,
+    stop_reason,
+)
 from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
 from .forms import SplitForm
 

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending
-from ..backend import Feature, Option, Request
+from ..contract.backend import Feature, Option, Request
+from ..programs.attempts import Clock, Ended, Ending
 from .base import COMMON, POLISH, QuadraticBackend, told, too_large
 from .forms import ConicForm
 

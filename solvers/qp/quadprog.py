@@ -8,8 +8,8 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation
 from ...models.programs.linear import QuadraticProgram
-from ..attempts import Clock, Ended, Ending
-from ..backend import Request
+from ..contract.backend import Request
+from ..programs.attempts import Clock, Ended, Ending
 from .base import QuadraticBackend, too_large
 from .forms import ConicForm, independent_rows
 

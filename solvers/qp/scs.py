@@ -10,9 +10,17 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...models.programs.cones import ConeKind, order
-from ..attempts import Clock, Ended, Ending, Meaning, limit_reached, solver_options, stop_reason
-from ..backend import Feature, Limit, Option, Request
 from ..conic.base import ConvexBackend
+from ..contract.backend import Feature, Limit, Option, Request
+from ..programs.attempts import (
+    Clock,
+    Ended,
+    Ending,
+    Meaning,
+    limit_reached,
+    solver_options,
+    stop_reason,
+)
 from .base import COMMON, EPS, POLISH, first_order_precision, slice_iterations, time_left
 from .forms import ConicForm, Convex, columnwise
 

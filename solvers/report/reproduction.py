@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from ..crosscheck import Comparison
-from ..verdict import Verdict
+from ..contract.verdict import Verdict
+from ..run.crosscheck import Comparison
 from .tables import table
 from .trials import RecordedTrials
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from ...errors import BackendMissing
 from ...models.problems import model_type, model_types
 from ...models.verification import Verification
-from ..enums import Limit, Termination
+from ..contract.enums import Limit, Termination
 from .fitting import FittedTable, legible
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ __all__ = [
 
 
 class Answered(Protocol):
-    """Fields of a :class:`~crosstrack.solvers.solution.Solution` that these tables show.
+    """Fields of a :class:`~crosstrack.solvers.contract.solution.Solution` that these tables show.
 
     A protocol avoids a circular import, because the module of Solution imports this one.
     """

@@ -34,7 +34,7 @@ _answers: TextIO | None = None
 
 def reserve() -> None:
     """Redirect the standard output of native code to standard error, for the whole process."""
-    from ..output import Diverted
+    from ..processes.output import Diverted
 
     if sys.stdout is sys.__stdout__:
         with contextlib.suppress(OSError):  # one of the two is closed

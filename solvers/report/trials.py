@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...models.model import Model
-from ..crosscheck import compare
-from ..solution import Solution
-from ..verdict import Verdict, judge
+from ..contract.solution import Solution
+from ..contract.verdict import Verdict, judge
+from ..run.crosscheck import compare
 
 __all__ = ["RecordedTrials"]
 

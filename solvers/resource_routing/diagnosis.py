@@ -8,9 +8,9 @@ import numpy as np
 
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.resource import Resource
-from ..backend import Termination
-from ..diagnosis import Diagnosis, Finding
-from ..dispatch import solve
+from ..contract.backend import Termination
+from ..run.diagnosis import Diagnosis, Finding
+from ..run.dispatch import solve
 
 __all__ = ["diagnose_resources"]
 

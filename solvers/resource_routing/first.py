@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.route import Route
-from ..backend import Request
+from ..contract.backend import Request
 
 __all__ = ["first_route", "route_in_time"]
 

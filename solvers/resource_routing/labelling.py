@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ...models.resource_routing.checks import walk_route
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.route import Route
-from ..backend import Request
+from ..contract.backend import Request
 from .native import RouteSearch
 
 if TYPE_CHECKING:

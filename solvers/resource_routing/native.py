@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.resource_routing.route import Route
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
 if TYPE_CHECKING:
     from .elementary import Found

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.route import Route
-from ..backend import Request
+from ..contract.backend import Request
 from .first import route_in_time
 from .narrow_kernels import narrow
 from .network import Network

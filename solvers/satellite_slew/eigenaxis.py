@@ -16,7 +16,16 @@ import numpy as np
 from ...jit import clock
 from ...models.satellite_slew.model import SatelliteSlew
 from ...models.satellite_slew.profile import EigenaxisProfile
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
 from .closed_loop import ClosedLoop, Flight
 from .steering import GeneralisedInverse, PseudoInverse, RobustInverse, SteeringLaw
 

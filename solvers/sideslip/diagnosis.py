@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from ...models.sideslip.data import GRAVITY, Tyre, Vehicle
 from ...models.sideslip.model import SideslipEstimation
-from ..diagnosis import Diagnosis
+from ..run.diagnosis import Diagnosis
 from .signals import Remark, asks, signal_remarks, tells
 
 __all__ = ["critical_speed", "diagnose_sideslip", "gramian"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.sideslip.model import SideslipEstimation
-from ..backend import Request
+from ..contract.backend import Request
 from .mismatch import mismatch
 from .native import Estimate, SideslipBackend
 from .passes import FilterPass, filter_drive, smooth_drive

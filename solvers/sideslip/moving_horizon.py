@@ -14,9 +14,9 @@ from ...models.sideslip.dynamics import Linearised, linearise_path, parameters
 from ...models.sideslip.full_information import least_squares_program
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.stretch import Stretch
-from ..backend import Backend, Request, Termination
-from ..option import Option
-from ..registry import find_backend
+from ..contract.backend import Backend, Request, Termination
+from ..contract.option import Option
+from ..contract.registry import find_backend
 from .kalman import claim
 from .native import Estimate, SideslipBackend
 from .passes import FilterPass, filter_drive

@@ -15,7 +15,7 @@ from ...jit import clock
 from ...models.sideslip.data import UNKNOWN
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
-from ..backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from .gates import apply_gates
 
 __all__ = ["UNKNOWN", "Estimate", "SideslipBackend"]

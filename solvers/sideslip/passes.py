@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...models.sideslip.data import Recording
 from ...models.sideslip.dynamics import Linearised, parameters
 from ...models.sideslip.model import SideslipEstimation
-from ..control import Control
+from ..contract.control import Control
 from .kalman_kernels import filter_path, smooth_path
 from .native import UNKNOWN
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ...models.sideslip.checks import kinematic_differences, kinematic_error
 from ...models.sideslip.data import LEAST
 from ...models.sideslip.model import SideslipEstimation
-from ..backend import Request
-from ..option import Option
+from ..contract.backend import Request
+from ..contract.option import Option
 from .gates import find_contradictions
 from .kalman import KalmanFilter
 from .learning import KernelRegression, StraightLine, Window, training_set

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...models.sideslip.data import GRAVITY, LOW_SPEED, Recording
 from ...models.sideslip.model import SideslipEstimation
-from ..diagnosis import Finding
+from ..run.diagnosis import Finding
 
 __all__ = ["Remark", "asks", "signal_remarks", "tells"]
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.world import BLOCKED, TARGET, Looks
-from ..backend import Request
-from ..option import Option
+from ..contract.backend import Request
+from ..contract.option import Option
 from .dstar_kernels import STUCK, descend, search
 from .native import GIVE_UP, NavigationBackend, Policy
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ..diagnosis import Diagnosis, Finding
+from ..run.diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_unknown_grid", "opening"]
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..gradient import GradientTrainer
-from ..option import Option
-from ..trainer import Course
-from ..weights import Weights
+from ..contract.option import Option
+from ..learning.gradient import GradientTrainer
+from ..learning.trainer import Course
+from ..learning.weights import Weights
 from .imitation import (
     IMITATION,
     TASKS,

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from ...models.unknown_grid.camera import PIXELS, Rendering, overlaps
 from ...models.unknown_grid.rendering import render
-from ..gradient import GradientTrainer
-from ..option import Option
-from ..trainer import Course, Trainer, Training
+from ..contract.option import Option
+from ..learning.gradient import GradientTrainer
+from ..learning.trainer import Course, Trainer, Training
 from .imitation import Scenes, draw_scenes
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.unknown_grid.plan import STEPS
-from ..gradient import GradientTrainer
-from ..option import Option
-from ..trainer import Course
+from ..contract.option import Option
+from ..learning.gradient import GradientTrainer
+from ..learning.trainer import Course
 from .memory import Memory, Observation
 
 if TYPE_CHECKING:

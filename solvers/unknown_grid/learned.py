@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.world import Looks
-from ..backend import Answer, Request
-from ..option import Option
-from ..trainer import one_thread
+from ..contract.backend import Answer, Request
+from ..contract.option import Option
+from ..learning.trainer import one_thread
 from .imitation import choose_actions
 from .memory import Memory
 from .native import PERCEPTION, NavigationBackend

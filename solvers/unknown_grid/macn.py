@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ...models.unknown_grid.world import BLOCKED
-from ..trainer import Course, Trainer, Training
+from ..learning.trainer import Course, Trainer, Training
 from .episodes import EPISODES, RunTrainer
 
 if TYPE_CHECKING:

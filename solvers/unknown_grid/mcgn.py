@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ..trainer import Course, Trainer, Training
+from ..learning.trainer import Course, Trainer, Training
 from . import macn, vin
 from .episodes import EPISODES, DecisionTrainer, RunTrainer
 

@@ -13,8 +13,8 @@ from ...jit import clock
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.plan import ACTIONS, NavigationRuns, Outcome
 from ...models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, TARGET, Looks
-from ..backend import Answer, Backend, Feature, Guarantee, Request, Termination
-from ..option import Option
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
+from ..contract.option import Option
 
 __all__ = ["GIVE_UP", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
 

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidData
-from ..gradient import fill
-from ..weights import read_weights
+from ..learning.gradient import fill
+from ..learning.weights import read_weights
 
 if TYPE_CHECKING:
     import torch

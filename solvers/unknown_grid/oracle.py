@@ -8,7 +8,7 @@ from ...jit import clock
 from ...models.grid_path import GridMap, path_between
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.plan import ACTIONS, STEPS, NavigationRuns, Outcome
-from ..backend import Answer, Backend, Feature, Guarantee, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
 __all__ = ["Oracle"]
 

@@ -161,7 +161,7 @@ def _classify(colours: Floats, view: tuple[int, int], weights: str | None) -> Tr
         raise BackendMissing("perception 'gmgn' needs torch: pip install 'crosstrack[learn]'")
     import torch
 
-    from ..trainer import one_thread
+    from ..learning.trainer import one_thread
     from .gmgn import to_tensor
 
     written = 0 if weights is None else Path(weights).stat().st_mtime_ns

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.world import BLOCKED, Looks
-from ..backend import Request
+from ..contract.backend import Request
 from .dstar_kernels import FAR, STUCK, descend, repair, search
 from .native import GIVE_UP, NO_WAY, NavigationBackend, Policy
 

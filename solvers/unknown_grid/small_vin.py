@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...models.unknown_grid.world import BLOCKED, FREE, TARGET, UNKNOWN
-from ..trainer import Course, Trainer, Training
+from ..learning.trainer import Course, Trainer, Training
 from .imitation import IMITATION, StepTrainer
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..trainer import Course, Trainer, Training
+from ..learning.trainer import Course, Trainer, Training
 from .episodes import EPISODES, DecisionTrainer
 
 if TYPE_CHECKING:

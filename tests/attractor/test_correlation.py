@@ -23,7 +23,7 @@ from crosstrack.solvers.attractor.correlation import (
     drawn_radii,
     pair_counts,
 )
-from crosstrack.solvers.backend import Control, Limit, Request
+from crosstrack.solvers.contract.backend import Control, Limit, Request
 
 BACKEND = CorrelationDimension()
 

@@ -7,7 +7,7 @@ import pytest
 
 import crosstrack as ct
 from crosstrack.models.attractor import AttractorAnalysis
-from crosstrack.solvers.diagnosis import Diagnosis
+from crosstrack.solvers.run.diagnosis import Diagnosis
 
 RNG = np.random.default_rng(41)
 NOISE = RNG.normal(size=1000)

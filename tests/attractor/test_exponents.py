@@ -24,7 +24,7 @@ from crosstrack.solvers.attractor.partings import (
     kantz_radius,
     rosenstein_curve,
 )
-from crosstrack.solvers.backend import Answer, Control, Limit, Request
+from crosstrack.solvers.contract.backend import Answer, Control, Limit, Request
 
 BACKENDS = [Rosenstein(), Kantz()]
 NAMES = [one.name for one in BACKENDS]

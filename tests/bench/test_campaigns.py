@@ -21,10 +21,10 @@ from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import Route
 from crosstrack.solvers import Answer, Guarantee, Limit, Termination
 from crosstrack.solvers.bench import Campaign, Progress, Set, read_records
-from crosstrack.solvers.campaign import LEFT_OUT, Record
-from crosstrack.solvers.isolation import Worker
-from crosstrack.solvers.job import Job
-from crosstrack.solvers.scheduling import Task, run_by_threads
+from crosstrack.solvers.bench.recording import LEFT_OUT, Record
+from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.processes.isolation import Worker
+from crosstrack.solvers.processes.scheduling import Task, run_by_threads
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

@@ -18,9 +18,9 @@ from crosstrack.solvers.bench.draws import (
 )
 from crosstrack.solvers.bench.records import Records, read_records
 from crosstrack.solvers.bench.standing import REFERENCE, TOO_LATE, rank
-from crosstrack.solvers.enums import Termination
-from crosstrack.solvers.solution import Incumbent, Solution
-from crosstrack.solvers.verdict import judge
+from crosstrack.solvers.contract.enums import Termination
+from crosstrack.solvers.contract.solution import Incumbent, Solution
+from crosstrack.solvers.contract.verdict import judge
 
 
 def run(instance, backend, objective, *, seed=0, seconds=1.0, steps=(), size=2, **more):

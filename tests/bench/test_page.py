@@ -16,9 +16,9 @@ from crosstrack.solvers.bench import write_page
 from crosstrack.solvers.bench.chart import Series, draw_steps
 from crosstrack.solvers.bench.pictures import draw_plan
 from crosstrack.solvers.bench.standing import rank
-from crosstrack.solvers.enums import Guarantee, Limit, Termination
-from crosstrack.solvers.solution import Incumbent, Solution
-from crosstrack.solvers.verdict import judge
+from crosstrack.solvers.contract.enums import Guarantee, Limit, Termination
+from crosstrack.solvers.contract.solution import Incumbent, Solution
+from crosstrack.solvers.contract.verdict import judge
 
 EVIL = "<script>window.hit=1</script>\"'><img src=x onerror=window.hit=1>&amp;"
 GOOD = Verification(

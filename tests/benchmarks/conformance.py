@@ -16,7 +16,7 @@ from pathlib import Path
 import crosstrack as ct
 from crosstrack.solvers import find_backend
 from crosstrack.solvers.conformance import cases_for, run_suite
-from crosstrack.solvers.environment import _machine
+from crosstrack.solvers.processes.environment import _machine
 
 
 def main(path: str) -> None:

@@ -5,7 +5,7 @@ import pytest
 from crosstrack.models import BlackBoxMinimisation
 from crosstrack.solvers import Control, Feature, Request, find_backend
 from crosstrack.solvers.black_box import BACKENDS
-from crosstrack.solvers.job import Job
+from crosstrack.solvers.contract.job import Job
 
 #: The packages that a plain installation lacks.
 LACKING = {name for name in BACKENDS if find_backend(name).missing()}

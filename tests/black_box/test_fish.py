@@ -15,10 +15,10 @@ from crosstrack.errors import UnsupportedOption
 from crosstrack.models.black_box.functions import Landscape, Named
 from crosstrack.models.black_box.model import BlackBoxMinimisation
 from crosstrack.models.black_box.plan import BlackBoxPoint
-from crosstrack.solvers.backend import Answer, Control, Limit, Request, Termination
 from crosstrack.solvers.black_box.fish import FishSwarm, HybridFishSwarm, ImprovedFishSwarm
 from crosstrack.solvers.black_box.native import BlackBoxBackend
 from crosstrack.solvers.black_box.random_search import RandomSearch
+from crosstrack.solvers.contract.backend import Answer, Control, Limit, Request, Termination
 
 Floats = NDArray[np.float64]
 

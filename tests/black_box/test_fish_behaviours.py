@@ -11,7 +11,6 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from crosstrack.models.black_box.model import BlackBoxMinimisation
-from crosstrack.solvers.backend import Control, Request
 from crosstrack.solvers.black_box.fish import converged
 from crosstrack.solvers.black_box.fish_moves import (
     attenuation,
@@ -23,6 +22,7 @@ from crosstrack.solvers.black_box.fish_moves import (
 )
 from crosstrack.solvers.black_box.fish_swarms import AdaptiveSwarm, ImprovedSwarm, Swarm
 from crosstrack.solvers.black_box.native import Ended, Objective
+from crosstrack.solvers.contract.backend import Control, Request
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import crosstrack as ct
 from crosstrack.instances.error_correction.generator import random_small, uniform_slab
 from crosstrack.models import ErrorCorrectionRouting
 from crosstrack.solvers import Request, find_backend
-from crosstrack.solvers.backend import Limit
+from crosstrack.solvers.contract.backend import Limit
 from crosstrack.solvers.error_correction.airspace import airspace
 from crosstrack.solvers.error_correction.elementary import Found, elementary
 from crosstrack.solvers.error_correction.grid import build, near

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 import crosstrack as ct
 from crosstrack.instances.error_correction import random_small
 from crosstrack.models import ErrorCorrectionRouting, Route
-from crosstrack.solvers.verdict import judge
+from crosstrack.solvers.contract.verdict import judge
 
 FACTORS = (1e-9, 1.0, 1e9)
 THRESHOLDS = ("alpha1", "alpha2", "beta1", "beta2", "theta")

@@ -13,7 +13,7 @@ import crosstrack as ct
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
 from crosstrack.solvers import Limit, Termination
-from crosstrack.solvers.job import GAP
+from crosstrack.solvers.contract.job import GAP
 
 
 def scattered(n: int, vehicles: int, seed: int = 0, **more) -> FleetRouting:

@@ -13,7 +13,7 @@ import crosstrack as ct
 from crosstrack import instances, models, solvers
 from crosstrack.instances import error_correction as ec, minimum_snap as ms, optimal_control as oc
 from crosstrack.models import minimum_snap as mms, optimal_control as moc
-from crosstrack.solvers import stopping
+from crosstrack.solvers.contract import stopping
 
 Call = tuple[str, Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 

@@ -14,8 +14,8 @@ import crosstrack as ct
 from crosstrack.models import ErrorCorrectionRouting, Route
 from crosstrack.models.verification import Verification
 from crosstrack.solvers import Guarantee
-from crosstrack.solvers.control import Control
-from crosstrack.solvers.solution import without_rounding
+from crosstrack.solvers.contract.control import Control
+from crosstrack.solvers.contract.solution import without_rounding
 
 ROUTE = Route((0, 1, 2, 4))
 ROW_7 = (0, 89, 264, 159, 232, 101, 174, 227, 213, 222, 242, 274, 308, 207, 102, 326)

@@ -20,7 +20,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnknownName, UnsupportedOption
 from crosstrack.models import Check, Verification
 from crosstrack.solvers import Guarantee, Solution, Termination
-from crosstrack.solvers.verdict import judge
+from crosstrack.solvers.contract.verdict import judge
 
 
 @pytest.fixture
@@ -232,7 +232,7 @@ def test_two_campaigns_do_not_share_a_record(tmp_path, model):
     record = tmp_path / "record.jsonl"
     script = f"""
 import os
-from crosstrack.solvers.campaign import Record
+from crosstrack.solvers.bench.recording import Record
 held = Record({str(record)!r}).__enter__()
 print("mine", flush=True)
 input()
@@ -405,7 +405,7 @@ def test_no_worker_outlives_its_parent(tmp_path):
         """
         import os, crosstrack as ct
         from crosstrack.solvers import Worker
-        from crosstrack.solvers.job import Job
+        from crosstrack.solvers.contract.job import Job
         worker = Worker()
         worker.solve(Job(ct.load("error-correction/example-1"), "label-setting"))
         print(worker.pid, flush=True)

@@ -29,8 +29,8 @@ from crosstrack.solvers import (
     Request,
     Termination,
 )
-from crosstrack.solvers.registry import recommended
-from crosstrack.solvers.stopping import Evaluations, Progress, Stalled, Target
+from crosstrack.solvers.contract.registry import recommended
+from crosstrack.solvers.contract.stopping import Evaluations, Progress, Stalled, Target
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

@@ -15,8 +15,8 @@ from crosstrack.models import MixedIntegerProgram, NonlinearProgram, Route
 from crosstrack.models.fields import frozen
 from crosstrack.models.verification import Check
 from crosstrack.solvers import Answer, Feature, Guarantee, Termination
-from crosstrack.solvers.isolation import Worker
-from crosstrack.solvers.job import Job
+from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.processes.isolation import Worker
 
 MODELS = (
     "error-correction/example-1",

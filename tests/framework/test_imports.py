@@ -103,3 +103,20 @@ def test_every_problem_has_its_folder(room, checkout):
     assert PROBLEMS
     missing = [one for one in PROBLEMS if not (checkout / room / one / "__init__.py").is_file()]
     assert not missing, missing
+
+
+def test_former_modules_of_solvers_are_importable_with_a_warning():
+    with pytest.warns(DeprecationWarning, match=r"is now crosstrack.solvers.contract.registry"):
+        former = importlib.import_module("crosstrack.solvers.registry")
+    from crosstrack.solvers.contract import registry
+
+    assert former.find_backend is registry.find_backend
+    with pytest.raises(AttributeError):
+        former.missing  # noqa: B018
+
+
+def test_the_root_of_solvers_has_at_most_twelve_names_besides_the_problems(checkout):
+    from crosstrack.models.problems import PROBLEMS
+
+    names = {path.stem for path in (checkout / "solvers").iterdir()}
+    assert len(names - {*PROBLEMS, "__init__", "__pycache__"}) <= 12

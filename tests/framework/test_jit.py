@@ -17,9 +17,9 @@ from crosstrack import compilation, jit
 from crosstrack.instances.error_correction.generator import random_small, uniform_slab
 from crosstrack.jit import kernel
 from crosstrack.solvers import Request, find_backend
-from crosstrack.solvers.control import Control
-from crosstrack.solvers.enums import Limit
-from crosstrack.solvers.stopping import Seconds
+from crosstrack.solvers.contract.control import Control
+from crosstrack.solvers.contract.enums import Limit
+from crosstrack.solvers.contract.stopping import Seconds
 
 
 @kernel
@@ -185,8 +185,8 @@ def test_compiling_is_timed_apart_and_no_part_of_the_time_limit(monkeypatch):
 
     monkeypatch.setattr(climb, "dispatcher", Slow())
     told = []
-    from crosstrack.solvers.execution import execute
-    from crosstrack.solvers.job import Job
+    from crosstrack.solvers.contract.job import Job
+    from crosstrack.solvers.run.execution import execute
 
     model = uniform_slab(20_000, (10, 10, 10, 10, 10), seed=3)
     job = Job(model=model, backend="label-setting", time_limit=0.9).resolved()
@@ -222,8 +222,8 @@ def test_compilation_for_a_proof_is_not_part_of_solving(monkeypatch):
     for one in (first, second):
         monkeypatch.setattr(one, "dispatcher", _Lazy(one.py_func))
     monkeypatch.setattr(jit, "_left", 0.0)
-    from crosstrack.solvers.execution import execute
-    from crosstrack.solvers.job import Job
+    from crosstrack.solvers.contract.job import Job
+    from crosstrack.solvers.run.execution import execute
 
     answer = execute(Job(ct.load("error-correction/example-1"), Parted()))
     assert answer.seconds["compile"] >= 1.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from crosstrack.errors import HiddenData, InvalidData, UnsupportedOption
-from crosstrack.solvers import oracles
+from crosstrack.solvers.processes import oracles
 
 
 @contextlib.contextmanager

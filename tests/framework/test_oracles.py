@@ -31,7 +31,7 @@ from crosstrack.solvers import (
     Termination,
     Worker,
 )
-from crosstrack.solvers.job import Job
+from crosstrack.solvers.contract.job import Job
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

@@ -92,7 +92,7 @@ def test_readme_lists_every_extra_with_its_packages(project, checkout):
 def test_a_missing_package_is_installed_by_the_named_extra(project, checkout):
     """A backend's extra brings what it requires; one without an extra requires dependencies only."""
     from crosstrack.models.problems import resolve
-    from crosstrack.solvers.registry import _SOLVERS
+    from crosstrack.solvers.contract.registry import _SOLVERS
 
     extras = extras_of(project)
     own = {re.match(r"[a-z]+", entry)[0] for entry in project["project"]["dependencies"]}
@@ -181,7 +181,7 @@ def installed(wheel, run_python, tmp_path_factory):
 
 def test_the_command_line_and_workers_run_from_the_wheel(installed, run_python, tmp_path):
     away = {"cwd": tmp_path, "PYTHONPATH": str(installed)}
-    where = "import crosstrack.solvers.dispatch as m; print(m.__file__)"
+    where = "import crosstrack.solvers.run.dispatch as m; print(m.__file__)"
     assert run_python("-c", where, **away).startswith(str(installed))
     # Interpreted, because the results are the same and compiling takes a minute.
     names = "label-setting,two-stage,highs:paper"

@@ -15,8 +15,9 @@ from commands import joined
 from fakes import Fixed, Hanging, Patient
 
 import crosstrack as ct
-from crosstrack.solvers import Feature, Guarantee, Worker, isolation
-from crosstrack.solvers.job import Job
+from crosstrack.solvers import Feature, Guarantee, Worker
+from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.processes import isolation
 
 #: An external distribution, whose backends end their process or print to standard output.
 STRANGER = """

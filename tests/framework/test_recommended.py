@@ -5,7 +5,7 @@ import pytest
 import crosstrack as ct
 from crosstrack.instances.catalogue import entries
 from crosstrack.models.verification import TOLERANCE
-from crosstrack.solvers.registry import find_backend, fitting, recommended
+from crosstrack.solvers.contract.registry import find_backend, fitting, recommended
 
 #: Largest accepted excess of the default at the same time limit, relative.
 MARGIN = 0.01

@@ -16,8 +16,8 @@ from crosstrack.models import (
     Trajectory,
 )
 from crosstrack.models.verification import Check, Verification
-from crosstrack.solvers.scaling import PLAIN, Scaling
-from crosstrack.solvers.verdict import judge
+from crosstrack.solvers.contract.verdict import judge
+from crosstrack.solvers.programs.scaling import PLAIN, Scaling
 
 SIZES = (1e-9, 1.0, 1e9)
 
@@ -246,7 +246,7 @@ def test_a_false_bound_contradicts_a_path_however_gentle(name):
 def test_a_worse_plan_is_noted_if_the_best_objective_is_zero():
     """A percentage of nothing does not exist; the campaign met such an instance."""
     from crosstrack.solvers import Guarantee, Solution, Termination
-    from crosstrack.solvers.verdict import judge
+    from crosstrack.solvers.contract.verdict import judge
 
     def answer(name, value, guarantee):
         return Solution(

@@ -190,7 +190,7 @@ def test_ctrl_c_keeps_the_incumbent(model, isolate):
 
 def test_a_time_limit_holds_for_a_backend_that_ignores_stops(model):
     from crosstrack.solvers import Worker
-    from crosstrack.solvers.job import Job
+    from crosstrack.solvers.contract.job import Job
 
     with Worker() as worker:
         worker.solve(Job(model, "label-setting"))
@@ -364,7 +364,7 @@ def test_session_backends_are_found_by_name(model):
 
 def test_a_name_belongs_to_what_the_backend_accepts(model, monkeypatch):
     """`greedy` of the documentation replaced the backend of guided paths."""
-    from crosstrack.solvers import registry
+    from crosstrack.solvers.contract import registry
 
     monkeypatch.setattr(registry, "_session", [])
     register_backend(Fixed("greedy"))

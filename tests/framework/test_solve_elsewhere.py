@@ -45,7 +45,7 @@ def test_external_entry_points_are_found_and_broken_ones_listed(tmp_path):
         assert ct.solve(model).backend == "label-setting"
         try:
             ct.solve(model, "broken")
-        except ct.solvers.backend.BackendMissing:
+        except ct.errors.BackendMissing:
             raise
         except ct.errors.BackendBroken as error:
             print("broken:", error)

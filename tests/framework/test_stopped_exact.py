@@ -8,7 +8,8 @@ import pytest
 import crosstrack as ct
 from crosstrack.instances import error_correction, grid_path, guided_path, resource_routing
 from crosstrack.models import FleetRouting, GridPath, MinimumDerivative
-from crosstrack.solvers import Control, Guarantee, Limit, registry
+from crosstrack.solvers import Control, Guarantee, Limit
+from crosstrack.solvers.contract import registry
 
 
 def fleet():

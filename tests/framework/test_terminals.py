@@ -11,8 +11,8 @@ from commands import run
 
 import crosstrack as ct
 from crosstrack.__main__ import cli
+from crosstrack.solvers.contract.solution import Solution
 from crosstrack.solvers.report import terminal
-from crosstrack.solvers.solution import Solution
 
 SMALL = "error-correction/example-1"
 COMMANDS = {
@@ -64,7 +64,9 @@ def test_nothing_is_cut(name, monkeypatch, tmp_path):
     printed = []
     monkeypatch.setattr(terminal, "show", lambda *parts: printed.extend(parts))
     if name == "demo":
-        monkeypatch.setattr("crosstrack.solvers.registry.fitting", lambda _: ("label-setting",))
+        monkeypatch.setattr(
+            "crosstrack.solvers.contract.registry.fitting", lambda _: ("label-setting",)
+        )
     (tmp_path / "plan.json").write_text(json.dumps([0, 1, 2, 4]))
     run(*COMMANDS[name], code=None, cwd=tmp_path)
     assert printed

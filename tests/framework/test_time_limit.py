@@ -8,8 +8,8 @@ import pytest
 
 import crosstrack as ct
 from crosstrack import compilation, jit
-from crosstrack.solvers import dispatch
-from crosstrack.solvers.job import Job
+from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.run import dispatch
 
 COLD = """
 import sys, time
@@ -158,7 +158,7 @@ def test_models_without_programs_load_no_solver_of_programs(run_python, tmp_path
     said = run_python(
         "-c",
         "import sys, crosstrack as ct\n"
-        "from crosstrack.solvers.registry import recommended\n"
+        "from crosstrack.solvers.contract.registry import recommended\n"
         "for name in ('black-box/easom', 'messenger/B-03-04', 'attractor/ar1'):\n"
         "    print(recommended(ct.load(name)).name)\n"
         "print([name for name in sys.modules if 'solvers.nlp' in name or 'solvers.mip' in name])\n",

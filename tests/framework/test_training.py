@@ -11,10 +11,10 @@ import pytest
 from commands import run
 
 from crosstrack.errors import BackendMissing, InvalidData, UnknownName, UnsupportedOption
-from crosstrack.solvers.option import Option
-from crosstrack.solvers.trainer import Trainer, Training
-from crosstrack.solvers.training import checkpoint_path, find_training, train, trainings
-from crosstrack.solvers.weights import (
+from crosstrack.solvers.contract.option import Option
+from crosstrack.solvers.learning.trainer import Trainer, Training
+from crosstrack.solvers.learning.training import checkpoint_path, find_training, train, trainings
+from crosstrack.solvers.learning.weights import (
     Weights,
     read_arrays,
     read_weights,
@@ -123,7 +123,9 @@ def test_without_a_finished_epoch_there_are_no_weights(tmp_path):
 
 def test_the_time_limit_ends_in_the_middle_of_an_epoch(tmp_path, monkeypatch):
     clock = iter(range(1000))
-    monkeypatch.setattr("crosstrack.solvers.training.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr(
+        "crosstrack.solvers.learning.training.time.perf_counter", lambda: next(clock)
+    )
     done = train(training(), tmp_path / "adder.npz", time_limit=9)
     assert done.ended == "time" and 0 < done.epochs < 5
     assert done.path is not None

@@ -17,7 +17,7 @@ from crosstrack.models import GridPath
 from crosstrack.models.grid_path import GridMap, Sight, line_of_sight
 from crosstrack.models.grid_path.sight import convex_corners, sees
 from crosstrack.solvers import Control, Limit, Termination
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.grid_path.any_angle import AnyAngle
 from crosstrack.solvers.grid_path.any_angle_kernels import STOPPED, search
 from crosstrack.solvers.grid_path.free_paths import line_tables

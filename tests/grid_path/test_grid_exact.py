@@ -14,7 +14,7 @@ from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import GridPath
 from crosstrack.models.grid_path import GridMap, distances, path_between
 from crosstrack.models.grid_path.search_kernels import DIAGONAL, STOPPED, STRAIGHT, sweep, trace
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
 from crosstrack.solvers.grid_path.jump_kernels import jump, unroll
 from crosstrack.solvers.grid_path.weighted_kernels import weighted

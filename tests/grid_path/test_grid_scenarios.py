@@ -6,7 +6,7 @@ from grid_path.grids import SCENARIOS, as_printed, keeps_the_rules, movingai
 
 import crosstrack as ct
 from crosstrack.models import GridPath
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
 
 #: Scenarios of each map that are solved in every run of the tests.

@@ -4,7 +4,7 @@ import heapq
 
 import pytest
 
-from crosstrack.solvers.backend import Request, Termination
+from crosstrack.solvers.contract.backend import Request, Termination
 from crosstrack.solvers.guided_path.a_star import AStar
 
 

@@ -9,7 +9,7 @@ from guided_path.searched import settled, shortest, solve
 from hypothesis import given, settings
 
 from crosstrack.models import GuidedPathTour
-from crosstrack.solvers.backend import Control, Limit, Request, Termination
+from crosstrack.solvers.contract.backend import Control, Limit, Request, Termination
 from crosstrack.solvers.guided_path import a_star
 from crosstrack.solvers.guided_path.insertion import InsertIndex
 

@@ -13,10 +13,10 @@ from crosstrack.errors import InvalidData
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.relaxation import Field, euclidean_relaxation
 from crosstrack.solvers import Control, Limit, Request, Termination
+from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.messenger.bound_conic import Chains
 from crosstrack.solvers.messenger.bound_kernels import insertions, proven
 from crosstrack.solvers.messenger.bound_search import OrderSearch, best_orders, flown
-from crosstrack.solvers.registry import find_backend
 
 
 def drawn(seed, n=None, **fixed):

@@ -16,7 +16,7 @@ from crosstrack.instances.messenger import generate
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.interception import intercept
 from crosstrack.solvers import Limit, Termination
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.messenger.decoding import KAPPA, assess, bisect, follow, violation
 from crosstrack.solvers.messenger.greedy_kernels import next_vehicle
 from crosstrack.solvers.messenger.local_search import descend, resample, settle

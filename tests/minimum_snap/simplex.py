@@ -10,8 +10,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import minimize
 
 from crosstrack.models import Trajectory
-from crosstrack.solvers.backend import Request
-from crosstrack.solvers.registry import find_backend
+from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.contract.registry import find_backend
 
 
 def spline(model, durations):

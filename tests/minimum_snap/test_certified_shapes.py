@@ -13,9 +13,9 @@ from crosstrack.models import MinimumSnap
 from crosstrack.models.minimum_snap import FREE
 from crosstrack.models.minimum_snap.polynomials import critical_points
 from crosstrack.solvers import Answer, Termination
-from crosstrack.solvers.certification import DISTANCE, SHAPE
 from crosstrack.solvers.minimum_snap import interior_solver
 from crosstrack.solvers.minimum_snap.direct import Banded
+from crosstrack.solvers.run.certification import DISTANCE, SHAPE
 
 BACKENDS = ["piqp", "proxqp", "osqp", "clarabel", "highs", "quadprog", "scs", "daqp"]
 

@@ -13,7 +13,7 @@ from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOp
 from crosstrack.models import MinimumSnap
 from crosstrack.models.minimum_snap import FREE, MinimumDerivative
 from crosstrack.solvers import Request, find_backend
-from crosstrack.solvers.backend import Limit
+from crosstrack.solvers.contract.backend import Limit
 
 
 # Axes are solved apart: one number of them for each order.

@@ -9,9 +9,9 @@ from minimum_snap.tightness import WIDER, critical, drawn, family
 import crosstrack as ct
 from crosstrack.models.minimum_snap import MinimumDerivative
 from crosstrack.solvers import Guarantee
-from crosstrack.solvers.fallback import go_on
-from crosstrack.solvers.job import Job
-from crosstrack.solvers.registry import guaranteed
+from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.contract.registry import guaranteed
+from crosstrack.solvers.run.fallback import go_on
 
 
 def check(case, backend="auto"):

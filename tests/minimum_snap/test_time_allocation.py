@@ -11,10 +11,10 @@ from allocations import LIMITS, POINTS, spline_cost, walk
 import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import MinimumDerivative, Model, TimeAllocation, Trajectory
+from crosstrack.solvers.contract.registry import recommended
 from crosstrack.solvers.minimum_snap.time_barrier import Barrier
 from crosstrack.solvers.minimum_snap.time_inner import Spline
 from crosstrack.solvers.minimum_snap.time_rules import distance, started, trapezoid
-from crosstrack.solvers.registry import recommended
 
 # -- the model -----------------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from control_declared import rest_to_rest, two_phases
 import crosstrack as ct
 from crosstrack.models import ControlPlan, OptimalControlProblem
 from crosstrack.models.optimal_control.transcription import base
-from crosstrack.solvers import looking
+from crosstrack.solvers.run import looking
 
 
 def path_tracking_robot():

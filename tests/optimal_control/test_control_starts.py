@@ -8,7 +8,7 @@ import pytest
 from control_motions import ABOVE, BELOW, BRYSON, COARSE, CURVE
 
 import crosstrack as ct
-from crosstrack.solvers.crosscheck import rejudged
+from crosstrack.solvers.run.crosscheck import rejudged
 
 
 def test_all_starts_are_kept_and_the_best_is_returned(ways):

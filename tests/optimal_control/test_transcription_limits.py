@@ -11,9 +11,9 @@ from transcribed import catalogue, layers
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
 from crosstrack.models import OptimalControlProblem
-from crosstrack.solvers.backend import Control, Limit
-from crosstrack.solvers.execution import execute
-from crosstrack.solvers.job import Job
+from crosstrack.solvers.contract.backend import Control, Limit
+from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.run.execution import execute
 
 
 def test_a_time_limit_between_meshes_returns_the_last_plan():

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from crosstrack.models.programs.nonlinear import NonlinearProgram
-from crosstrack.solvers.backend import Request
 from crosstrack.solvers.conformance import all_cases
+from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.nlp.base import NonlinearBackend
-from crosstrack.solvers.registry import find_backend
 
 CASES = {name: case for name, case in all_cases().items() if name.startswith("nonlinear")}
 #: Rows that depend on one another leave some solvers without a step: they give up, honestly.

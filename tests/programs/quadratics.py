@@ -9,12 +9,12 @@ import numpy as np
 from hypothesis import strategies as st
 
 from crosstrack.models.programs.linear import QuadraticProgram
-from crosstrack.solvers.attempts import Clock, Ending
-from crosstrack.solvers.backend import Request
 from crosstrack.solvers.conformance import all_cases
 from crosstrack.solvers.conformance.quadratic import quadratic
+from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.programs.attempts import Clock, Ending
 from crosstrack.solvers.qp.base import QuadraticBackend
-from crosstrack.solvers.registry import find_backend
 
 INF = np.inf
 #: Solvers that get along in one process, that of the tests.

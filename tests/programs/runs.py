@@ -46,7 +46,7 @@ def loaded_by_describing(names: Iterable[str], modules: set[str]) -> str:
     """Return which of `modules` are loaded once the backends have been looked up and described."""
     done = python(
         "import sys\n"
-        "from crosstrack.solvers.registry import find_backend\n"
+        "from crosstrack.solvers.contract.registry import find_backend\n"
         f"for name in {tuple(names)!r}:\n"
         "    b = find_backend(name); b.missing(); b.version()\n"
         f"print(sorted({modules!r} & set(sys.modules)))"

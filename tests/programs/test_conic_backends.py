@@ -14,12 +14,12 @@ import pytest
 import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import ConicProgram, QuadraticProgram
-from crosstrack.solvers.backend import Request, Termination
 from crosstrack.solvers.conformance import Matrix, Status, all_cases, cases_for, run_case
 from crosstrack.solvers.conformance.conic import BALL, HYPERBOLA, PSD, conic
 from crosstrack.solvers.conic.proofs import excludes, recedes
+from crosstrack.solvers.contract.backend import Request, Termination
+from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.qp.forms import ConicForm, columnwise
-from crosstrack.solvers.registry import find_backend
 
 from .test_conic_programs import CASES, random_program
 

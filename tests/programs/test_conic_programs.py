@@ -17,10 +17,10 @@ from hypothesis import given, settings, strategies as st
 from crosstrack.errors import InvalidData
 from crosstrack.models import ConeBlock, ConeKind, ConicProgram, Model, ProgramBuilder
 from crosstrack.models.programs.cones import inside, inside_dual, missing, symmetric, triangle
-from crosstrack.solvers.backend import Request
 from crosstrack.solvers.conformance import all_cases
 from crosstrack.solvers.conformance.conic import conic
-from crosstrack.solvers.registry import find_backend
+from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.contract.registry import find_backend
 
 CASES = {name: case for name, case in all_cases().items() if name.startswith("conic")}
 SOLVED = [n for n, c in CASES.items() if c.expectation.point is not None and "duals" not in n]

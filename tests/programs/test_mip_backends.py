@@ -18,10 +18,17 @@ from runs import answer_with, elsewhere, loaded_by_describing, python, unforesee
 
 from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models.programs.linear import MixedIntegerProgram
-from crosstrack.solvers.backend import Answer, Backend, Feature, Limit, Request, Termination
 from crosstrack.solvers.conformance import CaseResult, Matrix, Status, cases_for, run_case
 from crosstrack.solvers.conformance.linear import program
-from crosstrack.solvers.registry import find_backend
+from crosstrack.solvers.contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Limit,
+    Request,
+    Termination,
+)
+from crosstrack.solvers.contract.registry import find_backend
 
 EXPECTED = ("highs", "scipy", "scip", "ortools", "cp-sat", "cvxpy")
 OPTIONAL = ("gurobi",)

@@ -15,10 +15,10 @@ from crosstrack.instances.error_correction.generator import random_small
 from crosstrack.models import Route
 from crosstrack.models.error_correction.arcs import possible_arcs
 from crosstrack.solvers import Request, Worker
-from crosstrack.solvers.attempts import Clock
 from crosstrack.solvers.conformance.limits import hard_knapsack
-from crosstrack.solvers.job import Job
+from crosstrack.solvers.contract.job import Job
 from crosstrack.solvers.mip import scip
+from crosstrack.solvers.programs.attempts import Clock
 
 FORMULATIONS = ("paper", "arc-flow")
 

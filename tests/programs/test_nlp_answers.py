@@ -14,13 +14,13 @@ from nonlinears import CASES, TWICE, asked
 
 from crosstrack.models.programs.blocks import Block
 from crosstrack.models.programs.nonlinear import NonlinearProgram
-from crosstrack.solvers.attempts import Clock, Ended, Ending
-from crosstrack.solvers.backend import Limit, Request, Termination
 from crosstrack.solvers.conformance.nonlinear_posing import nonlinear
+from crosstrack.solvers.contract.backend import Limit, Request, Termination
+from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.nlp.base import NonlinearBackend
 from crosstrack.solvers.nlp.quality import estimated_duals, worst_blocks
 from crosstrack.solvers.nlp.scaled import Scaled
-from crosstrack.solvers.registry import find_backend
+from crosstrack.solvers.programs.attempts import Clock, Ended, Ending
 
 INF = np.inf
 

@@ -19,7 +19,6 @@ from runs import answer_with, elsewhere, loaded_by_describing, python
 import crosstrack as ct
 from crosstrack.errors import BackendBroken, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models.programs.nonlinear import NonlinearProgram
-from crosstrack.solvers.backend import Control, Feature, Limit, Request, Termination
 from crosstrack.solvers.conformance import (
     CaseResult,
     Matrix,
@@ -28,9 +27,10 @@ from crosstrack.solvers.conformance import (
     run_case,
 )
 from crosstrack.solvers.conformance.nonlinear_posing import nonlinear
+from crosstrack.solvers.contract.backend import Control, Feature, Limit, Request, Termination
+from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.nlp.casadi_nlp import CasadiNlp
 from crosstrack.solvers.nlp.quality import explained_duals
-from crosstrack.solvers.registry import find_backend
 
 #: Those that stop when told to and clash with nothing.
 HERE = ("ipopt", "uno", "sqpmethod", "slsqp", "trust-constr")
@@ -132,7 +132,7 @@ def test_importing_the_suite_loads_no_casadi() -> None:
     done = python(
         "import sys\n"
         "from crosstrack.solvers.conformance import cases_for\n"
-        "from crosstrack.solvers.registry import find_backend\n"
+        "from crosstrack.solvers.contract.registry import find_backend\n"
         "assert cases_for(find_backend('clarabel')) and cases_for(find_backend('highs'))\n"
         "assert 'casadi' not in sys.modules"
     )

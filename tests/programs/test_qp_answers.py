@@ -12,10 +12,10 @@ from quadratics import CASES, HERE, Told, asked, programs, told
 
 import crosstrack as ct
 from crosstrack.models.programs.linear import QuadraticProgram
-from crosstrack.solvers.attempts import Ended, Ending
-from crosstrack.solvers.backend import Limit, Request, Termination
 from crosstrack.solvers.conformance.convex import certified
 from crosstrack.solvers.conformance.quadratic import quadratic
+from crosstrack.solvers.contract.backend import Limit, Request, Termination
+from crosstrack.solvers.programs.attempts import Ended, Ending
 from crosstrack.solvers.qp.polishing import polished
 from crosstrack.solvers.qp.proofs import contradiction, examined, recedes
 from crosstrack.solvers.qp.quality import measured

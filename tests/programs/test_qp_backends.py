@@ -24,7 +24,6 @@ from crosstrack.errors import (
     UnsupportedOption,
 )
 from crosstrack.models.programs.linear import QuadraticProgram
-from crosstrack.solvers.backend import Limit, Request, Termination
 from crosstrack.solvers.conformance import (
     CaseResult,
     Matrix,
@@ -34,7 +33,8 @@ from crosstrack.solvers.conformance import (
     run_case,
 )
 from crosstrack.solvers.conformance.quadratic import quadratic
-from crosstrack.solvers.registry import find_backend
+from crosstrack.solvers.contract.backend import Limit, Request, Termination
+from crosstrack.solvers.contract.registry import find_backend
 
 #: Plugins of CasADi's wheel that load, beside qrqp.
 PLUGINS = ("qpoases", "daqp", "highs", "osqp", "proxqp", "piqp", "hpipm")

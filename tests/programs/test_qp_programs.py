@@ -14,8 +14,8 @@ from crosstrack.errors import (
 )
 from crosstrack.models import Model
 from crosstrack.models.programs.linear import QuadraticProgram
-from crosstrack.solvers.backend import Termination
 from crosstrack.solvers.conformance.quadratic import quadratic
+from crosstrack.solvers.contract.backend import Termination
 from crosstrack.solvers.qp.forms import ConicForm, Core, SplitForm, independent_rows
 
 # Forms.

@@ -7,7 +7,7 @@ import pytest
 import crosstrack as ct
 from crosstrack import jit
 from crosstrack.instances.resource_routing import generate_electric, generate_network
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.error_correction.label_setting import LabelSetting
 from crosstrack.solvers.resource_routing import labelling
 from crosstrack.solvers.resource_routing.first import first_route, route_in_time

@@ -8,8 +8,8 @@ import pytest
 
 import crosstrack as ct
 from crosstrack.models import SatelliteSlew
-from crosstrack.solvers import dispatch, fallback
-from crosstrack.solvers.job import Job
+from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.run import dispatch, fallback
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from crosstrack.models.sideslip import Recording, SideslipEstimate, SideslipEstimation, Vehicle
-from crosstrack.solvers.backend import Answer, Request
+from crosstrack.solvers.contract.backend import Answer, Request
 from crosstrack.solvers.sideslip.kalman import KalmanFilter, RtsSmoother
 from crosstrack.solvers.sideslip.passes import FilterPass, filter_drive
 

@@ -25,8 +25,8 @@ import crosstrack as ct
 from crosstrack.instances.sideslip.generator import generate
 from crosstrack.models.sideslip import Recording, SideslipEstimate, SideslipEstimation, Vehicle
 from crosstrack.models.sideslip.dynamics import linearise
-from crosstrack.solvers.backend import Request, Termination
-from crosstrack.solvers.control import Control
+from crosstrack.solvers.contract.backend import Request, Termination
+from crosstrack.solvers.contract.control import Control
 from crosstrack.solvers.sideslip import kalman_kernels, mismatch as mismatches, passes
 from crosstrack.solvers.sideslip.kalman import claim
 from crosstrack.solvers.sideslip.mismatch import mismatch

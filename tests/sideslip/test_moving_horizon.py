@@ -14,7 +14,7 @@ from crosstrack.models.sideslip import Recording, Vehicle
 from crosstrack.models.sideslip.dynamics import advance, measured, parameters
 from crosstrack.models.sideslip.full_information import misfit
 from crosstrack.solvers import find_backend
-from crosstrack.solvers.backend import Answer, Limit, Request, Termination
+from crosstrack.solvers.contract.backend import Answer, Limit, Request, Termination
 from crosstrack.solvers.sideslip.moving_horizon import _root
 
 #: All backends of quadratic programs.

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from crosstrack.instances.unknown_grid import clutter, draw_scenes, enclosed, maze, spiral
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import World
-from crosstrack.solvers.backend import Request
-from crosstrack.solvers.control import Control
+from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.contract.control import Control
 
 drawn = UnknownGridNavigation.drawn
 

@@ -23,8 +23,8 @@ from crosstrack.models.unknown_grid import (
 )
 from crosstrack.models.unknown_grid.plan import ACTIONS, STEPS
 from crosstrack.models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, Looks
-from crosstrack.solvers.backend import Backend, Limit, Request
-from crosstrack.solvers.control import Control
+from crosstrack.solvers.contract.backend import Backend, Limit, Request
+from crosstrack.solvers.contract.control import Control
 from crosstrack.solvers.unknown_grid import dstar_kernels, replanning
 from crosstrack.solvers.unknown_grid.baselines import (
     BaselineOne,

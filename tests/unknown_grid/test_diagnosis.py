@@ -10,7 +10,7 @@ from unknown_grid.scenes import fewest
 import crosstrack as ct
 from crosstrack.errors import HiddenData
 from crosstrack.models import UnknownGridNavigation
-from crosstrack.solvers.diagnosis import Diagnosis
+from crosstrack.solvers.run.diagnosis import Diagnosis
 from crosstrack.solvers.unknown_grid.diagnosis import opening
 
 drawn = UnknownGridNavigation.drawn

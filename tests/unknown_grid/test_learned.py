@@ -15,9 +15,10 @@ from crosstrack.instances.unknown_grid import draw_scene_arrays, draw_scenes
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import Outcome, World
 from crosstrack.models.unknown_grid.world import Looks
-from crosstrack.solvers.registry import find_backend
-from crosstrack.solvers.trainer import Course
-from crosstrack.solvers.training import find_training, train
+from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.learning.trainer import Course
+from crosstrack.solvers.learning.training import find_training, train
+from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights
 from crosstrack.solvers.unknown_grid import small_vin, vin
 from crosstrack.solvers.unknown_grid.imitation import (
     NEVER,
@@ -32,7 +33,6 @@ from crosstrack.solvers.unknown_grid.imitation import (
 from crosstrack.solvers.unknown_grid.learned import LearnedPolicy, SmallVin, Vin
 from crosstrack.solvers.unknown_grid.memory import Memory
 from crosstrack.solvers.unknown_grid.networks import load_network, shipped_weights
-from crosstrack.solvers.weights import Weights, read_weights, write_weights
 
 BACKENDS = {"small-vin": (SmallVin, small_vin), "vin": (Vin, vin)}
 #: Options of a training of a few seconds.

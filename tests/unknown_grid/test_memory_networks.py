@@ -12,9 +12,10 @@ from unknown_grid.scenes import WILD, drawn, run  # noqa: E402
 
 from crosstrack.errors import CrosstrackError, InvalidData  # noqa: E402
 from crosstrack.instances.unknown_grid import draw_scene_arrays, draw_scenes  # noqa: E402
-from crosstrack.solvers.gradient import arrays_of  # noqa: E402
-from crosstrack.solvers.trainer import Course, one_thread  # noqa: E402
-from crosstrack.solvers.training import find_training  # noqa: E402
+from crosstrack.solvers.learning.gradient import arrays_of  # noqa: E402
+from crosstrack.solvers.learning.trainer import Course, one_thread  # noqa: E402
+from crosstrack.solvers.learning.training import find_training  # noqa: E402
+from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights  # noqa: E402
 from crosstrack.solvers.unknown_grid import gmgn, macn, mcgn, vin  # noqa: E402
 from crosstrack.solvers.unknown_grid.dnc import (  # noqa: E402
     Interface,
@@ -34,7 +35,6 @@ from crosstrack.solvers.unknown_grid.imitation import Scenes, Task, Walk  # noqa
 from crosstrack.solvers.unknown_grid.learned import Macn, Mcgn  # noqa: E402
 from crosstrack.solvers.unknown_grid.networks import shipped_weights  # noqa: E402
 from crosstrack.solvers.unknown_grid.value_iteration import build_planner  # noqa: E402
-from crosstrack.solvers.weights import Weights, read_weights, write_weights  # noqa: E402
 
 #: Networks with a memory: module, and the part of the run for the training.
 NETWORKS = {"macn": (macn, 0), "mcgn-1": (mcgn.First, 1)}

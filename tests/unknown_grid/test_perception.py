@@ -12,8 +12,8 @@ from crosstrack.errors import BackendMissing, InvalidData
 from crosstrack.instances.unknown_grid import draw_scene_arrays, draw_scenes
 from crosstrack.models.unknown_grid import Rendering
 from crosstrack.models.unknown_grid.rendering import render
-from crosstrack.solvers.registry import find_backend
-from crosstrack.solvers.training import train
+from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.learning.training import train
 from crosstrack.solvers.unknown_grid.perception import METHODS, perceive
 
 #: Room with a wall and a gap.

@@ -15,10 +15,10 @@ from crosstrack.errors import UnsupportedFormulation
 from crosstrack.instances.unknown_grid import clutter
 from crosstrack.models.unknown_grid import Hover, Outcome
 from crosstrack.solvers import find_backend
-from crosstrack.solvers.gradient import arrays_of
-from crosstrack.solvers.registry import recommended
+from crosstrack.solvers.contract.registry import recommended
+from crosstrack.solvers.learning.gradient import arrays_of
+from crosstrack.solvers.learning.weights import Weights, write_weights
 from crosstrack.solvers.unknown_grid import BACKENDS
-from crosstrack.solvers.weights import Weights, write_weights
 
 LEARNED = ("small-vin", "vin", "macn", "mcgn")
 CLASSICAL = tuple(name for name in BACKENDS if name not in (*LEARNED, "oracle"))

@@ -12,7 +12,7 @@ from crosstrack.errors import InvalidData
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import World
 from crosstrack.models.unknown_grid.world import LOOK, Looks
-from crosstrack.solvers.enums import Limit
+from crosstrack.solvers.contract.enums import Limit
 
 ROOM = ["S...@...", ".@@.@.@.", ".@......", ".@.@@.@T"]
 

@@ -16,7 +16,7 @@ import pytest
 from crosstrack.instances.attractor.systems import generate
 from crosstrack.solvers.attractor.correlation import CorrelationDimension
 from crosstrack.solvers.attractor.exponents import Kantz, Rosenstein
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 
 #: System, period, delay, dimension, Theiler window, the known exponent and correlation dimension.
 SYSTEMS = (

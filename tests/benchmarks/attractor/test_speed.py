@@ -24,7 +24,7 @@ from crosstrack.instances.attractor.systems import generate
 from crosstrack.models import AttractorAnalysis
 from crosstrack.solvers.attractor.correlation import CorrelationDimension, pair_counts
 from crosstrack.solvers.attractor.exponents import Kantz, Rosenstein
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 
 BACKENDS = [Rosenstein(), Kantz(), CorrelationDimension()]
 SIZES = [1_000, 10_000, 100_000, 1_000_000]

@@ -18,7 +18,7 @@ from benchmarks.ledger import Ledger
 
 import crosstrack as ct
 from crosstrack.solvers.bench import Campaign, Set, read_records, write_page
-from crosstrack.solvers.scheduling import Task
+from crosstrack.solvers.processes.scheduling import Task
 
 ROUNDS = 3
 RECORDS = Path(__file__).parents[3] / "docs" / "campaign" / "records.jsonl"

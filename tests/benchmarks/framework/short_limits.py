@@ -29,7 +29,7 @@ from typing import Any
 
 import crosstrack as ct
 from crosstrack.instances import catalogue
-from crosstrack.solvers.registry import backend_names, find_backend
+from crosstrack.solvers.contract.registry import backend_names, find_backend
 
 #: Seconds beyond the limit that a call may take: the last polls of the clock, and the verification.
 GRACE = 0.5
@@ -109,7 +109,9 @@ def main() -> None:
     parser.add_argument("--limits", type=float, nargs="+", default=[1.0, 3.0, 10.0])
     parser.add_argument("--names", nargs="+", default=["*"])
     parser.add_argument("--backends", choices=("auto", "all"), default="auto")
-    parser.add_argument("--warm", action="store_true", help="use the present cache of compiled code")
+    parser.add_argument(
+        "--warm", action="store_true", help="use the present cache of compiled code"
+    )
     parser.add_argument("--processes", type=int, default=2, help="processes side by side")
     options = parser.parse_args()
     done = read(options.records)

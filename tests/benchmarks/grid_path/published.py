@@ -20,7 +20,7 @@ from grid_path.grids import SCENARIOS, as_printed, movingai  # noqa: E402
 
 from crosstrack.jit import compile_always  # noqa: E402
 from crosstrack.models import GridPath  # noqa: E402
-from crosstrack.solvers.backend import Request  # noqa: E402
+from crosstrack.solvers.contract.backend import Request  # noqa: E402
 from crosstrack.solvers.grid_path.any_angle import AnyAngle  # noqa: E402
 from crosstrack.solvers.grid_path.exact import JumpPoint  # noqa: E402
 from crosstrack.solvers.grid_path.rrt_star import RRTStar  # noqa: E402

@@ -32,7 +32,7 @@ from scipy.sparse.csgraph import dijkstra
 from crosstrack.models import GridPath
 from crosstrack.models.grid_path import GridMap, distances
 from crosstrack.models.grid_path.search_kernels import sweep, trace
-from crosstrack.solvers.backend import Request
+from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
 from crosstrack.solvers.grid_path.jump_kernels import jump, unroll
 

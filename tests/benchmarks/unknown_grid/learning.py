@@ -14,7 +14,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
 
 from benchmarks.measured import write  # noqa: E402
 
-from crosstrack.solvers.weights import read_arrays  # noqa: E402
+from crosstrack.solvers.learning.weights import read_arrays  # noqa: E402
 
 HEADS = {"network": "", "epoch": "d", "batches": "d", "examples": "d", "best score": ".1f"}
 SAID = (

@@ -1,0 +1,1 @@
+"""What a backend is and returns: request, answer, solution, limits, registry, verdict."""

@@ -1,0 +1,1 @@
+"""Training of policies and estimators: trainer, gradient steps and files of weights."""

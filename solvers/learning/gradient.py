@@ -1,0 +1,177 @@
+"""Gradient-based training: base class of the trainers of PyTorch networks."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from .trainer import Course, Trainer
+from .weights import Weights
+
+if TYPE_CHECKING:
+    import torch
+
+__all__ = ["GradientTrainer", "arrays_of", "fill"]
+
+
+def arrays_of(network: torch.nn.Module) -> dict[str, NDArray[Any]]:
+    """Return copies of the parameters and buffers of a network, by name.
+
+    Integer buffers are omitted, because they only count.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+        The network.
+    """
+    entries = network.state_dict().items()
+    return {
+        name: tensor.detach().numpy().copy()
+        for name, tensor in entries
+        if tensor.is_floating_point()
+    }
+
+
+def fill(network: torch.nn.Module, weights: Weights) -> None:
+    """Load weights into a network after checking their names, shapes and types.
+
+    Parameters
+    ----------
+    network : torch.nn.Module
+        The network, changed in place.
+    weights : Weights
+        The weights.
+
+    Raises
+    ------
+    InvalidData
+        The weights do not fit the network.
+    """
+    import torch
+
+    arrays = weights.fit({name: array.shape for name, array in arrays_of(network).items()})
+    network.load_state_dict(
+        {name: torch.from_numpy(array) for name, array in arrays.items()}, strict=False
+    )
+
+
+class GradientTrainer(Trainer):
+    """Trainer with Adam and a cosine learning rate; a subclass draws batches and computes the loss.
+
+    Parameters
+    ----------
+    course : Course
+        Settings of the training.
+    kind : str
+        Name of the network's kind of weights.
+    network : torch.nn.Module
+        Network with its initial weights. Build it after ``torch.manual_seed`` with the course's
+        seed. All parameters must be float32.
+    architecture : mapping of str to int
+        Sizes from which the network was built.
+    batches : int
+        Steps per epoch.
+    rate : float
+        Initial learning rate. It decreases along half a cosine to 2 % of this value.
+    clip : float
+        Largest norm of a gradient; longer ones are scaled down.
+    """
+
+    def __init__(
+        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int],
+        *, batches: int, rate: float, clip: float = 1.0,
+    ) -> None:  # fmt: skip
+        import torch
+
+        self.course, self.kind, self.network = course, kind, network
+        self.architecture, self.batches, self.rate, self.clip = architecture, batches, rate, clip
+        self.optimiser = torch.optim.Adam(network.parameters(), lr=rate)
+
+    def prepare(self, number: int, generator: np.random.Generator) -> None:
+        """Prepare an epoch, for example by drawing its examples. Longer work belongs to `loss`."""
+
+    @abstractmethod
+    def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
+        """Return the mean loss of a batch; batches are numbered from 0 within the epoch."""
+
+    @abstractmethod
+    def judge(self) -> Mapping[str, float]:
+        """Return measures of the current network, including ``"score"`` (higher is better)."""
+
+    def run_epoch(self, number: int, tick: Callable[[], None]) -> Mapping[str, float]:
+        """Train on the batches of an epoch. Batches with a gradient that is not finite are skipped."""
+        import torch
+
+        generator = np.random.default_rng([self.course.seed, number])
+        torch.manual_seed(int(generator.integers(2**63)))
+        self.prepare(number, generator)
+        losses, skipped = [], 0
+        for batch in range(self.batches):
+            tick()
+            done = (number + batch / self.batches) / self.course.epochs
+            for group in self.optimiser.param_groups:
+                group["lr"] = self.rate * (0.02 + 0.98 * (1.0 + math.cos(math.pi * done)) / 2.0)
+            self.network.train()
+            self.optimiser.zero_grad()
+            loss = self.loss(batch, generator)
+            loss.backward()
+            norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.clip)
+            if not bool(torch.isfinite(norm)):
+                skipped += 1
+                continue
+            self.optimiser.step()
+            losses.append(float(loss.detach()))
+        self.network.eval()
+        with torch.inference_mode():
+            judged = self.judge()
+        mean = float(np.mean(losses)) if losses else math.nan
+        return {"loss": mean, **judged, **({"batches left out": skipped} if skipped else {})}
+
+    def weights(self) -> Weights:
+        return Weights(self.kind, arrays_of(self.network), dict(self.architecture))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return the parameters and buffers, and the state of Adam for each parameter."""
+        arrays = {f"network.{name}": tensor for name, tensor in arrays_of(self.network).items()}
+        for number, values in self.optimiser.state_dict()["state"].items():
+            for name, tensor in values.items():
+                arrays[f"adam.{number}.{name}"] = tensor.numpy().copy()
+        return arrays
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        import torch
+
+        network = {
+            name.removeprefix("network."): array
+            for name, array in state.items()
+            if name.startswith("network.")
+        }
+        fill(self.network, Weights(self.kind, network))
+        parameters = list(self.network.parameters())
+        adam: dict[int, dict[str, torch.Tensor]] = {}
+        for name, array in state.items():
+            part, _, rest = name.partition(".")
+            number, _, quantity = rest.partition(".")
+            if part != "adam":
+                continue
+            known = number.isdecimal() and int(number) < len(parameters)
+            shape = tuple(parameters[int(number)].shape) if known and quantity != "step" else ()
+            if (
+                not known
+                or quantity not in ("step", "exp_avg", "exp_avg_sq")
+                or array.shape != shape
+            ):
+                raise InvalidData(
+                    f"checkpoint of {self.kind}: {name} fits no parameter", field=name
+                )
+            adam.setdefault(int(number), {})[quantity] = torch.from_numpy(
+                np.array(array, np.float32)
+            )
+        groups = self.optimiser.state_dict()["param_groups"]
+        self.optimiser.load_state_dict({"state": adam, "param_groups": groups})

@@ -1,0 +1,1 @@
+"""Worker processes: isolation, scheduling, output, interrupts and the oracle channel."""

@@ -1,0 +1,184 @@
+"""Oracle channel: a run in a worker asks questions about hidden data, and the parent answers.
+
+A question is a header of two integers, rows and columns, followed by the numbers of a table. An
+answer has the same format, or is a JSON object with an error. Neither end reads anything else, so
+neither end can execute code in the other one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import struct
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import errors
+from ...errors import CrosstrackError, HiddenData, InvalidData
+
+__all__ = ["Asking", "carried", "raised", "serve"]
+
+Floats = NDArray[np.float64]
+
+_HEADER = struct.Struct("<QQ")
+#: Number of rows that marks an error text.
+_REFUSED = 2**64 - 1
+#: Largest number of values in a table: 1 GB.
+_MOST = 2**27
+
+
+class Asking:
+    """Worker's end of the channel; callable like :attr:`~crosstrack.solvers.Control.oracle`.
+
+    Parameters
+    ----------
+    channel : socket
+        Socket connected to the process that has the hidden data.
+    """
+
+    def __init__(self, channel: socket.socket) -> None:
+        self._channel = channel
+        self._lock = threading.Lock()
+        self._closed = False
+
+    def __call__(self, questions: Floats) -> Floats:
+        """Return the answers. An error of the oracle is raised here.
+
+        Parameters
+        ----------
+        questions : ndarray, shape (m, n)
+            One question per row.
+
+        Returns
+        -------
+        ndarray, shape (m, k)
+
+        Raises
+        ------
+        HiddenData
+            The run has ended.
+        CrosstrackError
+            The error that the oracle raised.
+        """
+        body = _packed(np.asarray(questions, np.float64))
+        with self._lock:
+            if self._closed:
+                raise HiddenData("the run has ended: its model answers no more questions")
+            self._channel.sendall(body)
+            rows, columns = _HEADER.unpack(_read(self._channel, _HEADER.size))
+            if rows != _REFUSED:
+                return _table(self._channel, rows, columns)
+            reason = json.loads(_read(self._channel, columns))
+        raise raised(reason) or InvalidData(reason["message"], field=reason["field"])
+
+    def close(self) -> bool:
+        """Refuse further questions and return True if no thread waits for an answer.
+
+        If it returns False, the process must end, because the next job would receive that answer.
+        """
+        self._closed = True
+        idle = self._lock.acquire(blocking=False)
+        if idle:
+            self._lock.release()
+        return idle
+
+
+def carried(error: BaseException) -> dict[str, Any]:
+    """Return an exception as JSON data for another process, read by :func:`raised`.
+
+    Parameters
+    ----------
+    error : BaseException
+        The exception.
+
+    Returns
+    -------
+    dict
+        Its type, message and field.
+    """
+    return {
+        "type": type(error).__name__,
+        "message": str(error),
+        "field": getattr(error, "field", None),
+    }
+
+
+def raised(data: Mapping[str, Any]) -> CrosstrackError | None:
+    """Return the :class:`CrosstrackError` written by :func:`carried`; None for other exceptions.
+
+    Parameters
+    ----------
+    data : mapping
+        Result of :func:`carried`.
+    """
+    kind = getattr(errors, data["type"], None)
+    if not isinstance(kind, type) or not issubclass(kind, CrosstrackError):
+        return None
+    error = kind.__new__(kind)
+    Exception.__init__(error, data["message"])
+    if data["field"] is not None:
+        error.field = data["field"]  # type: ignore[attr-defined]
+    return error
+
+
+def serve(channel: socket.socket, oracle: Callable[[], Callable[[Any], Any] | None]) -> None:
+    """Answer questions until the channel is closed.
+
+    Parameters
+    ----------
+    channel : socket
+        Socket connected to the worker.
+    oracle : callable
+        Function without arguments that returns the oracle of the current job, or None.
+    """
+    # If this thread ends, it closes the channel, so that the worker does not wait forever.
+    with contextlib.suppress(OSError, EOFError), channel:
+        while True:
+            rows, columns = _HEADER.unpack(_read(channel, _HEADER.size))
+            questions = _table(channel, rows, columns)
+            try:
+                answers = oracle()
+                if answers is None:
+                    raise HiddenData("the model answers no questions during a run")
+                reply = _packed(np.asarray(answers(questions), np.float64))
+            except BaseException as error:
+                # Even sys.exit() in a user's function ends the run only.
+                reply = _refusal(error)
+            channel.sendall(reply)
+
+
+def _refusal(error: BaseException) -> bytes:
+    if not isinstance(error, CrosstrackError):
+        error = InvalidData(f"{type(error).__name__}: {error}", field="oracle")
+    body = json.dumps(carried(error)).encode()
+    return _HEADER.pack(_REFUSED, len(body)) + body
+
+
+def _packed(table: Floats) -> bytes:
+    if table.ndim != 2 or table.size > _MOST:
+        raise InvalidData(
+            f"a table must have two dimensions and at most {_MOST} numbers, got shape {table.shape}"
+        )
+    return _HEADER.pack(*table.shape) + table.tobytes()
+
+
+def _table(channel: socket.socket, rows: int, columns: int) -> Floats:
+    data = _read(channel, rows * columns * 8)
+    return np.frombuffer(data, np.float64).reshape(rows, columns).copy()
+
+
+def _read(channel: socket.socket, size: int) -> bytes:
+    """Return the next `size` bytes; raise ``EOFError`` if the channel ends earlier."""
+    parts = []
+    while size:
+        part = channel.recv(min(size, 2**20))
+        if not part:
+            raise EOFError
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)

@@ -1,0 +1,1 @@
+"""Parts shared by the solvers of programs: attempts, scaling, and adapters of libraries."""

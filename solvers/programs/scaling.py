@@ -1,0 +1,191 @@
+"""Scaling of linear and quadratic programs whose data differ from 1 by orders of magnitude.
+
+The tolerances of solvers are absolute. They ignore thresholds of 1e-9, and claimed programs with data
+of 1e9 infeasible. Rows, continuous columns and the objective are scaled by powers of two, which are
+exact, with one factor per block. Magnitudes within :data:`PLAIN` are not scaled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...models.programs.blocks import Block
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
+from ...models.verification import ROUNDING
+from ..contract.backend import Answer, Request
+
+__all__ = ["PLAIN", "Scaling", "common"]
+
+Vector = NDArray[np.float64]
+
+#: Range of magnitudes that solvers handle without scaling.
+PLAIN = (1e-1, 1e8)
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """A program in scaled units, and the factors of the scaling.
+
+    Parameters
+    ----------
+    program : MixedIntegerProgram or QuadraticProgram
+        The scaled program in the variables ``x / columns``, with its rows times `rows` and its
+        objective divided by `unit`.
+    columns : ndarray, shape (columns,)
+        Units of the columns, powers of two.
+    rows : ndarray, shape (rows,)
+        Factors of the rows, powers of two.
+    unit : float
+        Unit of the objective, a power of two.
+    """
+
+    program: MixedIntegerProgram | QuadraticProgram
+    columns: Vector
+    rows: Vector
+    unit: float
+
+    @classmethod
+    def of(cls, program: MixedIntegerProgram | QuadraticProgram) -> Scaling | None:
+        """Return the scaling of `program`; None if its data need no scaling."""
+        integral = np.zeros(program.size, bool)
+        if isinstance(program, MixedIntegerProgram):
+            integral = program.integral
+        entries = abs(program.matrix)
+        bounds = _largest(program.row_lower, program.row_upper)
+        whole = entries @ sp.diags_array(integral.astype(float))
+        # Magnitude of the right-hand side for the continuous columns of each row.
+        constants = np.maximum(bounds, whole.max(axis=1).toarray().ravel() if whole.nnz else 0.0)
+        # Bounds that are only rounding errors of 0 have no magnitude.
+        constants[constants <= ROUNDING * constants.max(initial=0.0)] = 0.0
+        row = np.repeat(np.arange(program.row_count), np.diff(entries.indptr))
+        is_scaled = constants[row] > 0
+        bounds_of_columns = _largest(program.column_lower, program.column_upper)
+        magnitudes = np.concatenate(
+            [
+                constants[row[is_scaled]] / entries.data[is_scaled],
+                bounds_of_columns[bounds_of_columns > 0],
+            ]
+        )
+        place = np.concatenate([entries.indices[is_scaled], np.flatnonzero(bounds_of_columns)])
+        columns = np.ones(program.size)
+        for block in program._columns:
+            here = (place >= block.start) & (place < block.start + block.size)
+            if not integral[block.slice].any() and here.any():
+                columns[block.slice] = common(float(np.median(magnitudes[here])))
+        plain = (columns == 1.0).all()
+        sized = entries if plain else entries @ sp.diags_array(columns)
+        largest = sized.max(axis=1).toarray().ravel() if sized.nnz else np.zeros(program.row_count)
+        rows = _by_block(program._rows, 1.0 / np.where(largest > 0, largest, 1.0), largest > 0)
+        costs = np.abs(program.cost) * columns
+        changed: dict[str, Any] = {}
+        if isinstance(program, QuadraticProgram):
+            hessian = program.hessian
+            if not plain:
+                hessian = sp.diags_array(columns) @ hessian @ sp.diags_array(columns)
+            costs = np.maximum(costs, np.abs(hessian.diagonal()))
+            changed["hessian"] = hessian
+        unit = common(float(costs.max(initial=0.0)) or 1.0)
+        if plain and (rows == 1.0).all() and unit == 1.0:
+            return None
+        if "hessian" in changed:
+            changed["hessian"] = changed["hessian"] / unit
+        scaled = replace(
+            program,
+            cost=program.cost * columns / unit,
+            offset=program.offset / unit,
+            matrix=sp.diags_array(rows) @ program.matrix @ sp.diags_array(columns),
+            row_lower=program.row_lower * rows,
+            row_upper=program.row_upper * rows,
+            column_lower=program.column_lower / columns,
+            column_upper=program.column_upper / columns,
+            **changed,
+        )
+        return cls(scaled, columns, rows, unit)
+
+    def request(self, request: Request, control: Any) -> Request:
+        """Return `request` in the units of the scaled program.
+
+        Parameters
+        ----------
+        request : Request
+            Request for the given program.
+        control : Control
+            Control of the stage that solves the scaled program.
+        """
+        warm, cutoff = request.warm_start, request.cutoff
+        return replace(
+            request,
+            control=control,
+            warm_start=None if warm is None else np.asarray(warm, float) / self.columns,
+            cutoff=None if cutoff is None else cutoff / self.unit,
+        )
+
+    def answered(self, request: Request, run: Callable[[Any, Request], Answer]) -> Answer:
+        """Run a backend on the scaled program and return its answer in the given units.
+
+        Parameters
+        ----------
+        request : Request
+            Request for the given program. Its control receives incumbents and bounds in given units.
+        run : callable
+            Function ``(program, request) -> Answer``.
+        """
+
+        def report(objective: float, point: Any) -> None:
+            request.control.incumbent(*self.lifted(objective, point))
+
+        def proven(bound: float) -> None:
+            request.control.prove(bound * self.unit)
+
+        with request.control.stage(request.time_limit, report, proven) as control:
+            return self.answer(run(self.program, self.request(request, control)))
+
+    def lifted(self, objective: float, point: Any) -> tuple[float, Any]:
+        """Return objective and point in the given units."""
+        return objective * self.unit, np.asarray(point) * self.columns
+
+    def answer(self, answer: Answer) -> Answer:
+        """Return `answer` in the given units."""
+        primal, dual, duals = answer.primal_bound, answer.dual_bound, answer.duals
+        return replace(
+            answer,
+            point=None if answer.point is None else answer.point * self.columns,
+            primal_bound=None if primal is None else primal * self.unit,
+            dual_bound=None if dual is None else dual * self.unit,
+            duals=None if duals is None else duals * self.rows * self.unit,
+        )
+
+
+def _largest(lower: Vector, upper: Vector) -> Vector:
+    """Return the larger magnitude of two bounds, 0 for infinite ones."""
+    sizes = [np.where(np.isfinite(bound), np.abs(bound), 0.0) for bound in (lower, upper)]
+    return np.maximum(*sizes)
+
+
+def _by_block(blocks: Iterable[Block], factors: Vector, counts: NDArray[np.bool_]) -> Vector:
+    """Return one power of two per block: the median of the given factors, over the selected rows."""
+    powers = np.ones(factors.size)
+    for block in blocks:
+        chosen = factors[block.slice][counts[block.slice]]
+        if chosen.size:
+            powers[block.slice] = 1.0 / common(1.0 / float(np.median(chosen)))
+    return powers
+
+
+def common(magnitude: float) -> float:
+    """Return 1 for a magnitude within :data:`PLAIN`, else the nearest power of two.
+
+    Parameters
+    ----------
+    magnitude : float
+        A positive number.
+    """
+    if PLAIN[0] <= magnitude <= PLAIN[1]:
+        return 1.0
+    return float(2.0 ** np.clip(np.round(np.log2(magnitude)), -500, 500))

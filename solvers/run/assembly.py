@@ -1,0 +1,328 @@
+"""Assembly of a :class:`Solution`: the claim of a run is verified before it is returned."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, show
+from ...models.fields import frozen
+from ...models.verification import Verification
+from ...version import __version__
+from ..contract.enums import Guarantee, Limit, Termination
+from ..contract.job import GAP, Job
+from ..contract.registry import find_backend
+from ..contract.solution import NOTHING, Incumbent, Solution, relative_gap, without_rounding
+from .refinement import CLAIMS_NONE, CLAIMS_PLAN
+
+__all__ = ["Claim", "assemble", "claim_from_data", "claim_to_data"]
+
+log = logging.getLogger("crosstrack")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Result of a run as the backend claims it, before verification.
+
+    Parameters
+    ----------
+    termination : Termination
+        Termination that the backend claims, or the way the run was cut short.
+    limit : Limit, optional
+        The limit that ended it.
+    plan : object, optional
+        The decoded plan.
+    primal_bound, dual_bound : float, optional
+        Claimed objective of the plan, and the lower bound that was proven.
+    proves : bool
+        Whether the dual bound and a claim of infeasibility are proofs.
+    formulation : str, optional
+        Name of the formulation that was solved.
+    seconds, statistics : mapping
+        As in :class:`~crosstrack.solvers.contract.solution.Solution`.
+    incumbents : tuple of Incumbent
+        Better plans over time.
+    duals : ndarray, optional
+        Row multipliers.
+    messages : tuple of str
+        Remarks for the user.
+    undecodable : bool
+        Whether a point could not be decoded to a plan of the model.
+    history : tuple of mapping
+        As in :class:`~crosstrack.solvers.contract.solution.Solution`.
+    """
+
+    termination: Termination
+    limit: Limit | None = None
+    plan: Any = None
+    primal_bound: float | None = None
+    dual_bound: float | None = None
+    proves: bool = False
+    formulation: str | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+    incumbents: tuple[Incumbent[Any], ...] = ()
+    duals: NDArray[Any] | None = None
+    messages: tuple[str, ...] = ()
+    undecodable: bool = False
+    history: tuple[Mapping[str, Any], ...] = ()
+
+
+def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
+    """Verify a claim and return the solution.
+
+    Parameters
+    ----------
+    job : Job
+        The run that was requested.
+    claim : Claim
+        The claim of the backend.
+    witness : object, optional
+        Oracle that answered the questions of the run about hidden data. Its method ``contradiction``
+        returns a text if the plan contradicts its answers.
+
+    Returns
+    -------
+    Solution
+        With a plan only if the plan verifies. A claim that is not proven is weakened: ``OPTIMAL``
+        becomes ``FEASIBLE``, and ``INFEASIBLE`` becomes ``NO_SOLUTION``. The message gives the
+        reason.
+    """
+    backend = find_backend(job.backend, job.model)
+    model = job.model
+    termination, plan, dual = claim.termination, claim.plan, claim.dual_bound
+    messages = list(claim.messages)
+    verification: Verification | None = None
+    rejected: Any = None
+    contradiction = ""
+    seconds = dict(claim.seconds)
+    if termination in CLAIMS_NONE:
+        plan = None
+        exact = backend.guarantee is Guarantee.EXACT
+        if not claim.proves or (termination is Termination.UNBOUNDED and not exact):
+            # An unbounded relaxation does not imply an unbounded model.
+            why = f"a {backend.guarantee} backend cannot prove" if not exact else "nothing proves"
+            messages.append(f"claims {termination}, which {why}")
+            termination = Termination.NO_SOLUTION
+    elif plan is None and termination in CLAIMS_PLAN:
+        messages.append(f"claims {termination} without a point")
+        termination = Termination.FAILED
+    limit, starts_from_warm_start = (
+        claim.limit,
+        plan is None and _returns_warm_start(job, claim, witness),
+    )
+    if starts_from_warm_start:
+        plan = job.warm_start
+        messages.append("the plan is the warm start")
+    plan = _read_only(plan)
+    if plan is not None:
+        begin = time.perf_counter()
+        try:
+            verification = model.verify(plan, tolerance=job.verification_tolerance)
+            if hasattr(witness, "contradiction"):
+                contradiction = witness.contradiction(plan)
+            if contradiction:
+                messages.append(contradiction)
+                rejected = model.plan_to_data(plan)
+            elif not verification.ok:
+                messages.append(f"plan {verification.summary()}")
+                if claim.history:
+                    messages.append(_error_left(verification, job.verification_tolerance))
+                rejected = model.plan_to_data(plan)
+            elif verification.near:
+                # Within the tolerance of the solver, but not strictly feasible: warn.
+                messages.append(f"plan {verification.summary()}")
+                log.warning("%s: plan of %s %s", model.name, backend.name, verification.summary())
+        except InvalidData as error:
+            # The decoded object is not a plan of the model, so no part of it is returned.
+            messages.append(f"the point is no plan: {error}")
+        seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
+    bad = claim.undecodable or bool(contradiction)
+    bad |= plan is not None and (verification is None or not verification.ok)
+    if bad:
+        plan = None
+        if backend.guarantee is Guarantee.RELAXATION:
+            # The point of a relaxation need not be a plan. Its bound is valid anyway.
+            termination, verification, rejected = Termination.NO_SOLUTION, None, None
+        else:
+            termination, dual = Termination.REJECTED, None
+    primal = verification.objective if plan is not None and verification is not None else None
+    if plan is not None and termination in (Termination.NO_SOLUTION, Termination.FAILED):
+        termination = Termination.FEASIBLE  # the last incumbent of the failed run verifies
+    dual = dual if claim.proves else None
+    if termination is Termination.OPTIMAL and claim.proves:
+        dual = claim.primal_bound if dual is None else dual
+        dual = primal if dual is None else dual
+        gap = relative_gap(primal, dual)
+        gap_limit = GAP if job.gap is None else job.gap
+        # The relative gap is meaningless for an optimum of 0.
+        differs = primal is None or dual is None or primal - dual > NOTHING
+        if gap is None or (gap > gap_limit * 1.01 + 1e-6 and differs):
+            messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
+            termination = Termination.FEASIBLE
+    elif termination is Termination.OPTIMAL:
+        messages.append("claims optimal, which nothing proves")
+        termination = Termination.FEASIBLE
+    if primal is not None and dual is not None:
+        assert verification is not None
+        dual = without_rounding(dual, verification, job.verification_tolerance)
+        gap, gap_limit = relative_gap(primal, dual), GAP if job.gap is None else job.gap
+        late = claim.limit is Limit.TIME and backend.guarantee is Guarantee.EXACT
+        may_close = (starts_from_warm_start or late) and claim.termination is not Termination.FAILED
+        if (
+            may_close
+            and termination is Termination.FEASIBLE
+            and gap is not None
+            and gap <= gap_limit
+        ):
+            # The bound of the starting heuristic or of the search below the cutoff closes the gap.
+            termination, limit = Termination.OPTIMAL, None
+    return Solution(
+        model=model.kind,
+        instance=model.name,
+        digest=model.digest,
+        backend=backend.name,
+        formulation=claim.formulation,
+        problem=backend.problem,
+        guarantee=backend.guarantee,
+        termination=termination,
+        limit=limit,
+        primal_bound=primal,
+        dual_bound=dual,
+        plan=plan,
+        stored_plan=None if plan is None else partial(model.plan_to_data, plan),
+        verification=verification,
+        seconds=seconds,
+        incumbents=claim.incumbents,
+        backend_version=backend.version(),
+        version=__version__,
+        options=job.options(),
+        formulation_options=dict(job.formulation_options),
+        seed=job.seed,
+        statistics=dict(claim.statistics),
+        message="; ".join(text for text in messages if text),
+        rejected_plan=rejected,
+        duals=None if plan is None else _read_only(claim.duals),
+        history=claim.history,
+    )
+
+
+def _error_left(verification: Verification, tolerance: float) -> str:
+    """Return the check with the largest violation and the tolerance that would accept the plan."""
+    excess = verification.excess
+    if not math.isfinite(excess):
+        return ""
+    check = max(verification.violated, key=lambda item: item.worst / item.tolerance)
+    text = f"the error left: {check}, {excess:.3g} times what is accepted"
+    # The factor allows for the digits of the plan, which enter a check's tolerance.
+    needed = 1.01 * tolerance * excess
+    return f"{text}; tolerance={needed:.2g} would accept the plan" if needed < 1.0 else text
+
+
+def _returns_warm_start(job: Job, claim: Claim, witness: Any) -> bool:
+    """Return True if the run found no plan and its warm start is a verified one."""
+    backend = find_backend(job.backend, job.model)
+    return (
+        job.warm_start is not None
+        and witness is None  # the witness did not answer questions about the warm start
+        and not claim.undecodable
+        and claim.termination in (Termination.NO_SOLUTION, Termination.FAILED)
+        and backend.guarantee is not Guarantee.RELAXATION
+        # A warm start may be infeasible.
+        and job.model.verify(job.warm_start, tolerance=job.verification_tolerance).ok
+    )
+
+
+def _read_only(value: Any) -> Any:
+    """Return a numeric array as a read-only copy, because the backend may still refer to it."""
+    numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
+    return frozen(value) if numbers else value
+
+
+def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
+    """Return a claim as JSON data, for the channel between a worker process and its caller.
+
+    Parameters
+    ----------
+    job : Job
+        The run, whose model encodes the plan.
+    claim : Claim
+        The claim. It is not verified here.
+    """
+    plan, undecodable, messages = None, claim.undecodable, list(claim.messages)
+    if claim.plan is not None:
+        try:
+            plan = job.model.plan_to_data(claim.plan)
+        except Exception as error:  # the plan of an external backend can be any object
+            undecodable = True
+            messages.append(f"the point {show(claim.plan)} is no plan: {error}")
+    return {
+        "termination": str(claim.termination),
+        "limit": None if claim.limit is None else str(claim.limit),
+        "plan": plan,
+        "primal_bound": claim.primal_bound,
+        "dual_bound": claim.dual_bound,
+        "proves": claim.proves,
+        "formulation": claim.formulation,
+        "seconds": dict(claim.seconds),
+        "statistics": dict(claim.statistics),
+        "incumbents": [
+            [incumbent.seconds, incumbent.objective, incumbent.evaluations]
+            for incumbent in claim.incumbents
+        ],
+        "duals": None if claim.duals is None else claim.duals.tolist(),
+        "messages": messages,
+        "undecodable": undecodable,
+        "history": [dict(row) for row in claim.history],
+    }
+
+
+def claim_from_data(job: Job, data: Mapping[str, Any]) -> Claim:
+    """Return the claim written by :func:`claim_to_data`.
+
+    Parameters
+    ----------
+    job : Job
+        The run, whose model decodes the plan.
+    data : mapping
+        JSON data.
+
+    Returns
+    -------
+    Claim
+        If the plan cannot be decoded, `undecodable` is true and a message gives the reason.
+    """
+    plan, undecodable, messages = None, data["undecodable"], list(data["messages"])
+    if data["plan"] is not None:
+        try:
+            plan = job.model.plan_from_data(data["plan"])
+        except InvalidData as error:
+            undecodable = True
+            messages.append(f"the point is no plan: {error}")
+    return Claim(
+        termination=Termination(data["termination"]),
+        limit=None if data["limit"] is None else Limit(data["limit"]),
+        plan=plan,
+        primal_bound=data["primal_bound"],
+        dual_bound=data["dual_bound"],
+        proves=data["proves"],
+        formulation=data["formulation"],
+        seconds=data["seconds"],
+        statistics=data["statistics"],
+        incumbents=tuple(
+            Incumbent(seconds, objective, evaluations=count)
+            for seconds, objective, count in data["incumbents"]
+        ),
+        duals=None if data["duals"] is None else np.array(data["duals"], float),
+        messages=tuple(messages),
+        undecodable=undecodable,
+        history=tuple(data["history"]),
+    )

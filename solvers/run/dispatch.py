@@ -1,0 +1,254 @@
+"""The verbs :func:`solve` and :func:`verify`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from ...errors import UnsupportedOption
+from ...models.fields import Flag, Optional
+from ...models.model import Model, as_model
+from ...models.records import given
+from ...models.verification import TOLERANCE, Verification, check_tolerance
+from ..contract.backend import Backend, Control, Guarantee
+from ..contract.job import Job
+from ..contract.registry import is_ours, rivals
+from ..contract.solution import Incumbent, Solution
+from ..contract.stopping import Criterion
+from ..processes.environment import require_accounts
+from ..processes.isolation import in_worker
+from ..processes.output import shown
+from ..processes.scheduling import run_together
+from . import fallback
+from .execution import execute, multistart
+
+__all__ = ["run_job", "solve", "verify"]
+
+PlanT = TypeVar("PlanT")
+
+
+def solve(
+    model: Model[PlanT],
+    backend: str | Backend = "auto",
+    *,
+    formulation: str | None = None,
+    formulation_options: Mapping[str, Any] | None = None,
+    time_limit: float | None = None,
+    memory_limit: float | None = None,
+    gap: float | None = None,
+    tolerance: float | None = None,
+    seed: int | None = None,
+    threads: int | None = None,
+    evaluations: int | None = None,
+    target: float | None = None,
+    stop: Criterion | None = None,
+    warm_start: PlanT | Solution[PlanT] | Any = None,
+    starts: int = 1,
+    on_incumbent: Callable[[Incumbent[PlanT]], None] | None = None,
+    isolate: bool | None = None,
+    verbose: bool = False,
+    backend_options: Mapping[str, Any] | None = None,
+) -> Solution[PlanT]:
+    """Solve `model` and verify the answer.
+
+    An answer that fails verification is never returned as a plan: its termination is ``rejected``.
+    A limit does not raise, and after Ctrl-C the incumbent is returned. An option that the backend
+    or formulation does not support raises.
+
+    Parameters
+    ----------
+    model : Model
+        The model to solve.
+    backend : str or Backend
+        A name from :func:`crosstrack.backends`, or ``"auto"``: the first installed exact backend,
+        native algorithms before programs, else one that also proves a bound. If it fails, the next
+        exact backends continue for the rest of the time. Under a time limit, a native heuristic
+        precedes a local solver of programs. The statistics list the backends tried.
+    formulation : str, optional
+        Name of the formulation, for a backend that solves programs. Default: that of the model.
+    formulation_options, backend_options : mapping, optional
+        Options of the formulation and of the backend. Backend options override the common ones.
+    time_limit : float, optional
+        Wall-clock seconds for the call, with building, loading and compiling. A run gets at least half
+        of them, so a slow start of a worker or slow imports can exceed the limit, as does the
+        verification of the answer, which follows. Kernels that cannot be compiled in time are interpreted, the message
+        names them, and a background process compiles them for later calls.
+    memory_limit : float, optional
+        Memory limit in MiB, at least 64; Linux only. The run moves to a worker process, which is
+        killed at the limit. Its last incumbent is kept.
+    gap : float, optional
+        Relative gap at which an exact backend may stop (default 1e-6).
+    tolerance : float, optional
+        Largest accepted violation, in the backend and in the verification (default 1e-6).
+    seed, threads : int, optional
+        Random seed and number of threads, for backends that support them.
+    evaluations : int, optional
+        Limit on the evaluations of the objective, for backends that count them.
+    target : float, optional
+        Objective at which the run stops, for backends that report incumbents.
+    stop : Criterion, optional
+        Further stopping criterion, such as ``Stalled(5.0)`` or criteria joined by ``|`` and ``&``
+        (:mod:`crosstrack.solvers.contract.stopping`), for backends that report incumbents.
+    warm_start : plan, Solution or JSON data, optional
+        Plan to start from. It is verified first and bounds the objective. For formulations on
+        meshes, a plan that does not verify, for example one for another initial state, is a guess.
+    starts : int
+        Number of starts with different seeds, for backends that are not exact. All are kept.
+    on_incumbent : callable, optional
+        Called with each better :class:`~crosstrack.solvers.contract.solution.Incumbent`, in this thread.
+    isolate : bool, optional
+        Whether to run in a worker process. Default: only if the backend cannot be interrupted, or
+        if a conflicting library is loaded.
+    verbose : bool
+        Show the solver's log and each incumbent during the run, as ``INFO`` of the logger
+        ``crosstrack.output``. Without a handler, the log goes to standard error.
+
+    Returns
+    -------
+    Solution
+        The verified plan with its bounds, or the termination of a run without a plan.
+
+    Raises
+    ------
+    BackendMissing, BackendBroken
+        The backend is not installed, or fails for a reason unrelated to the model.
+    UnknownName, UnsupportedOption, UnsupportedFormulation, InvalidData
+        An option, name or formulation is not available.
+    """
+    begin = time.perf_counter()
+    model = as_model(model)
+    isolate = Optional(Flag()).coerce("isolate", isolate, {})
+    job = Job(
+        model=model,
+        backend=backend,
+        formulation=formulation,
+        formulation_options=given("formulation_options", formulation_options),
+        time_limit=time_limit,
+        memory_limit=memory_limit,
+        gap=gap,
+        tolerance=tolerance,
+        seed=seed,
+        threads=threads,
+        evaluations=evaluations,
+        target_value=target,
+        stop=stop,
+        warm_start=None if warm_start is None else model.as_plan(warm_start),
+        starts=starts,
+        verbose=verbose,
+        backend_options=given("backend_options", backend_options),
+        counts_compilation=True,
+    ).resolved()
+    assert isinstance(job.backend, Backend)
+    chosen = isinstance(backend, str) and backend == "auto"
+    job = replace(job, has_fallback=chosen and job.backend.guarantee is Guarantee.EXACT)
+    left = job.after(time.perf_counter() - begin)
+
+    def run(one: Job) -> Solution[Any]:
+        return run_job(one, isolate, on_incumbent)
+
+    with shown(verbose):
+        first = fallback.begin(left, run) if chosen else None
+        solution = run(job.after(time.perf_counter() - begin))
+        if job.has_fallback:
+            solution = fallback.go_on(left, solution, run)
+        solution = fallback.better(job, first, solution)
+    solution = replace(solution, options=job.options())
+    return solution.lasting(time.perf_counter() - begin)
+
+
+def run_job(
+    job: Job, isolate: bool | None, listener: Callable[[Incumbent[Any]], None] | None
+) -> Solution[Any]:
+    """Run `job`, whose backend is resolved, in this process or in a worker."""
+    model = job.model
+    assert isinstance(job.backend, Backend)
+    hides = job.backend.hides(model)
+    if hides and isolate is False:
+        raise UnsupportedOption(
+            f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
+        )
+    if job.memory_limit is not None:
+        require_accounts()
+        if isolate is False:
+            raise UnsupportedOption("memory_limit is kept in a worker process only: isolate=False")
+        isolate = True
+    apart = hides or (needs_worker(job) if isolate is None else isolate)
+    if job.starts > 1 and not hides and isolate is None and listener is None:
+
+        def alone(one: Job, control: Control | None = None) -> Solution[Any]:
+            return in_worker(one) if apart else execute(one, control=control)
+
+        return multistart(job, alone, together=run_together)
+    if not apart:
+        return execute(job, listener=listener)
+    job.target()  # unsupported options raise here, before a process starts
+    if job.starts > 1 and (hides or not is_ours(job.backend)):
+        # Each start is judged in this process.
+        return multistart(job, lambda one, **_: in_worker(one, listener=listener))
+    return in_worker(job, listener=listener)
+
+
+def needs_worker(job: Job) -> bool:
+    """Return True if `job` needs a worker: it cannot be interrupted, or a rival library is loaded."""
+    backend = job.backend
+    assert isinstance(backend, Backend)
+    if backend.requires and not backend.interrupts(job.target().kind):
+        return True
+    return any(module in sys.modules for module in rivals(backend))
+
+
+def verify(
+    model: Model[PlanT],
+    plan: PlanT | Solution[PlanT] | Any,
+    *,
+    tolerance: float = TOLERANCE,
+    formulation: str | None = None,
+    formulation_options: Mapping[str, Any] | None = None,
+) -> Verification:
+    """Check a plan against the raw data of a model.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    plan : plan, Solution or JSON data
+        The plan, from any source.
+    tolerance : float
+        Largest accepted violation, relative to the scale that each check names; > 0 and < 1.
+    formulation : str, optional
+        Encode the plan into this formulation as well, and check every row of the program.
+    formulation_options : mapping, optional
+        Options of the formulation.
+
+    Returns
+    -------
+    Verification
+        One check per constraint, and one per block of rows if a formulation is given.
+
+    Raises
+    ------
+    InvalidData
+        The plan does not belong to this model, or cannot be encoded.
+    UnsupportedOption
+        The tolerance is not a number > 0 and < 1.
+    """
+    model = as_model(model)
+    check_tolerance(tolerance)
+    checked = model.as_plan(plan)
+    found = model.verify(checked, tolerance=tolerance)
+    if formulation is None:
+        return found
+    step: Model[Any] | None = model
+    if not isinstance(formulation, str):
+        type(model).formulation_type(formulation)  # raises UnknownName with what there is
+    while step is not None and formulation not in step.formulations:
+        step = step.lower()  # its plans are the model's own
+    asked = given("formulation_options", formulation_options)
+    written = (model if step is None else step).formulate(formulation, **asked)
+    if not asked:
+        written = written.fitted(checked)
+    rows = written.program.verify(written.encode(checked), tolerance=tolerance)
+    return Verification(found.objective, (*found.checks, *rows.checks))

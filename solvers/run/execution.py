@@ -1,0 +1,367 @@
+"""Execution of one job in this process: build, run, decode, verify."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from ... import jit
+from ...errors import InvalidData
+from ...models.verification import Verification
+from ..contract.backend import Answer, Backend, Control, Request
+from ..contract.enums import Feature, Limit, Termination
+from ..contract.job import GAP, Job
+from ..contract.registry import is_ours
+from ..contract.solution import Solution
+from ..processes.interrupts import on_interrupt
+from .assembly import Claim, assemble
+from .certification import certified
+from .refinement import CLAIMS_NONE, proven_bound, proves, refine
+from .restarts import start_again
+from .running import GRACE, Listener, Run, processors
+
+log = logging.getLogger("crosstrack")
+
+__all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
+
+#: Seconds of a first start whose time is used up before it began.
+NO_TIME = 1e-9
+#: Share of the time limit that interpreted kernels may use if another backend can go on. With an empty cache,
+#: `minimum-snap/corridor-10` at 2 s has a plan in 4 of 4 runs with 0.35 and in 2 of 4 with 0.5, and `gate-2d` at
+#: 3 s, which always has one, is proven optimal in 0 of 4 and 3 of 4.
+INTERPRETED = 0.35
+#: Seconds of the first start above which the other starts run in processes of their own.
+LONG = 1.0
+
+
+def execute(
+    job: Job,
+    *,
+    listener: Listener | None = None,
+    on_prepare: Callable[[bool], None] | None = None,
+    control: Control | None = None,
+) -> Solution[Any]:
+    """Run `job` here and return its verified solution.
+
+    Parameters
+    ----------
+    job : Job
+        The job. Unsupported options raise before anything starts.
+    listener : callable, optional
+        Function called with every :class:`~crosstrack.solvers.contract.solution.Incumbent`, in the caller's
+        thread.
+    on_prepare : callable, optional
+        Function called with True before and False after work that only the first run needs
+        (compilation), which may happen in the middle of a run.
+    control : Control, optional
+        Control that can stop the run from another thread.
+    """
+    if job.starts > 1:
+        return multistart(job, partial(execute, listener=listener), control)
+    begin = time.perf_counter()
+    job = job.resolved()
+    asked = job.model.digest
+    control = control or Control()
+    found = claim(job, listener=listener, on_prepare=on_prepare, control=control)
+    if isinstance(job.backend, Backend) and not is_ours(job.backend):
+        job, found = _as_asked(job, asked, found)
+    with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # the point is verified
+        solution = assemble(job, found)
+    solution = solution.lasting(time.perf_counter() - begin)
+    solution = start_again(job, solution, partial(execute, listener=listener), control)
+    return solution.lasting(time.perf_counter() - begin)
+
+
+def claim(
+    job: Job,
+    *,
+    listener: Listener | None = None,
+    on_prepare: Callable[[bool], None] | None = None,
+    control: Control | None = None,
+) -> Claim:
+    """Run `job` here and return what its backend claims; the parameters are those of :func:`execute`."""
+    share = INTERPRETED if job.has_fallback else 1.0
+    limit = jit.Limit(job.time_limit if job.counts_compilation else None, share)
+    run = Run(job, job.target(), listener, limit)
+    control = control or Control()
+    control.criterion = job.criterion
+    backend = run.target.backend
+
+    @contextmanager
+    def compiling() -> Iterator[None]:
+        tell = None if job.counts_compilation else on_prepare
+        if tell is not None:
+            tell(True)
+        begin = time.perf_counter()
+        with nullcontext() if job.counts_compilation else control.paused():
+            yield
+        run.seconds["compile"] = run.seconds.get("compile", 0.0) + time.perf_counter() - begin
+        if tell is not None:
+            tell(False)
+
+    if job.compiled:
+        jit.compile_always()
+    with compiling():
+        backend.prepare()
+    started = jit.clock()
+    with jit.watched(compiling), jit.within(limit):
+        problem, request = _build(run, control)
+    if job.time_limit is not None:
+        left = job.time_limit - (jit.clock() - started)
+        if job.counts_compilation:
+            left = limit.end - time.perf_counter()
+        request = replace(request, time_limit=max(left, 1e-3))
+    with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):
+        with jit.watched(compiling), jit.within(limit):
+            answer, problem = refine(run, problem, request)
+            answer = certified(run, request, answer)
+        if limit.interpreted:
+            names = ", ".join(sorted(limit.interpreted))
+            run.notes.append(
+                "compiling does not fit in the time limit: interpreted, and compiled in the background "
+                f"for later calls: {names}"
+            )
+        if control.reason is Limit.INTERRUPTED and answer.limit is None:
+            # The interrupt arrived after the solver had finished.
+            answer = replace(answer, limit=Limit.INTERRUPTED)
+        return _claim(run, answer, problem, control.bound)
+
+
+def _as_asked(job: Job, digest: str, found: Claim) -> tuple[Job, Claim]:
+    """Return the job with a copy of its model, and a claim that can be judged with it.
+
+    Arrays are read-only, but an external backend may have replaced a field, a sparse part or a
+    derived value. The digest is therefore computed again from the fields.
+    """
+    try:
+        model = copy.deepcopy(job.model)
+        if model.digest == digest:
+            return replace(job, model=model), found
+    except Exception as error:  # a field may hold any object now
+        log.debug("the digest cannot be computed again", exc_info=error)
+    text = f"the model was changed during the run (digest {digest[:12]} before it): nothing is judged by it, make it anew"
+    return job, Claim(Termination.FAILED, seconds=found.seconds, messages=(*found.messages, text))
+
+
+def _build(run: Run, control: Control) -> tuple[Any, Request]:
+    """Return the problem for the backend, with the warm start verified and encoded."""
+    job, formulation = run.job, run.target.formulation
+    warm, cutoff, seed = job.warm_start, None, job.seed
+    with run.clock("build"):
+        # Where the data of the verification is hidden, the caller has verified the warm start.
+        if warm is not None and not job.model.is_blinded:
+            checked = job.model.verify(warm, tolerance=job.verification_tolerance)
+            near = None if checked.ok or formulation is None else formulation.guessed(warm)
+            if near is None:
+                cutoff = _objective(checked)
+            else:
+                run.notes.append(f"warm start: a guess, for it is {checked.summary()}")
+                warm, formulation = None, near
+                run.target = replace(run.target, formulation=formulation)
+        if formulation is not None and formulation.draws:
+            if seed:
+                formulation = formulation.started(seed)
+                run.target = replace(run.target, formulation=formulation)
+            seed = None
+        if warm is not None and formulation is not None:
+            if cutoff is not None:
+                formulation = formulation.bounded(cutoff)
+                run.target = replace(run.target, formulation=formulation)
+            try:
+                warm = formulation.encode(warm)
+            except InvalidData:
+                if job.formulation_options:
+                    raise
+                # It is for another plan, such as another order of stops.
+                formulation = formulation.fitted(warm)
+                run.target = replace(run.target, formulation=formulation)
+                warm = formulation.encode(warm)
+        seen = run.target.model
+        if run.target.backend.hides(seen):
+            seen = seen.blinded()
+        if formulation is not None:
+            control.prove(formulation.floor)
+        problem: Any = seen if formulation is None else formulation.program
+        for note in () if formulation is None else formulation.notes:
+            run.notes.append(note)
+            log.warning(note)
+    features = run.target.backend.features
+    return problem, Request(
+        gap=GAP if job.gap is None else float(job.gap),
+        tolerance=job.verification_tolerance
+        * (1.0 if formulation is None else formulation.precision),
+        seed=seed if Feature.SEED in features else None,
+        threads=_threads(run),
+        warm_start=warm if Feature.WARM_START in features else None,
+        cutoff=cutoff if Feature.CUTOFF in features else None,
+        evaluations=job.evaluations,
+        target=job.target_value,
+        verbose=job.verbose,
+        options=run.target.backend.checked_options(job.backend_options),
+        control=control,
+    )
+
+
+def _threads(run: Run) -> int | None:
+    """Return the number of threads, limited to the processors of this process with a note."""
+    asked = run.job.threads
+    most = processors()
+    if asked is None or asked <= most:
+        return asked
+    run.notes.append(f"threads={asked}: {most} used, as many as there are processors here")
+    log.warning(run.notes[-1])
+    return most
+
+
+def warm_objective(job: Job) -> float | None:
+    """Return the objective of the warm start; None if it depends on a tolerance.
+
+    Raises
+    ------
+    InvalidData
+        The warm start is not a plan of the model.
+    """
+    return _objective(job.model.verify(job.warm_start, tolerance=job.verification_tolerance))
+
+
+def _objective(checked: Verification) -> float | None:
+    if not checked.ok:
+        raise InvalidData(
+            f"warm_start is no plan of the model: {checked.summary()}", field="warm_start"
+        )
+    return None if checked.within_tolerance else checked.objective
+
+
+def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Claim:
+    """Return what the backend claims, with its point decoded; `reported` is its bound on the way."""
+    target = run.target
+    formulation = target.formulation
+    point = run.last_point if answer.point is None else answer.point
+    plan: Any = None
+    messages = [*run.notes, answer.message]
+    undecodable = False
+    counts = dict(answer.statistics)
+    if point is not None and answer.termination not in CLAIMS_NONE:
+        try:
+            with run.clock("decode"):
+                plan = run.decode(point)
+                if formulation is not None and answer.duals is not None:
+                    plan = formulation.explained(plan, point, answer.duals)
+        except InvalidData as error:
+            messages.append(f"the point is no plan: {error}")
+            undecodable = True
+    if plan is not None and formulation is not None:
+        counts.update(formulation.statistics(plan))
+    known, bound = proves(target), None
+    if known and answer.termination not in CLAIMS_NONE:
+        bounds = (proven_bound(problem, answer), reported)
+        bound = max((one for one in bounds if one is not None), default=None)
+    spent, laps = dict(run.seconds), dict(answer.seconds)
+    seconds = {
+        "build": spent.get("build", 0.0) + laps.pop("build", 0.0),
+        "compile": spent.get("compile", 0.0) + laps.pop("compile", 0.0),
+        "solve": laps.pop("solve", spent.get("run", 0.0)),
+        "decode": spent.get("decode", 0.0),
+        "verify": 0.0,
+        **{part: spent[part] for part in ("refine", "certify") if part in spent},
+        **laps,
+    }
+    return Claim(
+        termination=answer.termination,
+        limit=answer.limit,
+        plan=plan,
+        primal_bound=answer.primal_bound,
+        dual_bound=bound,
+        proves=known,
+        formulation=None if formulation is None else formulation.name,
+        seconds=seconds,
+        statistics=counts,
+        incumbents=tuple(run.incumbents),
+        duals=answer.duals,
+        messages=tuple(messages),
+        undecodable=undecodable,
+        history=tuple(run.history),
+    )
+
+
+def _starts(job: Job) -> list[Job]:
+    """Return one job per start. If the formulation draws starts, the first is its own guess."""
+    formulation = job.target().formulation
+    first = job.seed or 0
+    seeds = list(range(first, first + job.starts))
+    if formulation is not None and formulation.draws:
+        drawn = max(first, 1)
+        seeds = [0, *range(drawn, drawn + job.starts - 1)]
+    return [replace(job, seed=seed, starts=1) for seed in seeds]
+
+
+def multistart(
+    job: Job,
+    run: Callable[..., Solution[Any]],
+    control: Control | None = None,
+    together: Callable[[list[Job]], list[Solution[Any]]] | None = None,
+) -> Solution[Any]:
+    """Run the job from several seeds and return the best result with all of them.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    run : callable
+        Function ``(job, control=…) -> Solution`` that runs one start.
+    control : Control, optional
+        Control that can stop all starts from another thread.
+    together : callable, optional
+        Function that runs the remaining jobs in parallel. It is used if the first start took long
+        enough and no criterion can end the run before the others start.
+    """
+    jobs = _starts(job)
+    begin = time.perf_counter()
+    whole = control or Control()
+    whole.arm(job.time_limit)
+    results: list[Solution[Any]] = []
+    try:
+        with on_interrupt(partial(whole.stop, Limit.INTERRUPTED)):
+            for one in jobs:
+                left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
+                if results and (whole.stopped or (left is not None and left <= 0)):
+                    break
+                if left is not None:
+                    left = max(left, NO_TIME)  # the first start reports the lack of time
+                pays = len(results) == 1 and results[0].seconds.get("total", 0.0) > LONG
+                if together is not None and pays and job.criterion is None:
+                    results += together([replace(one, time_limit=left) for one in jobs[1:]])
+                    if any(result.limit is Limit.INTERRUPTED for result in results):
+                        whole.stop(Limit.INTERRUPTED)
+                    break
+                with whole.stage(left) as part:
+                    results.append(run(replace(one, time_limit=left), control=part))
+                if results[-1].limit in (Limit.INTERRUPTED, Limit.TARGET):
+                    whole.stop(results[-1].limit)
+    finally:
+        whole.disarm()
+    best = min(
+        results,
+        key=lambda s: (
+            s.primal_bound is None,
+            s.primal_bound if s.primal_bound is not None else 0.0,
+        ),
+    )
+    seconds = {
+        part: sum(result.seconds.get(part, 0.0) for result in results) for part in best.seconds
+    }
+    seconds["total"] = time.perf_counter() - begin
+    ended = whole.reason if len(results) < job.starts else None
+    return replace(
+        best,
+        starts=tuple(results),
+        seconds=seconds,
+        options=job.options(),
+        limit=ended or best.limit,
+    )

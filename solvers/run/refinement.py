@@ -1,0 +1,294 @@
+"""Sequences of programs: two strategies for models that a single program cannot represent.
+
+If the programs of a formulation are relaxations, the formulation is tightened: rows are added that
+its solution violates, and every bound of every program is valid for the model. If the programs are
+approximations, the formulation is refined: each solution determines the next mesh, and nothing is
+proven.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidData
+from ...jit import clock
+from ..contract.backend import Answer, Request
+from ..contract.enums import PROVING, Feature, Limit, Termination
+from ..contract.job import Target
+from .confirmation import confirm
+from .looking import SECOND, look_again
+from .running import Run
+
+__all__ = ["CLAIMS_NONE", "CLAIMS_PLAN", "proven_bound", "proves", "refine"]
+
+CLAIMS_PLAN = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEASIBLE)
+CLAIMS_NONE = (Termination.INFEASIBLE, Termination.UNBOUNDED)
+
+
+def proves(target: Target) -> bool:
+    """Return True if bounds and infeasibility of the program are valid for the model.
+
+    Parameters
+    ----------
+    target : Target
+        Backend and formulation of the run.
+    """
+    relaxes = target.formulation is None or target.formulation.relaxes
+    return target.backend.guarantee in PROVING and relaxes
+
+
+def proven_bound(problem: Any, answer: Answer) -> float | None:
+    """Return the lower bound that an answer proves, from its multipliers or else as claimed.
+
+    Parameters
+    ----------
+    problem : Model
+        The program or model that was solved.
+    answer : Answer
+        The answer of the backend.
+
+    Returns
+    -------
+    float or None
+        The bound; None if the answer has none.
+    """
+    if answer.duals is not None and answer.point is not None:
+        # Imported here because it loads SciPy, which native algorithms may not need.
+        from ...models.programs.base import Program
+
+        if isinstance(problem, Program):
+            bound = problem.dual_bound(answer.duals, answer.point)
+            if np.isfinite(bound):
+                return bound
+    return answer.dual_bound
+
+
+@dataclass
+class _Totals:
+    """Seconds and counts of all programs solved so far."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, Any] = field(default_factory=dict)
+    rounds: int = -1
+
+    def add(self, answer: Answer) -> None:
+        self.rounds += 1
+        for part, seconds in answer.seconds.items():
+            self.seconds[part] = self.seconds.get(part, 0.0) + seconds
+        for name, count in answer.statistics.items():
+            # Integers are counts, which add up. Other values, such as residuals, are the last ones.
+            former = self.counts.get(name, 0)
+            whole = isinstance(count, int) and isinstance(former, int)
+            self.counts[name] = count + former if whole else count
+
+    def add_to(self, answer: Answer) -> Answer:
+        """Return `answer` with the seconds and counts of all rounds."""
+        if not self.rounds:
+            return answer
+        counts = {**answer.statistics, **self.counts, "refinements": self.rounds}
+        return replace(answer, seconds=self.seconds, statistics=counts)
+
+
+def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
+    """Run the backend on a sequence of programs until the formulation requests no refinement.
+
+    Parameters
+    ----------
+    run : Run
+        The run; its target changes to the last formulation.
+    problem : Model
+        The first program, or the model of a native algorithm.
+    request : Request
+        Options of the run.
+
+    Returns
+    -------
+    Answer, object
+        The last answer, with seconds and counts summed over all programs, and its program.
+    """
+    totals = _Totals()
+    deadline = None if request.time_limit is None else clock() + request.time_limit
+
+    def attend(program: Any, stage_request: Request) -> Answer:
+        begin = clock()
+        answer = run.attend(program, stage_request)
+        run.spent.append(clock() - begin)
+        totals.add(answer)
+        return answer
+
+    def left() -> float | None:
+        if deadline is None:
+            return None
+        return min(deadline - clock(), run.limit.end - time.perf_counter())
+
+    answer = attend(problem, request)
+    formulation = run.target.formulation
+    if formulation is not None and answer.point is not None:
+        answer, problem = look_again(run, problem, request, answer, left())
+        if SECOND in answer.statistics:
+            totals.counts[SECOND] = answer.statistics[SECOND]
+        strategy = _tighten if formulation.relaxes else _approximate
+        answer, problem = strategy(run, problem, request, answer, attend, left)
+    return totals.add_to(answer), problem
+
+
+Attend = Callable[[Any, Request], Answer]
+Left = Callable[[], float | None]
+
+
+def _refined(run: Run, answer: Answer) -> Any:
+    """Return the refined formulation with its program built; None if none is needed."""
+    formulation = run.target.formulation
+    assert formulation is not None
+    with run.clock("refine"):
+        finer = formulation.refined(answer.point, run.job.verification_tolerance, answer.duals)
+        if finer is not None:
+            finer.program  # noqa: B018 - built here, so that its seconds count as refinement
+        return finer
+
+
+def _reached(request: Request, seconds: float | None) -> Limit | None:
+    """Return the limit that prevents another program; None if the run may continue."""
+    if request.control.stopped:
+        return request.control.reason
+    return Limit.TIME if seconds is not None and seconds <= 0 else None
+
+
+#: Number of earlier programs whose plans are also verified if none was accurate enough.
+LOOKED = 2
+_BETWEEN = "stopped between two refinements of the program"
+
+
+def _tighten(
+    run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
+) -> tuple[Answer, Any]:
+    """Add violated rows to a relaxation until its solution is a plan of the model."""
+    bound = -np.inf
+    while answer.point is not None:
+        finer = _refined(run, answer)
+        if finer is None:
+            return answer, problem
+        if proves(run.target):
+            proven = proven_bound(problem, answer)
+            bound = max(bound, -np.inf if proven is None else proven)
+        solved = answer.termination is Termination.OPTIMAL
+        seconds = left()
+        limit = (answer.limit or _reached(request, seconds)) if solved else answer.limit
+        if limit is not None or not solved:
+            # The point of a relaxation is not a plan of the model.
+            message = _BETWEEN if solved else answer.message
+            answer = Answer(Termination.NO_SOLUTION, limit, message=message)
+            break
+        run.target, problem = replace(run.target, formulation=finer), finer.program
+        warm = None if request.warm_start is None else answer.point
+        if warm is not None and not getattr(problem, "continuous", True):
+            # The warm start is feasible for every program; a rounded fractional point is not.
+            warm = finer.encode(run.job.warm_start)
+        answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
+    if answer.termination not in CLAIMS_NONE and np.isfinite(bound):
+        claimed = -np.inf if answer.dual_bound is None else answer.dual_bound
+        answer = replace(answer, dual_bound=max(bound, claimed))
+    return answer, problem
+
+
+def _approximate(
+    run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
+) -> tuple[Answer, Any]:
+    """Solve finer and finer approximations, each from the last, until one is accurate enough."""
+    rounds: list[_Round] = []
+    ended, failure, settled = "", "", False
+    confirmed: dict[str, Any] = {}
+    while answer.point is not None and answer.termination in CLAIMS_PLAN:
+        formulation = run.target.formulation
+        assert formulation is not None
+        finer = _refined(run, answer)
+        rounds.append((run.target, problem, answer))
+        settled = finer is None and formulation.settled
+        if settled:
+            confirmation = confirm(run, request, answer, left())
+            confirmed, failure = confirmation.statistics, confirmation.failure
+            finer = confirmation.finer
+            settled = finer is None and not failure
+        run.history = [dict(row) for row in formulation.history]
+        if finer is None:
+            break
+        # A point that is not yet optimal is an adequate start.
+        limit: Limit | None = None if answer.limit is Limit.ITERATIONS else answer.limit
+        seconds = left()
+        limit = _reached(request, seconds) or limit
+        if limit is not None:
+            answer = replace(answer, limit=limit, message=_BETWEEN)
+            rounds[-1] = run.target, problem, answer
+            break
+        program = finer.program
+        warm = None
+        if Feature.WARM_START in run.target.backend.features:
+            warm = program.guess
+        run.target, problem = replace(run.target, formulation=finer), program
+        answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
+        if answer.point is None or answer.termination not in CLAIMS_PLAN:
+            ended = f"on the refined program {answer.termination}: {answer.message}".rstrip(": ")
+    if ended:
+        # The last coarser program has the best point so far, which verification judges.
+        last = answer
+        run.target, problem, answer = rounds[-1]
+        answer = replace(answer, limit=last.limit, message=ended)
+        if run.history:
+            failed = dict.fromkeys(run.history[-1]) | {"mesh": len(rounds) + 1, "then": ended}
+            run.history.append(failed)
+    for row, spent in zip(run.history, run.spent, strict=False):
+        row["seconds"] = spent
+    if failure:
+        answer = replace(answer, message=f"not settled: {failure}")
+    if run.history and not (settled and (len(rounds) == 1 or run.history[-1].get("verified"))):
+        answer, problem = _best(run, rounds, answer, problem, settled)
+    return replace(answer, statistics={**answer.statistics, **confirmed}), problem
+
+
+#: Target, program and answer of one round.
+_Round = tuple[Target, Any, Answer]
+
+
+def _best(
+    run: Run, rounds: list[_Round], answer: Answer, problem: Any, settled: bool
+) -> tuple[Answer, Any]:
+    """Return the answer and program of the round whose plan violates the model least.
+
+    Candidates are the last round, the last round that verified, and those with the smallest errors.
+    The last round is returned if it verifies.
+    """
+    last = len(rounds) - 1
+    rows = run.history[: last + 1]
+    verified = [k for k in range(last) if rows[k].get("verified")][-1:]
+    measured = [k for k in range(last) if rows[k].get("error") is not None]
+    nearest = sorted(measured, key=lambda k: float(rows[k]["error"]))[:LOOKED]
+    excesses: list[tuple[float, int]] = []
+    with run.clock("refine"):
+        for k in (last, *verified, *nearest):
+            target, _, candidate = rounds[k]
+            assert target.formulation is not None
+            try:
+                plan = target.formulation.decode(candidate.point)
+            except InvalidData:  # a point without a plan is not the best
+                continue
+            checked = run.job.model.verify(plan, tolerance=run.job.verification_tolerance)
+            excesses.append((checked.excess, k))
+            if checked.excess <= 1.0:
+                break
+    # Plans within the tolerance are equally good: take the first candidate, the last solved.
+    choice = min(excesses, key=lambda pair: max(pair[0], 1.0), default=(np.inf, last))[1]
+    remarks, limit = [answer.message], answer.limit
+    if not settled and not answer.message:
+        remarks = [f"refinement did not settle: {rows[-1]['then']}"]
+    if choice != last:
+        run.target, problem, answer = rounds[choice]
+        if not settled:
+            remarks.append(f"the plan is that of mesh {choice + 1} of {len(rounds)}")
+    if not settled and answer.termination in CLAIMS_PLAN:
+        answer = replace(answer, termination=Termination.FEASIBLE)
+    return replace(answer, limit=limit, message="; ".join(filter(None, remarks))), problem

@@ -1,0 +1,244 @@
+"""Run of a backend: its clock, its incumbents, its thread."""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ... import jit
+from ...errors import CrosstrackError, InvalidData, show
+from ...jit import clock
+from ..contract.backend import Answer, Control, Request
+from ..contract.control import GRACE
+from ..contract.enums import Feature, Limit, Termination
+from ..contract.job import Job, Target
+from ..contract.registry import find_backend, is_plain
+from ..contract.solution import Incumbent
+from ..processes.output import captured, log as output
+
+__all__ = ["GRACE", "PATIENCE", "Listener", "Run", "processors"]
+
+log = logging.getLogger("crosstrack")
+
+#: Seconds that a run in a worker may take to stop once it has a plan or was interrupted.
+PATIENCE = 2.0
+#: Seconds between two checks of the stopping criteria.
+POLL = 0.1
+#: Seconds after the limit before an interpreted loop that does not return is ended by an exception.
+STRETCH = 0.5
+#: Share of the time limit for the heuristic that runs before an exact backend.
+STARTING = 0.3
+
+Listener = Callable[[Incumbent[Any]], None]
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use, which may be fewer than exist."""
+    has_affinity = hasattr(os, "sched_getaffinity")
+    return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
+
+
+@dataclass
+class Run:
+    """State of one job while it runs.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    target : Target
+        Input of the backend. Its formulation changes during refinement.
+    listener : callable, optional
+        Function called with every incumbent, in the caller's thread.
+    limit : jit.Limit, optional
+        Wall-clock limit for compilation.
+    """
+
+    job: Job
+    target: Target
+    listener: Listener | None = None
+    limit: jit.Limit = field(default_factory=lambda: jit.Limit(None))
+    seconds: dict[str, float] = field(default_factory=dict)
+    incumbents: list[Incumbent[Any]] = field(default_factory=list)
+    last_point: Any = None
+    #: Objective of the starter's plan; worse plans of the backend are no incumbents.
+    #: Objective of the starter's plan; worse plans of the backend are not incumbents.
+    start_objective: float = math.inf
+    #: Seconds per program of a formulation that is refined.
+    spent: list[float] = field(default_factory=list)
+    #: Report of the formulation per program.
+    history: list[dict[str, Any]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def clock(self, part: str) -> Iterator[None]:
+        """Add the seconds of the block to `part`, without the time of compilation."""
+        begin = clock()
+        try:
+            yield
+        finally:
+            self.seconds[part] = self.seconds.get(part, 0.0) + clock() - begin
+
+    def decode(self, point: Any) -> Any:
+        """Return the plan that belongs to the point of a backend."""
+        formulation = self.target.formulation
+        return point if formulation is None else formulation.decode(point)
+
+    def accept(self, seconds: float, objective: float, point: Any, evaluations: int | None) -> None:
+        """Store an incumbent and pass it to the listener."""
+        if objective > self.start_objective:
+            return
+        self.last_point = point
+        self.limit.interpretation_end = self.limit.end  # no other backend needs to continue
+        plan = None
+        if self.listener is not None:
+            try:
+                plan = self.decode(point)
+            except InvalidData as error:
+                name = self.target.backend.name
+                log.debug("incumbent %g of %s does not decode: %s", objective, name, error)
+        if self.job.verbose:
+            output.info("incumbent %.10g after %.2f s", objective, seconds)
+        incumbent = Incumbent(seconds, objective, plan, evaluations)
+        self.incumbents.append(incumbent)
+        if self.listener is not None:
+            self.listener(incumbent)
+
+    def _patience(self, control: Control) -> float:
+        """Return the seconds that the run may take to stop."""
+        longest = self.target.backend.patience(self.target.kind)
+        is_patient = control.reason is not Limit.INTERRUPTED and self.last_point is None
+        return longest if control.patience is None or is_patient else min(control.patience, longest)
+
+    def _run(self, problem: Any, request: Request) -> Answer:
+        """Run the backend, after its starter if it has one and there is a time limit."""
+        backend = self.target.backend
+        name = backend.starter(problem) if request.time_limit is not None else ""
+        if not name or request.warm_start is not None:
+            return backend.run(problem, request)
+        assert request.time_limit is not None
+        heuristic = find_backend(name, problem)
+        try:
+            first = request.within(heuristic, problem, time_limit=STARTING * request.time_limit)
+        except jit.OutOfTime:  # the backend may still return a plan without a search
+            return backend.run(problem, request)
+        checked = None if first.point is None else problem.verify(first.point)
+        if checked is None or not checked.ok or checked.within_tolerance:
+            return backend.run(problem, request)
+        self.start_objective = checked.objective
+        request.control.incumbent(checked.objective, first.point)
+        warm = first.point if Feature.WARM_START in backend.features else None
+        answer = backend.run(problem, replace(request, warm_start=warm))
+        counts = {**answer.statistics, "starter": name}
+        value = math.inf if answer.primal_bound is None else answer.primal_bound
+        open_ = answer.termination in (Termination.NO_SOLUTION, Termination.FEASIBLE)
+        if open_ and (answer.point is None or checked.objective < value):
+            return replace(
+                answer, termination=Termination.FEASIBLE, point=first.point,
+                primal_bound=checked.objective, statistics=counts,
+            )  # fmt: skip
+        return replace(answer, statistics=counts)
+
+    def attend(self, problem: Any, request: Request) -> Answer:
+        """Run the backend in a thread, so that this one can handle incumbents, the clock and Ctrl-C.
+
+        A brief run uses this thread; its incumbents are handled when it has ended.
+
+        Parameters
+        ----------
+        problem : Model
+            The program, or the model of a native algorithm.
+        request : Request
+            Options of the run.
+
+        Returns
+        -------
+        Answer
+            ``FAILED`` with the message of the exception if the backend raised one. Exceptions of type
+            :class:`CrosstrackError` are raised again.
+        """
+        control, backend = request.control, self.target.backend
+        brief = backend.is_brief(problem)
+        box: list[Answer | BaseException] = []
+
+        def work() -> None:
+            try:
+                with printed.by_this_thread(), jit.within(self.limit):
+                    box.append(self._run(problem, request))
+            except BaseException as error:  # the waiting thread raises or records it
+                box.append(error)
+            finally:
+                control.events.put(None)
+
+        with (
+            self.clock("run"),
+            captured(request.verbose, quiet=is_plain(backend)) as printed,
+        ):
+            control.arm(None if brief else request.time_limit)
+            thread = threading.Thread(target=work, name=f"crosstrack-{backend.name}", daemon=True)
+            if brief:
+                work()
+            else:
+                thread.start()
+            given_up = False
+            stop_time: float | None = None
+            try:
+                while True:
+                    try:
+                        event = control.events.get(timeout=POLL)
+                    except queue.Empty:
+                        printed.forward()
+                        control.check()
+                        if self.limit.is_interpreted_too_long:
+                            control.stop(Limit.TIME)
+                        if control.stopped:
+                            stop_time = stop_time or time.perf_counter()
+                            late = time.perf_counter() - stop_time
+                            given_up = late > self._patience(control)
+                            if late > STRETCH and thread.ident is not None and not brief:
+                                jit.end_interpretation(thread.ident)
+                        if given_up:
+                            break
+                        continue
+                    if event is None:
+                        break
+                    self.accept(*event)
+            except BaseException:
+                # An exception of the listener or a second Ctrl-C must not leave the backend running.
+                control.stop(Limit.INTERRUPTED)
+                raise
+            finally:
+                control.disarm()
+        if given_up:
+            control.abandon()
+            log.info("backend %s does not stop; its thread is abandoned", backend.name)
+            return Answer(
+                Termination.NO_SOLUTION,
+                control.reason,
+                dual_bound=control.bound,
+                message="did not stop in time; given up",
+            )
+        if not brief:
+            thread.join()
+        outcome = box[0]
+        if isinstance(outcome, Answer):
+            return outcome
+        if isinstance(outcome, jit.OutOfTime):
+            reason = control.reason or Limit.TIME
+            return Answer(Termination.NO_SOLUTION, reason, dual_bound=control.bound)
+        if not isinstance(outcome, BaseException):
+            outcome = TypeError(f"run() must return an Answer, got {show(outcome)}")
+        if isinstance(outcome, CrosstrackError) or not isinstance(outcome, Exception):
+            raise outcome
+        log.error("backend %s failed", backend.name, exc_info=outcome)
+        text = f"{type(outcome).__name__}: {outcome}"
+        limit = Limit.MEMORY if isinstance(outcome, MemoryError) else None
+        return Answer(Termination.FAILED, limit, message=text)
