@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .models.optimal_control.declaration.tables import table as table
     from .models.plots import plot as plot
     from .solvers.bench.running import bench as bench
+    from .solvers.contract.limits import Limits as Limits
     from .solvers.contract.registry import backend_states as backends
     from .solvers.contract.solution import Solution as Solution
     from .solvers.optimal_control.prepared import prepare as prepare
@@ -50,6 +51,7 @@ _get, _, _names = attach(
         "solvers.run.fronts": ("Front",),
         "solvers.optimal_control.prepared": ("prepare",),
         "solvers.run.pareto": ("front",),
+        "solvers.contract.limits": ("Limits",),
         "solvers.contract.solution": ("Solution",),
     },
 )
@@ -58,6 +60,7 @@ __all__ = [
     "CrosstrackError",
     "Diagnosis",
     "Front",
+    "Limits",
     "Solution",
     "__version__",
     "backends",

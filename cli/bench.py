@@ -13,7 +13,6 @@ from .options import INTERRUPTED, NO_ANSWER, VERIFIED, VIOLATED, as_json
 if TYPE_CHECKING:
     from ..models.model import Model
     from ..solvers.bench.records import Records
-    from ..solvers.bench.running import Progress
 
 __all__ = ["bench", "report"]
 
@@ -43,10 +42,6 @@ def bench(
     plan = Campaign.read(campaign)
     target = None if page is None else apart(writable(page, (".html",)), record, campaign)
     with progress(f"{campaign}:") as news:
-
-        def on_progress(records: Progress) -> None:
-            news(str(records))
-
         records = running.bench(
             plan,
             record=record,
@@ -54,7 +49,7 @@ def bench(
             retry=retry,
             workers=workers,
             cluster=cluster,
-            on_progress=on_progress,
+            on_event=lambda event: news(str(event.progress)),
         )
     if target is not None and records.solutions:
         from ..solvers.bench.page import write_page

@@ -12,7 +12,7 @@ from .options import as_json, compare_code, draw, picture_path
 
 if TYPE_CHECKING:
     from ..models.model import Model
-    from ..solvers.contract.solution import Solution
+    from ..solvers.contract.limits import Event
 
 __all__ = ["demo"]
 
@@ -84,14 +84,15 @@ def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **dat
     parts: list[Comparison] = []
     with progress("solving:") as status:
 
-        def on_solution(solution: Solution[Any]) -> None:
-            status(f"{solution.backend} {solution.termination}")
+        def on_event(event: Event) -> None:
+            assert event.solution is not None
+            status(f"{event.backend} {event.solution.termination}")
 
         for group in (native, [name for name in chosen if name not in native]):
             start = rejudged(model, *parts).verdicts[0].best if parts else None
             if group:
                 part = compare(
-                    model, group, time_limit=time_limit, warm_start=start, on_solution=on_solution
+                    model, group, time_limit=time_limit, warm_start=start, on_event=on_event
                 )
                 parts.append(part)
     result = rejudged(model, *parts)

@@ -31,6 +31,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
+    from ..solvers.contract.limits import Event
     from ..solvers.contract.solution import Solution
 
 __all__ = ["compare", "front", "reproduce", "solve"]
@@ -94,6 +95,12 @@ def solve(
     auto = backend == "auto"
     chosen = recommended(model, limits["formulation"]) if auto else find_backend(backend, model)
     with progress(f"{instance}: {backend}") as status:
+
+        def on_event(event: Event) -> None:
+            if event.incumbent is not None:
+                best = event.incumbent
+                status(f"incumbent {best.objective:.10g} after {best.seconds:.1f} s")
+
         solution = dispatch.solve(
             model,
             "auto" if auto else chosen,
@@ -101,7 +108,7 @@ def solve(
             starts=starts,
             isolate=False if in_process else None if is_plain(chosen) else True,
             verbose=verbose,
-            on_incumbent=lambda i: status(f"incumbent {i.objective:.10g} after {i.seconds:.1f} s"),
+            on_event=on_event,
             backend_options=pairs(options, "--option"),
             formulation_options=pairs(formulation_options, "--formulation-option"),
             **only(**limits),
@@ -194,16 +201,17 @@ def compare(
     total, count = len(models) * len(chosen), 0
     with progress(f"0 of {total}") as status:
 
-        def on_solution(solution: Solution[Any]) -> None:
+        def on_event(event: Event) -> None:
             nonlocal count
             count += 1
+            assert event.solution is not None
             status(
-                f"{count} done, last: {solution.instance} {solution.backend} {solution.termination}"
+                f"{count} done, last: {event.instance} {event.backend} {event.solution.termination}"
             )
 
         result = crosscheck.compare(
             models, chosen, record=jsonl, resume=resume, warm_start=start, grace=grace,
-            workers=workers, repeats=repeats, on_solution=on_solution, **only(**limits),
+            workers=workers, repeats=repeats, on_event=on_event, **only(**limits),
         )  # fmt: skip
     if as_json:
         emit(result.to_dict())
@@ -277,7 +285,7 @@ def front(
         common: dict[str, Any] = {
             "backend": backend, "record": jsonl, "resume": resume, **only(**settings),
             "backend_options": pairs(options, "--option"),
-            "on_point": lambda s: status(f"{s.instance} {s.termination}"),
+            "on_event": lambda e: status(f"{e.instance} {e.solution.termination}"),
         }  # fmt: skip
         if sweep is not None and first is not None:
             [(name, values)] = pairs([sweep], "--sweep").items()
@@ -356,7 +364,7 @@ def reproduce(
             rows=positions,
             runs=runs,
             time_limit=time_limit,
-            on_solution=lambda s: status(f"{s.instance} {s.backend} {s.termination}"),
+            on_event=lambda e: status(f"{e.instance} {e.backend}"),
         )
     counts = {str(state): count for state, count in paper.counts.items()}
     if as_json:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Request as Request,
         Termination as Termination,
     )
+    from .contract.limits import Event as Event, EventKind as EventKind, Limits as Limits
     from .contract.registry import (
         BackendState as BackendState,
         backend_names as backend_names,
@@ -64,6 +65,7 @@ __getattr__, __dir__, __all__ = attach(
             "Request",
             "Termination",
         ),
+        "contract.limits": ("Event", "EventKind", "Limits"),
         "contract.registry": (
             "BackendState",
             "backend_names",
@@ -125,7 +127,7 @@ _ROOMS = {
 redirect(
     __name__,
     {
-        "campaign": "bench.recording",
+        "campaign": "run.recording",
         **{name: f"{room}.{name}" for room, names in _ROOMS.items() for name in names.split()},
     },
 )

@@ -20,7 +20,8 @@ from ...models.model import Model
 from ...models.records import Table
 from ...models.verification import TOLERANCE
 from ..contract.backend import Backend, Feature
-from ..contract.job import GAP, LEAST_MEMORY
+from ..contract.job import GAP
+from ..contract.limits import LEAST_MEMORY, Limits
 from ..contract.registry import (
     accepted,
     backend_states,
@@ -212,12 +213,15 @@ class Campaign:
         Folder of the files that the sets name.
     file : str
         Name of the campaign's file, for messages; empty without a file.
+    limits : mapping
+        Fields of :class:`~crosstrack.solvers.contract.limits.Limits` that replace those of the sets.
     """
 
     sets: tuple[Set, ...]
     title: str = ""
     folder: str = "."
     file: str = ""
+    limits: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Campaign:
@@ -371,6 +375,8 @@ class Campaign:
                     column = columns.setdefault((backend.problem, backend.name), len(columns))
                     draws = Feature.SEED in backend.features
                     seeds = part.seeds[: None if draws else 1]
+                    if "seed" in self.limits:
+                        seeds = (self.limits["seed"],)
                     if len(tasks) + len(seeds) * part.repeats > MOST:
                         raise InvalidData(
                             f"a campaign may have at most {MOST} jobs", field="instances"
@@ -408,14 +414,13 @@ class Campaign:
         self, place: tuple[int, int, int], part: Set, model: Model[Any], backend: Backend,
         formulation: str | None, seed: int, repeat: int,
     ) -> Task:  # fmt: skip
-        common: dict[str, Any] = {
-            "formulation_options": {}, "time_limit": part.time_limit, "gap": part.gap,
-            "tolerance": part.tolerance, "seed": seed, "threads": part.threads, "evaluations": None,
-            "target_value": None, "compiled": part.compiled, "memory_limit": part.memory_limit,
-            "repeat": repeat,
+        given = {
+            "time_limit": part.time_limit, "memory_limit": part.memory_limit, "gap": part.gap,
+            "tolerance": part.tolerance, "seed": seed, "threads": part.threads, **self.limits,
         }  # fmt: skip
-        own = part.backend_options.get(backend.name, {})
-        task = task_of(place, model, backend, formulation, common, None, own)
+        options = part.backend_options.get(backend.name, {})
+        others = {"compiled": part.compiled, "repeat": repeat}
+        task = task_of(place, model, backend, formulation, Limits(**given), options, **others)
         task.warm_up = part.warm_up
         return task
 

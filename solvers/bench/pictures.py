@@ -12,7 +12,7 @@ from ...models.model import Model
 from ...models.plots import picture_options, plot
 from ...models.verification import TOLERANCE
 from ..contract.solution import Solution
-from .recording import LEFT_OUT
+from ..run.recording import LEFT_OUT
 
 __all__ = ["Load", "draw_plan"]
 

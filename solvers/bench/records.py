@@ -13,8 +13,8 @@ from ...files import as_path, read_bytes
 from ...models.fields import show
 from ..contract.solution import Solution
 from ..contract.verdict import Outcome, Verdict, judge
+from ..run.recording import lines_of
 from .markup import many
-from .recording import lines_of
 from .standing import Standing, rank, standings_table, who
 
 __all__ = ["Records", "read_records"]

@@ -6,15 +6,25 @@ import contextlib
 import os
 import statistics
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Unpack
 
 from ...errors import BackendMissing, InvalidData, UnsupportedOption
 from ...models.fields import required, show
 from ..contract.enums import Limit, Termination
+from ..contract.limits import (
+    Event,
+    EventKind,
+    LimitOptions,
+    Limits,
+    Listener,
+    limits_of,
+    listener_of,
+    takes_limits,
+)
 from ..contract.solution import Solution
 from ..processes.scheduling import Task, close_kept
 from ..run.crosscheck import checked_pool, run_tasks
@@ -109,6 +119,7 @@ def _span(seconds: float) -> str:
     return f"{minutes:.0f} min" if minutes < 120 else f"{minutes / 60:.1f} h"
 
 
+@takes_limits()
 def bench(
     campaign: Campaign | str | os.PathLike[str],
     *,
@@ -118,7 +129,9 @@ def bench(
     workers: int = 1,
     cluster: str | None = None,
     pool: Executor | None = None,
+    limits: Limits | None = None,
     on_progress: Callable[[Progress], None] | None = None,
+    **options: Unpack[LimitOptions],
 ) -> Records:
     """Run a campaign and return its records.
 
@@ -144,8 +157,17 @@ def bench(
         package. Requires the extra ``cluster``.
     pool : concurrent.futures.Executor, optional
         Other executor that launches the jobs.
+    limits : Limits, optional
+        Record whose fields replace those of the campaign, unless they have their defaults.
     on_progress : callable, optional
-        Function called with a :class:`Progress` when a job starts or ends, by one thread at a time.
+        Deprecated: use `on_event`.
+    time_limit, memory_limit, evaluations, target, gap, tolerance, seed, threads, stop : optional
+        Fields of `limits`, which replace those of the campaign. `seed` replaces its list of seeds.
+    warm_start, starts, verbose : optional
+        As in :func:`crosstrack.compare`.
+    on_event : callable, optional
+        Function called with an :class:`~crosstrack.solvers.contract.limits.Event` when a job starts
+        or ends, by one thread at a time. Its `progress` is a :class:`Progress`.
 
     Returns
     -------
@@ -171,6 +193,10 @@ def bench(
     if retry and not resume:
         raise UnsupportedOption("retry needs resume: without it no failed job is known")
     pool = checked_pool(pool)
+    on_event, changes = _changes(limits, options)
+    listener = listener_of(on_event, "progress", on_progress=on_progress)
+    if changes:
+        campaign = replace(campaign, limits=changes)
     tasks = campaign.tasks
     state, turn = Progress(workers), threading.RLock()
 
@@ -178,8 +204,9 @@ def bench(
         with turn:  # called by the threads that run the jobs
             state.waiting.pop(id(task), None)
             state.running[id(task)] = task
-            if on_progress is not None:
-                on_progress(state)
+            if listener is not None:
+                names = task.job.model.name, _backend(task)
+                listener(Event(EventKind.STARTED, *names, progress=state))
 
     def finished(task: Task, solution: Solution[Any]) -> None:
         with turn:
@@ -189,8 +216,8 @@ def bench(
             state.done += 1
             state.failed += solution.termination in (Termination.FAILED, Termination.REJECTED)
             state.last = solution
-            if on_progress is not None:
-                on_progress(state)
+            if listener is not None:
+                listener(Event.ended(solution, state))
 
     def begun(waiting: Sequence[Task]) -> None:
         state.waiting = {id(task): task for task in waiting}
@@ -221,6 +248,18 @@ def bench(
     finished_answers = [answers[place] for place in sorted(answers)]
     complete = tuple(s for s in finished_answers if s.limit is not Limit.INTERRUPTED)
     return Records(complete, campaign.title, interrupted)
+
+
+def _changes(
+    limits: Limits | None, options: Mapping[str, Any]
+) -> tuple[Listener | None, dict[str, Any]]:
+    """Return the callback, and the fields of the limits that the caller sets."""
+    joined, usual = limits_of("bench", limits, options).fields(), Limits()
+    return joined.pop("on_event"), {
+        name: value
+        for name, value in joined.items()
+        if name in options or value != getattr(usual, name)
+    }
 
 
 def _tidy(client: Any) -> None:

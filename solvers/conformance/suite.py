@@ -179,7 +179,7 @@ def _run(backend: Backend, case: Case, options: Mapping[str, Any]) -> Run:
     incumbents = []
     while not request.control.events.empty():
         event = request.control.events.get()
-        if event is not None:
+        if isinstance(event, tuple):
             incumbents.append(event[:3])
     others = [
         backend.run(case.program, replace(request, control=Control(), **other))

@@ -24,6 +24,7 @@ from ...models.records import Table
 from ...version import __version__
 from .control import GRACE, Control
 from .enums import PROVING, Feature, Guarantee, Limit, Termination
+from .limits import Limits
 from .option import Option
 
 __all__ = [
@@ -282,6 +283,26 @@ class Backend(ABC):
         UnsupportedFormulation
             The solver cannot solve this problem.
         """
+
+    def unsupported(self, limits: Limits) -> dict[str, Any]:
+        """Return the fields of `limits` that this backend does not support, with their defaults."""
+        exact, features = self.guarantee is Guarantee.EXACT, self.features
+        supported = {
+            "gap": Feature.GAP in features,
+            "seed": Feature.SEED in features or self.deterministic,
+            "threads": Feature.THREADS in features,
+            "evaluations": Feature.EVALUATIONS in features,
+            "target": Feature.INCUMBENTS in features,
+            "stop": Feature.INCUMBENTS in features,
+            "warm_start": not features.isdisjoint({Feature.WARM_START, Feature.CUTOFF}),
+            "starts": Feature.SEED in features and not exact,
+        }
+        defaults = Limits()
+        return {
+            name: getattr(defaults, name)
+            for name, accepted in supported.items()
+            if not accepted and getattr(limits, name) != getattr(defaults, name)
+        }
 
     def accepted_kinds(self) -> str:
         """Return the accepted kinds of models as text, separated by commas."""

@@ -43,7 +43,7 @@ class Control:
     oracle : callable, optional
         Function that answers questions about the model's hidden data, see :meth:`ask`.
     proven : callable, optional
-        Function ``(bound)`` called with every improved lower bound, in the thread that reports it.
+        Function ``(bound)`` called with every improved lower bound of a stage.
 
     Attributes
     ----------
@@ -67,9 +67,9 @@ class Control:
     ) -> None:
         self.flag: NDArray[np.int8] = np.zeros(1, np.int8)
         self.reason: Limit | None = None
-        self.events: queue.SimpleQueue[tuple[float, float, Any, int | None] | None] = (
-            queue.SimpleQueue()
-        )
+        #: Incumbents, lower bounds as numbers, and None at the end of the run.
+        self.events: queue.SimpleQueue[tuple[float, float, Any, int | None] | float | None]
+        self.events = queue.SimpleQueue()
         self.started = time.perf_counter()
         self.evaluations = 0
         self.stages = 0
@@ -105,6 +105,7 @@ class Control:
         if self.bound is not None and bound <= self.bound:
             return
         self.bound = bound
+        self.events.put(float(bound))
         if self._proven is not None:
             self._proven(bound)
 

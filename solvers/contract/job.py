@@ -10,47 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
-from ...models.fields import show
 from ...models.formulation import Formulation
 from ...models.model import Model
-from ...models.verification import TOLERANCE, check_number, check_tolerance
-from . import stopping
-from .backend import Backend, Feature, Guarantee
+from ...models.verification import TOLERANCE
+from .backend import Backend
+from .enums import Guarantee
+from .limits import Limits
 from .registry import accepted, default_formulation, find_backend, recommended
-from .stopping import Criterion
 
-__all__ = ["GAP", "LEAST_MEMORY", "UNPOLISHED", "Job", "Target", "check_memory"]
+__all__ = ["GAP", "UNPOLISHED", "Job", "Target"]
 
 #: Default relative gap of exact backends.
 GAP = 1e-6
-#: Smallest memory limit in MiB, below which Python with NumPy cannot run.
-LEAST_MEMORY = 64.0
 #: Share of the time limit that a run gets even if imports and the start of a worker took longer.
 LEAST_SHARE = 0.5
 #: Default options of solvers of quadratic programs in comparisons: the solver's own precision.
 UNPOLISHED: Mapping[str, Any] = {"polish": False}
-
-
-def check_memory(value: Any) -> float:
-    """Return a memory limit in MiB.
-
-    Parameters
-    ----------
-    value : float
-        The limit in MiB.
-
-    Raises
-    ------
-    UnsupportedOption
-        The value is not a number or below ``LEAST_MEMORY``.
-    """
-    number = check_number("memory_limit", value)
-    if number < LEAST_MEMORY:
-        raise UnsupportedOption(
-            f"memory_limit is in MiB and must be at least {LEAST_MEMORY:g}, which Python with NumPy "
-            f"needs, got {show(value)} (1 GiB is 1024 MiB)"
-        )
-    return number
 
 
 @dataclass(frozen=True)
@@ -83,8 +58,8 @@ def _plain(limit: float | None) -> float | None:
 
 
 @dataclass(frozen=True)
-class Job:
-    """Model, backend and options of one run.
+class Job(Limits):
+    """Model, backend, limits and options of one run.
 
     Parameters
     ----------
@@ -93,19 +68,18 @@ class Job:
     backend : str or Backend
         Name of a backend, a backend object, or ``"auto"``.
     formulation, formulation_options, backend_options : optional
-    time_limit, memory_limit, evaluations, gap, tolerance : optional
-    seed, threads, stop, warm_start, starts, verbose : optional
         As in :func:`crosstrack.solve`.
-    target_value : float, optional
-        The `target` of :func:`crosstrack.solve`.
     compiled : bool
         As in :func:`crosstrack.compare`.
     repeat : int
         Number of the repetition, from 0, which distinguishes equal jobs in a record.
     counts_compilation : bool
-        Whether `time_limit` includes compilation.
+        Whether `time_limit` is wall-clock time including compilation, as in a single call. In
+        comparisons compilation is excluded, because only the first run of a backend compiles.
     has_fallback : bool
-        Whether time is reserved for another backend.
+        Whether another backend continues when this one has no plan, so that time is reserved.
+    **limits
+        Fields of :class:`~crosstrack.solvers.contract.limits.Limits`.
 
     Raises
     ------
@@ -117,50 +91,16 @@ class Job:
     backend: str | Backend = "auto"
     formulation: str | None = None
     formulation_options: Mapping[str, Any] = field(default_factory=dict)
-    time_limit: float | None = None
-    gap: float | None = None
-    tolerance: float | None = None
-    seed: int | None = None
-    threads: int | None = None
-    evaluations: int | None = None
-    target_value: float | None = None
-    stop: Criterion | None = None
-    warm_start: Any = None
-    starts: int = 1
-    verbose: bool = False
     backend_options: Mapping[str, Any] = field(default_factory=dict)
     compiled: bool = False
-    memory_limit: float | None = None
     repeat: int = 0
-    #: True if `time_limit` is wall-clock time including compilation, as in a single call. In
-    #: comparisons compilation is excluded, because only the first run of a backend compiles.
     counts_compilation: bool = False
-    #: True if another backend continues when this one has no plan, so that time is reserved.
     has_fallback: bool = False
 
-    def __post_init__(self) -> None:
-        if self.time_limit is not None:
-            check_number("time_limit", self.time_limit)
-        if self.memory_limit is not None:
-            check_memory(self.memory_limit)
-        if self.gap is not None:
-            check_number("gap", self.gap, strict=False)
-        if self.tolerance is not None:
-            check_tolerance(self.tolerance)
-        for name, lower in (("seed", 0), ("threads", 1), ("evaluations", 1), ("starts", 1)):
-            value = getattr(self, name)
-            if value is None and name != "starts":
-                continue
-            if isinstance(value, bool) or not isinstance(value, int) or value < lower:
-                raise UnsupportedOption(
-                    f"{name} must be a whole number >= {lower}, got {show(value)}"
-                )
-        if self.target_value is not None:
-            stopping.Target(self.target_value)  # raises if it is not a number
-        if not isinstance(self.verbose, bool):
-            raise UnsupportedOption(f"verbose must be True or False, got {self.verbose!r}")
-        if self.stop is not None and not isinstance(self.stop, Criterion):
-            raise UnsupportedOption(f"stop must be a Criterion, got {show(self.stop)}")
+    @property
+    def is_automatic(self) -> bool:
+        """Whether the backend is chosen by the registry."""
+        return isinstance(self.backend, str) and self.backend == "auto"
 
     def after(self, seconds: float) -> Job:
         """Return the job with the time that is left of its limit after so many seconds of imports and starts.
@@ -176,13 +116,13 @@ class Job:
         """Return the job with its backend looked up and ``"auto"`` decided."""
         if isinstance(self.backend, Backend):
             return self
-        if isinstance(self.backend, str) and self.backend == "auto":
+        if self.is_automatic:
             if self.formulation is not None:
                 self._known_formulation(self.formulation)
             return replace(self, backend=recommended(self.model, self.formulation))
         return replace(self, backend=find_backend(self.backend, self.model))
 
-    def target(self) -> Target:
+    def find_target(self) -> Target:
         """Return the input of the backend; unsupported options raise.
 
         Raises
@@ -196,37 +136,19 @@ class Job:
         assert isinstance(backend, Backend)
         backend.require()
         backend.checked_options(self.backend_options)
-        for name, feature in (
-            ("gap", Feature.GAP),
-            ("seed", Feature.SEED),
-            ("threads", Feature.THREADS),
-            ("evaluations", Feature.EVALUATIONS),
-            ("target_value", Feature.INCUMBENTS),
-            ("stop", Feature.INCUMBENTS),
-        ):
+        for name in backend.unsupported(self):
             value = getattr(self, name)
-            if value is None or feature in backend.features:
-                continue
             if name == "threads" and value == 1 and backend.single_threaded:
                 continue
-            if name == "seed" and backend.deterministic:
-                continue
-            word = name.partition("_")[0]
-            raise UnsupportedOption(f"backend {backend.name!r} does not support {word}={value!r}")
-        usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
-        if self.warm_start is not None and not usable:
-            raise UnsupportedOption(f"backend {backend.name!r} takes no warm start")
-        if self.starts > 1 and (
-            backend.guarantee is Guarantee.EXACT or Feature.SEED not in backend.features
-        ):
-            why = (
-                "is exact: one start proves"
-                if backend.guarantee is Guarantee.EXACT
-                else "takes no seed"
-            )
-            raise UnsupportedOption(
-                f"backend {backend.name!r} {why}; starts must be 1, got {self.starts}"
-            )
+            if name == "warm_start":
+                raise UnsupportedOption(f"backend {backend.name!r} takes no warm start")
+            if name == "starts":
+                exact = backend.guarantee is Guarantee.EXACT
+                why = "is exact: one start proves" if exact else "takes no seed"
+                raise UnsupportedOption(
+                    f"backend {backend.name!r} {why}; starts must be 1, got {value}"
+                )
+            raise UnsupportedOption(f"backend {backend.name!r} does not support {name}={value!r}")
         if self.formulation is not None:
             self._known_formulation(self.formulation)
         model = accepted(self.model, backend, self.formulation)
@@ -261,7 +183,7 @@ class Job:
         """Return all options of the run as JSON data, for the record of the solution."""
         given = {
             "evaluations": self.evaluations,
-            "target": self.target_value,
+            "target": self.target,
             "stop": None if self.stop is None else repr(self.stop),
             "files": self._files() or None,
             "memory_limit": self.memory_limit,
@@ -290,21 +212,6 @@ class Job:
             for name, value in self.backend_options.items()
             if value is not None and name in options and options[name].file
         }
-
-    @property
-    def criterion(self) -> Criterion | None:
-        """Stopping criterion in addition to the time limit; None if there is none."""
-        parts: list[Criterion] = [] if self.stop is None else [self.stop]
-        if self.evaluations is not None:
-            parts.append(stopping.Evaluations(self.evaluations))
-        if self.target_value is not None:
-            parts.append(stopping.Target(self.target_value))
-        return stopping.AnyOf(tuple(parts)) if parts else None
-
-    @property
-    def verification_tolerance(self) -> float:
-        """Largest accepted violation of a plan."""
-        return TOLERANCE if self.tolerance is None else float(self.tolerance)
 
     def key(self) -> str:
         """Return the key that identifies the job in a record: equal keys mean equal work."""

@@ -27,6 +27,7 @@ import cloudpickle
 from ...errors import WorkerFailure
 from ..contract.backend import Backend, Limit, Termination
 from ..contract.job import Job
+from ..contract.limits import Event, EventKind, Listener
 from ..contract.registry import rivals
 from ..contract.solution import Incumbent, Solution
 from ..run.assembly import Claim, assemble, claim_from_data
@@ -48,8 +49,6 @@ POLL = 0.2
 KILLED = 5.0
 
 log = logging.getLogger("crosstrack")
-
-Listener = Callable[[Incumbent[Any]], None]
 
 
 class Worker:
@@ -304,7 +303,7 @@ class Worker:
         grace : float
             Seconds after the time limit, which includes start and build, before the worker is killed.
         listener : callable, optional
-            Function called with every incumbent, in this thread.
+            Function called with every incumbent and bound, in this thread.
         """
         try:
             return self._solve(job, grace, listener)
@@ -372,13 +371,16 @@ class Worker:
                     incumbents=(*left.incumbents, incumbent),
                 )
                 if listener is not None:
-                    listener(incumbent)
+                    listener(Event(EventKind.INCUMBENT, job.model.name, backend.name, incumbent))
             elif kind == "started" and job.time_limit is not None and not stop_requested:
                 # The backend stops by itself, unless native code blocks all threads.
-                extra = min(grace, backend.patience(job.target().kind) + PATIENCE)
+                extra = min(grace, backend.patience(job.find_target().kind) + PATIENCE)
                 deadline = min(deadline, time.monotonic() + job.time_limit + extra)
             elif kind == "bound":
                 left = replace(left, dual_bound=event["bound"])
+                if listener is not None:
+                    bound = event["bound"]
+                    listener(Event(EventKind.BOUND, job.model.name, backend.name, bound=bound))
             elif kind in ("claim", "solution"):
                 with self._closing:
                     if self._printed is not None:
@@ -419,7 +421,7 @@ def _pump(stream: IO[bytes], lines: queue.SimpleQueue[dict[str, Any] | None]) ->
 
 def _salvage(job: Job, left: Claim, message: str, begin: float) -> Solution[Any]:
     """Return the solution of a run whose worker is gone: its last incumbent, verified here."""
-    target = job.target()
+    target = job.find_target()
     return assemble(
         job,
         replace(
@@ -462,8 +464,8 @@ if hasattr(os, "register_at_fork"):
 def in_worker(job: Job, *, listener: Listener | None = None) -> Solution[Any]:
     """Run `job`, validated and with its backend resolved, in a worker that is reused for later jobs.
 
-    `listener` is called with every incumbent, in this thread. The first Ctrl-C requests the
-    incumbent, a second one kills the worker.
+    `listener` is called with every incumbent and bound, in this thread. The first Ctrl-C requests
+    the incumbent, a second one kills the worker.
     """
     backend = job.backend
     assert isinstance(backend, Backend)
@@ -477,18 +479,14 @@ def in_worker(job: Job, *, listener: Listener | None = None) -> Solution[Any]:
 
     def work() -> None:
         try:
-            box.put(worker.solve(job, listener=forward))
+            box.put(worker.solve(job, listener=None if listener is None else box.put))
         except BaseException as error:  # raised again in the waiting thread
             box.put(error)
-
-    def forward(incumbent: Incumbent[Any]) -> None:
-        if listener is not None:
-            box.put(incumbent)
 
     try:
         threading.Thread(target=work, name="crosstrack-worker", daemon=True).start()
         with on_interrupt(worker.interrupt):
-            while isinstance(outcome := box.get(), Incumbent):
+            while isinstance(outcome := box.get(), Event):
                 assert listener is not None
                 listener(outcome)
     except BaseException:

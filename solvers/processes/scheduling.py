@@ -88,7 +88,7 @@ def failed(job: Job, message: str, seconds: float = 0.0) -> Solution[Any]:
     """
     formulation = job.formulation
     with contextlib.suppress(CrosstrackError):  # the message reports it
-        written = job.target().formulation
+        written = job.find_target().formulation
         formulation = written.name if written is not None else formulation
     broken = Claim(
         Termination.FAILED,

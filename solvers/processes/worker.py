@@ -231,15 +231,16 @@ def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.
     model = job.model
     asking = Asking(channel) if model.is_blinded else None
 
-    def proven(bound: float) -> None:
-        send({"event": "bound", "number": number, "bound": bound})
-
-    control = Control(patience=PATIENCE, oracle=asking, proven=proven)
+    control = Control(patience=PATIENCE, oracle=asking)
     ours = is_ours(job.backend)
     stops.begin(number, control, ours)
     send({"event": "started", "number": number})
 
-    def forward(incumbent: Any) -> None:
+    def forward(event: Any) -> None:
+        if event.bound is not None:
+            send({"event": "bound", "number": number, "bound": event.bound})
+            return
+        incumbent = event.incumbent
         plan = None if incumbent.plan is None else model.plan_to_data(incumbent.plan)
         send(
             {

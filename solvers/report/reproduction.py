@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from ..contract.limits import Listener
 from ..contract.verdict import Verdict
 from ..run.crosscheck import Comparison
 from .tables import table
@@ -115,7 +116,7 @@ def reproduce(
     runs: int = 1,
     time_limit: float | None = 60.0,
     seed: int = 0,
-    on_solution: Callable[[Any], None] | None = None,
+    on_event: Listener | None = None,
     on_row: Callable[[Row], None] | None = None,
 ) -> Reproduction:
     """Measure our value of every cell of a paper's result tables.
@@ -134,8 +135,8 @@ def reproduce(
         Seconds per run.
     seed : int
         The first seed.
-    on_solution : callable, optional
-        Function called with every answer.
+    on_event : callable, optional
+        Function called with the event of every answer.
     on_row : callable, optional
         Function called with every finished row.
 
@@ -144,7 +145,7 @@ def reproduce(
     Reproduction
         The measured rows.
     """
-    trials = RecordedTrials(runs, time_limit, seed, on_solution)
+    trials = RecordedTrials(runs, time_limit, seed, on_event)
     finished_rows: list[Row] = []
     try:
         for result_table, measure in tables:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from ...models.model import Model
+from ..contract.limits import Listener
 from ..contract.solution import Solution
 from ..contract.verdict import Verdict, judge
 from ..run.crosscheck import compare
@@ -28,14 +29,14 @@ class RecordedTrials:
         Seconds per run.
     seed : int
         First seed.
-    on_solution : callable, optional
-        Function called with every answer.
+    on_event : callable, optional
+        Function called with the event of every answer.
     """
 
     runs: int = 1
     time_limit: float | None = 60.0
     seed: int = 0
-    on_solution: Callable[[Solution[Any]], None] | None = None
+    on_event: Listener | None = None
     _answers: dict[str, tuple[Model[Any], list[Solution[Any]]]] = field(default_factory=dict)
 
     def run(
@@ -84,7 +85,7 @@ class RecordedTrials:
             repeats=self.runs if runs is None else runs,
             backend_options={backend.partition(":")[0]: options or {}},
             compiled=True,
-            on_solution=self.on_solution,
+            on_event=self.on_event,
             **limits,
         )
         answers = list(part.solutions)

@@ -10,22 +10,30 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from ...errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
 from ...models.fields import show
 from ...models.model import Model, as_model
 from ...models.records import Table, given
 from ...models.verification import check_number
-from ..bench.recording import Record
 from ..contract.backend import Backend, Feature, Limit
 from ..contract.job import Job
+from ..contract.limits import (
+    Event,
+    LimitOptions,
+    Limits,
+    limits_of,
+    listener_of,
+    takes_limits,
+)
 from ..contract.registry import find_backend, recommended
 from ..contract.solution import Solution
 from ..contract.verdict import Outcome, Verdict, judge
 from ..processes.scheduling import Task, failed, run_by_pool, run_by_threads
 from ..report.tables import frame, markup, render
 from .execution import GRACE
+from .recording import Record
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -96,30 +104,24 @@ class Comparison:
         return markup(*self.parts())
 
 
+@takes_limits(time_limit=60.0)
 def compare(
     models: Sequence[Model[Any]] | Model[Any],
     backends: Sequence[str | Backend],
     *,
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
-    time_limit: float | None = 60.0,
-    memory_limit: float | None = None,
-    grace: float = GRACE,
-    gap: float | None = None,
-    tolerance: float | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
-    evaluations: int | None = None,
-    target: float | None = None,
-    repeats: int = 1,
-    warm_start: Any = None,
     backend_options: Mapping[str, Mapping[str, Any]] | None = None,
+    grace: float = GRACE,
+    repeats: int = 1,
     compiled: bool = False,
     workers: int = 1,
     pool: Executor | None = None,
     record: str | Path | None = None,
     resume: bool = False,
+    limits: Limits | None = None,
     on_solution: Callable[[Solution[Any]], None] | None = None,
+    **options: Unpack[LimitOptions],
 ) -> Comparison:
     """Solve every model with every backend, each in a process of its own, and judge the answers.
 
@@ -134,28 +136,14 @@ def compare(
         backend that :func:`crosstrack.solve` would use.
     formulation, formulation_options : optional
         Default formulation and its options, for backends that solve programs.
-    time_limit : float, optional
-        Seconds per job, including the time to build the program. Compilation is excluded, because
-        only the first run of a backend compiles; :attr:`Solution.seconds` reports it separately.
-    memory_limit : float, optional
-        Memory limit of each job in MiB, at least 64; Linux only.
-    grace : float
-        Seconds after the time limit before the worker is killed with its process group.
-    gap, tolerance : float, optional
-        Relative gap and tolerance, the same for all backends. Heuristics do not receive the gap.
-    seed, threads, evaluations : int, optional
-        Passed to the backends that support them.
-    target : float, optional
-        Objective at which backends that report incumbents stop.
-    repeats : int
-        Number of runs of each randomised backend on each model, with seeds ``seed``, ``seed + 1``
-        …; the verdicts then contain medians, quartiles and success rates.
-    warm_start : plan, Solution or sequence of them, optional
-        One for all models, or one per model (None for no warm start). Passed to the backends that
-        support it.
     backend_options : mapping of str to mapping, optional
         Options by name of the backend. Defaults are those of the backend's
         ``comparison_options``, for example ``polish=False`` for solvers of quadratic programs.
+    grace : float
+        Seconds after the time limit before the worker is killed with its process group.
+    repeats : int
+        Number of runs of each randomised backend on each model, with seeds ``seed``, ``seed + 1``
+        …; the verdicts then contain medians, quartiles and success rates.
     compiled : bool
         Compile all loops of the native algorithms, instead of interpreting short ones, so that
         the seconds of runs are comparable.
@@ -167,8 +155,24 @@ def compare(
         Name of a JSONL file to which each answer is appended when its job ends.
     resume : bool
         Continue an existing record and run only the missing jobs.
+    limits : Limits, optional
+        Limits of each job as a whole, see :class:`~crosstrack.solvers.contract.limits.Limits`.
     on_solution : callable, optional
-        Function called with every :class:`Solution`, in the order of completion.
+        Deprecated: use `on_event`.
+    time_limit : float, optional
+        Seconds per job (default 60), including the time to build the program. Compilation is excluded,
+        because only the first run of a backend compiles; :attr:`Solution.seconds` reports it
+        separately.
+    memory_limit, tolerance, verbose : optional
+        Fields of `limits`, the same for all backends.
+    gap, seed, threads, evaluations, target, stop, starts : optional
+        Fields of `limits`, passed to the backends that support them.
+    warm_start : plan, Solution or sequence of them, optional
+        One for all models, or one per model (None for no warm start). Passed to the backends that
+        support it.
+    on_event : callable, optional
+        Function called with each :class:`~crosstrack.solvers.contract.limits.Event`: the end of each
+        job with its solution, in the order of completion.
 
     Returns
     -------
@@ -191,41 +195,43 @@ def compare(
     pool = checked_pool(pool)
     if resume and record is None:
         raise UnsupportedOption("resume needs a record to continue")
-    own = {
-        name: Table().coerce(f"backend_options[{name!r}]", options, {})
-        for name, options in given("backend_options", backend_options).items()
+    limits = limits_of("compare", limits, options, time_limit=60.0)
+    listener = listener_of(limits.on_event, "solution", on_solution=on_solution)
+    native_options = {
+        name: Table().coerce(f"backend_options[{name!r}]", entries, {})
+        for name, entries in given("backend_options", backend_options).items()
     }
-    warm = _warm_starts(warm_start, models)
-    common = {
+    warm = _warm_starts(limits.warm_start, models)
+    limits = replace(limits, on_event=None, warm_start=None)
+    shared = {
         "formulation_options": given("formulation_options", formulation_options),
-        "time_limit": time_limit, "gap": gap, "tolerance": tolerance, "seed": seed, "threads": threads,
-        "evaluations": evaluations, "target_value": target, "compiled": compiled,
-        "memory_limit": memory_limit,
-    }  # fmt: skip
+        "compiled": compiled,
+    }
     known = {_name_of(backend) for backend in backends}
-    for name in own:
+    for name in native_options:
         if name not in known:
             raise UnknownName("backend in backend_options", name, known)
     tasks = []
     for row, model in enumerate(models):
+        row_limits = replace(limits, warm_start=warm[row])
         for column, entry in enumerate(backends):
             # Looked up among the backends that accept this model: problems may share names.
             backend, formulation_name = _named(entry, formulation, model)
             draws = Feature.SEED in backend.features
             for turn in range(repeats if draws else 1):
+                turn_limits = row_limits
                 if draws and repeats > 1:
-                    common["seed"] = (seed or 0) + turn
+                    turn_limits = replace(row_limits, seed=(limits.seed or 0) + turn)
                 tasks.append(
                     task_of(
-                        (row, column, turn), model, backend, formulation_name, common, warm[row],
-                        own.get(_name_of(entry), {}),
+                        (row, column, turn), model, backend, formulation_name, turn_limits,
+                        native_options.get(_name_of(entry), {}), **shared,
                     )
                 )  # fmt: skip
-            common["seed"] = seed
 
     def finished(task: Task, solution: Solution[Any]) -> None:
-        if on_solution is not None:
-            on_solution(solution)
+        if listener is not None:
+            listener(Event.ended(solution))
 
     answers, interrupted = run_tasks(
         tasks,
@@ -389,11 +395,11 @@ def task_of(
     model: Model[Any],
     backend: Backend,
     formulation: str | None,
-    common: Mapping[str, Any],
-    warm_start: Any,
-    own: Mapping[str, Any],
+    limits: Limits,
+    backend_options: Mapping[str, Any],
+    **others: Any,
 ) -> Task:
-    """Return a task with the common options that the backend supports.
+    """Return a task with the limits that the backend supports.
 
     Parameters
     ----------
@@ -405,46 +411,34 @@ def task_of(
         The backend to run.
     formulation : str, optional
         Name of the formulation, ignored if the backend accepts the model itself.
-    common : mapping
-        Fields of :class:`Job` that all tasks share.
-    warm_start : plan, optional
-        Plan to start from, ignored if the backend does not support it.
-    own : mapping
+    limits : Limits
+        Limits that all tasks share. Those that the backend does not support are left out.
+    backend_options : mapping
         Options of the backend.
+    **others
+        Further fields of :class:`Job`.
 
     Raises
     ------
     UnknownName, UnsupportedOption
         The formulation or an option of the backend does not exist.
     """
-    options = dict(common)
-    for name, feature in (
-        ("gap", Feature.GAP),
-        ("seed", Feature.SEED),
-        ("threads", Feature.THREADS),
-        ("evaluations", Feature.EVALUATIONS),
-        ("target_value", Feature.INCUMBENTS),
-    ):
-        if feature not in backend.features and not (name == "seed" and backend.deterministic):
-            options[name] = None
     native = isinstance(model, backend.accepts)
     if native:
-        options["formulation_options"] = {}
-    usable = {Feature.WARM_START, Feature.CUTOFF} & backend.features
+        others["formulation_options"] = {}
     job = Job(
-        model=model,
-        backend=backend,
-        formulation=None if native else formulation,
-        warm_start=warm_start if usable else None,
-        backend_options=dict(own),
-        **options,
+        model,
+        backend,
+        None if native else formulation,
+        backend_options=dict(backend_options),
+        **{**limits.fields(), **backend.unsupported(limits)},
+        **others,
     )
     backend.checked_options(job.backend_options)
     try:
-        target = job.target()
-        kind = type(target.model) if target.formulation is None else target.formulation.program_type
-        backend_options = {**backend.comparison_options(kind), **job.backend_options}
-        job = replace(job, backend_options=backend_options)
+        target = job.find_target()
+        options = {**backend.comparison_options(target.kind), **job.backend_options}
+        job = replace(job, backend_options=options)
     except CrosstrackError as error:
         if isinstance(error, UnknownName):
             raise

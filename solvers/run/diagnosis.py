@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Unpack
 
-from ...errors import UnsupportedFormulation
+from ...errors import UnsupportedFormulation, UnsupportedOption
+from ...models.fields import show
 from ...models.formulation import Formulation
 from ...models.model import Model, as_model
 from ...models.problems import resolve, table
 from ...models.programs.base import RowProgram
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
-from ...models.verification import TOLERANCE, check_number
+from ...models.verification import TOLERANCE
 from ..contract.backend import Backend, Guarantee, Termination
-from ..contract.job import check_memory
+from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
 from ..contract.registry import find_backend, recommended
 from ..contract.solution import Solution
 from ..processes.isolation import Worker
@@ -26,6 +27,9 @@ __all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
 
 #: Largest number of findings in a printed diagnosis.
 _SHOWN = 12
+#: Limits that native searches and the deletion filter support.
+_SEARCH = ("time_limit", "memory_limit")
+_FILTER = (*_SEARCH, "tolerance", "gap", "seed", "threads", "verbose", "on_event")
 
 
 @dataclass(frozen=True)
@@ -116,13 +120,14 @@ class Diagnosis:
         return "\n".join([head, *shown])
 
 
+@takes_limits(time_limit=60.0)
 def diagnose(
     model: Model[Any],
     backend: str | Backend | None = None,
     *,
     formulation: str | None = None,
-    time_limit: float | None = 60.0,
-    memory_limit: float | None = None,
+    limits: Limits | None = None,
+    **options: Unpack[LimitOptions],
 ) -> Diagnosis:
     """Return the reasons why `model` has no plan, in the terms of its paper.
 
@@ -139,10 +144,16 @@ def diagnose(
         Exact backend for programs, or ``"auto"``. Selects the deletion filter.
     formulation : str, optional
         Formulation to filter. Default: ``"paper"``.
+    limits : Limits, optional
+        Limits as a whole, see :class:`~crosstrack.solvers.contract.limits.Limits`.
     time_limit : float, optional
-        Seconds per search, or per program that the filter solves.
+        Seconds per search, or per program that the filter solves (default 60).
     memory_limit : float, optional
         Memory limit in MiB, at least 64; Linux only. The diagnosis then runs in a worker process.
+    tolerance, gap, seed, threads, verbose, on_event : optional
+        As in :func:`crosstrack.solve`, for each program that the filter solves.
+    evaluations, target, stop, warm_start, starts : optional
+        No search and no filter supports them.
 
     Returns
     -------
@@ -153,40 +164,52 @@ def diagnose(
     ------
     UnsupportedFormulation
         The backend is not exact, or does not solve programs.
+    UnsupportedOption
+        The search or the filter does not support a limit.
     WorkerFailure
         The memory limit was reached.
     """
     model = as_model(model)
-    if time_limit is not None:
-        check_number("time_limit", time_limit)
-    if memory_limit is not None:
+    limits = limits_of("diagnose", limits, options, time_limit=60.0)
+    searches = table(__package__.rpartition(".")[0], "DIAGNOSES")
+    searches_natively = backend is None and formulation is None and model.kind in searches
+    _require_supported(model, limits, _SEARCH if searches_natively else _FILTER)
+    if limits.memory_limit is not None:
+        apart = replace(limits, memory_limit=None, on_event=None)
 
         def work() -> dict[str, Any]:
-            options: dict[str, Any] = {"formulation": formulation, "time_limit": time_limit}
-            return diagnose(model, backend, **options).to_dict()
+            return diagnose(model, backend, formulation=formulation, limits=apart).to_dict()
 
         with Worker() as worker:
-            return Diagnosis.from_dict(
-                worker.call(work, deadline=math.inf, memory_limit=check_memory(memory_limit))
-            )
-    searches = table(__package__.rpartition(".")[0], "DIAGNOSES")
-    if backend is None and formulation is None and model.kind in searches:
+            result = worker.call(work, deadline=math.inf, memory_limit=limits.memory_limit)
+            return Diagnosis.from_dict(result)
+    if searches_natively:
         native: Callable[[Any, float | None], Diagnosis] = resolve(searches[model.kind])
-        return native(model, time_limit)
-    return filtered(model, backend, formulation, time_limit)
+        return native(model, limits.time_limit)
+    return filtered(model, backend, formulation, limits)
+
+
+def _require_supported(model: Model[Any], limits: Limits, supported: tuple[str, ...]) -> None:
+    """Raise if a limit that the diagnosis does not support differs from its default."""
+    for name, value in limits.fields().items():
+        if name not in supported and value != getattr(Limits(), name):
+            raise UnsupportedOption(
+                f"diagnose does not support {name}={show(value)} for model {model.kind!r}; "
+                f"supported: {', '.join(supported)}"
+            )
 
 
 def filtered(
     model: Model[Any],
     backend: str | Backend | None,
     formulation: str | None,
-    time_limit: float | None,
+    limits: Limits,
 ) -> Diagnosis:
     """Return an infeasible set of row blocks, computed with a deletion filter.
 
     Parameters
     ----------
-    model, backend, formulation, time_limit
+    model, backend, formulation, limits
         As in :func:`diagnose`.
 
     Returns
@@ -214,7 +237,7 @@ def filtered(
         )
 
     def solved(candidate: RowProgram) -> Solution[Any]:
-        return solve(candidate, solver, time_limit=time_limit)
+        return solve(candidate, solver, limits=limits)
 
     method = f"deletion filter over the rows of {program.name or 'the program'} with {solver.name}"
     while True:

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, Unpack
 
 from ...errors import UnsupportedOption
 from ...models.fields import Flag, Optional
@@ -15,9 +15,16 @@ from ...models.records import given
 from ...models.verification import TOLERANCE, Verification, check_tolerance
 from ..contract.backend import Backend, Control, Guarantee
 from ..contract.job import Job
+from ..contract.limits import (
+    LimitOptions,
+    Limits,
+    Listener,
+    limits_of,
+    listener_of,
+    takes_limits,
+)
 from ..contract.registry import is_ours, rivals
 from ..contract.solution import Incumbent, Solution
-from ..contract.stopping import Criterion
 from ..processes.environment import require_accounts
 from ..processes.isolation import in_worker
 from ..processes.output import shown
@@ -30,27 +37,18 @@ __all__ = ["run_job", "solve", "verify"]
 PlanT = TypeVar("PlanT")
 
 
+@takes_limits()
 def solve(
     model: Model[PlanT],
     backend: str | Backend = "auto",
     *,
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
-    time_limit: float | None = None,
-    memory_limit: float | None = None,
-    gap: float | None = None,
-    tolerance: float | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
-    evaluations: int | None = None,
-    target: float | None = None,
-    stop: Criterion | None = None,
-    warm_start: PlanT | Solution[PlanT] | Any = None,
-    starts: int = 1,
-    on_incumbent: Callable[[Incumbent[PlanT]], None] | None = None,
-    isolate: bool | None = None,
-    verbose: bool = False,
     backend_options: Mapping[str, Any] | None = None,
+    isolate: bool | None = None,
+    limits: Limits | None = None,
+    on_incumbent: Callable[[Incumbent[PlanT]], None] | None = None,
+    **options: Unpack[LimitOptions],
 ) -> Solution[PlanT]:
     """Solve `model` and verify the answer.
 
@@ -71,40 +69,22 @@ def solve(
         Name of the formulation, for a backend that solves programs. Default: that of the model.
     formulation_options, backend_options : mapping, optional
         Options of the formulation and of the backend. Backend options override the common ones.
-    time_limit : float, optional
-        Wall-clock seconds for the call, with building, loading and compiling. A run gets at least half
-        of them, so a slow start of a worker or slow imports can exceed the limit, as does the
-        verification of the answer, which follows. Kernels that cannot be compiled in time are interpreted, the message
-        names them, and a background process compiles them for later calls.
-    memory_limit : float, optional
-        Memory limit in MiB, at least 64; Linux only. The run moves to a worker process, which is
-        killed at the limit. Its last incumbent is kept.
-    gap : float, optional
-        Relative gap at which an exact backend may stop (default 1e-6).
-    tolerance : float, optional
-        Largest accepted violation, in the backend and in the verification (default 1e-6).
-    seed, threads : int, optional
-        Random seed and number of threads, for backends that support them.
-    evaluations : int, optional
-        Limit on the evaluations of the objective, for backends that count them.
-    target : float, optional
-        Objective at which the run stops, for backends that report incumbents.
-    stop : Criterion, optional
-        Further stopping criterion, such as ``Stalled(5.0)`` or criteria joined by ``|`` and ``&``
-        (:mod:`crosstrack.solvers.contract.stopping`), for backends that report incumbents.
-    warm_start : plan, Solution or JSON data, optional
-        Plan to start from. It is verified first and bounds the objective. For formulations on
-        meshes, a plan that does not verify, for example one for another initial state, is a guess.
-    starts : int
-        Number of starts with different seeds, for backends that are not exact. All are kept.
-    on_incumbent : callable, optional
-        Called with each better :class:`~crosstrack.solvers.contract.solution.Incumbent`, in this thread.
     isolate : bool, optional
         Whether to run in a worker process. Default: only if the backend cannot be interrupted, or
         if a conflicting library is loaded.
-    verbose : bool
-        Show the solver's log and each incumbent during the run, as ``INFO`` of the logger
-        ``crosstrack.output``. Without a handler, the log goes to standard error.
+    limits : Limits, optional
+        Limits of the run as a whole, see :class:`~crosstrack.solvers.contract.limits.Limits`.
+    on_incumbent : callable, optional
+        Deprecated: use `on_event`.
+    time_limit : float, optional
+        Wall-clock seconds for the call, with building, loading and compiling. A run gets at least half
+        of them, so a slow start of a worker or slow imports can exceed the limit, as does the
+        verification of the answer, which follows. Kernels that cannot be compiled in time are
+        interpreted, the message names them, and a background process compiles them for later calls.
+    memory_limit, evaluations, target, gap, tolerance, seed, threads, stop : optional
+        Fields of `limits`, which override it.
+    warm_start, starts, verbose, on_event : optional
+        Fields of `limits`. The callback receives each improved plan and bound.
 
     Returns
     -------
@@ -121,36 +101,32 @@ def solve(
     begin = time.perf_counter()
     model = as_model(model)
     isolate = Optional(Flag()).coerce("isolate", isolate, {})
-    job = Job(
-        model=model,
-        backend=backend,
-        formulation=formulation,
-        formulation_options=given("formulation_options", formulation_options),
-        time_limit=time_limit,
-        memory_limit=memory_limit,
-        gap=gap,
-        tolerance=tolerance,
-        seed=seed,
-        threads=threads,
-        evaluations=evaluations,
-        target_value=target,
-        stop=stop,
-        warm_start=None if warm_start is None else model.as_plan(warm_start),
-        starts=starts,
-        verbose=verbose,
-        backend_options=given("backend_options", backend_options),
+    limits = limits_of("solve", limits, options)
+    listener = listener_of(limits.on_event, "incumbent", on_incumbent=on_incumbent)
+    start = limits.warm_start
+    limits = replace(
+        limits, on_event=None, warm_start=None if start is None else model.as_plan(start)
+    )
+    asked = Job(
+        model,
+        backend,
+        formulation,
+        given("formulation_options", formulation_options),
+        given("backend_options", backend_options),
         counts_compilation=True,
-    ).resolved()
+        **limits.fields(),
+    )
+    job = asked.resolved()
     assert isinstance(job.backend, Backend)
-    chosen = isinstance(backend, str) and backend == "auto"
-    job = replace(job, has_fallback=chosen and job.backend.guarantee is Guarantee.EXACT)
+    exact = job.backend.guarantee is Guarantee.EXACT
+    job = replace(job, has_fallback=asked.is_automatic and exact)
     left = job.after(time.perf_counter() - begin)
 
-    def run(one: Job) -> Solution[Any]:
-        return run_job(one, isolate, on_incumbent)
+    def run(part: Job) -> Solution[Any]:
+        return run_job(part, isolate, listener)
 
-    with shown(verbose):
-        first = fallback.begin(left, run) if chosen else None
+    with shown(job.verbose):
+        first = fallback.begin(left, run) if asked.is_automatic else None
         solution = run(job.after(time.perf_counter() - begin))
         if job.has_fallback:
             solution = fallback.go_on(left, solution, run)
@@ -159,9 +135,7 @@ def solve(
     return solution.lasting(time.perf_counter() - begin)
 
 
-def run_job(
-    job: Job, isolate: bool | None, listener: Callable[[Incumbent[Any]], None] | None
-) -> Solution[Any]:
+def run_job(job: Job, isolate: bool | None, listener: Listener | None) -> Solution[Any]:
     """Run `job`, whose backend is resolved, in this process or in a worker."""
     model = job.model
     assert isinstance(job.backend, Backend)
@@ -178,16 +152,16 @@ def run_job(
     apart = hides or (needs_worker(job) if isolate is None else isolate)
     if job.starts > 1 and not hides and isolate is None and listener is None:
 
-        def alone(one: Job, control: Control | None = None) -> Solution[Any]:
-            return in_worker(one) if apart else execute(one, control=control)
+        def alone(part: Job, control: Control | None = None) -> Solution[Any]:
+            return in_worker(part) if apart else execute(part, control=control)
 
         return multistart(job, alone, together=run_together)
     if not apart:
         return execute(job, listener=listener)
-    job.target()  # unsupported options raise here, before a process starts
+    job.find_target()  # unsupported options raise here, before a process starts
     if job.starts > 1 and (hides or not is_ours(job.backend)):
         # Each start is judged in this process.
-        return multistart(job, lambda one, **_: in_worker(one, listener=listener))
+        return multistart(job, lambda part, **_: in_worker(part, listener=listener))
     return in_worker(job, listener=listener)
 
 
@@ -195,7 +169,7 @@ def needs_worker(job: Job) -> bool:
     """Return True if `job` needs a worker: it cannot be interrupted, or a rival library is loaded."""
     backend = job.backend
     assert isinstance(backend, Backend)
-    if backend.requires and not backend.interrupts(job.target().kind):
+    if backend.requires and not backend.interrupts(job.find_target().kind):
         return True
     return any(module in sys.modules for module in rivals(backend))
 
@@ -238,17 +212,17 @@ def verify(
     model = as_model(model)
     check_tolerance(tolerance)
     checked = model.as_plan(plan)
-    found = model.verify(checked, tolerance=tolerance)
+    verification = model.verify(checked, tolerance=tolerance)
     if formulation is None:
-        return found
+        return verification
     step: Model[Any] | None = model
     if not isinstance(formulation, str):
         type(model).formulation_type(formulation)  # raises UnknownName with what there is
     while step is not None and formulation not in step.formulations:
         step = step.lower()  # its plans are the model's own
-    asked = given("formulation_options", formulation_options)
-    written = (model if step is None else step).formulate(formulation, **asked)
-    if not asked:
+    options = given("formulation_options", formulation_options)
+    written = (model if step is None else step).formulate(formulation, **options)
+    if not options:
         written = written.fitted(checked)
     rows = written.program.verify(written.encode(checked), tolerance=tolerance)
-    return Verification(found.objective, (*found.checks, *rows.checks))
+    return Verification(verification.objective, (*verification.checks, *rows.checks))

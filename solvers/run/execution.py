@@ -17,6 +17,7 @@ from ...models.verification import Verification
 from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.enums import Feature, Limit, Termination
 from ..contract.job import GAP, Job
+from ..contract.limits import Listener
 from ..contract.registry import is_ours
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
@@ -24,7 +25,7 @@ from .assembly import Claim, assemble
 from .certification import certified
 from .refinement import CLAIMS_NONE, proven_bound, proves, refine
 from .restarts import start_again
-from .running import GRACE, Listener, Run, processors
+from .running import GRACE, Run, processors
 
 log = logging.getLogger("crosstrack")
 
@@ -54,7 +55,7 @@ def execute(
     job : Job
         The job. Unsupported options raise before anything starts.
     listener : callable, optional
-        Function called with every :class:`~crosstrack.solvers.contract.solution.Incumbent`, in the caller's
+        Function called with every :class:`~crosstrack.solvers.contract.limits.Event`, in the caller's
         thread.
     on_prepare : callable, optional
         Function called with True before and False after work that only the first run needs
@@ -88,7 +89,7 @@ def claim(
     """Run `job` here and return what its backend claims; the parameters are those of :func:`execute`."""
     share = INTERPRETED if job.has_fallback else 1.0
     limit = jit.Limit(job.time_limit if job.counts_compilation else None, share)
-    run = Run(job, job.target(), listener, limit)
+    run = Run(job, job.find_target(), listener, limit)
     control = control or Control()
     control.criterion = job.criterion
     backend = run.target.backend
@@ -201,7 +202,7 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
         warm_start=warm if Feature.WARM_START in features else None,
         cutoff=cutoff if Feature.CUTOFF in features else None,
         evaluations=job.evaluations,
-        target=job.target_value,
+        target=job.target,
         verbose=job.verbose,
         options=run.target.backend.checked_options(job.backend_options),
         control=control,
@@ -292,7 +293,7 @@ def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Cl
 
 def _starts(job: Job) -> list[Job]:
     """Return one job per start. If the formulation draws starts, the first is its own guess."""
-    formulation = job.target().formulation
+    formulation = job.find_target().formulation
     first = job.seed or 0
     seeds = list(range(first, first + job.starts))
     if formulation is not None and formulation.draws:

@@ -10,19 +10,28 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ...errors import InvalidData, UnknownName, UnsupportedFormulation, UnsupportedOption
 from ...models.fields import Flag, Optional, Real, Whole, show
 from ...models.model import Model, as_model
 from ...models.records import given
-from ..bench.recording import Record
 from ..contract.backend import Backend, Limit, Termination
 from ..contract.job import GAP, Job
+from ..contract.limits import (
+    Event,
+    LimitOptions,
+    Limits,
+    Listener,
+    limits_of,
+    listener_of,
+    takes_limits,
+)
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
 from .dispatch import run_job
 from .fronts import EQUAL, Front, FrontPoint, gathered
+from .recording import Record
 
 __all__ = ["front", "sweep"]
 
@@ -36,27 +45,23 @@ STEP, FINEST = 0.05, 1e-3
 _LOOSE = 1e100
 
 
+@takes_limits(time_limit=60.0)
 def front(
     model: Model[Any],
     second: str,
     *,
     backend: str | Backend = "auto",
-    limits: Iterable[float] | None = None,
+    limits: Iterable[float] | Limits | None = None,
     points: int | None = None,
     step: float | None = None,
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
-    time_limit: float | None = 60.0,
-    memory_limit: float | None = None,
-    gap: float | None = None,
-    tolerance: float | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
     backend_options: Mapping[str, Any] | None = None,
     isolate: bool | None = None,
     record: str | Path | None = None,
     resume: bool = False,
     on_point: Callable[[Solution[Any]], None] | None = None,
+    **options: Unpack[LimitOptions],
 ) -> Front:
     """Return the Pareto front of the model's objective and a second objective.
 
@@ -70,12 +75,13 @@ def front(
         The model, whose type declares ``second_objectives``.
     second : str
         Name of the second objective.
-    backend, formulation, formulation_options, gap, tolerance, seed, threads, backend_options, isolate
+    backend, formulation, formulation_options, backend_options, isolate
         As in :func:`crosstrack.solve`.
-    limits : sequence of float, optional
+    limits : sequence of float or Limits, optional
         Limits on the second objective. Without them, the first run has no limit. Each further
         limit is a `step` below the second objective of the last plan; the step is halved
-        whenever no plan is found.
+        whenever no plan is found. A :class:`~crosstrack.solvers.contract.limits.Limits` record
+        instead applies to each run.
     points : int, optional
         Largest number of runs if `limits` is not given. Default: 10, or as many as necessary if
         the model declares a discrete second objective.
@@ -84,15 +90,20 @@ def front(
         missed. With an exact backend and enough `points`, a step of 1e-6 finds the whole front.
         Default: 0.05; a discrete second objective decreases by its smallest difference.
     time_limit : float, optional
-        Seconds per run.
-    memory_limit : float, optional
-        Memory limit of each run in MiB, as in :func:`crosstrack.solve`.
+        Seconds per run (default 60).
+    memory_limit, evaluations, target, gap, tolerance, seed, threads, stop : optional
+        As in :func:`crosstrack.solve`, for each run.
+    warm_start, starts, verbose : optional
+        As in :func:`crosstrack.solve`, for each run.
+    on_event : callable, optional
+        Function called with each :class:`~crosstrack.solvers.contract.limits.Event`: the end of each
+        run with its solution.
     record : path-like, optional
         Name of a JSONL file to which each answer is appended at once.
     resume : bool
         Continue an existing record and run only the missing limits.
     on_point : callable, optional
-        Function called with each :class:`~crosstrack.solvers.contract.solution.Solution`.
+        Deprecated: use `on_event`.
 
     Returns
     -------
@@ -123,17 +134,20 @@ def front(
     model = as_model(model)
     field_name = _declared(model, second)
     least = model.second_steps.get(second, 0.0)
-    limit_list = None if limits is None else _limits(limits, least)
+    record_of_limits = limits if isinstance(limits, Limits) else None
+    values = None if isinstance(limits, Limits) else limits
+    limit_list = None if values is None else _limits(values, least)
     count = Optional(Whole(1, MOST)).coerce("points", points, {})
     run_limit = (MOST if least else POINTS) if count is None else count
     share = Optional(Real(lower=0, strict=True, upper=1)).coerce("step", step, {})
     width = (0.0 if least else STEP) if share is None else share
+    shared = _shared("front", model, record_of_limits, options)
+    listener = listener_of(shared.pop("on_event"), "solution", on_point=on_point)
     ask = partial(
         Job,
         backend=backend, formulation=formulation,
         formulation_options=given("formulation_options", formulation_options),
-        time_limit=time_limit, memory_limit=memory_limit, gap=gap, tolerance=tolerance, seed=seed, threads=threads,
-        backend_options=given("backend_options", backend_options), counts_compilation=True,
+        backend_options=given("backend_options", backend_options), **shared,
     )  # fmt: skip
 
     def limited(limit: float | None) -> Model[Any]:
@@ -145,7 +159,7 @@ def front(
     for limit in (None, _LOOSE) if limit_list is None else (limit_list[0],):
         _taken(ask(model=limited(limit)))
 
-    with _Runs(record, resume, isolate, on_point) as runs:
+    with _Runs(record, resume, isolate, listener) as runs:
 
         def solve(limit: float | None) -> Solution[Any]:
             return runs.solve(ask(model=limited(limit)))
@@ -163,7 +177,7 @@ def front(
             tried.append((None, solve(None)))
             _descend(tried, solve, value, run_limit, width, least, runs)
     found = [
-        FrontPoint(float(s.primal_bound), value(s), limit, s, _proves(s, gap))
+        FrontPoint(float(s.primal_bound), value(s), limit, s, _proves(s, shared["gap"]))
         for limit, s in tried
         if s.plan is not None and s.primal_bound is not None
     ]
@@ -211,6 +225,7 @@ def _rounded(limit: float, least: float) -> float:
     return least * math.floor(limit / least * (1 + EQUAL)) if least else limit
 
 
+@takes_limits(time_limit=60.0)
 def sweep(
     model: Model[Any],
     name: str,
@@ -220,17 +235,13 @@ def sweep(
     *,
     backend: str | Backend = "auto",
     formulation: str | None = None,
-    time_limit: float | None = 60.0,
-    memory_limit: float | None = None,
-    gap: float | None = None,
-    tolerance: float | None = None,
-    seed: int | None = None,
-    threads: int | None = None,
     backend_options: Mapping[str, Any] | None = None,
     isolate: bool | None = None,
     record: str | Path | None = None,
     resume: bool = False,
+    limits: Limits | None = None,
     on_point: Callable[[Solution[Any]], None] | None = None,
+    **options: Unpack[LimitOptions],
 ) -> Front:
     """Solve the model for each value of a field, and compare two objectives of the plans.
 
@@ -247,9 +258,11 @@ def sweep(
         Values of the field.
     first, second : str
         Two of the model's ``second_objectives``.
-    backend, formulation, time_limit, memory_limit, gap, tolerance, seed, threads, backend_options, isolate
+    backend, formulation, backend_options, isolate, limits
         As in :func:`crosstrack.solve`.
-    record, resume, on_point
+    record, resume, on_point, time_limit, memory_limit, evaluations, target, gap, tolerance, seed
+        As in :func:`front`.
+    threads, stop, warm_start, starts, verbose, on_event
         As in :func:`front`.
 
     Returns
@@ -271,19 +284,18 @@ def sweep(
     if name not in fields:
         raise UnknownName(f"field of model {model.kind!r}", name, fields)
     label = model.name or model.kind
-    own = given("backend_options", backend_options)
+    checked_options = given("backend_options", backend_options)
+    shared = _shared("sweep", model, limits, options)
+    listener = listener_of(shared.pop("on_event"), "solution", on_point=on_point)
     jobs = []
     for value in _listed("values", values):
         changed: dict[str, Any] = {name: value, "name": f"{label}, {name} = {value}"}
         variant = dataclasses.replace(model, **changed)
-        job = Job(
-            variant, backend, formulation, time_limit=time_limit, memory_limit=memory_limit, gap=gap, tolerance=tolerance, seed=seed,
-            threads=threads, backend_options=own, counts_compilation=True,
-        )  # fmt: skip
+        job = Job(variant, backend, formulation, backend_options=checked_options, **shared)
         _taken(job)
         jobs.append((value, job))
     points, answers = [], []
-    with _Runs(record, resume, isolate, on_point) as runs:
+    with _Runs(record, resume, isolate, listener) as runs:
         for value, job in jobs:
             if runs.interrupted:
                 break
@@ -295,7 +307,7 @@ def sweep(
                     model.second_objective(second, solution.plan),
                 )
                 level = float(value) if isinstance(value, numbers.Real) else None
-                points.append(FrontPoint(*pair, level, solution, _proves(solution, gap)))
+                points.append(FrontPoint(*pair, level, solution, _proves(solution, shared["gap"])))
     return gathered(model, second, name, points, answers, runs.interrupted, first)
 
 
@@ -309,7 +321,7 @@ class _Runs:
     record: str | Path | None
     resume: bool
     isolate: bool | None
-    listener: Callable[[Solution[Any]], None] | None
+    listener: Listener | None
     interrupted: bool = False
 
     def __enter__(self) -> _Runs:
@@ -340,8 +352,18 @@ class _Runs:
             if self._file is not None and not is_cut:
                 self._file.add(job, solution)
         if self.listener is not None:
-            self.listener(solution)
+            self.listener(Event.ended(solution))
         return solution
+
+
+def _shared(
+    verb: str, model: Model[Any], limits: Limits | None, options: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the fields that all jobs share, and the callback of the call."""
+    shared = limits_of(verb, limits, options, time_limit=60.0).fields()
+    if shared["warm_start"] is not None:
+        shared["warm_start"] = model.as_plan(shared["warm_start"])
+    return {**shared, "counts_compilation": True}
 
 
 def _declared(model: Model[Any], second: str) -> str:
@@ -357,7 +379,7 @@ def _declared(model: Model[Any], second: str) -> str:
 
 def _taken(job: Job) -> None:
     """Raise an error if the backend cannot run the job, before the first job starts."""
-    target = job.resolved().target()
+    target = job.resolved().find_target()
     reason = "" if target.formulation is not None else target.backend.refuses(target.model)
     if reason:
         raise UnsupportedFormulation(f"backend {target.backend.name!r}: {reason}")

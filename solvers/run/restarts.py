@@ -42,7 +42,7 @@ def start_again(
     control : Control
         Control that can stop all starts.
     """
-    formulation = job.target().formulation
+    formulation = job.find_target().formulation
     if formulation is None or not formulation.draws or wants_none(job):
         return first
     misled = first.plan is None and first.statistics.get("second look") == "better"

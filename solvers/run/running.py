@@ -8,7 +8,7 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -20,11 +20,12 @@ from ..contract.backend import Answer, Control, Request
 from ..contract.control import GRACE
 from ..contract.enums import Feature, Limit, Termination
 from ..contract.job import Job, Target
+from ..contract.limits import Event, EventKind, Listener
 from ..contract.registry import find_backend, is_plain
 from ..contract.solution import Incumbent
 from ..processes.output import captured, log as output
 
-__all__ = ["GRACE", "PATIENCE", "Listener", "Run", "processors"]
+__all__ = ["GRACE", "PATIENCE", "Run", "processors"]
 
 log = logging.getLogger("crosstrack")
 
@@ -36,8 +37,6 @@ POLL = 0.1
 STRETCH = 0.5
 #: Share of the time limit for the heuristic that runs before an exact backend.
 STARTING = 0.3
-
-Listener = Callable[[Incumbent[Any]], None]
 
 
 def processors() -> int:
@@ -57,7 +56,7 @@ class Run:
     target : Target
         Input of the backend. Its formulation changes during refinement.
     listener : callable, optional
-        Function called with every incumbent, in the caller's thread.
+        Function called with every incumbent and bound, in the caller's thread.
     limit : jit.Limit, optional
         Wall-clock limit for compilation.
     """
@@ -69,7 +68,6 @@ class Run:
     seconds: dict[str, float] = field(default_factory=dict)
     incumbents: list[Incumbent[Any]] = field(default_factory=list)
     last_point: Any = None
-    #: Objective of the starter's plan; worse plans of the backend are no incumbents.
     #: Objective of the starter's plan; worse plans of the backend are not incumbents.
     start_objective: float = math.inf
     #: Seconds per program of a formulation that is refined.
@@ -109,8 +107,12 @@ class Run:
             output.info("incumbent %.10g after %.2f s", objective, seconds)
         incumbent = Incumbent(seconds, objective, plan, evaluations)
         self.incumbents.append(incumbent)
+        self._report(EventKind.INCUMBENT, incumbent=incumbent)
+
+    def _report(self, kind: EventKind, **content: Any) -> None:
         if self.listener is not None:
-            self.listener(incumbent)
+            event = Event(kind, self.job.model.name, self.target.backend.name, **content)
+            self.listener(event)
 
     def _patience(self, control: Control) -> float:
         """Return the seconds that the run may take to stop."""
@@ -210,7 +212,10 @@ class Run:
                         continue
                     if event is None:
                         break
-                    self.accept(*event)
+                    if isinstance(event, float):
+                        self._report(EventKind.BOUND, bound=event)
+                    else:
+                        self.accept(*event)
             except BaseException:
                 # An exception of the listener or a second Ctrl-C must not leave the backend running.
                 control.stop(Limit.INTERRUPTED)

@@ -15,16 +15,17 @@ import cloudpickle
 import numpy as np
 import pytest
 from fakes import Fixed
+from listening import progress
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import Route
 from crosstrack.solvers import Answer, Guarantee, Limit, Termination
 from crosstrack.solvers.bench import Campaign, Progress, Set, read_records
-from crosstrack.solvers.bench.recording import LEFT_OUT, Record
 from crosstrack.solvers.contract.job import Job
 from crosstrack.solvers.processes.isolation import Worker
 from crosstrack.solvers.processes.scheduling import Task, run_by_threads
+from crosstrack.solvers.run.recording import LEFT_OUT, Record
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -215,7 +216,7 @@ def alone(tmp_path_factory):
     folder, heard = tmp_path_factory.mktemp("alone"), []
     file = written(folder, SMALL)
     records = ct.bench(
-        file, record=folder / "one.jsonl", on_progress=lambda news: heard.append(str(news))
+        file, record=folder / "one.jsonl", on_event=progress(lambda news: heard.append(str(news)))
     )
     return file, records, plain(folder / "one.jsonl"), heard
 
@@ -242,7 +243,10 @@ def test_an_interrupted_campaign_continues(tmp_path):
         ct.bench(file, record=record)
     heard = []
     ct.bench(
-        file, record=record, resume=True, on_progress=lambda n: heard.append((n.done, n.total))
+        file,
+        record=record,
+        resume=True,
+        on_event=progress(lambda n: heard.append((n.done, n.total))),
     )
     assert heard[-1] == (3, 3)
     assert plain(record) == whole
@@ -295,7 +299,7 @@ def test_a_cluster_gives_the_same_records_with_a_worker_killed_and_shows_what_ru
             file,
             record=tmp_path / "dask.jsonl",
             cluster=cluster.scheduler_address,
-            on_progress=kill,
+            on_event=progress(kill),
         )
     assert killed and one == plain(tmp_path / "dask.jsonl")
     assert shown[0] == (2, 1) and (2, 2) in shown and max(n for _, n in shown) == 2
@@ -311,7 +315,7 @@ def test_jobs_lost_by_a_broken_executor_run_in_the_next_campaign(tmp_path):
                 process.kill()
 
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        found = ct.bench(file, record=record, pool=pool, on_progress=kill)
+        found = ct.bench(file, record=record, pool=pool, on_event=progress(kill))
     lost = [one for one in found.solutions if one.message.startswith("executor: BrokenProcess")]
     kept = plain(record)
     assert lost and len(found.solutions) == 7 and len(kept) == 7 - len(lost)
@@ -402,7 +406,7 @@ def test_progress_is_reported_by_one_thread_at_a_time(tmp_path):
     campaign = Campaign(
         (Set(("error-correction/example-1",), ("label-setting", "two-stage", "pulse")),)
     )
-    ct.bench(campaign, record=tmp_path / "r.jsonl", workers=3, on_progress=told)
+    ct.bench(campaign, record=tmp_path / "r.jsonl", workers=3, on_event=progress(told))
     assert len(heard) == 6 and {number for number, _ in heard} == {1}
 
 

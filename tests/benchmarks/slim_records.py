@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from crosstrack.solvers.bench import read_records
-from crosstrack.solvers.bench.recording import LEFT_OUT
 from crosstrack.solvers.contract.solution import Solution
 from crosstrack.solvers.contract.verdict import judge
+from crosstrack.solvers.run.recording import LEFT_OUT
 
 #: Largest number of characters of a plan.
 PLAN = 12_000

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from listening import incumbents
 from pictures import artists, legend, panels, render, words
 
 import crosstrack as ct
@@ -284,7 +285,7 @@ def test_title_and_size_are_as_asked(walled):
 def test_the_search_in_motion(walled, tmp_path):
     model = walled[0]
     met = []
-    ct.solve(model, "random-search", seed=3, evaluations=600, on_incumbent=met.append)
+    ct.solve(model, "random-search", seed=3, evaluations=600, on_event=incumbents(met.append))
     points = np.random.default_rng(1).uniform(model.lows, model.highs, (9, 4))
     values = model.function.values(points)
     worst = np.argsort(-values)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fleet.enumerated import OBJECTIVES, all_routes, allowed, best, lengths, random_fleet
+from listening import incumbents
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
@@ -231,7 +232,7 @@ def test_a_warm_start_is_reused_between_programs():
     plan = ct.solve(model, "highs", formulation="two-index").plan
     bare = {"formulation": "two-index", "formulation_options": {"root_rounds": 0}}
     seen = []
-    answer = ct.solve(model, "highs", **bare, warm_start=plan, on_incumbent=seen.append)
+    answer = ct.solve(model, "highs", **bare, warm_start=plan, on_event=incumbents(seen.append))
     assert answer.statistics["refinements"] >= 1
     best = model.verify(plan).objective
     assert answer.primal_bound == pytest.approx(best, rel=1e-9)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fleet.enumerated import OBJECTIVES, best
 from hypothesis import given, settings, strategies as st
+from listening import incumbents
 
 import crosstrack as ct
 from crosstrack.models import FleetRouting
@@ -153,7 +154,10 @@ def test_incumbents_are_reported_and_a_target_stops():
     model = scattered(25, 3)
     seen: list[float] = []
     found = ct.solve(
-        model, "fleet-search", target=1e9, on_incumbent=lambda one: seen.append(one.objective)
+        model,
+        "fleet-search",
+        target=1e9,
+        on_event=incumbents(lambda one: seen.append(one.objective)),
     )
     assert found.limit is Limit.TARGET
     assert seen

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from commands import run
 from fakes import Counting, Fixed, Hanging, Killed, Raising
+from listening import solutions
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnknownName, UnsupportedOption
@@ -232,7 +233,7 @@ def test_two_campaigns_do_not_share_a_record(tmp_path, model):
     record = tmp_path / "record.jsonl"
     script = f"""
 import os
-from crosstrack.solvers.bench.recording import Record
+from crosstrack.solvers.run.recording import Record
 held = Record({str(record)!r}).__enter__()
 print("mine", flush=True)
 input()
@@ -256,7 +257,7 @@ os.kill(os.getpid(), 9)
         with pytest.raises(InvalidData, match="in use"):
             ct.compare(model, [Fixed()], record=record, resume=True)
 
-    ct.compare(model, [Fixed()], record=record, on_solution=again)
+    ct.compare(model, [Fixed()], record=record, on_event=solutions(again))
     assert len(record.read_text().splitlines()) == 1
     assert ct.compare(model, [Fixed()], record=record, resume=True).outcome == "AGREED"
 

@@ -16,6 +16,7 @@ from fronts import (
     pareto_set,
     values,
 )
+from listening import solutions
 
 import crosstrack as ct
 from crosstrack.errors import (
@@ -87,7 +88,7 @@ def test_two_exact_backends_have_one_front():
 
 def test_points_and_step_bound_the_runs():
     ran = []
-    found = ct.front(MODEL, "max", points=2, step=1e-6, on_point=ran.append)
+    found = ct.front(MODEL, "max", points=2, step=1e-6, on_event=solutions(ran.append))
     assert len(ran) == 2
     assert values(found) == [
         pytest.approx(POINTS[0], rel=1e-5),
@@ -102,7 +103,7 @@ def test_one_vehicle_has_one_point():
     """Zero deviation cannot be less."""
     ran = []
     found = ct.front(
-        FleetRouting(1, points=PLACES, objective="sum"), "deviation", on_point=ran.append
+        FleetRouting(1, points=PLACES, objective="sum"), "deviation", on_event=solutions(ran.append)
     )
     assert [second for _, second in values(found)] == [0.0]
     assert len(ran) == 1
@@ -118,7 +119,7 @@ def test_given_limits_are_used():
         MODEL,
         "max",
         limits=np.array([18, 30, 20, 18, 1]),
-        on_point=lambda s: ran.append(s.instance),
+        on_event=solutions(lambda s: ran.append(s.instance)),
     )
     assert ran == [f"six, max <= {limit}" for limit in (30, 20, 18, 1)]
     assert values(found) == [pytest.approx(pair, rel=1e-5) for pair in POINTS]
@@ -178,7 +179,7 @@ def test_a_rejected_call_runs_nothing(options, error, words, tmp_path):
     ran = []
     record = {} if "resume" in options else {"record": tmp_path / "record.jsonl"}
     with pytest.raises(error) as raised:
-        ct.front(MODEL, "max", on_point=ran.append, **record, **options)
+        ct.front(MODEL, "max", on_event=solutions(ran.append), **record, **options)
     assert words in str(raised.value)
     assert ran == []
     assert not any(tmp_path.iterdir())
@@ -187,7 +188,7 @@ def test_a_rejected_call_runs_nothing(options, error, words, tmp_path):
 def test_an_unsupported_limit_raises_first():
     ran = []
     with pytest.raises(UnsupportedFormulation, match="detour"):
-        ct.front(MODEL, "deviation", backend="subset-dp", on_point=ran.append)
+        ct.front(MODEL, "deviation", backend="subset-dp", on_event=solutions(ran.append))
     assert ran == []
 
 

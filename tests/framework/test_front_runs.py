@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from commands import run
 from fronts import MODEL, PLACES, POINTS, Given, all_loads, matrix, measured, values
+from listening import solutions
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnknownName, UnsupportedFormulation, UnsupportedOption
@@ -52,7 +53,7 @@ def test_a_record_is_continued(tmp_path, options):
         "max",
         backend=second,
         resume=True,
-        on_point=lambda s: heard.append(s.instance),
+        on_event=solutions(lambda s: heard.append(s.instance)),
         **asked,
     )
     assert first.runs + second.runs == whole.runs == heard
@@ -133,7 +134,7 @@ def test_ctrl_c_in_a_run_keeps_its_plan(tmp_path):
 @pytest.mark.parametrize("options", [{"limits": [30, 20, 18]}, {"step": 1e-6}])
 def test_ctrl_c_between_two_runs_keeps_the_first(tmp_path, options):
     record = tmp_path / "record.jsonl"
-    found = ct.front(MODEL, "max", record=record, on_point=lambda s: press(), **options)
+    found = ct.front(MODEL, "max", record=record, on_event=solutions(lambda s: press()), **options)
     assert found.interrupted
     assert values(found) == [pytest.approx(POINTS[0], rel=1e-5)]
     assert len(record.read_text().splitlines()) == 1
@@ -144,7 +145,9 @@ def test_ctrl_c_between_two_runs_keeps_the_first(tmp_path, options):
 
 def test_ctrl_c_ends_a_sweep():
     model = FleetRouting(2, points=PLACES, objective="sum-deviation")
-    found = sweep(model, "q", [0, 0.4, 1], "sum", "deviation", on_point=lambda s: press())
+    found = sweep(
+        model, "q", [0, 0.4, 1], "sum", "deviation", on_event=solutions(lambda s: press())
+    )
     assert found.interrupted
     assert [point.limit for point in found.points] == [0.0]
 
@@ -204,7 +207,7 @@ def test_invalid_sweeps_are_rejected(arguments, error, words, tmp_path):
     model = FleetRouting(2, points=PLACES, objective="sum-deviation")
     ran = []
     with pytest.raises(error) as raised:
-        sweep(model, *arguments, record=tmp_path / "record.jsonl", on_point=ran.append)
+        sweep(model, *arguments, record=tmp_path / "record.jsonl", on_event=solutions(ran.append))
     assert words in str(raised.value)
     assert ran == []
     assert not any(tmp_path.iterdir())
@@ -215,7 +218,9 @@ def test_invalid_sweeps_are_rejected(arguments, error, words, tmp_path):
 def test_an_unsupported_value_raises_first():
     model, ran = FleetRouting(2, points=PLACES, objective="sum-deviation"), []
     with pytest.raises(UnsupportedFormulation, match="takes q up to"):
-        sweep(model, "q", [0, 99], "sum", "max", backend="subset-dp", on_point=ran.append)
+        sweep(
+            model, "q", [0, 99], "sum", "max", backend="subset-dp", on_event=solutions(ran.append)
+        )
     assert ran == []
 
 

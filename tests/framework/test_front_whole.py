@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from commands import run
 from fronts import MODEL, pareto_set, values
+from listening import solutions
 
 import crosstrack as ct
 from crosstrack.models import ErrorCorrectionRouting
@@ -93,7 +94,7 @@ def check_front(model):
     """Return the size of the front, which must be the Pareto set, found without needless runs."""
     wanted = pareto_set(*all_routes(model).T)
     ran = []
-    found = ct.front(model, "corrections", on_point=ran.append)
+    found = ct.front(model, "corrections", on_event=solutions(ran.append))
     assert values(found) == [pytest.approx(pair, rel=1e-9) for pair in wanted], model.name
     assert all(point.proven for point in found.points)
     assert not found.repeated
@@ -117,7 +118,9 @@ def test_every_number_of_corrections_is_found(seed):
 def test_limits_are_whole_and_each_is_run_once():
     model, ran = bridges(), []
     whole = ct.front(model, "corrections")
-    found = ct.front(model, "corrections", limits=[9, 6.5, 6, 0, 6.0], on_point=ran.append)
+    found = ct.front(
+        model, "corrections", limits=[9, 6.5, 6, 0, 6.0], on_event=solutions(ran.append)
+    )
     assert [one.instance for one in ran] == [
         f"{model.name}, corrections <= {limit}" for limit in (9, 6, 0)
     ]
@@ -133,7 +136,7 @@ def test_limits_are_whole_and_each_is_run_once():
 def test_a_step_that_is_given_skips_values_and_ends_at_the_least(step):
     model, ran = bridges(), []
     whole = ct.front(model, "corrections")
-    found = ct.front(model, "corrections", step=step, on_point=ran.append)
+    found = ct.front(model, "corrections", step=step, on_event=solutions(ran.append))
     assert len({one.instance for one in ran}) == len(ran)
     assert {values(found)[0], values(found)[-1]} == {values(whole)[0], values(whole)[-1]}
     assert set(values(found)) <= set(values(whole))
@@ -152,7 +155,7 @@ def test_a_limit_of_the_model_stays_and_zero_is_one():
         [[0, 0, 0], [1, 0, 0], [2, 0, 0]], ["A", "horizontal", "B"], *[3] * 5, delta=1.0
     )
     ran = []
-    assert values(ct.front(line, "corrections", on_point=ran.append)) == [(2.0, 0.0)]
+    assert values(ct.front(line, "corrections", on_event=solutions(ran.append))) == [(2.0, 0.0)]
     assert len(ran) == 1
     assert ct.solve(line.limited("corrections", 0)).plan.route == (0, 2)
 
@@ -172,7 +175,9 @@ def test_a_run_without_a_proof_ends_the_front():
             return Answer(Termination.FEASIBLE, None, route)
 
     route = ct.solve(bridges()).plan
-    found = ct.front(bridges(), "corrections", backend=Once(), isolate=False, on_point=ran.append)
+    found = ct.front(
+        bridges(), "corrections", backend=Once(), isolate=False, on_event=solutions(ran.append)
+    )
     assert len(ran) == 2
     assert len(found.points) == len(found.unsolved) == 1
 
@@ -184,7 +189,9 @@ def test_the_front_is_continued_and_printed(tmp_path):
     whole = ct.front(model, "corrections")
     ct.front(model, "corrections", points=2, record=record)
     ran = []
-    again = ct.front(model, "corrections", record=record, resume=True, on_point=ran.append)
+    again = ct.front(
+        model, "corrections", record=record, resume=True, on_event=solutions(ran.append)
+    )
     assert values(again) == values(whole)
     assert len(record.read_text().splitlines()) == len(ran)
     done = run("front", path, "corrections", "--json")
@@ -195,7 +202,7 @@ def test_the_front_is_continued_and_printed(tmp_path):
 
 def test_other_fronts_descend_by_shares():
     ran = []
-    ct.front(MODEL, "max", on_point=ran.append)
+    ct.front(MODEL, "max", on_event=solutions(ran.append))
     assert 3 <= len(ran) <= 10
 
 

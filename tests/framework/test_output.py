@@ -84,7 +84,7 @@ def test_the_log_goes_to_standard_error_without_a_handler(tmp_path):
         "print('before')\n"
         "for isolate in (False, True):\n"
         "    ct.solve(model, 'highs', verbose=True, isolate=isolate,\n"
-        "             on_incumbent=lambda i: print('heard'))\n"
+        "             on_event=lambda e: e.incumbent and print('heard'))\n"
         "print('after')\n"
     )
     for mine in ([], ["mine"]):

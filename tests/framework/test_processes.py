@@ -268,7 +268,7 @@ def test_ctrl_c_reaches_the_jobs_of_an_executor(tmp_path):
 
         with ThreadPoolExecutor(2) as pool:
             found = ct.compare(
-                model, [Fixed(), Patient("patient")], pool=pool, time_limit=100, on_solution=ended
+                model, [Fixed(), Patient("patient")], pool=pool, time_limit=100, on_event=solutions(ended)
             )
         print(found.interrupted, [str(s.limit) for s in found.solutions])
         """

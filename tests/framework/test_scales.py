@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from listening import incumbents
 
 import crosstrack as ct
 from crosstrack.models import (
@@ -133,7 +134,7 @@ def test_scaling_a_program_changes_neither_points_nor_bounds(factor):
     assert PLAIN[0] <= np.abs(scaling.program.cost).max() <= PLAIN[1]
     here = ct.solve(plain, "highs")
     heard = []
-    there = ct.solve(program, "highs", warm_start=here.plan, on_incumbent=heard.append)
+    there = ct.solve(program, "highs", warm_start=here.plan, on_event=incumbents(heard.append))
     assert there.primal_bound == pytest.approx(here.primal_bound * factor, rel=1e-9)
     assert there.dual_bound == pytest.approx(here.dual_bound * factor, rel=1e-6)
     for one in heard:

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 from fakes import Brief, Fixed, Hanging, Killed, Patient, Raising
+from listening import incumbents
 
 import crosstrack as ct
 from crosstrack.errors import (
@@ -132,14 +133,14 @@ def test_incumbents_are_reported_in_the_callers_thread(model, isolate):
     heard = []
     ct.solve(
         model, Patient(), time_limit=0.3, isolate=isolate,
-        on_incumbent=lambda i: heard.append((i.plan.route, threading.current_thread().name)),
+        on_event=incumbents(lambda i: heard.append((i.plan.route, threading.current_thread().name))),
     )  # fmt: skip
     assert [route for route, _ in heard] == [(0, 1, 2, 4)]
 
 
 def test_a_brief_run_uses_the_callers_thread(model):
     backend, heard = Brief(), []
-    answer = ct.solve(model, backend, time_limit=10, on_incumbent=heard.append)
+    answer = ct.solve(model, backend, time_limit=10, on_event=incumbents(heard.append))
     assert backend.thread is threading.current_thread()
     assert answer.termination == "optimal"
     assert [one.objective for one in heard] == [1.0] == [one.objective for one in answer.incumbents]
@@ -167,7 +168,7 @@ def test_a_listener_that_raises_ends_the_run(model, isolate):
 
     begin = time.perf_counter()
     with pytest.raises(ZeroDivisionError, match="mine"):
-        ct.solve(model, Patient(), time_limit=60, isolate=isolate, on_incumbent=listener)
+        ct.solve(model, Patient(), time_limit=60, isolate=isolate, on_event=incumbents(listener))
     assert time.perf_counter() - begin < 10
     deadline = time.perf_counter() + 5
     while any(t.name == "crosstrack-fixed" for t in threading.enumerate()):
@@ -182,7 +183,7 @@ def test_ctrl_c_keeps_the_incumbent(model, isolate):
     def press(incumbent):
         threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
 
-    answer = ct.solve(model, Patient(), time_limit=30, isolate=isolate, on_incumbent=press)
+    answer = ct.solve(model, Patient(), time_limit=30, isolate=isolate, on_event=incumbents(press))
     assert answer.limit == "interrupted"
     assert answer.plan.route == (0, 1, 2, 4)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

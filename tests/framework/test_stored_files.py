@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from listening import solutions
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData
@@ -80,7 +81,7 @@ def test_a_campaign_continues_without_repeating_runs(tmp_path):
     names = ["label-setting", "two-stage", "dynamic-programming"]
     anew = []
     result = ct.compare(
-        models, names, time_limit=30, record=record, resume=True, on_solution=anew.append
+        models, names, time_limit=30, record=record, resume=True, on_event=solutions(anew.append)
     )
     assert anew == []
     assert result.outcome == "AGREED"

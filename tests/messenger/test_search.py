@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from listening import incumbents
 from numpy.random import default_rng
 
 import crosstrack as ct
@@ -206,7 +207,7 @@ def test_limits_and_incumbents():
     model = drawn(30, 6)
     seen = []
     found = ct.solve(
-        model, "tour-search", time_limit=1.0, seed=0, on_incumbent=seen.append,
+        model, "tour-search", time_limit=1.0, seed=0, on_event=incumbents(seen.append),
         backend_options={"polish": False, "bound": False},
     )  # fmt: skip
     assert found.limit == "time"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from allocations import LIMITS, POINTS, walk
 from hypothesis import given, settings, strategies as st
+from listening import incumbents
 from simplex import best_times, programmed, spline
 
 import crosstrack as ct
@@ -149,7 +150,7 @@ def test_a_limit_keeps_the_incumbent():
     ct.solve(TimeAllocation(POINTS, 1, **LIMITS))  # compiled
     heard = []
     begin = time.perf_counter()
-    found = ct.solve(model, time_limit=0.8, on_incumbent=heard.append)
+    found = ct.solve(model, time_limit=0.8, on_event=incumbents(heard.append))
     assert time.perf_counter() - begin < 8
     assert found.limit == "time"
     assert found.termination in ("feasible", "no_solution")
