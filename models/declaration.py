@@ -1,18 +1,19 @@
-"""Frozen data classes with declared fields: models and the parts of models."""
+"""Frozen data classes with declared fields: plans, models and the parts of models."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Self
 
 import numpy as np
 
 from ..errors import InvalidData, suggestion
-from .fields import Spec, show
+from .fields import Several, Spec, show
 
-__all__ = ["Declared", "Listed", "Nested"]
+__all__ = ["Declared", "Listed", "Nested", "Plan"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +35,16 @@ class Declared:
         """Raise :class:`~crosstrack.errors.InvalidData` if fields contradict one another."""
 
     @classmethod
-    def _specs(cls) -> Iterator[tuple[str, Spec]]:
-        for field in dataclasses.fields(cls):
-            if "spec" in field.metadata:
-                yield field.name, field.metadata["spec"]
+    @cache  # plans are built in loops
+    def _specs(cls) -> tuple[tuple[str, Spec], ...]:
+        fields = (field for field in dataclasses.fields(cls) if "spec" in field.metadata)
+        return tuple((field.name, field.metadata["spec"]) for field in fields)
+
+    def _feed(self) -> Iterator[bytes]:
+        """Yield the bytes that identify the content."""
+        for name, spec in self._specs():
+            yield f"\0{name}\0".encode()
+            yield from spec.feed(getattr(self, name))
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
@@ -131,13 +138,10 @@ class Nested(Spec):
         return value.data()
 
     def feed(self, value: Declared) -> Iterable[bytes]:
-        for name, spec in value._specs():
-            yield f"\0{name}\0".encode()
-            yield from spec.feed(getattr(value, name))
+        return value._feed()
 
 
-@dataclass(frozen=True)
-class Listed(Spec):
+class Listed(Several):
     """Field that holds a tuple of declared objects of one class.
 
     Parameters
@@ -146,19 +150,50 @@ class Listed(Spec):
         Class of the objects.
     """
 
-    kind: type[Declared]
+    def __init__(self, kind: type[Declared]) -> None:
+        super().__init__(Nested(kind))
 
-    def coerce(
-        self, name: str, value: Any, sizes: dict[str, tuple[int, str]]
-    ) -> tuple[Declared, ...]:
-        if not isinstance(value, list | tuple):
-            raise InvalidData(f"{name} must be a list, got {show(value)}", field=name)
-        return tuple(Nested(self.kind).coerce(f"{name}[{k}]", v, {}) for k, v in enumerate(value))
 
-    def encode(self, value: tuple[Declared, ...]) -> Any:
-        return [part.data() for part in value]
+@dataclass(frozen=True, eq=False)
+class Plan(Declared):
+    """Base of plans: frozen data classes with declared fields that are compared by content."""
 
-    def feed(self, value: tuple[Declared, ...]) -> Iterable[bytes]:
-        yield repr(len(value)).encode()
-        for part in value:
-            yield from Nested(self.kind).feed(part)
+    def to_data(self) -> dict[str, Any]:
+        """Return the plan as JSON data."""
+        return self.data()
+
+    @classmethod
+    def from_data(cls, data: Any) -> Self:
+        """Return the plan that :meth:`to_data` wrote.
+
+        Parameters
+        ----------
+        data : mapping
+            JSON data, with one key per field.
+
+        Raises
+        ------
+        InvalidData
+            A key is missing or unknown, or a value is invalid; the error names both.
+        """
+        if not isinstance(data, Mapping):
+            keys = [field.name for field in dataclasses.fields(cls) if "spec" in field.metadata]
+            raise InvalidData(
+                f"a plan must be an object with the key{'s' * (len(keys) > 1)} {', '.join(keys)}, "
+                f"got {show(data)}",
+                field="plan",
+            )
+        return cls._from_data(data)
+
+    @classmethod
+    def _label(cls) -> str:
+        return "a plan"
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether `other` is a plan of the same type with the same content."""
+        if type(self) is not type(other):
+            return NotImplemented
+        return self is other or tuple(self._feed()) == tuple(other._feed())
+
+    def __hash__(self) -> int:
+        return hash(tuple(self._feed()))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -25,11 +25,14 @@ __all__ = [
     "Array",
     "Broadcast",
     "Flag",
+    "NumberTuple",
     "Optional",
     "Real",
+    "Several",
     "Spec",
     "Text",
     "Whole",
+    "count_rows",
     "declared",
     "frozen",
     "required",
@@ -372,11 +375,7 @@ class Array(Spec):
             )
         for actual, expected in zip(array.shape, self.shape, strict=True):
             if isinstance(expected, str):
-                known, source = sizes.setdefault(expected, (actual, name))
-                if known != actual:
-                    raise InvalidData(
-                        f"{name} has {actual} entries where {source} has {known}", field=name
-                    )
+                count_rows(name, actual, expected, sizes)
         return array
 
     def _shape_text(self) -> str:
@@ -400,6 +399,73 @@ class Array(Spec):
 
     def refreeze(self, value: NDArray[Any]) -> NDArray[Any]:
         return frozen(value)
+
+
+@dataclass(frozen=True)
+class NumberTuple(Array):
+    """Row of numbers, stored as a tuple of Python numbers.
+
+    Parameters
+    ----------
+    shape : tuple of one int or str
+        Number of entries, or its name.
+    dtype, lower, upper, infinity
+        See :class:`Array`.
+    """
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
+        return tuple(super().coerce(name, value, sizes).tolist())
+
+    def encode(self, value: Any) -> Any:
+        return list(value)
+
+    def feed(self, value: Any) -> Iterable[bytes]:
+        yield repr(value).encode()
+
+    def refreeze(self, value: Any) -> Any:
+        return value
+
+
+@dataclass(frozen=True)
+class Several(Spec):
+    """Tuple of values with one specification; the dimensions of an entry are its own.
+
+    Parameters
+    ----------
+    spec : Spec
+        Specification of each entry.
+    rows : str
+        Name of the dimension that the entries count; empty if no other field counts them.
+    """
+
+    spec: Spec
+    rows: str = ""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[Any, ...]:
+        if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
+            raise InvalidData(f"{name} must be a list, got {show(value)}", field=name)
+        entries = tuple(self.spec.coerce(f"{name}[{k}]", v, {}) for k, v in enumerate(value))
+        if self.rows:
+            count_rows(name, len(entries), self.rows, sizes)
+        return entries
+
+    def encode(self, value: tuple[Any, ...]) -> Any:
+        return [self.spec.encode(entry) for entry in value]
+
+    def feed(self, value: tuple[Any, ...]) -> Iterable[bytes]:
+        yield repr(len(value)).encode()
+        for entry in value:
+            yield from self.spec.feed(entry)
+
+    def refreeze(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(map(self.spec.refreeze, value))
+
+
+def count_rows(name: str, actual: int, rows: str, sizes: dict[str, tuple[int, str]]) -> None:
+    """Fix the length of the dimension `rows`, or raise if an earlier field has another length."""
+    known, source = sizes.setdefault(rows, (actual, name))
+    if known != actual:
+        raise InvalidData(f"{name} has {actual} entries where {source} has {known}", field=name)
 
 
 def _reject_booleans(name: str, value: Any, place: tuple[int, ...]) -> None:

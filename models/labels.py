@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidData
-from .fields import Spec, show
+from .fields import Spec, count_rows, show
 
 __all__ = ["Ids"]
 
@@ -50,11 +50,7 @@ class Ids(Spec):
                 )
             rows[label] = row
             ids.append(label)
-        known, source = sizes.setdefault(self.rows, (len(ids), name))
-        if known != len(ids):
-            raise InvalidData(
-                f"{name} has {len(ids)} entries where {source} has {known}", field=name
-            )
+        count_rows(name, len(ids), self.rows, sizes)
         return tuple(ids)
 
     def encode(self, value: tuple[int | str, ...]) -> Any:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
-from .declaration import Declared
+from .declaration import Declared, Plan
 from .fields import TRUSTED, Text, required, show
 from .json_text import parse_json
 from .problems import model_type, resolve
@@ -292,13 +292,21 @@ class Model(Declared, ABC, Generic[PlanT]):
             `tolerance` is not a number > 0 and < 1.
         """
 
-    @abstractmethod
     def plan_to_data(self, plan: PlanT) -> Any:
-        """Return `plan` as JSON data."""
+        """Return `plan` as JSON data, by default that of a :class:`~.declaration.Plan`."""
+        return required("plan", plan, Plan).data()
 
-    @abstractmethod
     def plan_from_data(self, data: Any) -> PlanT:
         """Return the plan that :meth:`plan_to_data` wrote; invalid data raise ``InvalidData``."""
+        if not issubclass(self.plan_type, Plan):
+            raise InvalidData(
+                f"model {self.kind!r} cannot read a plan: its plan_type must be a Plan, got "
+                f"{self.plan_type.__name__}; or define plan_from_data",
+                field="plan",
+            )
+        plan: Any = self.plan_type.from_data(data)
+        result: PlanT = plan
+        return result
 
     def details(self, plan: PlanT) -> list[dict[str, Any]]:
         """Return details of `plan` row by row, such as one row per stop, as JSON data.

@@ -73,6 +73,9 @@ class Member(Spec):
             f"{name} must be one of {', '.join(self.kind)}, got {show(value)}", field=name
         )
 
+    def encode(self, value: StrEnum) -> str:
+        return str(value)
+
 
 def given(name: str, value: Any) -> dict[str, Any]:
     """Return `value` as a dict of options, empty for None, or raise if it is not a mapping."""

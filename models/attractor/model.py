@@ -7,7 +7,7 @@ Problems in Engineering 2016, article 4370635, doi 10.1155/2016/4370635.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -212,14 +212,6 @@ class AttractorAnalysis(Model[AttractorEstimate]):
             longer = max(plan.delay, other.delay)
             apart.append((longer - min(plan.delay, other.delay)) / longer)
         return max(apart)
-
-    def plan_to_data(self, plan: AttractorEstimate) -> Any:
-        """Return the plan as JSON data."""
-        return plan.data()
-
-    def plan_from_data(self, data: Any) -> AttractorEstimate:
-        """Return the plan in `data`."""
-        return AttractorEstimate.from_data(data)
 
     def describe(self) -> str:
         """Return the number of samples and the period as text."""

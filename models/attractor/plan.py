@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 from ...errors import InvalidData
-from ..declaration import Declared, Nested
+from ..declaration import Declared, Nested, Plan
 from ..fields import Optional, Real, Whole, declared, show
 from ..records import Member
 
@@ -134,7 +132,7 @@ class SurrogateTest(Declared):
 
 
 @dataclass(frozen=True, eq=False)
-class AttractorEstimate(Declared):
+class AttractorEstimate(Plan):
     """Embedding of a series, and the figures found in it.
 
     Parameters
@@ -168,13 +166,6 @@ class AttractorEstimate(Declared):
             raise InvalidData(
                 "correlation must be a slope of a correlation sum", field="correlation"
             )
-
-    @classmethod
-    def from_data(cls, data: Any) -> AttractorEstimate:
-        """Return the plan written by ``data()``; invalid data raises ``InvalidData``."""
-        if not isinstance(data, Mapping):
-            raise InvalidData(f"a plan must be an object, got {show(data)}", field="plan")
-        return cls._from_data(data)
 
     @property
     def window(self) -> int:

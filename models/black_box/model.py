@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,14 +141,6 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
         if not numbers.all():
             return Verification(None, (bounds, number_check))
         return Verification(float(values.mean()), (bounds, number_check), spread)
-
-    def plan_to_data(self, plan: BlackBoxPoint) -> Any:
-        """Return ``{"x": […]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> BlackBoxPoint:
-        """Return the plan in `data`."""
-        return BlackBoxPoint.from_data(data)
 
     def describe(self) -> str:
         """Return the size in a few words."""

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from ...errors import InvalidData
-from ..fields import Array, show
+from ..declaration import Plan
+from ..fields import NumberTuple, declared
 
 __all__ = ["BlackBoxPoint"]
 
 
-@dataclass(frozen=True)
-class BlackBoxPoint:
+@dataclass(frozen=True, eq=False)
+class BlackBoxPoint(Plan):
     """Point at which the function is evaluated.
 
     Parameters
@@ -22,24 +20,7 @@ class BlackBoxPoint:
         Value of each variable.
     """
 
-    x: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        point = Array(("d",)).coerce("x", self.x, {})
-        object.__setattr__(self, "x", tuple(point.tolist()))
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the plan as JSON data."""
-        return {"x": list(self.x)}
-
-    @classmethod
-    def from_data(cls, data: Any) -> BlackBoxPoint:
-        """Return the plan that :meth:`to_data` wrote; invalid data raise ``InvalidData``."""
-        if not isinstance(data, Mapping) or set(data) != {"x"}:
-            raise InvalidData(
-                f"a plan must be an object with the key x, got {show(data)}", field="plan"
-            )
-        return cls(data["x"])
+    x: tuple[float, ...] = declared(NumberTuple(("d",)))
 
     def __str__(self) -> str:
         shown = ", ".join(f"{value:.6g}" for value in self.x[:6])

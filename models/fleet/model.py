@@ -130,14 +130,6 @@ class FleetRouting(FleetData, Model[FleetPlan]):
             return float(loads.sum())
         return float(loads.max() if name == "max" else np.ptp(loads))
 
-    def plan_to_data(self, plan: FleetPlan) -> Any:
-        """Return ``{"routes": [[…], …]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> FleetPlan:
-        """Return the plan in `data`."""
-        return FleetPlan.from_data(data)
-
     def describe(self) -> str:
         """Return a one-line summary: vehicles, nodes, objective and limits."""
         several = f"{self.vehicles} vehicles" if self.vehicles > 1 else "1 vehicle"

@@ -7,7 +7,7 @@ Multirobot in Obstacle Environment", Wireless Communications and Mobile Computin
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -102,14 +102,6 @@ class FleetMission(MissionData, Model[MissionPlan]):
         of bisected pieces. The tolerance of a position is `tolerance` times the side of a cell.
         """
         return verify_mission(self, plan, tolerance)
-
-    def plan_to_data(self, plan: MissionPlan) -> Any:
-        """Return ``{"routes": […], "trajectories": […], "visits": […]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> MissionPlan:
-        """Return the plan in `data`."""
-        return MissionPlan.from_data(data)
 
     def describe(self) -> str:
         """Return a one-line summary: robots, nodes, obstacles and objective."""

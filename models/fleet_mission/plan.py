@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,17 +9,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, show
+from ..declaration import Declared, Nested, Plan
+from ..fields import Array, NumberTuple, Optional, Several, declared
 from ..minimum_snap.trajectory import Trajectory
 
 __all__ = ["MissionPlan"]
 
 Floats = NDArray[np.float64]
-_KEYS = ("routes", "trajectories", "visits")
+
+
+class _Course(Nested):
+    """Trajectory in x and y; errors name the robot."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Declared:
+        try:
+            course = super().coerce(name, value, sizes)
+        except InvalidData as error:
+            text = str(error)
+            raise InvalidData(
+                text if text.startswith(name) else f"{name}: {text}", field="trajectories"
+            ) from None
+        assert isinstance(course, Trajectory)
+        if course.dimensions != 2:
+            raise InvalidData(
+                f"{name} must be x, y, got {course.dimensions} dimensions", field="trajectories"
+            )
+        return course
 
 
 @dataclass(frozen=True, eq=False)
-class MissionPlan:
+class MissionPlan(Plan):
     """Routes, trajectories and visit times of all robots.
 
     Parameters
@@ -39,37 +57,20 @@ class MissionPlan:
         The fields have different lengths, or an entry has another type or shape.
     """
 
-    routes: tuple[tuple[int, ...], ...]
-    trajectories: tuple[Trajectory | None, ...]
-    visits: tuple[Floats, ...]
+    routes: tuple[tuple[int, ...], ...] = declared(Several(NumberTuple(("stops",), int), "robots"))
+    trajectories: tuple[Trajectory | None, ...] = declared(
+        Several(Optional(_Course(Trajectory)), "robots")
+    )
+    visits: tuple[Floats, ...] = declared(Several(Array(("stops",)), "robots"))
 
-    def __post_init__(self) -> None:
-        routes = tuple(
-            tuple(Array((f"n{k}",), int).coerce(f"routes[{k}]", route, {}).tolist())
-            for k, route in enumerate(_require_list("routes", self.routes))
-        )
-        trajectories = tuple(
-            _trajectory(f"trajectories[{k}]", one)
-            for k, one in enumerate(_require_list("trajectories", self.trajectories))
-        )
-        visits = tuple(
-            Array((f"n{k}",)).coerce(f"visits[{k}]", one, {})
-            for k, one in enumerate(_require_list("visits", self.visits))
-        )
-        for name, entries in (("trajectories", trajectories), ("visits", visits)):
-            if len(entries) != len(routes):
-                raise InvalidData(
-                    f"{name} has {len(entries)} entries where routes has {len(routes)}", field=name
-                )
-        for k, (route, times) in enumerate(zip(routes, visits, strict=True)):
+    def check(self) -> None:
+        """Reject visit times that do not fit a route."""
+        for k, (route, times) in enumerate(zip(self.routes, self.visits, strict=True)):
             if len(route) != len(times):
                 raise InvalidData(
                     f"visits[{k}] has {len(times)} entries where routes[{k}] has {len(route)}",
                     field="visits",
                 )
-        object.__setattr__(self, "routes", routes)
-        object.__setattr__(self, "trajectories", trajectories)
-        object.__setattr__(self, "visits", visits)
 
     @property
     def parking(self) -> tuple[tuple[float, float] | None, ...]:
@@ -89,50 +90,6 @@ class MissionPlan:
             (float(one.times[-1]) for one in self.trajectories if one is not None), default=0
         )
 
-    def to_data(self) -> dict[str, Any]:
-        """Return the plan as JSON data."""
-        return {
-            "routes": [list(route) for route in self.routes],
-            "trajectories": [None if one is None else one.to_data() for one in self.trajectories],
-            "visits": [times.tolist() for times in self.visits],
-        }
-
-    @classmethod
-    def from_data(cls, data: Any) -> MissionPlan:
-        """Return the plan stored in `data` by :meth:`to_data`; bad data raises ``InvalidData``."""
-        if not isinstance(data, Mapping) or set(data) != set(_KEYS):
-            raise InvalidData(
-                f"a plan must be an object with the keys {', '.join(_KEYS)}, got {show(data)}",
-                field="plan",
-            )
-        return cls(**data)
-
     def __str__(self) -> str:
         routes = " | ".join("-".join(map(str, route)) or "at the depot" for route in self.routes)
         return f"{routes}, {self.end:.10g} s"
-
-
-def _require_list(name: str, value: Any) -> Sequence[Any]:
-    if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
-        raise InvalidData(f"{name} must be a list, got {show(value)}", field=name)
-    return value
-
-
-def _trajectory(name: str, value: Any) -> Trajectory | None:
-    if value is None:
-        return None
-    trajectory = value if isinstance(value, Trajectory) else None
-    if trajectory is None:
-        if not isinstance(value, Mapping):
-            raise InvalidData(
-                f"{name} must be a trajectory or null, got {show(value)}", field="trajectories"
-            )
-        try:
-            trajectory = Trajectory.from_data(value)
-        except InvalidData as error:
-            raise InvalidData(f"{name}: {error}", field="trajectories") from None
-    if trajectory.dimensions != 2:
-        raise InvalidData(
-            f"{name} must be x, y, got {trajectory.dimensions} dimensions", field="trajectories"
-        )
-    return trajectory

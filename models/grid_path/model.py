@@ -136,14 +136,6 @@ class GridPath(Model[GridPlan]):
         """Return the cost of the paths in metres and the checks of all constraints."""
         return verify_paths(self, plan, tolerance)
 
-    def plan_to_data(self, plan: GridPlan) -> Any:
-        """Return ``{"paths": [[[x, y], …], …]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> GridPlan:
-        """Return the plan in `data`."""
-        return GridPlan.from_data(data)
-
     def describe(self) -> str:
         """Return a short description of the size."""
         rows, columns = self.map.shape

@@ -94,14 +94,6 @@ class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
         """
         return verify_tour(self, plan, tolerance)
 
-    def plan_to_data(self, plan: GuidedPathPlan) -> Any:
-        """Return the plan as ``{"order": […]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> GuidedPathPlan:
-        """Return the plan that :meth:`plan_to_data` wrote."""
-        return GuidedPathPlan.from_data(data)
-
     def describe(self) -> str:
         """Return a short description of the size."""
         customers = self.size - 1

@@ -109,14 +109,6 @@ class MessengerTour(TourData, Model[TourPlan]):
         """The search that proves a bound. Solvers of programs, all local, are not even loaded."""
         return "tour-search"
 
-    def plan_to_data(self, plan: TourPlan) -> Any:
-        """Return the plan as ``{"order", "times", "points", "start", "primitives"}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> TourPlan:
-        """Return the plan that :meth:`plan_to_data` wrote."""
-        return TourPlan.from_data(data)
-
     def describe(self) -> str:
         """Return a short description of the size."""
         low, high = self.radius.min(), self.radius.max()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Real, Whole, show
+from ..declaration import Plan
+from ..fields import Array, NumberTuple, Real, Several, Spec, Whole, declared, show
 
 __all__ = ["Primitive", "TourPlan"]
 
@@ -44,8 +45,37 @@ class Primitive(NamedTuple):
     heading: float
 
 
+class _Piece(Spec):
+    """Primitive, given as such, as a list of its entries or as an object."""
+
+    _leg, _number = Whole(0, MOST_LEGS), Real()
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Primitive:
+        entry, fields = value, Primitive._fields
+        if isinstance(entry, Mapping):
+            if set(entry) != set(fields):
+                raise InvalidData(
+                    f"{name} must have the keys {', '.join(fields)}, got {show(entry)}", field=name
+                )
+            entry = tuple(entry[key] for key in fields)
+        if not isinstance(entry, list | tuple) or len(entry) != len(fields):
+            raise InvalidData(f"{name} must be {', '.join(fields)}, got {show(entry)}", field=name)
+        leg, turn, length, heading = entry
+        if not isinstance(turn, str) or turn not in SIGNS:
+            raise InvalidData(f"{name}.turn must be L, S or R, got {show(turn)}", field=name)
+        return Primitive(
+            self._leg.coerce(f"{name}.leg", leg, {}),
+            turn,
+            self._number.coerce(f"{name}.length", length, {}),
+            self._number.coerce(f"{name}.heading", heading, {}),
+        )
+
+    def encode(self, value: Primitive) -> dict[str, Any]:
+        return value._asdict()
+
+
 @dataclass(frozen=True, eq=False)
-class TourPlan:
+class TourPlan(Plan):
     """Flight over the vehicles.
 
     Parameters
@@ -67,24 +97,11 @@ class TourPlan:
         A field has a wrong shape or type, or a primitive has an unknown turn.
     """
 
-    order: tuple[int, ...]
-    times: Floats
-    points: Floats
-    start: Floats
-    primitives: tuple[Primitive, ...]
-
-    def __post_init__(self) -> None:
-        sizes: dict[str, tuple[int, str]] = {}
-        order = Array(("vehicles",), int).coerce("order", self.order, sizes)
-        fields = {
-            "order": tuple(order.tolist()),
-            "times": Array(("vehicles",)).coerce("times", self.times, sizes),
-            "points": Array(("vehicles", 2)).coerce("points", self.points, sizes),
-            "start": Array((3,)).coerce("start", self.start, sizes),
-            "primitives": _primitives(self.primitives),
-        }
-        for name, value in fields.items():
-            object.__setattr__(self, name, value)
+    order: tuple[int, ...] = declared(NumberTuple(("vehicles",), int))
+    times: Floats = declared(Array(("vehicles",)))
+    points: Floats = declared(Array(("vehicles", 2)))
+    start: Floats = declared(Array((3,)))
+    primitives: tuple[Primitive, ...] = declared(Several(_Piece()))
 
     @property
     def length(self) -> float:
@@ -96,62 +113,5 @@ class TourPlan:
         """Return the primitives of leg `number`."""
         return tuple(primitive for primitive in self.primitives if primitive.leg == number)
 
-    def to_data(self) -> dict[str, Any]:
-        """Return the plan as JSON data."""
-        return {
-            "order": list(self.order),
-            "times": self.times.tolist(),
-            "points": self.points.tolist(),
-            "start": self.start.tolist(),
-            "primitives": [primitive._asdict() for primitive in self.primitives],
-        }
-
-    @classmethod
-    def from_data(cls, data: Any) -> TourPlan:
-        """Return the plan that :meth:`to_data` wrote; raise ``InvalidData`` if the data is malformed."""
-        keys = ("order", "times", "points", "start", "primitives")
-        if not isinstance(data, Mapping):
-            raise InvalidData(f"a plan must be an object, got {show(data)}", field="plan")
-        for key in data:
-            if key not in keys:
-                raise InvalidData(
-                    f"unknown key {key!r} in a plan; allowed: {', '.join(keys)}", field=str(key)
-                )
-        for key in keys:
-            if key not in data:
-                raise InvalidData(f"a plan needs the key {key!r}", field=key)
-        return cls(**data)
-
     def __str__(self) -> str:
         return f"{'-'.join(map(str, self.order))}, {self.length:.10g} m"
-
-
-def _primitives(value: Any) -> tuple[Primitive, ...]:
-    if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
-        raise InvalidData(f"primitives must be a list, got {show(value)}", field="primitives")
-    primitives = []
-    for row, entry in enumerate(value):
-        name = f"primitives[{row}]"
-        if isinstance(entry, Mapping):
-            if set(entry) != set(Primitive._fields):
-                raise InvalidData(
-                    f"{name} must have the keys {', '.join(Primitive._fields)}, got {show(entry)}",
-                    field=name,
-                )
-            entry = tuple(entry[key] for key in Primitive._fields)
-        if not isinstance(entry, list | tuple) or len(entry) != len(Primitive._fields):
-            raise InvalidData(
-                f"{name} must be {', '.join(Primitive._fields)}, got {show(entry)}", field=name
-            )
-        leg, turn, length, heading = entry
-        if not isinstance(turn, str) or turn not in SIGNS:
-            raise InvalidData(f"{name}.turn must be L, S or R, got {show(turn)}", field=name)
-        primitives.append(
-            Primitive(
-                Whole(0, MOST_LEGS).coerce(f"{name}.leg", leg, {}),
-                turn,
-                Real().coerce(f"{name}.length", length, {}),
-                Real().coerce(f"{name}.heading", heading, {}),
-            )
-        )
-    return tuple(primitives)

@@ -182,14 +182,6 @@ class MinimumDerivative(PathData):
         apart = np.abs(plan(times.ravel()) - other(times.ravel())).max()
         return float(apart / self.position_scale.max())
 
-    def plan_to_data(self, plan: Trajectory) -> Any:
-        """Return ``{"times": […], "coefficients": [[[…]]]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> Trajectory:
-        """Return the trajectory in `data`."""
-        return Trajectory.from_data(data)
-
     def as_plan(self, value: Any) -> Trajectory:
         """Convert a trajectory, a solution or a SciPy ``PPoly`` to a trajectory."""
         plan = getattr(value, "plan", value)

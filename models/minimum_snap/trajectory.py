@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -11,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Whole, frozen, show
+from ..declaration import Plan
+from ..fields import Array, Whole, count_rows, declared, frozen, show
 from ..sampling import sample_count
 from .polynomials import (
     bernstein_matrix,
@@ -70,7 +70,7 @@ def increasing(name: str, times: Floats) -> None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory:
+class Trajectory(Plan):
     """Piecewise polynomial, evaluated as ``trajectory(t, derivative=0)``.
 
     Parameters
@@ -88,22 +88,18 @@ class Trajectory:
         Shapes differ, times do not increase, or numbers are not finite.
     """
 
-    times: Floats
-    coefficients: Floats
+    times: Floats = declared(Array(("knots",)))
+    coefficients: Floats = declared(Array(("segments", "degree + 1", "dimensions")))
 
-    def __post_init__(self) -> None:
-        times = Array(("knots",)).coerce("times", self.times, {})
-        increasing("times", times)
-        sizes = {"segments": (times.size - 1, "times (less one)")}
-        array = Array(("segments", "degree + 1", "dimensions"))
-        coefficients = array.coerce("coefficients", self.coefficients, sizes)
-        if 0 in coefficients.shape:
+    def check(self) -> None:
+        """Reject times that do not increase, and coefficients that do not fit them."""
+        increasing("times", self.times)
+        shape = self.coefficients.shape
+        count_rows("coefficients", shape[0], "", {"": (self.times.size - 1, "times (less one)")})
+        if 0 in shape:
             raise InvalidData(
-                f"coefficients must not be empty, got shape {coefficients.shape}",
-                field="coefficients",
+                f"coefficients must not be empty, got shape {shape}", field="coefficients"
             )
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "coefficients", coefficients)
 
     # -- shape -----------------------------------------------------------------------------------
 
@@ -425,34 +421,6 @@ class Trajectory:
             t = np.append(t, self.times[-1])
         t = np.minimum(t, self.times[-1])
         return np.column_stack([t, *(self(t, j) for j in range(_order(derivatives) + 1))])
-
-    # -- JSON ------------------------------------------------------------------------------------
-
-    def to_data(self) -> dict[str, Any]:
-        """Return ``{"times": […], "coefficients": [[[…]]]}``."""
-        return {"times": self.times.tolist(), "coefficients": self.coefficients.tolist()}
-
-    @classmethod
-    def from_data(cls, data: Any) -> Trajectory:
-        """Return the trajectory from the data of :meth:`to_data`.
-
-        Raises
-        ------
-        InvalidData
-            A key is missing or unknown, or the values do not form a trajectory.
-        """
-        if not isinstance(data, Mapping):
-            raise InvalidData(f"a trajectory must be an object, got {show(data)}", field="plan")
-        for key in data:
-            if key not in ("times", "coefficients"):
-                raise InvalidData(
-                    f"unknown key {key!r} in a trajectory; allowed: coefficients, times",
-                    field=str(key),
-                )
-        for key in ("times", "coefficients"):
-            if key not in data:
-                raise InvalidData(f"key {key!r} is missing in the trajectory", field=key)
-        return cls(data["times"], data["coefficients"])
 
 
 def _order(derivative: Any) -> int:

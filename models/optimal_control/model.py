@@ -147,13 +147,9 @@ class OptimalControlProblem(Model[ControlPlan]):
         self.__dict__["_verified"] = key, result
         return result
 
-    def plan_to_data(self, plan: ControlPlan) -> Any:
-        """Return ``{"phases": […], "parameters": {…}}``."""
-        return plan.to_data()
-
     def plan_from_data(self, data: Any) -> ControlPlan:
         """Return the plan in `data`, with the declarations of the problem if they fit."""
-        plan = ControlPlan.from_data(data)
+        plan = super().plan_from_data(data)
         try:
             return self.attach(plan)
         except InvalidData:  # the verification reports the reason

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData, UnknownName
-from ..fields import Array, Whole, frozen, required, show
+from ..declaration import Nested, Plan
+from ..fields import (
+    Array,
+    Optional,
+    Several,
+    Spec,
+    Text,
+    Whole,
+    declared as field_of,
+    frozen,
+    required,
+    show,
+)
 from ..records import Table
 from .piecewise import Piecewise
 
@@ -33,8 +45,42 @@ def _short(value: float) -> str:
     return f"{0.0 if abs(value) < 1e-9 else value:.6g}"
 
 
+class _Functions(Spec):
+    """Piecewise polynomials of time."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Piecewise:
+        return required(name, value, Piecewise)
+
+    def encode(self, value: Piecewise) -> Any:
+        return value.to_data()
+
+    def feed(self, value: Piecewise) -> Iterable[bytes]:
+        yield repr((value.knots.tolist(), value.to_data())).encode()
+
+
+class _Parameters(Spec):
+    """Values of the parameters by name; a single number is a vector of one entry."""
+
+    _values = Array(("size",))
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> dict[str, Floats]:
+        return {
+            key: self._values.coerce(f"{name}[{key!r}]", [v] if np.isscalar(v) else v, {})
+            for key, v in Table().coerce(name, value, {}).items()
+        }
+
+    def encode(self, value: dict[str, Floats]) -> Any:
+        return {name: entries.tolist() for name, entries in value.items()}
+
+    def feed(self, value: dict[str, Floats]) -> Iterable[bytes]:
+        yield repr(self.encode(value)).encode()
+
+    def refreeze(self, value: dict[str, Floats]) -> dict[str, Floats]:
+        return {name: frozen(entries) for name, entries in value.items()}
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class PhasePlan:
+class PhasePlan(Plan):
     """States and controls over one phase.
 
     Parameters
@@ -54,26 +100,17 @@ class PhasePlan:
         Values of the parameters, used with the declaration.
     """
 
-    name: str
-    states: Piecewise
-    controls: Piecewise
-    state_names: tuple[str, ...]
-    control_names: tuple[str, ...]
-    costates: Piecewise | None = None
+    name: str = field_of(Text())
+    states: Piecewise = field_of(_Functions())
+    controls: Piecewise = field_of(_Functions())
+    state_names: tuple[str, ...] = field_of(Several(Text()))
+    control_names: tuple[str, ...] = field_of(Several(Text()))
+    costates: Piecewise | None = field_of(Optional(_Functions()), default=None)
     declared: Phase | None = None
     values: Floats | None = None
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise InvalidData(f"name must be a string, got {show(self.name)}", field="name")
-        for what in ("states", "controls", "costates"):
-            if what != "costates" or self.costates is not None:
-                required(what, getattr(self, what), Piecewise)
-        for label in ("state_names", "control_names"):
-            names = getattr(self, label)
-            if not isinstance(names, list | tuple) or not all(isinstance(n, str) for n in names):
-                raise InvalidData(f"{label} must hold strings, got {show(names)}", field=label)
-            object.__setattr__(self, label, tuple(names))
+    def check(self) -> None:
+        """Reject functions with other knots, or another number of columns than names."""
         for what, part, names in (
             ("states", self.states, self.state_names),
             ("controls", self.controls, self.control_names),
@@ -194,8 +231,8 @@ class PhasePlan:
 
         return simulate(self, **options)
 
-    def to_data(self) -> dict[str, Any]:
-        """Return the phase as JSON data."""
+    def data(self) -> dict[str, Any]:
+        """Return the phase as JSON data, in which all functions share the knots."""
         return {
             "name": self.name,
             "knots": self.states.knots.tolist(),
@@ -208,7 +245,7 @@ class PhasePlan:
 
     @classmethod
     def from_data(cls, data: Any) -> PhasePlan:
-        """Return the phase that :meth:`to_data` wrote."""
+        """Return the phase that :meth:`data` wrote."""
         keys = {"name", "knots", "state_names", "control_names", "states", "controls"}
         if not isinstance(data, Mapping) or not keys <= set(data) <= keys | {"costates"}:
             raise InvalidData(
@@ -252,7 +289,7 @@ class Signal:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ControlPlan:
+class ControlPlan(Plan):
     """Plan of an optimal control problem: states, controls, times and parameters.
 
     ``plan["x"](t)`` evaluates a state or control of a plan with one phase. With several phases, use
@@ -266,24 +303,14 @@ class ControlPlan:
         Values of the parameters.
     """
 
-    phases: tuple[PhasePlan, ...]
-    parameters: Mapping[str, Floats] = field(default_factory=dict)
+    phases: tuple[PhasePlan, ...] = field_of(Several(Nested(PhasePlan)))
+    parameters: Mapping[str, Floats] = field_of(_Parameters(), default_factory=dict)
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.phases, list | tuple):
+    def check(self) -> None:
+        """Reject plans without a phase."""
+        if not self.phases:
             raise InvalidData(
-                f"phases must be a list of PhasePlan, got {show(self.phases)}", field="phases"
-            )
-        object.__setattr__(self, "phases", tuple(self.phases))
-        values = {}
-        for name, value in Table().coerce("parameters", self.parameters, {}).items():
-            single = [value] if np.isscalar(value) else value
-            values[name] = Array(("size",)).coerce(f"parameters[{name!r}]", single, {})
-        object.__setattr__(self, "parameters", values)
-        if not self.phases or not all(isinstance(part, PhasePlan) for part in self.phases):
-            raise InvalidData(
-                f"phases of a plan must be 1 PhasePlan at least, got {show(self.phases)}",
-                field="phases",
+                "phases of a plan must be 1 PhasePlan at least, got ()", field="phases"
             )
 
     def __repr__(self) -> str:
@@ -361,31 +388,3 @@ class ControlPlan:
                 field="phases",
             )
         return self.phases[0]
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the plan as JSON data."""
-        return {
-            "phases": [part.to_data() for part in self.phases],
-            "parameters": {name: value.tolist() for name, value in self.parameters.items()},
-        }
-
-    @classmethod
-    def from_data(cls, data: Any) -> ControlPlan:
-        """Return the plan that :meth:`to_data` wrote; invalid data raise ``InvalidData``."""
-        if not isinstance(data, Mapping) or not {"phases"} <= set(data) <= {"phases", "parameters"}:
-            raise InvalidData(
-                f"a plan must be an object with phases and parameters, got {show(data)}",
-                field="plan",
-            )
-        if not isinstance(data["phases"], Sequence) or isinstance(data["phases"], str):
-            raise InvalidData(f"phases must be a list, got {show(data['phases'])}", field="phases")
-        parameters = data.get("parameters", {})
-        if not isinstance(parameters, Mapping):
-            raise InvalidData(
-                f"parameters must be an object, got {show(parameters)}", field="parameters"
-            )
-        values = {
-            str(name): Array(("size",)).coerce(f"parameters[{name!r}]", value, {})
-            for name, value in parameters.items()
-        }
-        return cls(tuple(PhasePlan.from_data(part) for part in data["phases"]), values)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidData
-from ..fields import Array, show
+from ..declaration import Plan
+from ..fields import NumberTuple, declared, show
 
 __all__ = ["Route", "route_from_data", "route_of_indices", "route_to_data"]
 
 
-@dataclass(frozen=True)
-class Route:
+@dataclass(frozen=True, eq=False)
+class Route(Plan):
     """Route from point to point, a sequence that supports ``len``, iteration and indexing.
 
     Parameters
@@ -29,11 +30,7 @@ class Route:
         The entries are not whole numbers.
     """
 
-    route: tuple[int, ...]
-
-    def __post_init__(self) -> None:
-        route = Array(("stops",), int).coerce("route", self.route, {})
-        object.__setattr__(self, "route", tuple(route.tolist()))
+    route: tuple[int, ...] = declared(NumberTuple(("stops",), int))
 
     @property
     def corrections(self) -> int:

@@ -175,14 +175,6 @@ class SatelliteSlew(SlewData, Model[ControlPlan]):
         """
         return verify_slew(self, plan, tolerance)
 
-    def plan_to_data(self, plan: ControlPlan) -> Any:
-        """Return ``{"phases": […], "parameters": {…}}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> ControlPlan:
-        """Return the plan in `data`."""
-        return ControlPlan.from_data(data)
-
     def describe(self) -> str:
         """Return the size in a few words."""
         axis, angle = self.turn

@@ -194,14 +194,6 @@ class SideslipEstimation(Model[SideslipEstimate]):
         one, two = self._checked(plan), self._checked(other)
         return mean_error(self.recording, one.sideslip, two.sideslip)
 
-    def plan_to_data(self, plan: SideslipEstimate) -> Any:
-        """Return ``{"sideslip": […], "deviation": […]}``."""
-        return plan.data()
-
-    def plan_from_data(self, data: Any) -> SideslipEstimate:
-        """Return the estimate in the JSON data of :meth:`plan_to_data`."""
-        return SideslipEstimate.from_data(data)
-
     def describe(self) -> str:
         """Return a one-line summary: samples, duration, training drives and tyre law."""
         times = self.recording.times

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ..declaration import Declared
-from ..fields import Array, declared, show
+from ..declaration import Plan
+from ..fields import Array, declared
 
 __all__ = ["SideslipEstimate"]
 
@@ -19,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class SideslipEstimate(Declared):
+class SideslipEstimate(Plan):
     """Estimated angle at every sample, with its claimed standard deviation.
 
     Parameters
@@ -32,31 +29,6 @@ class SideslipEstimate(Declared):
 
     sideslip: Floats = declared(Array(("n",)))
     deviation: Floats = declared(Array(("n",), lower=0.0))
-
-    @classmethod
-    def from_data(cls, data: Any) -> SideslipEstimate:
-        """Return the estimate in the JSON data of ``data()``.
-
-        Parameters
-        ----------
-        data : mapping
-            Object with the keys ``sideslip`` and ``deviation``.
-
-        Returns
-        -------
-        SideslipEstimate
-
-        Raises
-        ------
-        InvalidData
-            The data is no such object, or an entry is invalid.
-        """
-        if not isinstance(data, Mapping):
-            raise InvalidData(
-                f"a plan must be an object with the keys sideslip and deviation, got {show(data)}",
-                field="plan",
-            )
-        return cls._from_data(data)
 
     def __len__(self) -> int:
         return len(self.sideslip)

@@ -341,14 +341,6 @@ class UnknownGridNavigation(Model[NavigationRuns]):
             )
         return plan
 
-    def plan_to_data(self, plan: NavigationRuns) -> Any:
-        """Return ``{"actions": […], "outcomes": […]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> NavigationRuns:
-        """Return the plan in `data`."""
-        return NavigationRuns.from_data(data)
-
     def describe(self) -> str:
         """Return a short description of the size."""
         scenes = "1 scene" if self.scenes == 1 else f"{self.scenes} scenes"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 from ...errors import InvalidData
-from ..fields import show
+from ..declaration import Plan
+from ..fields import Several, Spec, declared, show
+from ..records import Member
 
 __all__ = ["ACTIONS", "STEPS", "NavigationRuns", "Outcome"]
 
@@ -31,8 +32,20 @@ class Outcome(StrEnum):
     OUT_OF_STEPS = "out of steps"
 
 
-@dataclass(frozen=True)
-class NavigationRuns:
+class _Actions(Spec):
+    """String of the letters of the actions."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str:
+        if not isinstance(value, str) or value.strip(ACTIONS):
+            raise InvalidData(
+                f"{name} must be a string of the letters {', '.join(ACTIONS)}, got {show(value)}",
+                field=name,
+            )
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class NavigationRuns(Plan):
     """Actions of a policy in every scene.
 
     Parameters
@@ -49,63 +62,14 @@ class NavigationRuns:
         A letter or an outcome is unknown, or the lengths of the lists differ.
     """
 
-    actions: tuple[str, ...]
-    outcomes: tuple[Outcome, ...]
-
-    def __post_init__(self) -> None:
-        for name, value in (("actions", self.actions), ("outcomes", self.outcomes)):
-            if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
-                raise InvalidData(
-                    f"{name} must be a list with one entry per scene, got {show(value)}", field=name
-                )
-        for k, run in enumerate(self.actions):
-            if not isinstance(run, str) or run.strip(ACTIONS):
-                raise InvalidData(
-                    f"actions[{k}] must be a string of the letters U, D, L, R, got {show(run)}",
-                    field="actions",
-                )
-        for k, word in enumerate(self.outcomes):
-            if not isinstance(word, str) or word not in tuple(Outcome):
-                raise InvalidData(
-                    f"outcomes[{k}] must be one of {', '.join(Outcome)}, got {show(word)}",
-                    field="outcomes",
-                )
-        if len(self.actions) != len(self.outcomes):
-            raise InvalidData(
-                f"outcomes must have {len(self.actions)} entries, as actions, got {len(self.outcomes)}",
-                field="outcomes",
-            )
-        object.__setattr__(self, "actions", tuple(self.actions))
-        object.__setattr__(self, "outcomes", tuple(map(Outcome, self.outcomes)))
+    actions: tuple[str, ...] = declared(Several(_Actions(), "scenes"))
+    outcomes: tuple[Outcome, ...] = declared(Several(Member(Outcome), "scenes"))
 
     @property
     def success(self) -> float:
         """Share of the scenes whose target was reached, percent."""
         reached = sum(outcome is Outcome.REACHED for outcome in self.outcomes)
         return 100.0 * reached / max(len(self.outcomes), 1)
-
-    def to_data(self) -> dict[str, Any]:
-        """Return the plan as JSON data."""
-        return {
-            "actions": list(self.actions),
-            "outcomes": [str(outcome) for outcome in self.outcomes],
-        }
-
-    @classmethod
-    def from_data(cls, data: Any) -> NavigationRuns:
-        """Return the plan from the data of :meth:`to_data`.
-
-        Raises
-        ------
-        InvalidData
-            The data is not an object with the keys ``actions`` and ``outcomes``, or a value is invalid.
-        """
-        if not isinstance(data, Mapping) or set(data) != {"actions", "outcomes"}:
-            raise InvalidData(
-                f"a plan must be an object with the keys actions and outcomes, got {show(data)}",
-                field="plan",
-            )
-        return cls(data["actions"], data["outcomes"])
 
     def __len__(self) -> int:
         return len(self.actions)

@@ -463,7 +463,7 @@ def test_slopes_that_are_none(fields, message, field):
         (lambda: SurrogateTest("noise", 0, 0), "count must be >= 1, got 0", "count"),
         (lambda: SurrogateTest("noise", 9, -1), "exceeded must be >= 0, got -1", "exceeded"),
         (lambda: SurrogateTest("noise", 9, 10), "exceeded must be <= count = 9, got 10", "exceeded"),
-        (lambda: AttractorEstimate.from_data([1]), r"a plan must be an object, got \[1\]", "plan"),
+        (lambda: AttractorEstimate.from_data([1]), r"a plan must be an object .*dimension, .*got \[1\]", "plan"),
         (lambda: AttractorEstimate.from_data({"delay": 1}), "key 'dimension' is missing", "dimension"),
         (lambda: AttractorEstimate.from_data({"delay": 1, "dimension": 1, "lag": 2}), "unknown key 'lag'", "lag"),
     ],

@@ -181,12 +181,12 @@ def test_bad_data(data, message):
     ("data", "message"),
     [
         ([[1], [2]], "a plan must be an object with the key routes"),
-        ({"routes": "12"}, "routes must be a list of routes"),
-        ({"routes": {"0": [1]}}, "routes must be a list of routes"),
+        ({"routes": "12"}, "routes must be a list, got"),
+        ({"routes": {"0": [1]}}, "routes must be a list, got"),
         ({"routes": [[1.5]]}, r"routes\[0\]"),
         ({"routes": [[1], ["a"]]}, r"routes\[1\]"),
         ({"routes": [[[1]]]}, r"routes\[0\]"),
-        ({"routes": [[1]], "more": 1}, "a plan must be an object with the key routes"),
+        ({"routes": [[1]], "more": 1}, "unknown key 'more' in the data of a plan; allowed: routes"),
     ],
 )
 def test_bad_plans(data, message):

@@ -256,7 +256,7 @@ def test_sampled():
     ("data", "words"),
     [
         (None, "must be an object"),
-        ({}, "'times' is missing"),
+        ({}, "'times', 'coefficients' are missing"),
         ({"times": [0, 1]}, "'coefficients' is missing"),
         ({"times": [0, 1], "coefficients": [[[0]]], "degree": 0}, "unknown key 'degree'"),
         ({"times": ["0", 1], "coefficients": [[[0]]]}, r"times\[0\] must be a number"),
