@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence as SequenceOf
 from dataclasses import dataclass
 from typing import Any, Self
 
-from ..errors import UnsupportedOption
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InvalidData, UnsupportedOption
 from .fields import Optional, Real, Spec, Text, show
 from .records import Sequence, recorded
 
-__all__ = ["ROUNDING", "TOLERANCE", "Check", "Verification", "check_number", "check_tolerance"]
+__all__ = [
+    "ROUNDING",
+    "TOLERANCE",
+    "Check",
+    "Verification",
+    "check_entries",
+    "check_number",
+    "check_tolerance",
+]
 
 #: Largest violation that is attributed to rounding, relative to the scale of the constraint.
 ROUNDING = 1e-9
@@ -93,6 +104,13 @@ def check_tolerance(value: Any) -> float:
     return check_number("tolerance", value, below=1.0)
 
 
+def check_entries(name: str, entries: Iterable[int], lower: int, upper: int, field: str) -> None:
+    """Raise :class:`InvalidData` if an entry of a plan is outside `lower` … `upper`."""
+    for k, entry in enumerate(entries):
+        if not lower <= entry <= upper:
+            raise InvalidData(f"{name}[{k}] must be in {lower} … {upper}, got {entry}", field=field)
+
+
 @dataclass(frozen=True)
 class Check:
     """One constraint of the model, evaluated on one plan.
@@ -162,6 +180,119 @@ class Check:
             float(ROUNDING * scale + noise), float(scale),
             float(limit) if limit and math.isfinite(limit) else None,
         )  # fmt: skip
+
+    @classmethod
+    def count(
+        cls, name: str, bad: float | SequenceOf[str], *, unit: str = "", equation: str = ""
+    ) -> Self:
+        """Return the check that a violation never happens.
+
+        Parameters
+        ----------
+        name, unit, equation
+            See :class:`Check`.
+        bad : float or sequence of str
+            Number of violations, or their places.
+        """
+        places = bad if isinstance(bad, SequenceOf) else ()
+        number = len(bad) if isinstance(bad, SequenceOf) else bad
+        where = places[0] if places else ""
+        return cls(name, equation, float(number), unit, 0.0, where, 0.0)
+
+    @classmethod
+    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
+    def largest(
+        cls,
+        name: str,
+        values: ArrayLike,
+        scale: ArrayLike,
+        unit: str,
+        where: str | Callable[..., str],
+        tolerance: float,
+        *,
+        equation: str = "",
+        noise: ArrayLike = 0.0,
+        limit: ArrayLike | None = None,
+    ) -> Self:
+        """Return the check of many violations: the largest relative to its accepted violation.
+
+        NaN is the largest violation. If all constraints hold, the place is that of the smallest slack.
+
+        Parameters
+        ----------
+        name, unit, equation
+            See :class:`Check`.
+        values : array_like
+            Violations, in `unit`; negative for slack.
+        scale, noise, limit : array_like
+            See :meth:`scaled`; broadcast to the shape of `values`.
+        where : str or callable
+            Place, or function of the indices of an entry that returns it.
+        tolerance : float
+            Largest accepted violation, relative to `scale`.
+        """
+        parts = (values, scale, noise, 0.0 if limit is None else limit)
+        excess, scales, noises, limits = np.broadcast_arrays(*map(np.atleast_1d, parts))
+        place = where if isinstance(where, str) else ""
+        if not excess.size:
+            size, digits, bound = (float(np.max(part, initial=0.0)) for part in parts[1:])
+            return cls.scaled(
+                name, equation, 0.0, unit, place, tolerance, size, noise=digits, limit=bound
+            )
+        share = excess / np.maximum(tolerance * scales + noises, 1e-300)
+        share = np.where(np.isnan(share), np.where(excess < 0, -np.inf, np.inf), share)
+        at = np.unravel_index(int(share.argmax()), share.shape)
+        worst = np.inf if np.isnan(excess[at]) else max(float(excess[at]), 0.0)
+        if not isinstance(where, str):
+            place = where(*map(int, at))
+        return cls.scaled(
+            name, equation, worst, unit, place, tolerance, scales[at],
+            noise=float(noises[at]), limit=float(limits[at]),
+        )  # fmt: skip
+
+    @classmethod
+    def within(
+        cls,
+        name: str,
+        values: ArrayLike,
+        limits: ArrayLike,
+        unit: str,
+        where: str | Callable[..., str],
+        tolerance: float,
+        *,
+        scale: ArrayLike | None = None,
+        equation: str = "",
+        noise: ArrayLike = 0.0,
+    ) -> Self:
+        """Return the check of values against upper limits, which are the scales by default.
+
+        Parameters
+        ----------
+        name, values, unit, where, tolerance, scale, equation, noise
+            See :meth:`largest`; `values` are those that the limits bound.
+        limits : array_like
+            Upper limits, in `unit`; broadcast to the shape of `values`.
+        """
+        with np.errstate(all="ignore"):
+            excess = np.subtract(values, limits)
+        size = limits if scale is None else scale
+        return cls.largest(
+            name, excess, size, unit, where, tolerance, equation=equation, noise=noise, limit=limits
+        )
+
+    @staticmethod
+    def worst_of(checks: Iterable[Check], default: Check) -> Check:
+        """Return the check with the largest share of its tolerance; `default` without checks."""
+        return max(checks, key=lambda check: check.share, default=default)
+
+    @property
+    def share(self) -> float:
+        """Violation as a share of the accepted one; infinite for NaN and for an infinite violation."""
+        if not self.worst < math.inf:
+            return math.inf
+        if self.tolerance > 0.0:
+            return self.worst / self.tolerance
+        return math.inf if self.worst > 0.0 else 0.0
 
     @property
     def near(self) -> bool:
@@ -270,9 +401,7 @@ class Verification:
         """Largest violation as a share of the accepted one; infinite without an objective."""
         if self.objective is None:
             return math.inf
-        checks = [c for c in self.checks if not c.ok or c.tolerance > 0.0]
-        shares = (c.worst / c.tolerance if c.tolerance > 0.0 else math.inf for c in checks)
-        return max((math.inf if share != share else share for share in shares), default=0.0)
+        return max((check.share for check in self.checks), default=0.0)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the verification as JSON data."""
@@ -320,8 +449,5 @@ def _join_names(checks: tuple[Check, ...]) -> str:
     if len(checks) <= SHOWN + 1:
         return "; ".join(check.name for check in checks)
 
-    def key(check: Check) -> float:
-        return -check.worst / check.tolerance if check.tolerance > 0 else -float("inf")
-
-    selected = sorted(checks, key=key)[:SHOWN]
+    selected = sorted(checks, key=lambda check: -check.share)[:SHOWN]
     return "; ".join(check.name for check in selected) + f" and {len(checks) - SHOWN} more"

@@ -88,7 +88,9 @@ def assert_complete(tested, verifications, *modules):
 
 def _written(tree):
     """Yield patterns of the texts that a module passes as ``name`` to what makes a check."""
-    places, assigned = {"Check": 0, "scaled": 0}, {}
+    makers = ("Check", "scaled", "count", "largest", "within")
+    places = dict.fromkeys(makers, 0)
+    assigned, tabled = {}, {}
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             functions = [one for one in node.body if getattr(one, "name", "") == "__init__"]
@@ -105,6 +107,10 @@ def _written(tree):
                 )
                 for to, value in zip(targets, values, strict=True):
                     assigned.setdefault(getattr(to, "id", ""), []).append(value)
+        elif isinstance(node, ast.For | ast.comprehension) and isinstance(node.target, ast.Tuple):
+            for row in getattr(node.iter, "elts", ()):  # a table of rows with a name in each
+                for to, value in zip(node.target.elts, getattr(row, "elts", ()), strict=False):
+                    tabled.setdefault(getattr(to, "id", ""), []).append(value)
 
     def texts(node):
         if isinstance(node, ast.Constant):
@@ -122,6 +128,10 @@ def _written(tree):
 
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
-            place = places.get(getattr(node.func, "id", getattr(node.func, "attr", "")), 99)
+            maker = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            place = places.get(maker, 99)
             if place < len(node.args):
                 yield from texts(node.args[place])
+                # A name in a table belongs to a check only if a check is made of it at once.
+                for value in tabled.get(getattr(node.args[place], "id", ""), ()):
+                    yield from texts(value) if maker in makers else ()

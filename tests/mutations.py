@@ -72,7 +72,7 @@ _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
 _CALLS = {"max": "min", "min": "max", "maximum": "minimum", "minimum": "maximum",
           "argmax": "argmin", "any": "all", "all": "any"}  # fmt: skip
 #: Keywords and positions of a check's numbers, which get a value that hides every violation.
-_WORST = {"Check": 2, "scaled": 2}
+_WORST = {"Check": 2, "scaled": 2, "count": 1, "largest": 1, "within": 1}
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
-from ...errors import InvalidData
-from ..fields import show
+from ..fields import required
 from ..resource_routing.route import Route, route_of_indices
 from ..verification import ROUNDING, Check, Verification, check_tolerance
 from .data import RoutingData
@@ -119,93 +118,46 @@ def walk_route(model: RoutingData, plan: Route) -> list[Stop]:
 def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verification:
     """Compute the length and check every constraint of the paper from the raw data."""
     check_tolerance(tolerance)
-    if not isinstance(plan, Route):
-        raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
+    required("plan", plan, Route)
     stops = walk_route(model, plan)
-    ends = [
-        _count(model, "starts at A", "2", stops[:1], lambda s: s.kind != "A", len(stops) < 1),
-        _count(model, "ends at B", "3", stops[-1:], lambda s: s.kind != "B", len(stops) < 2),
-        _count(
-            model, "only correction points between", "4-5", stops[1:-1], lambda s: s.kind in "AB"
-        ),
+
+    def count(name: str, equation: str, wrong: Iterable[Stop], *, short: bool = False) -> Check:
+        places = ["a route too short"] * short
+        places += [f"point {model.label(stop.point)}" for stop in wrong]
+        return Check.count(name, places, unit="points", equation=equation)
+
+    inner = stops[1:-1]
+    checks = [
+        count("starts at A", "2", (s for s in stops[:1] if s.kind != "A"), short=not stops),
+        count("ends at B", "3", (s for s in stops[-1:] if s.kind != "B"), short=len(stops) < 2),
+        count("only correction points between", "4-5", (s for s in inner if s.kind in "AB")),
     ]
     if not model.revisits:
-        visited: set[int] = set()
-        repeated = [s for s in stops if s.point in visited or visited.add(s.point)]  # type: ignore[func-returns-value]
-        ends.append(_count(model, "no point twice", "4-5", repeated, lambda s: True))
+        first = {stop.point: k for k, stop in reversed(list(enumerate(stops)))}
+        repeated = (stop for k, stop in enumerate(stops) if first[stop.point] != k)
+        checks.append(count("no point twice", "4-5", repeated))
     if model.corrections_limit is not None:
-        limit = model.corrections_limit
-        excess = max(plan.corrections - limit, 0)
-        ends.append(
-            Check(f"at most {limit} corrections", "", float(excess), "points", 0.0, "", 0.0)
-        )
-    thresholds = [
-        _worst(
-            model,
-            "horizontal error at vertical points",
-            "9",
-            "vertical",
-            model.alpha2,
-            stops,
-            tolerance,
-        ),
-        _worst(
-            model,
-            "vertical error at vertical points",
-            "10",
-            "vertical",
-            model.alpha1,
-            stops,
-            tolerance,
-        ),
-        _worst(
-            model,
-            "horizontal error at horizontal points",
-            "13",
-            "horizontal",
-            model.beta2,
-            stops,
-            tolerance,
-        ),
-        _worst(
-            model,
-            "vertical error at horizontal points",
-            "14",
-            "horizontal",
-            model.beta1,
-            stops,
-            tolerance,
-        ),
-        _worst(model, "horizontal error at B", "17", "B", model.theta, stops, tolerance),
-        _worst(model, "vertical error at B", "18", "B", model.theta, stops, tolerance),
-    ]
+        most = model.corrections_limit
+        excess = max(plan.corrections - most, 0)
+        checks.append(Check.count(f"at most {most} corrections", excess, unit="points"))
+    for axis, kind, limit, equation in (
+        ("horizontal", "vertical", model.alpha2, "9"),
+        ("vertical", "vertical", model.alpha1, "10"),
+        ("horizontal", "horizontal", model.beta2, "13"),
+        ("vertical", "horizontal", model.beta1, "14"),
+        ("horizontal", "B", model.theta, "17"),
+        ("vertical", "B", model.theta, "18"),
+    ):
+        arrivals = [stop for stop in stops[1:] if stop.kind == kind]
+        # Rounding is relative to the error, which is close to the threshold here.
+        checks.append(
+            Check.within(
+                f"{axis} error at {'B' if kind == 'B' else f'{kind} points'}",
+                [getattr(stop, axis) for stop in arrivals], limit, "error",
+                lambda k, arrivals=arrivals: f"point {model.label(arrivals[k].point)}", tolerance,
+                equation=equation,
+            )
+        )  # fmt: skip
     length = stops[-1].distance if len(stops) > 1 else None
     # The scale of a length is the length itself.
-    return Verification(length, (*ends, *thresholds), scale=0.0)
-
-
-def _count(
-    model: RoutingData, name: str, equation: str, stops: list[Stop], bad: Any, short: bool = False
-) -> Check:
-    wrong = [f"point {model.label(s.point)}" for s in stops if bad(s)]
-    where = "a route too short" if short else wrong[0] if wrong else ""
-    return Check(name, equation, float(len(wrong) + short), "points", 0.0, where, 0.0)
-
-
-def _worst(
-    model: RoutingData,
-    name: str,
-    equation: str,
-    kind: str,
-    limit: float,
-    stops: list[Stop],
-    tolerance: float,
-) -> Check:
-    axis = name.partition(" ")[0]
-    arrivals = [(getattr(s, axis), s) for s in stops[1:] if s.kind == kind]
-    worst, where = 0.0, ""
-    if arrivals:
-        error, stop = max(arrivals, key=lambda pair: pair[0])
-        worst, where = max(error - limit, 0.0), f"point {model.label(stop.point)}"
-    # Rounding is relative to the error, which is close to the threshold here.
-    return Check.scaled(name, equation, worst, "error", where, tolerance, limit, limit=limit)
+    return Verification(length, tuple(checks), scale=0.0)

@@ -7,9 +7,8 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
 from ..fields import required
-from ..verification import Check, Verification, check_tolerance
+from ..verification import Check, Verification, check_entries, check_tolerance
 from .data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from .plan import FleetPlan
 
@@ -65,12 +64,7 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
     check_tolerance(tolerance)
     required("plan", plan, FleetPlan)
     for k, route in enumerate(plan.routes):
-        for stop, node in enumerate(route):
-            if not 0 <= node < model.size:
-                raise InvalidData(
-                    f"routes[{k}][{stop}] must be in 0 … {model.size - 1}, got {node}",
-                    field="routes",
-                )
+        check_entries(f"routes[{k}]", route, 0, model.size - 1, "routes")
     visited = np.bincount(
         np.array([node for route in plan.routes for node in route], int), minlength=model.size
     )
@@ -79,38 +73,24 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
     wrong = np.flatnonzero(visited != required_visits)
     loads = loads_of(model, plan)
     unit = model.length_unit
-    empty = [k for k, route in enumerate(plan.routes) if not route]
     checks = [
-        _count("one route for each vehicle", abs(len(plan.routes) - model.vehicles), ""),
-        _count(
-            "each node visited once", float(wrong.size),
-            f"node {model.label(int(wrong[0]))}" if wrong.size else "",
-        ),
-    ]  # fmt: skip
+        Check.count("one route for each vehicle", abs(len(plan.routes) - model.vehicles)),
+        Check.count("each node visited once", [f"node {model.label(int(k))}" for k in wrong]),
+    ]
     if model.use_all:
-        where = f"vehicle {empty[0]}" if empty else ""
-        checks.append(_count("every vehicle used", float(len(empty)), where))
+        idle = [f"vehicle {k}" for k, route in enumerate(plan.routes) if not route]
+        checks.append(Check.count("every vehicle used", idle))
     if len(plan.routes) != model.vehicles:
         return Verification(None, tuple(checks))
 
     def check_each(name: str, values: Floats, limits: Floats, unit: str) -> Check:
-        excess = values - limits
-        share = excess / np.maximum(limits, 1e-300)
-        k = int(np.argmax(np.where(excess > 0, share, -1.0)))
-        limit = float(limits[k])
         # A limit of 0 has no scale, so the longest distance is used instead.
-        scale = limit or float(model.distances.max())
-        return Check.scaled(
-            name, "", max(float(excess[k]), 0.0), unit, f"vehicle {k}" if len(values) > 1 else "",
-            tolerance, scale, limit=limit,
-        )  # fmt: skip
+        scale = np.where(limits > 0, limits, float(model.distances.max()))
 
-    def check_total(name: str, value: float, limit: float) -> Check:
-        """Return the check of a limit on all routes; `noise` absorbs rounding in the lengths."""
-        noise = 1e-12 * float(loads.max(initial=0.0))
-        return Check.scaled(
-            name, "", max(value - limit, 0.0), unit, "", tolerance, limit, noise=noise, limit=limit,
-        )  # fmt: skip
+        def place(k: int) -> str:
+            return f"vehicle {k}" if len(values) > 1 else ""
+
+        return Check.within(name, values, limits, unit, place, tolerance, scale=scale)
 
     if model.capacity is not None:
         assert model.demands is not None
@@ -118,18 +98,14 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
         checks.append(check_each("demands within capacity", carried, model.capacity, ""))
     if model.battery is not None:
         checks.append(check_each("route within battery", loads, model.battery, unit))
-    if model.budget is not None:
-        checks.append(check_total("sum within budget", float(loads.sum()), model.budget))
-    if model.deviation_limit is not None:
-        spread = deviation_of(model, loads)
-        checks.append(check_total("deviation within limit", spread, model.deviation_limit))
-    if model.range_limit is not None:
-        spread = float(np.ptp(loads))
-        checks.append(check_total("range within limit", spread, model.range_limit))
+    noise = 1e-12 * float(loads.max(initial=0.0))  # rounding in the lengths
+    for name, value, limit in (
+        ("sum within budget", loads.sum(), model.budget),
+        ("deviation within limit", deviation_of(model, loads), model.deviation_limit),
+        ("range within limit", np.ptp(loads), model.range_limit),
+    ):
+        if limit is not None:
+            checks.append(Check.within(name, value, limit, unit, "", tolerance, noise=noise))
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective is Objective.RANGE else 0.0
     return Verification(objective_of(model, loads), tuple(checks), scale=scale)
-
-
-def _count(name: str, number: float, where: str) -> Check:
-    return Check(name, "", float(number), "", 0.0, where, 0.0)

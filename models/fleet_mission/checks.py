@@ -6,19 +6,18 @@ property is proven for the whole curve by convex hulls of pieces, which are bise
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
 from ..fields import required
 from ..fleet.checks import objective_of
 from ..minimum_snap.bounds import derivative_name, derivative_unit
 from ..minimum_snap.polynomials import factorials
 from ..minimum_snap.trajectory import Trajectory
-from ..verification import Check, Verification, check_tolerance
+from ..verification import Check, Verification, check_entries, check_tolerance
 from .collision import deepest
 from .curves import lengths_of, nearest, pieces_of
 from .data import MissionData
@@ -38,42 +37,8 @@ ULPS = 16 * float(np.finfo(float).eps)
 STEPS = (1.0, 35.0 / 16.0, 7.52, 52.5)
 
 
-class Worst:
-    """Largest violation of one check, relative to its tolerance."""
-
-    def __init__(self, name: str, unit: str, tolerance: float, equation: str = "") -> None:
-        self.name, self.unit, self.tolerance, self.equation = name, unit, tolerance, equation
-        self.found: tuple[float, float, float, str, float | None] = (0.0, 0.0, 0.0, "", None)
-        self.share = -1.0
-
-    def add(
-        self, values: Any, where: Any, scale: Any, noise: Any = 0.0, limit: float | None = None
-    ) -> None:
-        """Add violations; `where` is a text or a function of the index."""
-        value, scales, noises = np.broadcast_arrays(
-            np.atleast_1d(np.asarray(values, float)), scale, noise
-        )
-        if not value.size:
-            return
-        share = np.maximum(value, 0.0) / np.maximum(self.tolerance * scales + noises, 1e-300)
-        share = np.where(np.isnan(share), np.inf, share)  # NaN is the largest violation
-        k = int(np.argmax(share))
-        if share[k] > self.share:
-            worst = float(value[k])
-            self.share = float(share[k])
-            self.found = (
-                worst if np.isnan(worst) else max(worst, 0.0),
-                float(scales[k]), float(noises[k]), where if isinstance(where, str) else where(k),
-                limit,
-            )  # fmt: skip
-
-    def check(self) -> Check:
-        """Return the check of the largest violation."""
-        worst, scale, noise, where, limit = self.found
-        return Check.scaled(
-            self.name, self.equation, worst, self.unit, where, self.tolerance, scale, noise=noise,
-            limit=limit,
-        )  # fmt: skip
+#: Robots under way: number and trajectory.
+Flown = list[tuple[int, Trajectory]]
 
 
 def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> Verification:
@@ -81,12 +46,7 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
     check_tolerance(tolerance)
     required("plan", plan, MissionPlan)
     for k, route in enumerate(plan.routes):
-        for stop, node in enumerate(route):
-            if not 0 <= node < len(model.nodes):
-                raise InvalidData(
-                    f"routes[{k}][{stop}] must be in 0 … {len(model.nodes) - 1}, got {node}",
-                    field="routes",
-                )
+        check_entries(f"routes[{k}]", route, 0, len(model.nodes) - 1, "routes")
     flown = [(k, one) for k, one in enumerate(plan.trajectories) if one is not None]
     checks = [
         *_counts(model, plan),
@@ -110,25 +70,18 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
 
 
 def _counts(model: MissionData, plan: MissionPlan) -> Iterator[Check]:
-    def count(name: str, number: int, where: str) -> Check:
-        return Check(name, "", float(number), "", 0.0, where, 0.0)
-
     visits = np.bincount(
         np.array([node for route in plan.routes for node in route], int),
         minlength=len(model.nodes),
     )
-    wrong = np.flatnonzero(visits != 1)
-    empty = [k for k, route in enumerate(plan.routes) if not route]
-    lacking = [
-        k for k, (r, t) in enumerate(zip(plan.routes, plan.trajectories, strict=True))
-        if bool(r) == (t is None)
-    ]  # fmt: skip
-    where = f"node {model.label(int(wrong[0]))}" if wrong.size else ""
-    yield count("one route for each robot", abs(len(plan.routes) - model.vehicles), "")
-    yield count("each node visited once", wrong.size, where)
-    yield count("every robot used", len(empty), f"robot {empty[0]}" if empty else "")
-    where = f"robot {lacking[0]}" if lacking else ""
-    yield count("a trajectory for each route", len(lacking), where)
+    wrong = [f"node {model.label(int(k))}" for k in np.flatnonzero(visits != 1)]
+    idle = [f"robot {k}" for k, route in enumerate(plan.routes) if not route]
+    pairs = enumerate(zip(plan.routes, plan.trajectories, strict=True))
+    lacking = [f"robot {k}" for k, (route, one) in pairs if bool(route) == (one is None)]
+    yield Check.count("one route for each robot", abs(len(plan.routes) - model.vehicles))
+    yield Check.count("each node visited once", wrong)
+    yield Check.count("every robot used", idle)
+    yield Check.count("a trajectory for each route", lacking)
 
 
 def _digits(model: MissionData) -> float:
@@ -136,54 +89,65 @@ def _digits(model: MissionData) -> float:
     return DIGITS * float(np.abs(model.bounds).max())
 
 
+def _worst(
+    name: str, unit: str, tolerance: float, robots: Iterable[tuple[Any, ...]], equation: str = "",
+    limit: float | None = None,
+) -> Check:  # fmt: skip
+    """Return the worst check over `robots`: violations, scale, place and noise of each."""
+    checks = (
+        Check.largest(
+            name, values, scale, unit, where, tolerance, equation=equation, noise=noise, limit=limit
+        )
+        for values, scale, where, noise in robots
+    )
+    return Check.worst_of(checks, Check.scaled(name, equation, 0.0, unit, "", tolerance, 0.0))
+
+
 def _places(
-    model: MissionData, plan: MissionPlan, flown: list[tuple[int, Trajectory]], tolerance: float
+    model: MissionData, plan: MissionPlan, flown: Flown, tolerance: float
 ) -> Iterator[Check]:
     """Yield the checks of visit times and positions, and of both ends."""
-    noise = _digits(model)
+    digits = _digits(model)
     # Time scale: one cell at the velocity scale of the other checks.
     pause = _scale(model, 0) / _scale(model, 1)
-    passed = Worst("nodes passed at their times", "m", tolerance, "24")
-    late = Worst("visits in order", "s", tolerance)
-    ends = Worst("begins and ends at the depot", "m", tolerance)
-    rest = [
-        Worst(
-            f"{derivative_name(j)} 0 at both ends",
-            derivative_unit(j),
-            tolerance,
-            _equation_number("23", j),
-        )
-        for j in range(1, model.continuity + 1)
-    ]
-    for k, one in flown:
-        times = plan.visits[k]
-        allowed = np.clip(times, one.times[0], one.times[-1])
-        stops = np.concatenate([one.times[:1], times, one.times[-1:]])
-        late.add(
-            -np.diff(stops), lambda s, k=k: f"robot {k}, stop {s}", pause,
-            ULPS * float(np.abs(one.times).max()),
-        )  # fmt: skip
-        if len(times):
-            nodes = np.array(plan.routes[k], int)
-            off = np.hypot(*(one(allowed) - model.nodes[nodes]).T)
 
-            def place(s: int, nodes: Any = nodes, times: Any = times, k: int = k) -> str:
-                return f"robot {k}, node {model.label(int(nodes[s]))} (t = {times[s]:.6g} s)"
+    def passed(k: int, one: Trajectory) -> tuple[Any, ...]:
+        times, nodes = plan.visits[k], np.array(plan.routes[k], int)
+        reached = one(np.clip(times, one.times[0], one.times[-1]))
 
-            passed.add(off, place, model.cell, noise)
-        begin, end = (side[row] for side, row in zip(one.at_ends(), (0, -1), strict=True))
-        gaps = np.hypot(*(np.stack([begin, end]) - model.depot).T)
-        ends.add(gaps, lambda s, k=k: f"robot {k}, {('start', 'end')[s]}", model.cell, noise)
-        for order, check in enumerate(rest, start=1):
-            first, last = one.at_ends(order)
-            own = _noise(one, order)
-            values = np.abs(np.stack([first[0], last[-1]])).max(axis=1)
-            scale = _scale(model, order)
-            check.add(
-                values, lambda s, k=k: f"robot {k}, {('start', 'end')[s]}", scale,
-                np.stack([own[0], own[-1]]).max(axis=1),
-            )  # fmt: skip
-    yield from (one.check() for one in (passed, late, ends, *rest))
+        def place(stop: int) -> str:
+            return f"robot {k}, node {model.label(int(nodes[stop]))} (t = {times[stop]:.6g} s)"
+
+        return np.hypot(*(reached - model.nodes[nodes]).T), model.cell, place, digits
+
+    def late(k: int, one: Trajectory) -> tuple[Any, ...]:
+        stops = np.concatenate([one.times[:1], plan.visits[k], one.times[-1:]])
+        noise = ULPS * float(np.abs(one.times).max())
+        return -np.diff(stops), pause, lambda stop: f"robot {k}, stop {stop}", noise
+
+    def side(k: int) -> Callable[[int], str]:
+        return lambda end: f"robot {k}, {('start', 'end')[end]}"
+
+    def off_depot(k: int, one: Trajectory) -> tuple[Any, ...]:
+        begins, ends = one.at_ends()
+        gaps = np.hypot(*(np.stack([begins[0], ends[-1]]) - model.depot).T)
+        return gaps, model.cell, side(k), digits
+
+    def moving(k: int, one: Trajectory, order: int) -> tuple[Any, ...]:
+        begins, ends = one.at_ends(order)
+        own = _noise(one, order)
+        values = np.abs(np.stack([begins[0], ends[-1]])).max(axis=1)
+        return values, _scale(model, order), side(k), np.stack([own[0], own[-1]]).max(axis=1)
+
+    stops = [passed(k, one) for k, one in flown]
+    yield _worst("nodes passed at their times", "m", tolerance, stops, "24")
+    yield _worst("visits in order", "s", tolerance, [late(k, one) for k, one in flown])
+    gaps = [off_depot(k, one) for k, one in flown]
+    yield _worst("begins and ends at the depot", "m", tolerance, gaps)
+    for order in range(1, model.continuity + 1):
+        name, unit = f"{derivative_name(order)} 0 at both ends", derivative_unit(order)
+        robots = [moving(k, one, order) for k, one in flown]
+        yield _worst(name, unit, tolerance, robots, _equation_number("23", order))
 
 
 def _equation_number(equation: str, order: int) -> str:
@@ -209,80 +173,69 @@ def _noise(one: Trajectory, order: int) -> Floats:
     return np.asarray(ULPS * sizes * (one.durations**-order)[:, None])
 
 
-def _knots(
-    model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float
-) -> Iterator[Check]:
+def _knots(model: MissionData, flown: Flown, tolerance: float) -> Iterator[Check]:
     """Yield the checks of jumps at knots, from the position to the derivative `continuity`."""
+
+    def jumps(k: int, one: Trajectory, order: int) -> tuple[Any, ...]:
+        begin, end = one.at_ends(order)
+        own = _noise(one, order)
+        scale: Any = _scale(model, order)
+        if order == 3:
+            # Jerk has no limit: its scale is the value at the knot, and 1 % of the largest value.
+            at_knot = np.maximum(np.abs(end[:-1]), np.abs(begin[1:]))
+            scale = np.maximum(at_knot, 1e-2 * np.abs(begin).max(axis=0))
+            scale = np.minimum(scale, _scale(model, 3) * 1e3)
+
+        def place(knot: int, axis: int) -> str:
+            return f"robot {k}, knot {knot + 1} (t = {one.times[knot + 1]:.6g} s)"
+
+        noise = own[:-1] + own[1:] + (_digits(model) if order == 0 else 0.0)
+        return np.abs(end[:-1] - begin[1:]), scale, place, noise
+
     for order in range(model.continuity + 1):
         name, unit = f"continuity of {derivative_name(order)}", derivative_unit(order)
-        worst = Worst(name, unit, tolerance, _equation_number("25", order))
-        for k, one in flown:
-            begin, end = one.at_ends(order)
-            own = _noise(one, order)
-            jump = np.abs(end[:-1] - begin[1:])
-            scale: Any = _scale(model, order)
-            if order == 3:
-                # Jerk has no limit: its scale is the value at the knot, and 1 % of the largest value.
-                at_knot = np.maximum(np.abs(end[:-1]), np.abs(begin[1:]))
-                scale = np.maximum(at_knot, 1e-2 * np.abs(begin).max(axis=0))
-                scale = np.broadcast_to(np.minimum(scale, _scale(model, 3) * 1e3), jump.shape)
-                scale = scale.ravel()
-            worst.add(
-                jump.ravel(),
-                lambda s, k=k, one=one: (
-                    f"robot {k}, knot {s // 2 + 1} (t = {one.times[s // 2 + 1]:.6g} s)"
-                ),
-                scale,
-                (own[:-1] + own[1:]).ravel() + (_digits(model) if order == 0 else 0.0),
-            )
-        yield worst.check()
+        robots = [jumps(k, one, order) for k, one in flown]
+        yield _worst(name, unit, tolerance, robots, _equation_number("25", order))
 
 
-def _limits(
-    model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float
-) -> Iterator[Check]:
+def _limits(model: MissionData, flown: Flown, tolerance: float) -> Iterator[Check]:
     """Yield the checks of the velocity and acceleration limits at exact extremes."""
+
+    def check(name: str, unit: str, k: int, one: Trajectory, order: int, limits: Floats) -> Check:
+        extremes = one.extremes(order)
+        sizes = np.maximum(-extremes.least, extremes.largest)
+        late = extremes.largest >= -extremes.least
+        times = np.where(late, extremes.largest_time, extremes.least_time)
+
+        def place(segment: int, axis: int) -> str:
+            return f"robot {k}, axis {axis} (t = {times[segment, axis]:.6g} s)"
+
+        return Check.within(name, sizes, limits, unit, place, tolerance)
+
     for order, limits in ((1, model.velocity_limit), (2, model.acceleration_limit)):
-        name = derivative_name(order)
-        worst = Worst(f"{name} within its limit", derivative_unit(order), tolerance)
-        for k, one in flown:
-            extremes = one.extremes(order)
-            sizes = np.maximum(-extremes.least, extremes.largest)
-            late = extremes.largest >= -extremes.least
-            times = np.where(late, extremes.largest_time, extremes.least_time)
-            excess = sizes - limits
-            row = np.nanargmax(excess / limits, axis=0) if np.isfinite(excess).any() else [0, 0]
-            for axis in (0, 1):
-                s = int(row[axis])
-                worst.add(
-                    excess[s, axis], f"robot {k}, axis {axis} (t = {times[s, axis]:.6g} s)",
-                    float(limits[axis]), 0.0, float(limits[axis]),
-                )  # fmt: skip
-        yield worst.check()
+        name, unit = f"{derivative_name(order)} within its limit", derivative_unit(order)
+        checks = [check(name, unit, k, one, order, limits) for k, one in flown]
+        yield Check.worst_of(checks, Check.scaled(name, "", 0.0, unit, "", tolerance, 0.0))
 
 
-def _inside(model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float) -> Check:
+def _inside(model: MissionData, flown: Flown, tolerance: float) -> Check:
     """Return the check that the curves stay inside the bounds, at exact extremes."""
-    worst = Worst("inside the bounds", "m", tolerance)
     low, high = model.bounds[:2], model.bounds[2:]
-    for k, one in flown:
+
+    def beyond(k: int, one: Trajectory) -> tuple[Any, ...]:
         extremes = one.extremes(0)
         excess = np.maximum(low - extremes.least, extremes.largest - high)
-        worst.add(
-            excess.ravel(),
-            lambda s, k=k: f"robot {k}, segment {s // 2}",
-            model.cell,
-            _digits(model),
-        )
-    return worst.check()
+        return excess, model.cell, lambda s, axis: f"robot {k}, segment {s}", _digits(model)
+
+    return _worst("inside the bounds", "m", tolerance, [beyond(k, one) for k, one in flown])
 
 
-def _collision(model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float) -> Check:
+def _collision(model: MissionData, flown: Flown, tolerance: float) -> Check:
     """Return the check of the distance between curves and obstacles."""
-    worst = Worst("radius away from obstacles", "m", tolerance)
+    name = "radius away from obstacles"
     slack = tolerance * model.cell + _digits(model)
     if not flown:
-        return worst.check()
+        return _worst(name, "m", tolerance, [])
     depth, robot, time, place = deepest(
         [pieces_of(one, k) for k, one in flown], model.solids, model.radius, slack, model.cell
     )
@@ -291,19 +244,17 @@ def _collision(model: MissionData, flown: list[tuple[int, Trajectory]], toleranc
         if depth > 0
         else ""
     )
-    worst.add(depth, where, model.cell, _digits(model), model.radius or None)
-    return worst.check()
+    robots = [(depth, model.cell, where, _digits(model))]
+    return _worst(name, "m", tolerance, robots, limit=model.radius)
 
 
-def _separation(model: MissionData, flown: list[tuple[int, Trajectory]], tolerance: float) -> Check:
+def _separation(model: MissionData, flown: Flown, tolerance: float) -> Check:
     """Return the check of the distance between robots under way; a report only for separation 0.
 
     Before its departure and after its return a robot waits in the depot's queue, off the map. This
     is the only exemption.
     """
-    required_ = model.separation > 0
-    name = "distance between robots" if required_ else "separation not required"
-    worst = Worst(name, "m", tolerance)
+    name = "distance between robots" if model.separation > 0 else "separation not required"
     # The search error adds to the tolerance, so it must be much smaller.
     slack = SEARCHED * (tolerance * model.cell + _digits(model))
     closest = nearest([one for _, one in flown], slack)
@@ -312,6 +263,5 @@ def _separation(model: MissionData, flown: list[tuple[int, Trajectory]], toleran
         a, b = (flown[k][0] for k in closest.pair)
         where = f"robots {a} and {b} (t = {closest.time:.6g} s), {closest.distance:.6g} m apart"
     where += "; before departure and after return robots wait in the depot's queue"
-    excess = max(model.separation - closest.distance, 0.0)
-    worst.add(excess, where, model.cell, 2 * _digits(model), model.separation or None)
-    return worst.check()
+    robots = [(model.separation - closest.distance, model.cell, where, 2 * _digits(model))]
+    return _worst(name, "m", tolerance, robots, limit=model.separation)

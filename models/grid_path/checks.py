@@ -17,8 +17,8 @@ __all__ = ["depths", "verify_paths"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-#: Function that makes a check from its name, the largest violation and its location.
-Measure = Callable[[str, float, str], Check]
+#: Function that makes a check of its name, violations in cells and the function of their places.
+Measure = Callable[[str, list[float], Callable[[int], str]], Check]
 
 #: Relative rounding error of a position.
 DIGITS = 1e-13
@@ -176,42 +176,38 @@ def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verifica
     paths = [(path - grid.origin) / grid.cell for path in plan.paths]
     start = model.start[::-1] + 0.5
     goals = model.goals[:, ::-1] + 0.5
-    begin = ends = depth = 0.0
-    began = ended = deep = ""
+    begins, ends, deep = [], [], []
+    segments: list[int] = []
     squeezes: list[str] = []
     for k, path in enumerate(paths):
-        distance = float(np.hypot(*(path[0] - start)))
-        if not distance <= begin:
-            begin, began = distance, f"path {k}"
+        begins.append(float(np.hypot(*(path[0] - start))))
         apart = np.hypot(*(goals - path[-1]).T)
-        distance = float(apart[min(k, len(goals) - 1)] if each else apart.min())
-        if not distance <= ends:
-            ends, ended = distance, f"path {k}"
-        distance, segment = depths(grid, path)
-        if not distance <= depth:
-            depth, deep = distance, f"path {k}, segment {segment}"
-        passed = _squeezes(grid, path, tolerance + 2.0 * noise) if distance < 1.0 else []
+        ends.append(float(apart[min(k, len(goals) - 1)] if each else apart.min()))
+        depth, segment = depths(grid, path)
+        deep.append(depth)
+        segments.append(segment)
+        passed = _squeezes(grid, path, tolerance + 2.0 * noise) if depth < 1.0 else []
         squeezes += [f"path {k}, x {x:g}, y {y:g} cells" for x, y in passed]
 
-    def lengths(name: str, worst: float, where: str) -> Check:
-        return Check.scaled(
-            name, "", worst * grid.cell, "m", where, tolerance, grid.cell, noise=noise * grid.cell
+    def lengths(name: str, cells: list[float], where: Callable[[int], str]) -> Check:
+        """Return the check of lengths in cells; without a violation, its place is empty."""
+        violations = grid.cell * np.array(cells)
+        place = where if violations.any() else ""
+        return Check.largest(
+            name, violations, grid.cell, "m", place, tolerance, noise=noise * grid.cell
         )
 
-    def count(name: str, worst: float, where: str) -> Check:
-        return Check(name, "", worst, "", 0.0, where, 0.0)
-
     checks = [
-        count(
-            "one path for each goal" if each else "one path", abs(len(paths) - required_paths), ""
+        Check.count(
+            "one path for each goal" if each else "one path", abs(len(paths) - required_paths)
         ),
-        lengths("starts at its cell", begin, began),
-        lengths("ends at its goal", ends, ended),
-        lengths("keeps to free cells", depth, deep),
-        count("not between cells that touch", len(squeezes), squeezes[0] if squeezes else ""),
+        lengths("starts at its cell", begins, lambda k: f"path {k}"),
+        lengths("ends at its goal", ends, lambda k: f"path {k}"),
+        lengths("keeps to free cells", deep, lambda k: f"path {k}, segment {segments[k]}"),
+        Check.count("not between cells that touch", squeezes),
     ]
     if model.connectivity != "any":
-        checks += _steps(model, paths, lengths, count)
+        checks += _steps(model, paths, lengths)
     cost = 0.0
     for path in paths:
         steps = np.hypot(*np.diff(path, axis=0).T) * grid.cell
@@ -224,14 +220,16 @@ def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verifica
     return Verification(cost, tuple(checks), scale=0.0)
 
 
-def _steps(model: PathModel, paths: list[Floats], lengths: Measure, count: Measure) -> list[Check]:
+def _steps(model: PathModel, paths: list[Floats], lengths: Measure) -> list[Check]:
     """Return the checks that paths connect the centres of neighbouring cells."""
-    off, where, wrong = 0.0, "", []
+    off: list[float] = []
+    points: list[int] = []
+    wrong: list[str] = []
     for k, path in enumerate(paths):
         cells = np.floor(path)
         apart = np.abs(path - cells - 0.5).max(axis=1)
-        if not apart.max() <= off:
-            off, where = float(apart.max()), f"path {k}, point {int(np.argmax(apart))}"
+        points.append(int(np.argmax(apart)))
+        off.append(float(apart[points[k]]))
         steps = np.abs(np.diff(cells, axis=0))
         total = steps.sum(axis=1)
         good = (total == 1) | ((steps.max(axis=1, initial=0) <= 1) & (total == 2))
@@ -247,6 +245,6 @@ def _steps(model: PathModel, paths: list[Floats], lengths: Measure, count: Measu
         ]
         wrong += [f"path {k}, step {int(s)} cuts a corner" for s in turned[~(free[0] & free[1])]]
     return [
-        lengths("points at centres of cells", off, where),
-        count("steps to neighbours", len(wrong), wrong[0] if wrong else ""),
+        lengths("points at centres of cells", off, lambda k: f"path {k}, point {points[k]}"),
+        Check.count("steps to neighbours", wrong),
     ]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import InvalidData
 from ..fields import required
-from ..verification import Check, Verification, check_tolerance
+from ..verification import Check, Verification, check_entries, check_tolerance
 from .data import GuidedPathData
 from .plan import GuidedPathPlan
 
@@ -37,11 +36,7 @@ def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -
     """
     check_tolerance(tolerance)
     required("plan", plan, GuidedPathPlan)
-    for stop, customer in enumerate(plan.order):
-        if not 1 <= customer < model.size:
-            raise InvalidData(
-                f"order[{stop}] must lie in 1 … {model.size - 1}, got {customer}", field="order"
-            )
+    check_entries("order", plan.order, 1, model.size - 1, "order")
     times = np.bincount(np.array(plan.order, int), minlength=model.size)[1:]
     wrong = np.flatnonzero(times != 1)
     first: dict[int, int] = {}
@@ -58,18 +53,7 @@ def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -
         walked += abs(there - position)
         position = there
     label = model.label
-    checks = (
-        _count(
-            "each customer served once", wrong.size,
-            f"customer {label(int(wrong[0]) + 1)}" if wrong.size else "",
-        ),
-        _count(
-            "precedence", len(broken),
-            f"{label(broken[0][0])} before {label(broken[0][1])}" if broken else "",
-        ),
-    )  # fmt: skip
+    served = [f"customer {label(int(k) + 1)}" for k in wrong]
+    pairs = [f"{label(before)} before {label(after)}" for before, after in broken]
+    checks = Check.count("each customer served once", served), Check.count("precedence", pairs)
     return Verification(walked, checks)
-
-
-def _count(name: str, number: int, where: str) -> Check:
-    return Check(name, "", float(number), "", 0.0, where, 0.0)

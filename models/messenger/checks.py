@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
 from ..fields import required
-from ..verification import NEAR, Check, Verification, check_tolerance
+from ..verification import NEAR, Check, Verification, check_entries, check_tolerance
 from .data import TourData
 from .plan import SIGNS, TourPlan
 
@@ -83,9 +82,7 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     check_tolerance(tolerance)
     required("plan", plan, TourPlan)
     n = model.size
-    for row, vehicle in enumerate(plan.order):
-        if not 0 <= vehicle < n:
-            raise InvalidData(f"order[{row}] must lie in 0 … {n - 1}, got {vehicle}", field="order")
+    check_entries("order", plan.order, 0, n - 1, "order")
     legs = np.array([item.leg for item in plan.primitives], int)
     lengths = np.array([item.length for item in plan.primitives])
     poses = integrated(plan, model.turning_radius)
@@ -106,26 +103,19 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     point_error = np.hypot(*(positions - plan.points).T)
 
     def worst(
-        name: str, values: Floats, unit: str, places: Sequence[str], scale: Floats | float,
+        name: str, values: Floats, places: Sequence[str], scale: Floats | float,
         limits: Floats | None = None, digits: Floats | float = noise,
     ) -> Check:  # fmt: skip
-        """Return the check of the entry with the largest violation relative to its tolerance."""
-        if not values.size:
-            return Check.scaled(name, "", 0.0, unit, "", tolerance, 0.0, noise=noise)
+        """Return the check of the largest violation; infinite if rounding makes one undecidable."""
         scales, excused = (np.broadcast_to(item, values.shape) for item in (scale, digits))
-        share = np.where(values <= 0, 0.0, values) / np.maximum(
-            tolerance * scales + excused, 1e-300
-        )
-        # Treat NaN as the largest violation.
-        k = int(np.argmax(np.where(np.isnan(share), np.inf, share)))
-        value, place = float(values[k]), places[k]
-        unknown = np.flatnonzero((scales > 0) & (excused > CEILING * scales))
-        if unknown.size:
-            value, place = np.inf, f"{places[int(unknown[0])]}: {UNDECIDABLE}"
-        return Check.scaled(
-            name, "", value if np.isnan(value) else max(value, 0.0), unit, place, tolerance,
-            float(scales[k]), noise=min(float(excused[k]), CEILING * float(size.min()) or math.inf),
-            limit=None if limits is None else float(limits[k]),
+        unknown = (scales > 0) & (excused > CEILING * scales)
+
+        def place(k: int) -> str:
+            return f"{places[k]}: {UNDECIDABLE}" if unknown[k] else places[k]
+
+        return Check.largest(
+            name, np.where(unknown, np.inf, values), scales, "m", place, tolerance,
+            noise=np.minimum(excused, CEILING * float(size.min()) or math.inf), limit=limits,
         )  # fmt: skip
 
     names = [f"vehicle {model.label(k)}" for k in plan.order]
@@ -135,27 +125,23 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     ordered = np.diff(legs)
     last = n if model.closed else n - 1
     stray = (ordered < 0).sum() + ((legs < 0) | (legs > last)).sum()
+    vehicles_missed = [f"vehicle {model.label(int(k))}" for k in wrong]
     checks = [
-        _count(
-            "each vehicle met once", float(wrong.size), "vehicles",
-            f"vehicle {model.label(int(wrong[0]))}" if wrong.size else "",
-        ),
-        _count("legs in order", float(stray), "primitives", ""),
-        worst("lengths at least 0", -lengths, "m", pieces, 0.0),
+        Check.count("each vehicle met once", vehicles_missed, unit="vehicles"),
+        Check.count("legs in order", float(stray), unit="primitives"),
+        worst("lengths at least 0", -lengths, pieces, 0.0),
         *_joined(model, plan, poses, tolerance),
         *_started(model, plan, tolerance, float(size.min())),
-        worst("length flown is speed times time", time_error, "m", names, size[met], digits=lost),
-        worst("encounter at its point", point_error, "m", names, size[met], digits=lost),
-        worst(
-            "encounter within radius", apart, "m", names, size[met], model.radius[met], digits=lost
-        ),
-    ]  # fmt: skip
+        worst("length flown is speed times time", time_error, names, size[met], digits=lost),
+        worst("encounter at its point", point_error, names, size[met], digits=lost),
+        worst("encounter within radius", apart, names, size[met], model.radius[met], digits=lost),
+    ]
     if model.closed:
         gap = np.array([np.hypot(*(poses[-1, :2] - poses[0, :2]))])
-        checks.append(worst("ends where it begins", gap, "m", ["end"], float(size.min())))
+        checks.append(worst("ends where it begins", gap, ["end"], float(size.min())))
     elif len(plan.order):
         beyond = np.array([flown[-1] - flown[ends[-1]]])
-        checks.append(worst("ends at the last encounter", beyond, "m", ["end"], float(size.min())))
+        checks.append(worst("ends at the last encounter", beyond, ["end"], float(size.min())))
     # The length is its own scale.
     return Verification(float(flown[-1]), tuple(checks), scale=0.0)
 
@@ -171,10 +157,6 @@ def _sizes(model: TourData) -> Floats:
     return np.where(model.radius > 0, model.radius, room)
 
 
-def _count(name: str, number: float, unit: str, where: str) -> Check:
-    return Check(name, "", number, unit, 0.0, where, 0.0)
-
-
 def _angle_between(angle: Floats | float) -> Floats:
     """Return the absolute difference of headings, in rad, at most π."""
     return np.abs(np.remainder(np.asarray(angle, float) + np.pi, 2 * np.pi) - np.pi)
@@ -184,27 +166,26 @@ def _joined(model: TourData, plan: TourPlan, poses: Floats, tolerance: float) ->
     """Return the checks of continuous headings and of the curvature limit."""
     if model.turning_radius == 0:
         turns = [
-            k
+            f"primitive {k}"
             for k, primitive in enumerate(plan.primitives)
             if primitive.turn != "S" and primitive.length > 0
         ]
-        where = f"primitive {turns[0]}" if turns else ""
-        return [
-            _count("straight but for turns on the spot", float(len(turns)), "primitives", where)
-        ]
+        return [Check.count("straight but for turns on the spot", turns, unit="primitives")]
     initial = np.array([primitive.heading for primitive in plan.primitives])
     off = _angle_between(poses[:-1, 2] - initial)
     if model.closed:
         off = np.append(off, _angle_between(poses[-1, 2] - plan.start[2]))
-    k = int(np.argmax(np.where(np.isnan(off), np.inf, off))) if off.size else 0
-    where = "" if not off.size else "end" if k == len(initial) else f"primitive {k}"
-    worst = float(off[k]) if off.size else 0.0
     noise = DIGITS * float(np.abs(poses[:, 2]).max())
-    if noise > CEILING:
-        worst, where, noise = np.inf, f"{where}: {UNDECIDABLE}", CEILING
+    unclear = noise > CEILING
+    if unclear:
+        off = np.full(max(off.size, 1), np.inf)
+
+    def place(k: int) -> str:
+        return ("end" if k == len(initial) else f"primitive {k}") + f": {UNDECIDABLE}" * unclear
+
     return [
-        Check.scaled(
-            "headings without a jump", "", worst, "rad", where, tolerance, 1.0, noise=noise
+        Check.largest(
+            "headings without a jump", off, 1.0, "rad", place, tolerance, noise=min(noise, CEILING)
         )
     ]
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ..fields import required
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .bounds import Bound, PathData, derivative_name, derivative_unit
 from .knots import SEGMENTS, ULPS, check_knots
@@ -148,8 +149,7 @@ def verify_trajectory(
 ) -> Verification:
     """Evaluate the objective and every condition of `model` on `plan`."""
     check_tolerance(tolerance)
-    if not isinstance(plan, Trajectory):
-        raise InvalidData(f"plan must be a Trajectory, got {type(plan).__name__}", field="plan")
+    required("plan", plan, Trajectory)
     if plan.segments != model.segments or plan.dimensions != model.dimensions:
         raise InvalidData(
             f"plan has {plan.segments} segments in {plan.dimensions}-D, the model "
@@ -166,10 +166,9 @@ def verify_trajectory(
 
 def _times(model: PathData, plan: Trajectory, tolerance: float) -> Check:
     off = np.abs(plan.times - model.times)
-    at = int(off.argmax())
     # A time error relative to the shortest segment is a position error of the same relative size.
     scale = float(min(1.0, model.durations.min()))
-    return Check.scaled("times", "", off[at], "s", f"knot {at}", tolerance, scale)
+    return Check.largest("times", off, scale, "s", lambda knot: f"knot {knot}", tolerance)
 
 
 def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
@@ -177,10 +176,9 @@ def _degree(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Che
     if plan.degree <= model.degree:
         return
     extra = np.abs(plan.coefficients[:, model.degree + 1 :]).sum(axis=1)
-    at = int(extra.max(axis=1).argmax())
-    yield Check.scaled(
-        f"degree at most {model.degree}", "", extra[at].max(), "m", f"segment {at}", tolerance,
-        float(model.position_scale.max()),
+    yield Check.largest(
+        f"degree at most {model.degree}", extra, float(model.position_scale.max()), "m",
+        lambda segment, axis: f"segment {segment}", tolerance,
     )  # fmt: skip
 
 
@@ -208,21 +206,22 @@ def _bounded(model: PathData, plan: Trajectory, bound: Bound, tolerance: float) 
         low, high = control.min(axis=0), control.max(axis=0)
         out[part] = ~((bound.lower[part] <= low.T) & (bound.upper[part] >= high.T))
     rows, axes = np.nonzero(out)
-    where, worst, noise, limit = "everywhere inside", 0.0, 0.0, None
-    size = float(model.derivative_scale(order).max())
-    if rows.size:
-        extremes = plan.extremes(order, direction=np.eye(plan.dimensions)[axes], segments=rows)
-        edges = np.stack([bound.lower[out], bound.upper[out]])
-        off = np.stack([edges[0] - extremes.least[:, 0], extremes.largest[:, 0] - edges[1]])
-        sizes = np.stack([size[out] for size in model.bound_scale(bound)])
-        at = side, row = np.unravel_index(int((off / sizes).argmax()), off.shape)
-        worst, size, noise = float(off[at]), float(sizes[at]), ULPS * abs(float(edges[at]))
-        limit = float(edges[1, row] - edges[0, row])
-        time = (extremes.least_time, extremes.largest_time)[int(side)][row, 0]
-        where = f"segment {rows[row]}, axis {axes[row]} (t = {time:.6g} s)"
-    return Check.scaled(
-        bound.name, "", max(worst, 0.0), derivative_unit(order), where, tolerance, size,
-        noise=noise, limit=limit,
+    if not rows.size:
+        size = float(model.derivative_scale(order).max())
+        unit = derivative_unit(order)
+        return Check.largest(bound.name, [], size, unit, "everywhere inside", tolerance)
+    extremes = plan.extremes(order, direction=np.eye(plan.dimensions)[axes], segments=rows)
+    edges = np.stack([bound.lower[out], bound.upper[out]])
+    off = np.stack([edges[0] - extremes.least[:, 0], extremes.largest[:, 0] - edges[1]])
+    times = np.stack([extremes.least_time[:, 0], extremes.largest_time[:, 0]])
+
+    def place(side: int, row: int) -> str:
+        return f"segment {rows[row]}, axis {axes[row]} (t = {times[side, row]:.6g} s)"
+
+    return Check.largest(
+        bound.name, off, np.stack([size[out] for size in model.bound_scale(bound)]),
+        derivative_unit(order), place, tolerance, noise=ULPS * np.abs(edges),
+        limit=edges[1] - edges[0],
     )  # fmt: skip
 
 
@@ -237,14 +236,16 @@ def _halfspaces(model: PathData, plan: Trajectory, tolerance: float) -> Iterator
         reach = (control * spaces.normals[part].T).sum(axis=1).max(axis=0)
         out[part] = ~(reach <= spaces.offsets[part])
     rows = np.flatnonzero(out)
-    where, worst, noise = "everywhere inside", 0.0, 0.0
-    if rows.size:
-        segments = spaces.segments[rows]
-        extremes = plan.extremes(0, direction=spaces.normals[rows], segments=segments)
-        off = extremes.largest[:, 0] - spaces.offsets[rows]
-        at = int(off.argmax())
-        worst, noise = float(off[at]), ULPS * abs(float(spaces.offsets[rows[at]]))
-        time = extremes.largest_time[at, 0]
-        where = f"segment {segments[at]}, half-space {rows[at]} (t = {time:.6g} s)"
     size = float(model.position_scale.max())
-    yield Check.scaled("polytope", "", max(worst, 0.0), "m", where, tolerance, size, noise=noise)
+    if not rows.size:
+        yield Check.largest("polytope", [], size, "m", "everywhere inside", tolerance)
+        return
+    segments, offsets = spaces.segments[rows], spaces.offsets[rows]
+    extremes = plan.extremes(0, direction=spaces.normals[rows], segments=segments)
+
+    def place(at: int) -> str:
+        time = extremes.largest_time[at, 0]
+        return f"segment {segments[at]}, half-space {rows[at]} (t = {time:.6g} s)"
+
+    off, noise = extremes.largest[:, 0] - offsets, ULPS * np.abs(offsets)
+    yield Check.largest("polytope", off, size, "m", place, tolerance, noise=noise)

@@ -187,11 +187,13 @@ def _check(name: str, items: list[_Violation], tolerance: float) -> Check | None
     """Return the check of one kind over all phases; None without constraints of this kind."""
     if not items:
         return None
-    items = [item if item.worst == item.worst else item._replace(worst=np.inf) for item in items]
-    worst = max(items, key=lambda item: item.worst / item.scale)
-    return Check.scaled(
-        name, worst.equation, worst.worst, worst.unit, worst.where, tolerance, worst.scale
-    )
+    checks = [
+        Check.largest(
+            name, item.worst, item.scale, item.unit, item.where, tolerance, equation=item.equation
+        )
+        for item in items
+    ]
+    return Check.worst_of(checks, checks[0])
 
 
 def _labels(phases: tuple[Course, ...]) -> list[str]:

@@ -157,16 +157,15 @@ class BlockProgram(Program):
             near = np.where(value - lower < upper - value, lower, upper)
             bound = np.where(np.isfinite(near), np.abs(near), 0.0)
             scale = np.maximum(size, bound)
-            for block in blocks:
-                if block.size:
-                    entry = int((violation[block.slice] / scale[block.slice]).argmax())
-                    row = block.start + entry
-                    result.append(
-                        Check.scaled(
-                            block.name, block.equation, violation[row], block.unit,
-                            _bare(block.place(entry)), tolerance, scale[row], limit=bound[row],
-                        )
-                    )  # fmt: skip
+            result += [
+                Check.largest(
+                    block.name, violation[block.slice], scale[block.slice], block.unit,
+                    lambda entry, block=block: _bare(block.place(entry)), tolerance,
+                    equation=block.equation, limit=bound[block.slice],
+                )
+                for block in blocks
+                if block.size
+            ]  # fmt: skip
         return tuple(result)
 
     def row_name(self, row: int) -> str:

@@ -158,17 +158,13 @@ class ConicProgram(RowProgram):
         values = self.cone_rows(point)
         terms = row_sizes(self.cone_matrix, point, self._column_sizes)
         terms = np.maximum(terms, np.abs(self.cone_offset))
-        checks = []
-        for block in self.cones:
-            violation = missing(block.kind, block.of(values))
-            scale = block.of(terms).max(axis=1)
-            worst = int((violation / scale).argmax())
-            checks.append(
-                Check.scaled(
-                    block.name, block.equation, violation[worst], block.unit, block.place(worst), tolerance,
-                    scale[worst],
-                )
-            )  # fmt: skip
+        checks = [
+            Check.largest(
+                block.name, missing(block.kind, block.of(values)), block.of(terms).max(axis=1),
+                block.unit, block.place, tolerance, equation=block.equation,
+            )
+            for block in self.cones
+        ]  # fmt: skip
         return Verification(linear.objective, (*linear.checks, *checks))
 
     def split(self, duals: Vector) -> tuple[Vector, Vector]:

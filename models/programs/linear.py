@@ -92,10 +92,7 @@ class MixedIntegerProgram(RowProgram):
             return linear
         point = np.asarray(plan, float)
         violation = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
-        worst = int(violation.argmax())
-        check = Check.scaled(
-            "integrality", "", violation[worst], "", self.column_name(worst), tolerance, 1.0
-        )
+        check = Check.largest("integrality", violation, 1.0, "", self.column_name, tolerance)
         return Verification(linear.objective, (*linear.checks, check))
 
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ...errors import InvalidData, show
+from ..fields import required
 from ..verification import Check, Verification, check_tolerance
 from .data import RoutingData
 from .route import Route, route_of_indices
@@ -84,54 +84,39 @@ def _sum(legs: list[float]) -> float:
 def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verification:
     """Compute the length of `plan` and check every limit of `model` from the raw data."""
     check_tolerance(tolerance)
-    if not isinstance(plan, Route):
-        raise InvalidData(f"plan must be a Route, got {show(plan)}", field="plan")
+    required("plan", plan, Route)
     visits, missing = walk_route(model, plan)
     route = [visit.point for visit in visits]
     between = [model.label(k) for k in route[1:-1] if k in (model.start, model.end)]
+
+    def count(name: str, labels: list[str]) -> Check:
+        return Check.count(name, [f"point {label}" for label in labels])
+
+    def ends(name: str, stops: list[int], *, bad: bool) -> Check:
+        places = [f"point {model.label(k)}" for k in stops] or ["a route too short"]
+        return Check.count(name, places if bad else [])
+
     checks = [
-        _count(
-            "starts at the start", int(route[:1] != [model.start]), *map(model.label, route[:1])
-        ),
-        _count(
-            "ends at the end",
-            int(len(route) < 2 or route[-1] != model.end),
-            *map(model.label, route[-1:]),
-        ),
-        _count("neither start nor end between", len(between), *between[:1]),
-        _count("arcs that there are", len(missing), *missing[:1]),
+        ends("starts at the start", route[:1], bad=route[:1] != [model.start]),
+        ends("ends at the end", route[-1:], bad=len(route) < 2 or route[-1] != model.end),
+        count("neither start nor end between", between),
+        count("arcs that there are", missing),
     ]
     if not model.revisits:
         first = {k: stop for stop, k in reversed(list(enumerate(route)))}
         repeated = [model.label(k) for stop, k in enumerate(route) if first[k] != stop]
-        checks.append(_count("no point twice", len(repeated), *repeated[:1]))
+        checks.append(count("no point twice", repeated))
     for column, resource in enumerate(model.resources):
         for word, limit in resource.limits:
-            arrivals = [
-                (v.arrival[column], v.point) for v in visits[1:] if model.kinds[v.point] == word
-            ]
-            worst, where = 0.0, ""
-            if arrivals:
-                level, point = max(arrivals)
-                worst, where = max(level - limit, 0.0), f"point {model.label(point)}"
+            arrivals = [visit for visit in visits[1:] if model.kinds[visit.point] == word]
             checks.append(
-                Check.scaled(
-                    f"{resource.name} at {word}",
-                    "",
-                    worst,
-                    resource.unit,
-                    where,
+                Check.within(
+                    f"{resource.name} at {word}", [visit.arrival[column] for visit in arrivals],
+                    limit, resource.unit,
+                    lambda k, arrivals=arrivals: f"point {model.label(arrivals[k].point)}",
                     tolerance,
-                    limit,
-                    limit=limit,
                 )
-            )
+            )  # fmt: skip
     length = visits[-1].distance if len(visits) > 1 else None
     # The scale of a length is the length itself.
     return Verification(length, tuple(checks), scale=0.0)
-
-
-def _count(name: str, number: int, where: str = "") -> Check:
-    return Check(
-        name, "", float(number), "", 0.0, f"point {where}" if where and number else "", 0.0
-    )

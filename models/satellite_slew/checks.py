@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,15 +75,6 @@ def verify_slew(model: SlewData, plan: ControlPlan, tolerance: float) -> Verific
     return Verification(samples.objective, tuple(checks))
 
 
-def _check(
-    name: str, equation: str, worst: float, unit: str, tolerance: float, where: str,
-    scale: float, limit: float | None = None,
-) -> Check:  # fmt: skip
-    # Treat NaN as the largest violation.
-    worst = float(worst) if np.isfinite(worst) else float("inf")
-    return Check.scaled(name, equation, worst, unit, where, tolerance, scale, limit=limit)
-
-
 def _sizes(model: SlewData) -> tuple[float, float, float]:
     """Return the scales of the parts of the state: a unit quaternion, the rate limit, and a radian."""
     return 1.0, model.rate_limit, 1.0
@@ -95,9 +88,8 @@ def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
     low, high = (float(t) for t in model.time_range)
     excess = max(abs(phase.start), low - phase.end, phase.end - high, 0.0)
     where = f"t0 = {phase.start:.9g} s, tf = {phase.end:.9g} s"
-    checks = [
-        _check("start at 0, final time within its range", "13", excess, "s", tolerance, where, high)
-    ]
+    name = "start at 0, final time within its range"
+    checks = [Check.largest(name, excess, high, "s", where, tolerance, equation="13")]
     last = phase.states.intervals - 1
     begin = phase.states.on(0, [-1.0])[0]
     end = phase.states.on(last, [1.0])[0]
@@ -112,11 +104,15 @@ def _ends(model: SlewData, phase: PhasePlan, tolerance: float) -> list[Check]:
         for (name, first, beyond, unit), target, size in expected:
             if target is None:
                 continue
+
+            def place(k: int, first: int = first, actual: Floats = actual, to: Any = target) -> str:
+                return f"{STATES[first + k]} = {actual[first + k]:.9g}, not {to[k]:.9g}"
+
             difference = np.abs(actual[first:beyond] - target)
-            k = int(difference.argmax())
-            place = f"{STATES[first + k]} = {actual[first + k]:.9g}, not {target[k]:.9g}"
             checks.append(
-                _check(f"{side} {name}", "13", difference[k], unit, tolerance, place, size)
+                Check.largest(
+                    f"{side} {name}", difference, size, unit, place, tolerance, equation="13"
+                )
             )
     return checks
 
@@ -171,32 +167,20 @@ def _motion(model: SlewData, samples: _Samples, tolerance: float) -> list[Check]
     parts = zip(_PARTS, ("10", "3", ""), _sizes(model), strict=True)
     for (name, first, beyond, unit), equation, size in parts:
         label = f"{name} integrated anew"
-        if samples.anew is None:
-            checks.append(
-                _check(
-                    label, equation, np.inf, unit, tolerance, "the integration breaks down", size
-                )
-            )
-            continue
-        difference = np.abs(samples.states[:, first:beyond] - samples.anew[:, first:beyond])
+        place: Any = "the integration breaks down"
+        difference: Any = np.inf
+        if samples.anew is not None:
+            difference = np.abs(samples.states[:, first:beyond] - samples.anew[:, first:beyond])
+            place = _place(samples.times, STATES[first:])
         checks.append(
-            _worst(
-                label, equation, difference, samples.times, STATES[first:], unit, tolerance, size
-            )
+            Check.largest(label, difference, size, unit, place, tolerance, equation=equation)
         )
     return checks
 
 
-def _worst(
-    name: str, equation: str, excess: Floats, times: Floats, entries: tuple[str, ...], unit: str,
-    tolerance: float, scale: float, limit: float | None = None,
-) -> Check:  # fmt: skip
-    """Return the check of an excess, shape (samples, entries), at its maximum."""
-    excess = np.where(np.isnan(excess), np.inf, excess)
-    row, column = (int(k) for k in np.unravel_index(int(excess.argmax()), excess.shape))
-    where = f"t = {times[row]:.6g} s, {entries[column]}"
-    worst = max(0.0, excess[row, column])
-    return _check(name, equation, worst, unit, tolerance, where, scale, limit)
+def _place(times: Floats, entries: tuple[str, ...]) -> Callable[[int, int], str]:
+    """Return the function that names a sample and an entry."""
+    return lambda row, column: f"t = {times[row]:.6g} s, {entries[column]}"
 
 
 def _limits(
@@ -222,14 +206,14 @@ def _limits(
         ),
     )  # fmt: skip
     checks = [
-        _worst(name, "23", values - upper, times, entries, unit, tolerance, upper, upper)
+        Check.within(name, values, upper, unit, _place(times, entries), tolerance, equation="23")
         for name, values, upper, entries, unit in cases
     ]
     lower = model.singularity_limit
     checks.append(
-        _worst(
-            "singularity measure", "23", lower - measure, times, ("det(A_t A_t')",), "",
-            tolerance, 1.0, lower,
+        Check.largest(
+            "singularity measure", lower - measure, 1.0, "", _place(times, ("det(A_t A_t')",)),
+            tolerance, equation="23", limit=lower,
         )
     )  # fmt: skip
     return checks
@@ -242,9 +226,12 @@ def _invariants(
     length = np.abs((samples.states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
     drift = np.abs(motion.total_momentum(samples.states) - model.total_momentum)
     return [
-        _worst("norm of the quaternion", "23", length, samples.times, ("q·q",), "", tolerance, 1.0),
-        _worst(
-            "total momentum", "1", drift, samples.times, ("x", "y", "z"), "N m s",
-            tolerance, model.momentum,
+        Check.largest(
+            "norm of the quaternion", length, 1.0, "", _place(samples.times, ("q·q",)), tolerance,
+            equation="23",
+        ),
+        Check.largest(
+            "total momentum", drift, model.momentum, "N m s",
+            _place(samples.times, ("x", "y", "z")), tolerance, equation="1",
         ),
     ]  # fmt: skip

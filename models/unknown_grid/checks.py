@@ -85,8 +85,9 @@ def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verifi
     ``NO_WAY`` and no path exists. Otherwise it is the limit on the steps plus 1.
     """
     costs: list[int] = []
-    wrong: dict[Outcome, list[int]] = {outcome: [] for outcome in Outcome}
-    overrun: list[int] = []
+    wrong: dict[Outcome, list[str]] = {outcome: [] for outcome in Outcome}
+    wrong[Outcome.OUT_OF_STEPS] = wrong[Outcome.GAVE_UP]
+    overrun: list[str] = []
     longest, at_longest = 0, 0
     for k, (actions, outcome) in enumerate(zip(plan.actions, plan.outcomes, strict=True)):
         start, target = tuple(model.starts[k].tolist()), tuple(model.targets[k].tolist())
@@ -94,7 +95,7 @@ def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verifi
         there = (run.positions == model.targets[k]).all(axis=1)
         reached = bool(there[-1])
         if there[:-1].any():
-            overrun.append(k)
+            overrun.append(f"scene {k}")
         if len(actions) > longest:
             longest, at_longest = len(actions), k
         valid = {
@@ -104,25 +105,16 @@ def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verifi
             Outcome.OUT_OF_STEPS: not reached and len(actions) >= model.steps,
         }[outcome]
         if not valid:
-            wrong[outcome].append(k)
+            wrong[outcome].append(f"scene {k}")
         done = valid and outcome in (Outcome.REACHED, Outcome.NO_WAY)
         costs.append(len(actions) if done else model.steps + 1)
 
-    def check(name: str, scenes: list[int]) -> Check:
-        where = f"scene {scenes[0]}" if scenes else ""
-        return Check(name, "", float(len(scenes)), "", 0.0, where, 0.0)
-
-    over = max(longest - model.steps, 0)
-    checks = [
-        Check(
-            "at most as many steps as allowed", "", float(over), "", 0.0, f"scene {at_longest}", 0.0
-        ),
-        check("a run ends at the target", overrun),
-        check("the target is where the run ends", wrong[Outcome.REACHED]),
-        check("there is no way", wrong[Outcome.NO_WAY]),
-        check(
-            "the target was not reached",
-            sorted(wrong[Outcome.GAVE_UP] + wrong[Outcome.OUT_OF_STEPS]),
-        ),
-    ]
-    return Verification(float(np.mean(costs)), tuple(checks))
+    over = [f"scene {at_longest}"] * max(longest - model.steps, 0)
+    checks = (
+        Check.count("at most as many steps as allowed", over),
+        Check.count("a run ends at the target", overrun),
+        Check.count("the target is where the run ends", wrong[Outcome.REACHED]),
+        Check.count("there is no way", wrong[Outcome.NO_WAY]),
+        Check.count("the target was not reached", wrong[Outcome.GAVE_UP]),
+    )
+    return Verification(float(np.mean(costs)), checks)

@@ -58,7 +58,7 @@ def test_a_tour_without_fault_is_accepted(order, scale):
 
 @pytest.mark.parametrize("customer", [0, 5, -1])
 def test_a_customer_that_does_not_exist_is_refused(customer):
-    with pytest.raises(InvalidData, match=rf"order\[1\] must lie in 1 … 4, got {customer}"):
+    with pytest.raises(InvalidData, match=rf"order\[1\] must be in 1 … 4, got {customer}"):
         tour(1.0).verify(GuidedPathPlan([3, customer, 1, 4, 2]))
 
 

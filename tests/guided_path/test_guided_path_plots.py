@@ -105,7 +105,7 @@ def test_violations_are_red(five):
     assert rings.get_offsets().tolist() == [[4, 9], [4, 9], [7, 0]]
     assert "NOT VALID: each customer served once, precedence" in figure.get_suptitle()
     assert {"wrong order", "not served once"} <= set(legend(figure))
-    with pytest.raises(InvalidData, match=r"order\[0\] must lie in 1 … 5, got 6"):
+    with pytest.raises(InvalidData, match=r"order\[0\] must be in 1 … 5, got 6"):
         ct.plot(model, GuidedPathPlan([6]))
 
 
@@ -223,5 +223,5 @@ def test_rejects_bad_animation_arguments(five):
     model, plan = five
     with pytest.raises(UnsupportedOption, match="frames must"):
         animate_tour(model, plan, frames=1)
-    with pytest.raises(InvalidData, match="must lie in 1 … 5"):
+    with pytest.raises(InvalidData, match="must be in 1 … 5"):
         animate_tour(model, GuidedPathPlan([9]))

@@ -125,7 +125,7 @@ def test_rejects_missing_and_repeated_vehicles(model, plan):
     } - ({"legs in order"} if max(p.leg for p in plan.primitives) < model.size else set())  # fmt: skip
     swapped = (plan.order[1], plan.order[0], *plan.order[2:])
     assert violated(model, replace(plan, order=swapped)) == {"encounter within radius"}
-    with pytest.raises(InvalidData, match=r"order\[0\] must lie in 0 … 4, got 5"):
+    with pytest.raises(InvalidData, match=r"order\[0\] must be in 0 … 4, got 5"):
         model.verify(replace(plan, order=(5, *plan.order[1:])))
     nobody = TourPlan((), [], np.zeros((0, 2)), plan.start, ())
     assert "each vehicle met once" in violated(model, nobody)
