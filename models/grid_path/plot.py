@@ -4,54 +4,31 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import required
-from ..plots.maps import dress_map, length_unit
-from ..plots.options import check_option
+from ..plots import kit
 from ..plots.progress import draw_progress
-from ..plots.space import dots
-from ..plots.style import (
-    BLACK,
-    RED,
-    RING,
-    axis_style,
-    headline,
-    key,
-    legend_below,
-    number,
-    sheet,
-    title_of,
-)
-from ..verification import TOLERANCE, Check, Verification, check_tolerance
+from ..verification import Check
 from .gridmap import GridMap
 from .model import GridPath
 from .plan import GridPlan
-from .polygons import Polygon, Polygons
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .polygons import Polygons
 
 __all__ = ["draw", "draw_progress"]
 
 Floats = NDArray[np.float64]
 
-#: Colours of blocked cells and of the region outside the map.
-WALL, OUTSIDE = "#4d4d4d", "#b3b3b3"
-OUTLINE = axis_style(4)["color"]
+#: Colours of blocked cells, of the region outside the map and of outlines.
+WALL, OUTSIDE, OUTLINE = "#4d4d4d", "#b3b3b3", kit.colour_of(4)
 #: Maximum number of cells along a side with lines between them, and of corners drawn as dots.
 _MOST_LINES, _MOST_DOTS = 60, 80
 #: Maximum number of plans beside the first.
 _MOST_OTHERS = 12
-#: Limit on drawn coordinates, because an invalid plan may have any coordinates.
-_FAR = 1e100
 #: Ratio of weights above which the colour scale is logarithmic.
 _RATIO = 20.0
-#: Letters of the legend per inch of the figure's width.
-_LETTERS = 15.0
 _PLACE = re.compile(
     r"path (\d+)(?:, (segment|point|step) (\d+)|, x (\S+), y (\S+) cells)?(?: cuts a corner)?"
 )
@@ -64,10 +41,10 @@ def draw(
     *,
     others: Mapping[str, Any] | None = None,
     obstacles: Any = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the map of `model`, and the paths of `plan`.
 
     Parameters
@@ -105,81 +82,56 @@ def draw(
     --------
     draw_progress : Progress of solutions over time.
     """
-    check_tolerance(tolerance)
-    named = {} if others is None else others
-    good = isinstance(named, Mapping) and all(isinstance(name, str) for name in named)
-    few = good and len(named) <= _MOST_OTHERS
-    check_option("others", others, few, f"be at most {_MOST_OTHERS} plans by their names")
-    verification = None
-    entries: list[tuple[str, GridPlan, Verification]] = []
-    if plan is not None:
-        verification = model.verify(required("plan", plan, GridPlan), tolerance=tolerance)
-        entries.append(("path", plan, verification))
-    for name, other in named.items():
-        entry = model.as_plan(other)
-        entries.append((name, entry, model.verify(entry, tolerance=tolerance)))
+    plans = kit.name_plans(
+        model, plan, others, GridPlan, name="path", most=_MOST_OTHERS, tolerance=tolerance
+    )
+    verification = None if plan is None else plans[0].found
     outlines = () if obstacles is None else Polygons().coerce("obstacles", obstacles, {})
-    text = _title(model, verification) if title is None else title
-    low, high = _box(model.map, [path for _, path, _ in entries])
-    span = high - low
-    broad, tall = _size(span, weighted=model.weights is not None)
-    figure = sheet(size, (broad, tall))
-    keys = _keys(model, entries, verification, outlined=bool(outlines))
-    broad, tall = figure.get_size_inches()
-    letters = sum(6 + len(handle.get_label()) for handle in keys)
-    rows = min(len(keys), 1 + int(letters / (_LETTERS * broad)))
-    below, right = 0.6 + 0.17 * rows, (1.0 if model.weights is not None else 0.15)
-    head = 0.42 + 0.17 * text.count("\n")
-    place = (0.72 / broad, below / tall, 1 - (0.72 + right) / broad, 1 - (below + head) / tall)
-    axes = figure.add_axes(place)
-    scale, unit = length_unit(float(span.max()))
-    dress_map(axes, low * scale, high * scale, unit)
-    axes.grid(visible=False)
-    if not model.map.upward:
-        axes.invert_yaxis()
-    image = _draw_cells(model, axes, scale)
-    if model.weights is not None:
-        beside = figure.add_axes((1 - 0.85 / broad, place[1], 0.14 / broad, place[3]))
-        bar = _draw_scale(figure, image, beside)
-        bar.set_label("cost of a metre", fontsize=8.5)
-        bar.ax.tick_params(labelsize=8)
-        bar.outline.set_visible(False)
-    _draw_outlines(outlines, axes, scale)
-    for k in reversed(range(len(entries))):
-        _draw_paths(model, entries[k][1], axes, scale, k + (plan is None))
-    _draw_ends(model, axes, scale)
-    places = [] if plan is None or verification is None else _broken(model, plan, verification)
-    if len(places):
-        dots(
-            axes, np.clip(places, -_FAR, _FAR) * scale, "o", "none", size=150, edge=RED, width=1.8,
-            zorder=21, gid="worst violation",
-        )  # fmt: skip
-    legend_below(figure, keys, rows=rows)
-    headline(figure, text, wrong=verification is not None and not verification.ok)
-    return figure
-
-
-def _title(model: GridPath, verification: Verification | None) -> str:
     parts = [model.describe()]
     if verification is not None and verification.objective is not None:
-        parts.append(f"{number(verification.objective)} m")
-    return title_of(model.name, parts, verification)
-
-
-def _box(grid: GridMap, plans: list[GridPlan]) -> tuple[Floats, Floats]:
-    """Return the corners of the visible region, m: the map, and paths outside it up to the map's size."""
-    low = grid.origin
-    high = low + np.array(grid.shape[::-1]) * grid.cell
-    points = [path for plan in plans for path in plan.paths]
-    near = np.clip(np.concatenate([low[None], high[None], *points]), 2 * low - high, 2 * high - low)
-    return near.min(axis=0), near.max(axis=0)
-
-
-def _size(span: Floats, *, weighted: bool) -> tuple[float, float]:
-    """Return the width and height of a figure for a map of extent `span`, inches."""
-    broad, tall = span * 5.6 / span.max()
-    beside = 1.6 if weighted else 0.9
-    return max(4.8, broad + beside), max(2.6, tall + 1.3)
+        parts.append(f"{kit.number(verification.objective)} m")
+    text = kit.title_of(model, parts, verification, title)
+    grid, weighted = model.map, model.weights is not None
+    points = [path for entry in plans for path in entry.plan.paths]
+    low, high = kit.box_near(
+        grid.origin, grid.origin + np.array(grid.shape[::-1]) * grid.cell, points
+    )
+    broad, tall = (high - low) * 5.6 / (high - low).max()
+    default = max(4.8, broad + (1.6 if weighted else 0.9)), max(2.6, tall + 1.3)
+    scene = kit.Scene(text, verification, size, default)
+    # The number of rows of the legend, which is written last, determines the height of the map.
+    keys = [kit.key("blocked", marker="s", mfc=WALL, mec=WALL, ms=7)]
+    keys += [kit.key("obstacle", color=OUTLINE, lw=1.0)] * bool(outlines)
+    looks = [_look(k + (plan is None)) for k in range(len(plans))]
+    keys += [
+        kit.key(label, **look)
+        for label, look in zip(kit.label_plans(plans, plan, unit=" m"), looks, strict=True)
+    ]
+    keys += [kit.key("worst violation", **kit.RING)] * scene.wrong
+    ends = [kit.key("start"), kit.key("goals" if len(model.goals) > 1 else "goal")]
+    rows = scene.legend_rows([*ends, *keys])
+    right, foot = 1.0 if weighted else 0.15, 0.6 + kit.LINE * rows
+    axes = scene.axes(0.72, foot, right, scene.head)
+    scale = kit.dress_map(axes, low, high)
+    axes.grid(visible=False)
+    if not grid.upward:
+        axes.invert_yaxis()
+    image = _draw_cells(model, axes, scale)
+    if weighted:
+        beside = scene.axes(scene.broad - 0.85, foot, 0.71, scene.head)
+        _draw_scale(scene.figure, image, beside)
+    rings = [edge * scale for polygon in outlines for edge in (polygon.shell, *polygon.holes)]
+    if rings:
+        _draw_outlines(rings, axes)
+    for k in reversed(range(len(plans))):
+        _draw_paths(model, plans[k].plan, axes, scale, k + (plan is None))
+    start, goals = (grid.centres(cells) * scale for cells in (model.start[None], model.goals))
+    keys = kit.draw_ends(axes, start, goals) + keys
+    if plan is not None and verification is not None:
+        places = [_place(grid, plan, check) for check in verification.violated]
+        kit.ring(axes, [place * scale for place in places if place is not None], "worst violation")
+    scene.legend(keys, rows)
+    return scene.figure
 
 
 # -- the map -------------------------------------------------------------------------------------
@@ -209,7 +161,7 @@ def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
     else:
         from matplotlib import colormaps
 
-        weights = np.clip(model.weights, 1 / _FAR, _FAR)
+        weights = np.clip(model.weights, 1 / kit.FAR, kit.FAR)
         free = weights[~grid.blocked]
         lowest, highest = float(free.min()), float(free.max())
         norm = LogNorm if highest > _RATIO * lowest else Normalize
@@ -229,39 +181,33 @@ def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
     return image
 
 
-def _draw_scale(figure: Figure, image: Any, axes: Any) -> Any:
-    """Draw the colour scale of the weights and return it."""
+def _draw_scale(figure: kit.Figure, image: Any, axes: Any) -> None:
+    """Draw the colour scale of the weights."""
     from matplotlib.colors import LogNorm
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
     if not isinstance(image.norm, LogNorm):
-        return figure.colorbar(image, cax=axes)
+        kit.color_bar(figure, image, axes, "cost of a metre")
+        return
     lowest, highest = image.get_clim()
     steps = (1.0, 2.0, 5.0) if highest < 1e3 * lowest else (1.0,)
-    bar = figure.colorbar(image, cax=axes, ticks=LogLocator(subs=steps))
+    bar = kit.color_bar(figure, image, axes, "cost of a metre", ticks=LogLocator(subs=steps))
     bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-    return bar
 
 
-def _draw_outlines(outlines: tuple[Polygon, ...], axes: Any, scale: float) -> None:
+def _draw_outlines(rings: list[Floats], axes: Any) -> None:
     from matplotlib.collections import PolyCollection
 
-    rings = [ring * scale for polygon in outlines for ring in (polygon.shell, *polygon.holes)]
-    if rings:
-        axes.add_collection(
-            PolyCollection(
-                rings, facecolor="none", edgecolor=OUTLINE, lw=1.0, zorder=1.5, gid="obstacle"
-            ),
-            autolim=False,
-        )
+    look: dict[str, Any] = {"facecolor": "none", "edgecolor": OUTLINE, "lw": 1.0, "zorder": 1.5}
+    axes.add_collection(PolyCollection(rings, gid="obstacle", **look), autolim=False)
 
 
 def _draw_paths(model: GridPath, plan: GridPlan, axes: Any, scale: float, place: int) -> None:
     """Draw the paths of plan number `place`; the first has the thickest line."""
     look = {**_look(place), "solid_capstyle": "round", "zorder": 6 - 0.1 * place}
     for path in plan.paths:
-        points = np.clip(path * scale, -_FAR, _FAR)
+        points = np.clip(path * scale, -kit.FAR, kit.FAR)
         axes.plot(*points.T, gid="path" if not place else "other path", **look)
         steps = np.diff(points, axis=0)
         along, across = (
@@ -270,30 +216,14 @@ def _draw_paths(model: GridPath, plan: GridPlan, axes: Any, scale: float, place:
         )
         corners = points[1:-1][(np.abs(across) > 1e-9 * np.abs(along)) | (along < 0)]
         if model.connectivity == "any" and 0 < len(corners) <= _MOST_DOTS:
-            dots(
+            kit.dots(
                 axes, corners, "o", look["color"], size=14 if not place else 8, edge="white",
                 width=0.5, zorder=look["zorder"] + 0.05, gid="corner",
             )  # fmt: skip
 
 
 def _look(place: int) -> dict[str, Any]:
-    return {**axis_style(place), "lw": 2.0 if not place else 1.4}
-
-
-def _draw_ends(model: GridPath, axes: Any, scale: float) -> None:
-    start = model.map.centres(model.start)[None] * scale
-    goals = model.map.centres(model.goals) * scale
-    dots(axes, goals, "*", "white", size=110, edge=BLACK, width=1.0, zorder=8, gid="goal")
-    dots(axes, start, "o", "white", size=42, edge=BLACK, width=1.2, zorder=9, gid="start")
-
-
-# -- violations ----------------------------------------------------------------------------------
-
-
-def _broken(model: GridPath, plan: GridPlan, verification: Verification) -> list[Floats]:
-    """Return the point of the largest violation of every violated check, x, y (m)."""
-    places = [_place(model.map, plan, check) for check in verification.violated]
-    return [place for place in places if place is not None]
+    return {**kit.axis_style(place), "lw": 2.0 if not place else 1.4}
 
 
 def _place(grid: GridMap, plan: GridPlan, check: Check) -> Floats | None:
@@ -312,28 +242,3 @@ def _place(grid: GridMap, plan: GridPlan, check: Check) -> Floats | None:
     way = path[k] + np.linspace(0, 1, 1001)[:, None] * (path[k + 1] - path[k])
     inside = np.flatnonzero(~grid.holds(grid.cells_of(np.clip(way, -1e15, 1e15))))
     return np.asarray(way[inside[len(inside) // 2] if inside.size else 500])
-
-
-# -- words ---------------------------------------------------------------------------------------
-
-
-def _keys(
-    model: GridPath, entries: list[tuple[str, GridPlan, Verification]], verification: Verification | None,
-    *, outlined: bool,
-) -> list[Any]:  # fmt: skip
-    several = len(model.goals) > 1
-    keys = [
-        key("start", marker="o", mfc="white", mec=BLACK, ms=6),
-        key("goals" if several else "goal", marker="*", mfc="white", mec=BLACK, ms=9),
-        key("blocked", marker="s", mfc=WALL, mec=WALL, ms=7),
-    ]
-    if outlined:
-        keys.append(key("obstacle", color=OUTLINE, lw=1.0))
-    alone = len(entries) == 1 and verification is not None
-    for k, (name, _, checked) in enumerate(entries):
-        cost = "" if alone or checked.objective is None else f", {number(checked.objective)} m"
-        wrong = "" if checked.ok or alone else ", NOT VALID"
-        keys.append(key(f"{name}{cost}{wrong}", **_look(k + (verification is None))))
-    if verification is not None and not verification.ok:
-        keys.append(key("worst violation", **RING))
-    return keys

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Curve", "Limit", "Mark", "Panel", "Span", "range_of", "worst_of"]
+__all__ = ["Curve", "Limit", "Mark", "Panel", "Span", "range_of", "true_intervals", "worst_of"]
 
 Floats = NDArray[np.float64]
 
@@ -147,7 +147,14 @@ class Span(NamedTuple):
     name: str
     start: float
     end: float
-    knots: Floats
+    knots: Floats = np.empty(0)
+
+
+def true_intervals(mask: NDArray[np.bool_], times: Floats) -> list[tuple[float, float]]:
+    """Return the intervals between `times`, one more than entries of `mask`, in which it is true."""
+    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return [(float(times[a]), float(times[b])) for a, b in zip(begins, ends, strict=True)]
 
 
 def range_of(panel: Panel) -> tuple[float, float]:

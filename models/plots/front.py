@@ -9,21 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from .layers import draw_lines
 from .options import check_flags
+from .scene import Scene
 from .style import (
     BLACK,
     DARK,
     GREY,
-    axis_style,
     bare,
-    headline,
+    colour_of,
     key,
-    legend_below,
+    label_axes,
     number,
-    pretty_unit,
-    sheet,
     title_of,
-)
+    with_unit,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,8 +83,7 @@ def draw_front(
         The value of an option is not allowed.
     """
     fronts = dict(front) if isinstance(front, Mapping) else {"": front}
-    if labels is not None:
-        check_flags(labels=labels)
+    check_flags(optional=True, labels=labels)
     drawn = {str(name): _rows(front_of, front_of.points) for name, front_of in fronts.items()}
     places = np.concatenate([np.empty((0, 2)), *(rows[:, :2] for rows in drawn.values())])
     if not len(places):
@@ -97,12 +96,9 @@ def draw_front(
     bounds = np.concatenate([rows[:, 2] for rows in drawn.values()])
     low, high = _box(np.concatenate([places, removed[:, :2]]), bounds)
 
-    figure = sheet(size, (6.6, 4.8))
-    broad, tall = figure.get_size_inches()
-    size_of = f"a sweep of {first.field}" if _is_sweep(first) else model.describe()
-    text = title_of(model.name, [size_of], None) if title is None else title
-    head, foot = 0.44 + 0.17 * text.count("\n"), 0.98
-    axes = figure.add_axes((0.9 / broad, foot / tall, 1 - 1.06 / broad, 1 - (foot + head) / tall))
+    extent = f"a sweep of {first.field}" if _is_sweep(first) else model.describe()
+    scene = Scene(title_of(model, [extent], None, title), None, size, (6.6, 4.8))
+    axes = scene.axes(0.9, 0.98, 0.16, scene.head)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     bare(axes)
@@ -110,10 +106,10 @@ def draw_front(
     if _is_sweep(first):
         quantity = getattr(first, "first", None)
     quantity = str(quantity) if isinstance(quantity, str) and quantity else "objective"
-    axes.set_xlabel(_axis_label(first.second, unit_of if unit is None else unit), fontsize=8.5)
-    axes.set_ylabel(_axis_label(quantity, unit_of), fontsize=8.5)
+    across = with_unit(first.second, unit_of if unit is None else unit)
+    label_axes(axes, across, with_unit(quantity, unit_of))
     axes.plot(*removed[:, :2].T, ls="", marker="x", ms=5, color=GREY, zorder=6, gid="dominated")
-    colours = [axis_style(k)["color"] if len(drawn) > 1 else BLACK for k in range(len(drawn))]
+    colours = [colour_of(k) if len(drawn) > 1 else BLACK for k in range(len(drawn))]
     for k, rows in enumerate(drawn.values()):
         # The first fronts have wider lines, so that identical fronts remain visible.
         _draw_one(axes, rows, colours[k], high, 1.2 + 1.3 * (len(drawn) - 1 - k))
@@ -124,9 +120,8 @@ def draw_front(
     keys = _keys(drawn, colours, every, len(removed), float(low[1]))
     if _is_sweep(first) and every[:, 3].any():
         keys[len(drawn) if len(drawn) > 1 else 0].set_label(f"proven for its {first.field}")
-    legend_below(figure, keys, rows=1 + (len(keys) > 5))
-    headline(figure, text, wrong=False)
-    return figure
+    scene.legend(keys, 1 + (len(keys) > 5))
+    return scene.figure
 
 
 def _is_sweep(front: Any) -> bool:
@@ -187,14 +182,8 @@ def _box(places: Floats, bounds: Floats) -> tuple[Floats, Floats]:
     return low - [_LEFT, _MARGIN] * span, high + _MARGIN * span
 
 
-def _axis_label(what: str, unit: str) -> str:
-    return f"{what} ({pretty_unit(unit)})" if unit else what
-
-
 def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) -> None:
     """Draw steps, markers and bounds of one front."""
-    from matplotlib.collections import LineCollection
-
     if not len(rows):
         return
     x, y, bound, proven, _ = rows.T
@@ -213,10 +202,7 @@ def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) 
         x[visible], bound[visible], ls="", marker="_", ms=11, mew=1.6, color=colour, zorder=4, gid="bound",
     )  # fmt: skip
     rods = np.stack([x, bound, x, y], axis=1)[visible].reshape(-1, 2, 2)
-    axes.add_collection(
-        LineCollection(list(rods), color=colour, lw=0.7, ls=":", zorder=2.5, gid="gap"),
-        autolim=False,
-    )
+    draw_lines(axes, rods, color=colour, lw=0.7, ls=":", zorder=2.5, gid="gap")
     far = np.isfinite(bound) & ~visible
     axes.plot(
         x[far], np.zeros(int(far.sum())), ls="", marker="v", ms=5, color=colour, zorder=4,

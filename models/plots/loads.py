@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .style import BLACK, DARK, RED, RING, axis_style, bare, key, number
+from .layers import draw_lines
+from .style import BLACK, DARK, RED, RING, bare, colour_of, key, label_axes, number
 
 __all__ = ["MOST_BARS", "draw_loads"]
 
@@ -48,7 +49,7 @@ def draw_loads(
     list
         Entries of a legend.
     """
-    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
     from matplotlib.patheffects import withStroke
 
@@ -59,7 +60,7 @@ def draw_loads(
     boxes = corners * [1, thick] * np.stack([finite, np.ones(len(loads))], axis=1)[:, None]
     boxes[..., 1] += rows[:, None]
     bars = PolyCollection(
-        list(boxes), facecolors=[to_rgba(axis_style(k)["color"], 0.85) for k in range(len(loads))], gid="load",
+        list(boxes), facecolors=[to_rgba(colour_of(k), 0.85) for k in range(len(loads))], gid="load",
         edgecolors=[RED if k in wrong else "none" for k in rows], linewidths=2.0, zorder=3,
     )  # fmt: skip
     axes.add_collection(bars, autolim=False)
@@ -82,10 +83,8 @@ def draw_loads(
         ticks = np.stack([limits[near], near - 0.45, limits[near], near + 0.45], axis=1)
         if len(near):
             top = max(top, float(limits[near].max()))
-            look: dict[str, Any] = {"color": RED, "lw": 1.4, "zorder": 5, "gid": "limit"}
-            axes.add_collection(
-                LineCollection(list(ticks.reshape(-1, 2, 2)), **look), autolim=False
-            )
+            ends_of = ticks.reshape(-1, 2, 2)
+            draw_lines(axes, ends_of, color=RED, lw=1.4, zorder=5, gid="limit")
             keys.append(key("limit", color=RED, lw=1.4))
         far = np.setdiff1d(rows[np.isfinite(limits)], near)
         if far.size:
@@ -96,7 +95,7 @@ def draw_loads(
         keys.append(key("limit broken", marker="s", mfc="none", mec=RED, mew=1.6, ms=RING["ms"]))
     axes.set_xlim(0.0, top * (_ROOM if len(loads) <= MOST_BARS else 1.05))
     axes.set_ylim(max(len(loads), 1) - 0.5, -0.5)
-    axes.set_xlabel(label, fontsize=8.5)
+    label_axes(axes, label)
     bare(axes)
     axes.grid(visible=False, axis="y")
     if len(loads) <= MOST_BARS:
@@ -108,5 +107,5 @@ def draw_loads(
                 path_effects=[withStroke(linewidth=2.0, foreground="white")],
             )  # fmt: skip
     else:
-        axes.set_ylabel("vehicle", fontsize=8.5)
+        label_axes(axes, y="vehicle")
     return keys

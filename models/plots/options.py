@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from ...errors import UnsupportedOption
 from ..fields import show
 
 __all__ = [
-    "check_flags", "check_frames", "check_list", "check_option", "check_size", "is_number", "is_whole",
+    "check_choice", "check_flags", "check_frames", "check_list", "check_option", "check_size",
+    "check_words", "is_number", "is_whole",
 ]  # fmt: skip
 
 
@@ -19,6 +20,20 @@ def check_option(name: str, value: Any, good: bool, allowed: str) -> None:
     """Raise :class:`UnsupportedOption` unless `good`: ``"<name> must <allowed>, got <value>"``."""
     if not good:
         raise UnsupportedOption(f"{name} must {allowed}, got {show(value)}")
+
+
+def check_choice(name: str, value: Any, *words: str) -> None:
+    """Raise unless `value` is one of two or three `words`."""
+    *first, last = map(repr, words)
+    allowed = f"be {', '.join(first)} or {last}"
+    check_option(name, value, isinstance(value, str) and value in words, allowed)
+
+
+def check_words(name: str, value: Any, words: Sequence[str]) -> list[str]:
+    """Return `value` as a list of distinct entries of `words`, at least one."""
+    return check_list(
+        name, value, words.__contains__, f"hold some of {', '.join(map(repr, words))}"
+    )
 
 
 def check_size(size: Any, default: tuple[float, float]) -> tuple[float, float]:
@@ -34,10 +49,11 @@ def check_size(size: Any, default: tuple[float, float]) -> tuple[float, float]:
     return width, height
 
 
-def check_flags(**flags: Any) -> None:
-    """Raise if one of the options is neither True nor False."""
+def check_flags(*, optional: bool = False, **flags: Any) -> None:
+    """Raise if one of the options is neither True nor False, nor None if it is `optional`."""
     for name, value in flags.items():
-        check_option(name, value, isinstance(value, bool), "be True or False")
+        good = isinstance(value, bool) or (optional and value is None)
+        check_option(name, value, good, "be True or False")
 
 
 def check_frames(frames: Any, interval: Any) -> None:

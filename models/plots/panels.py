@@ -21,19 +21,22 @@ from .style import (
     BLACK,
     DARK,
     GREY,
+    LINE,
     MOST_KNOTS,
     RED,
     RING,
     axis_style,
     bare,
+    colour_of,
     headline,
     inches,
     key,
+    label_axes,
     legend_row,
     number,
     pretty_unit,
     sheet,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,8 +56,8 @@ _MARKS: dict[str, dict[str, Any]] = {
 }
 #: Height of a panel with its labels, and of the space above and below all panels (inch).
 _ROW, _HEAD, _FOOT = 1.42, 0.84, 0.50
-#: Height of a line of the title, and width of a legend key and of its letters (inch).
-_LINE, _KEY, _LETTER = 0.17, 0.43, 0.06
+#: Width of a legend key and of its letters (inch).
+_KEY, _LETTER = 0.43, 0.06
 #: Space to the left of the first column, between columns, and to the right of the last (inch).
 _LEFT, _GAP, _RIGHT = 0.92, 1.02, 0.15
 #: Number of letters per line beside a panel.
@@ -135,16 +138,12 @@ def draw_panels(
         curve_keys = _curve_keys(panel)
         if not shared and len(curve_keys) > 1:
             # In a row above the panel, so that the names hide nothing.
-            tight: dict[str, Any] = {
-                "handlelength": 1.3,
-                "columnspacing": 1.0,
-                "borderaxespad": 0.0,
-            }
+            tight: dict[str, Any] = {"handlelength": 1.3, "columnspacing": 1.0, "borderaxespad": 0}
             legend_row(axes, curve_keys, "lower right", (1.0, 0.97), **tight)
         if row + 1 < rows and k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
-            axes.set_xlabel(label, fontsize=8.5)
+            label_axes(axes, label)
         places.append(axes)
     for column in range(columns):
         figure.align_ylabels(places[column * rows : (column + 1) * rows])
@@ -152,7 +151,7 @@ def draw_panels(
     entries = [*curve_keys, *keys_of(panels, places, guess=guess), *keys]
     # In two rows if one row is too narrow.
     rows = 1 + (sum(_KEY + _LETTER * len(entry.get_label()) for entry in entries) > broad)
-    place = (0.5, 1 - (0.34 + _LINE * title.count("\n")) / tall)
+    place = (0.5, 1 - (0.34 + LINE * title.count("\n")) / tall)
     legend_row(figure, entries, "upper center", place, rows=rows)
     return places
 
@@ -254,7 +253,7 @@ def _draw_limits(panel: Panel, axes: Axes, low: float, high: float) -> list[str]
         whose = ", ".join(dict.fromkeys(bounded))
         colour = DARK
         if len(limit.colours) == 1 and several:
-            colour = axis_style(limit.colours[0])["color"]
+            colour = colour_of(limit.colours[0])
         line: dict[str, Any] = {"ls": limit.dashes, "lw": 1.0}
         if limit.colours and len(limit.times) > 2 * MOST_KNOTS:
             line = {"ls": "-", "lw": 0.5}
@@ -301,7 +300,7 @@ def _draw_marks(panel: Panel, axes: Axes, *, wrong: bool, mesh: bool) -> None:
         marks.append(Mark("worst violation", *worst))
     for mark in marks:
         if mark.label != "node" or (mesh and dots <= _MOST_NODES):
-            look = {"marker": "o", "color": axis_style(mark.colour)["color"], "zorder": 4}
+            look = {"marker": "o", "color": colour_of(mark.colour), "zorder": 4}
             look |= {**_MARKS.get(mark.label, {}), **mark.look}
             axes.plot(mark.times, mark.values, ls="", gid=mark.label, **look)
     notes = [mark.note for mark in panel.marks if mark.note]
@@ -352,4 +351,4 @@ def _sequential(spans: Sequence[Span]) -> bool:
 
 def _head(title: str, spans: Sequence[Span]) -> float:
     """Return the height of the space above the panels (inch)."""
-    return _HEAD + _LINE * (title.count("\n") + _sequential(spans))
+    return _HEAD + LINE * (title.count("\n") + _sequential(spans))

@@ -73,7 +73,7 @@ def draw_progress(
         panels.append(Panel("gap to the bound", "%", [_gap(curve, best) for curve in curves]))
     name = next((run.instance for run in runs if run.instance), "")
     figure = panel_sheet(
-        panels, [Span("", first, last, np.empty(0))], columns=1, wrong=False, label="time (s)",
+        panels, [Span("", first, last)], columns=1, wrong=False, label="time (s)",
         title=name if title is None else title, size=size,
     )  # fmt: skip
     for axes in figure.axes:

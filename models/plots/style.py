@@ -1,9 +1,4 @@
-"""Common style of all pictures: figures and titles, colours, legends, numbers and units.
-
-A new picture begins with :func:`sheet` and :func:`headline`. Curves over time are described with
-:mod:`.curves` and drawn by :func:`.panels.draw_panels`. :mod:`.space` draws in space, :mod:`.labels`
-places the names of points, and :mod:`.options` checks options.
-"""
+"""Common style of all pictures: figures and titles, colours, legends, numbers and units."""
 
 from __future__ import annotations
 
@@ -18,8 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "BLACK", "DARK", "GREY", "MOST_KNOTS", "RED", "RING", "axis_style", "bare", "headline", "inches",
-    "key", "legend_below", "legend_row", "number", "pretty_unit", "sheet", "title_of",
+    "BLACK", "DARK", "GREY", "LABEL", "LINE", "MOST_KNOTS", "RED", "RING", "axis_style", "bare",
+    "colour_of", "headline", "inches", "key", "label_axes", "legend_row", "many", "number",
+    "pretty_unit", "sheet", "title_of", "with_unit",
 ]  # fmt: skip
 
 # Colours of Okabe and Ito, which are distinguishable with colour blindness and as greys in print.
@@ -29,8 +25,10 @@ _LINES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#7F6000", "#1a
 RING: dict[str, Any] = {"marker": "o", "ms": 8, "mfc": "none", "mec": RED}
 #: Largest number of knots drawn as lines or with numbers.
 MOST_KNOTS = 60
-#: Size of a title (point), and width of one of its characters (inch).
-_TITLE, _CHARACTER = 11.0, 0.086
+#: Size of a title and of the label of an axis (point), and width of a character of a title (inch).
+_TITLE, LABEL, _CHARACTER = 11.0, 8.5, 0.086
+#: Height of a line of a title or of a legend (inch).
+LINE = 0.17
 
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -60,8 +58,13 @@ def headline(figure: Figure, text: str, *, wrong: bool) -> None:
     )  # fmt: skip
 
 
-def title_of(name: str, parts: Sequence[str], found: Verification | None) -> str:
-    """Return ``"name  ·  part, part"``, and a second line with the violations of an invalid plan."""
+def title_of(
+    model: Any, parts: Sequence[str], found: Verification | None, title: str | None = None
+) -> str:
+    """Return `title`, or the name with `parts`, and a second line with the violations of the plan."""
+    if title is not None:
+        return title
+    name = model if isinstance(model, str) else getattr(model, "name", "")
     text = ", ".join(parts)
     text = f"{name}  ·  {text}" if name else text
     if found is None or found.ok:
@@ -74,7 +77,12 @@ def title_of(name: str, parts: Sequence[str], found: Verification | None) -> str
 def axis_style(axis: int) -> dict[str, Any]:
     """Return colour and dashes of an index; they repeat after 21 indices."""
     dashes = ("-", "-.", ":")[axis // len(_LINES) % 3]
-    return {"color": _LINES[axis % len(_LINES)], "ls": dashes}
+    return {"color": colour_of(axis), "ls": dashes}
+
+
+def colour_of(index: int) -> str:
+    """Return the colour of an index."""
+    return _LINES[index % len(_LINES)]
 
 
 def bare(axes: Axes) -> None:
@@ -84,6 +92,13 @@ def bare(axes: Axes) -> None:
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def label_axes(axes: Any, x: str | None = None, y: str | None = None) -> None:
+    """Write the labels of the axes, None leaves a label unchanged."""
+    for label, write in ((x, axes.set_xlabel), (y, axes.set_ylabel)):
+        if label is not None:
+            write(label, fontsize=LABEL)
 
 
 def key(label: str, **look: Any) -> Any:
@@ -122,7 +137,17 @@ def number(value: float, digits: int = 6) -> str:
     return mantissa.replace("-", "−") + raised
 
 
+def many(count: int, noun: str) -> str:
+    """Return ``"1 vehicle"`` or ``"3 vehicles"``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def pretty_unit(unit: str) -> str:
     """Return ``"m/s²"`` for ``"m/s^2"``."""
     base, mark, power = unit.partition("^")
     return base + power.translate(_SUPERSCRIPTS) if mark else unit
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return a label with its unit, if there is one."""
+    return f"{name} ({pretty_unit(unit)})" if unit else name
