@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import required, show
-from ..plots.animation import play, stage_of
-from ..plots.maps import BLOCKED, draw_cells
-from ..plots.options import check_frames
-from ..plots.space import dots
-from ..plots.style import BLACK, GREY, RED, axis_style, key, legend_row, number
+from ..plots import kit
 from .model import BlackBoxMinimisation
 from .waypoints import WaypointPath
 
-if TYPE_CHECKING:
-    from matplotlib.animation import FuncAnimation
-
-__all__ = ["animate_search", "blocked_part", "box_of", "draw_ends", "path_function"]
+__all__ = ["animate_search", "blocked_part", "box_of", "draw_field", "path_function"]
 
 Floats = NDArray[np.float64]
 
@@ -40,28 +33,21 @@ def path_function(model: BlackBoxMinimisation) -> WaypointPath:
 def box_of(function: WaypointPath, lines: Floats) -> tuple[Floats, Floats]:
     """Return the corners of the visible box, m: the map, and paths near it."""
     grid = function.map
-    low = grid.origin
-    high = low + np.array(grid.shape[::-1]) * grid.cell
-    points = np.concatenate([low[None], high[None], lines.reshape(-1, 2)])
-    near = np.clip(points, 2 * low - high, 2 * high - low)
-    return near.min(axis=0), near.max(axis=0)
+    corner = grid.origin + np.array(grid.shape[::-1]) * grid.cell
+    return kit.box_near(grid.origin, corner, [lines.reshape(-1, 2)])
 
 
-def draw_ends(axes: Any, function: WaypointPath, scale: float) -> list[Any]:
+def draw_field(axes: Any, function: WaypointPath, scale: float) -> list[Any]:
     """Draw the map with start and goal, and return the entries of a legend."""
     grid = function.map
     corner = grid.origin * scale
-    draw_cells(axes, grid.blocked, corner, corner + np.array(grid.shape[::-1]) * grid.cell * scale)
+    kit.draw_cells(
+        axes, grid.blocked, corner, corner + np.array(grid.shape[::-1]) * grid.cell * scale
+    )
     if not grid.upward:
         axes.invert_yaxis()
-    goal, start = function.goal[None] * scale, function.start[None] * scale
-    dots(axes, goal, "*", "white", size=110, edge=BLACK, width=1.0, zorder=8, gid="goal")
-    dots(axes, start, "o", "white", size=42, edge=BLACK, width=1.2, zorder=9, gid="start")
-    return [
-        key("start", marker="o", mfc="white", mec=BLACK, ms=6),
-        key("goal", marker="*", mfc="white", mec=BLACK, ms=9),
-        key("blocked", marker="s", mfc=BLOCKED, mec=BLOCKED, ms=7),
-    ]
+    ends = kit.draw_ends(axes, function.start[None] * scale, function.goal[None] * scale)
+    return [*ends, kit.key("blocked", marker="s", mfc=kit.BLOCKED, mec=kit.BLOCKED, ms=7)]
 
 
 def blocked_part(function: WaypointPath, line: Floats) -> Floats:
@@ -85,7 +71,7 @@ def animate_search(
     interval: float = 120.0,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> FuncAnimation:
+) -> kit.FuncAnimation:
     """Return an animation of the incumbents of a search, from one improvement to the next.
 
     Parameters
@@ -116,8 +102,8 @@ def animate_search(
     UnsupportedOption
         The value of an option is not allowed.
     """
-    check_frames(frames, interval)
     function = path_function(required("model", model, BlackBoxMinimisation))
+    stage = kit.Stage(model, title, size, frames, interval)
     plain = isinstance(incumbents, list | tuple)
     if not plain or not incumbents or not all(hasattr(line, "plan") for line in incumbents):
         raise InvalidData(
@@ -128,33 +114,27 @@ def animate_search(
     selected = np.unique(np.linspace(0, len(incumbents) - 1, frames).round().astype(int))
     steps = [incumbents[k] for k in selected]
     lines = function.polylines(np.array([model.as_plan(line.plan).x for line in steps]))
-    text = (model.name or model.describe()) if title is None else title
-    stage = stage_of(*box_of(function, lines), title=text, size=size)
-    axes, scale = stage.axes, stage.scale
-    draw_ends(axes, function, scale)
-    look = axis_style(0)
+    axes, scale = stage.map(*box_of(function, lines))
+    draw_field(axes, function, scale)
+    look, grey = kit.axis_style(0), {"lw": 0.8, "color": kit.GREY}
     earlier = [
-        axes.plot([], [], lw=0.8, color=GREY, alpha=0.7 * 0.7**k, zorder=3, gid="earlier path")[0]
+        axes.plot([], [], alpha=0.7 * 0.7**k, zorder=3, gid="earlier path", **grey)[0]
         for k in range(_EARLIER)
     ]
     (path,) = axes.plot([], [], lw=2.0, zorder=5, marker="o", ms=3.5, gid="path", **look)
-    (within,) = axes.plot([], [], lw=2.4, color=RED, zorder=6, gid="path through what is blocked")
-    keys = [
-        key("best so far", lw=2.0, **look),
-        key("before", lw=0.8, color=GREY),
-        key("blocked", lw=2.4, color=RED),
-    ]
-    legend_row(axes, keys, "lower right", (1.0, 0.98))
+    (within,) = axes.plot(
+        [], [], lw=2.4, color=kit.RED, zorder=6, gid="path through what is blocked"
+    )
+    keys = [kit.key("best so far", lw=2.0, **look), kit.key("before", **grey)]
+    stage.legend_above(axes, [*keys, kit.key("blocked", lw=2.4, color=kit.RED)])
 
-    def update(frame: int) -> list[Any]:
+    def show_frame(frame: int) -> str:
         frame = min(frame, len(lines) - 1)
         path.set_data(*(lines[frame] * scale).T)
         within.set_data(*(blocked_part(function, lines[frame]) * scale).T)
         for k, line in enumerate(earlier):
             index = frame - 1 - k
             line.set_data(*(lines[index] * scale).T if index >= 0 else ([], []))
-        current = steps[frame]
-        stage.clock.set_text(f"value {number(current.objective)} after {current.seconds:.2f} s")
-        return [path, within, *earlier, stage.clock]
+        return f"value {kit.number(steps[frame].objective)} after {steps[frame].seconds:.2f} s"
 
-    return play(stage, update, len(lines), interval)
+    return stage.play(show_frame, len(lines))

@@ -300,7 +300,7 @@ def _draw_marks(panel: Panel, axes: Axes, *, wrong: bool, mesh: bool) -> None:
         marks.append(Mark("worst violation", *worst))
     for mark in marks:
         if mark.label != "node" or (mesh and dots <= _MOST_NODES):
-            look = {"marker": "o", "color": colour_of(mark.colour), "zorder": 4}
+            look: dict[str, Any] = {"marker": "o", "color": colour_of(mark.colour), "zorder": 4}
             look |= {**_MARKS.get(mark.label, {}), **mark.look}
             axes.plot(mark.times, mark.values, ls="", gid=mark.label, **look)
     notes = [mark.note for mark in panel.marks if mark.note]

@@ -16,6 +16,7 @@ from .style import DARK, LINE, headline, inches, legend_row, number, sheet
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
+    from matplotlib.figure import Figure
 
 __all__ = [
     "Frame", "Named", "Scene", "Stage", "color_bar", "is_wrong", "label_plans", "name_plans",
@@ -75,6 +76,8 @@ class Scene(Frame):
         Size without this option.
     """
 
+    figure: Figure
+
     def __init__(
         self, text: str, found: Verification | None, size: Any, default: tuple[float, float]
     ) -> None:
@@ -120,6 +123,10 @@ class Stage(Scene):
         """Return a map of a box (m), and the factor from metres to the unit of its axes."""
         axes = self.axes(0.72, 0.72, 0.18, self.head)
         return axes, dress_map(axes, low, high)
+
+    def legend_above(self, axes: Any, keys: Sequence[Any]) -> None:
+        """Write a legend in the upper right corner of a map, above its frame."""
+        legend_row(axes, keys, "lower right", (1.0, 0.98))
 
     def play(self, show: Callable[[int], str], frames: int | None = None) -> FuncAnimation:
         """Return the animation; `show` draws a frame and returns the text of the clock."""
@@ -196,7 +203,7 @@ def name_plans(
     good = isinstance(named, Mapping) and all(isinstance(word, str) for word in named)
     rule = f"be at most {most} plans by their names"
     check_option("others", others, good and len(named) <= most, rule)
-    plans = [] if plan is None else [(name, required("plan", plan, kind))]
+    plans: list[tuple[str, Any]] = [] if plan is None else [(name, required("plan", plan, kind))]
     plans += [(word, required(word, model.as_plan(value), kind)) for word, value in named.items()]
     return [Named(word, item, model.verify(item, tolerance=tolerance)) for word, item in plans]
 
