@@ -3,38 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
-from ..fields import required
 from ..grid_path import trail
-from ..plots.labels import write_names
-from ..plots.loads import draw_loads
-from ..plots.maps import BLOCKED, draw_cells, dress_map, length_unit, point_ways
-from ..plots.options import check_flags, check_list, check_option
-from ..plots.routes import draw_routes, draw_stops, name_vehicles
-from ..plots.style import (
-    BLACK,
-    axis_style,
-    headline,
-    key,
-    legend_row,
-    number,
-    sheet,
-    title_of,
-)
-from ..verification import TOLERANCE, Verification, check_tolerance
+from ..plots import kit
+from ..verification import Verification
 from .checks import deviation_of, loads_of
-from .data import Metric, Objective
-from .drawn import places_of, stops_of, wrong_nodes
+from .data import FleetData, Metric, Objective
 from .model import FleetRouting
 from .plan import FleetPlan
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["draw"]
 
@@ -42,9 +23,13 @@ Floats = NDArray[np.float64]
 
 #: Largest number of nodes that are named by default.
 _MOST_NAMES = 40
+#: Largest number of nodes for which costs are embedded in a plane.
+_MOST_SCALED = 1500
 #: Shortest segment with an arrow on asymmetric routes, as a share of the map's width.
 _LONG = 0.04
 _PARTS = ("routes", "loads")
+#: Width of each part, margin at its left and space at the foot (inch).
+_WIDE, _LEFT, _FOOT = {"routes": 6.6, "loads": 4.2}, {"routes": 0.74, "loads": 0.84}, 0.9
 
 
 def draw(
@@ -54,10 +39,10 @@ def draw(
     parts: Sequence[str] | None = None,
     legs: str | None = None,
     labels: bool | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the nodes of `model`, and the routes of `plan` with their lengths.
 
     Parameters
@@ -95,82 +80,91 @@ def draw(
         An option has an invalid value, or the model or plan lacks the data that it needs.
     """
     shown = _parts(model, plan, parts)
-    check_option("legs", legs, legs in (None, "paths", "straight"), "be 'paths' or 'straight'")
+    kit.check_option("legs", legs, legs in (None, "paths", "straight"), "be 'paths' or 'straight'")
     if legs == "paths" and model.map is None:
         raise UnsupportedOption("legs can be 'paths' only if the model has a map")
-    if labels is not None:
-        check_flags(labels=labels)
-    check_tolerance(tolerance)
-    verification = None
-    if plan is not None:
-        verification = model.verify(required("plan", plan, FleetPlan), tolerance=tolerance)
-    text = _title(model, plan, verification) if title is None else title
+    kit.check_flags(optional=True, labels=labels)
+    found = kit.verified_plan(model, plan, FleetPlan, tolerance)
+    text = kit.title_of(model, _words(model, plan, found), found, title)
     bars = 0 if plan is None else len(plan.routes)
     high = {"routes": 6.0, "loads": min(6.0, 1.5 + 0.3 * bars)}
-    wide = {"routes": 6.6, "loads": 4.2}
-    figure = sheet(size, (sum(map(wide.__getitem__, shown)), max(map(high.__getitem__, shown))))
-    broad, tall = figure.get_size_inches()
-    head = 0.46 + 0.17 * text.count("\n")
-    unit = broad / sum(map(wide.__getitem__, shown))
+    whole = sum(_WIDE[part] for part in shown)
+    scene = kit.Scene(text, found, size, (whole, max(high[part] for part in shown)))
     left = 0.0
     for part in shown:
-        across = wide[part] * unit
-        start, foot = left + (0.74 if part == "routes" else 0.84), 0.9
-        where = (start, foot, left + across - 0.12 - start, tall - head - foot)
-        axes = figure.add_axes(tuple(np.divide(where, (broad, tall, broad, tall)).tolist()))
+        wide = _WIDE[part] * scene.broad / whole
+        right = scene.broad - left - wide + 0.12
+        axes = scene.axes(left + _LEFT[part], _FOOT, right, scene.head)
         if part == "routes":
             keys = _draw_map(model, plan, axes, legs, labels, named="loads" not in shown)
         else:
             assert plan is not None
             keys = _draw_bars(model, plan, axes, tolerance)
-        middle = (left + 0.5 * across) / broad
-        legend_row(figure, keys, "lower center", (middle, 0.06 / tall), rows=1 + (len(keys) > 4))
-        left += across
-    headline(figure, text, wrong=verification is not None and not verification.ok)
-    return figure
+        scene.legend(keys, 1 + (len(keys) > 4), x=left + 0.5 * wide, y=0.06)
+        left += wide
+    return scene.figure
 
 
 def _parts(
     model: FleetRouting, plan: FleetPlan | None, parts: Sequence[str] | None
 ) -> tuple[str, ...]:
     """Return the names of the panels to draw."""
+    mapped = places_of(model) is not None
     if parts is None:
-        shown = _PARTS if plan is not None else _PARTS[:1]
-        if plan is not None and places_of(model) is None:
-            shown = _PARTS[1:]
-    else:
-        shown = tuple(
-            check_list("parts", parts, _PARTS.__contains__, "hold some of 'routes', 'loads'")
-        )
+        return _PARTS[: 1 + (plan is not None)] if mapped or plan is None else _PARTS[1:]
+    shown = tuple(kit.check_words("parts", parts, _PARTS))
     if "loads" in shown and plan is None:
         raise UnsupportedOption("parts can hold 'loads' only with a plan")
-    if "routes" in shown and places_of(model) is None:
+    if "routes" in shown and not mapped:
         raise UnsupportedOption(
-            f"parts can hold 'routes' only with points, or costs of up to 1500 nodes, got "
+            f"parts can hold 'routes' only with points, or costs of up to {_MOST_SCALED} nodes, got "
             f"{model.size}"
         )
     return shown
 
 
-def _title(model: FleetRouting, plan: FleetPlan | None, verification: Verification | None) -> str:
-    if plan is None or verification is None or verification.objective is None:
-        return title_of(model.name, [model.describe()], verification)
+def _words(model: FleetRouting, plan: FleetPlan | None, found: Verification | None) -> list[str]:
+    """Return the parts of the title."""
+    if plan is None or found is None or found.objective is None:
+        return [model.describe()]
     what = str(model.objective)
     if model.objective in (Objective.VARIANCE, Objective.DEVIATION):
-        what = f"sum + {number(model.q, 4)} × {what.partition('-')[2]}"
+        what = f"sum + {kit.number(model.q, 4)} × {what.partition('-')[2]}"
     unit = f" {model.length_unit}" if model.length_unit else ""
-    several = f"{model.vehicles} vehicle{'s' * (model.vehicles > 1)}"
-    parts = [
-        several,
-        f"{len(model.customers)} nodes",
-        f"{what} {number(verification.objective)}{unit}",
-    ]
+    parts = [kit.many(model.vehicles, "vehicle"), f"{len(model.customers)} nodes"]
+    parts.append(f"{what} {kit.number(found.objective)}{unit}")
     if model.objective is not Objective.SUM:
-        parts.append(f"sum {number(float(loads_of(model, plan).sum()))}{unit}")
-    return title_of(model.name, parts, verification)
+        parts.append(f"sum {kit.number(float(loads_of(model, plan).sum()))}{unit}")
+    return parts
 
 
 # -- the map -------------------------------------------------------------------------------------
+
+
+def places_of(model: FleetData) -> Floats | None:
+    """Return the positions at which nodes are drawn, shape (n, 2); None for costs of many nodes.
+
+    Costs are embedded in a plane by classical multidimensional scaling, after averaging both
+    directions.
+    """
+    if model.points is not None:
+        return model.points
+    if model.size > _MOST_SCALED:
+        return None
+    from scipy.linalg import eigh
+
+    count = model.size
+    scale = float(model.distances.max()) or 1.0
+    squares = (0.5 * (model.distances + model.distances.T) / scale) ** 2
+    centred = squares - squares.mean(axis=0)
+    centred = -0.5 * (centred - centred.mean(axis=1)[:, None])
+    places = np.zeros((count, 2))
+    axes = min(2, count)
+    values, vectors = eigh(0.5 * (centred + centred.T), subset_by_index=[count - axes, count - 1])
+    places[:, :axes] = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
+    # The sign of an eigenvector is arbitrary: make the largest entry positive.
+    places *= np.where(places[np.abs(places).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
+    return scale * places
 
 
 def _draw_map(
@@ -185,36 +179,40 @@ def _draw_map(
     if grid is not None:
         corner = grid.origin + grid.cell * np.array(grid.shape[::-1])
         low, high = np.minimum(low, grid.origin), np.maximum(high, corner)
-    scale, unit = length_unit(float((high - low).max())) if model.points is not None else (1.0, "")
-    dress_map(axes, low * scale, high * scale, unit)
-    if model.points is None:
-        axes.set_xlabel("costs scaled to a plane, axis 1", fontsize=8.5)
-        axes.set_ylabel("costs scaled to a plane, axis 2", fontsize=8.5)
+    words = tuple(f"costs scaled to a plane, axis {k}" for k in (1, 2))
+    scale = kit.dress_map(axes, low, high, words if model.points is None else None)
     keys = []
     if grid is not None:
-        draw_cells(axes, grid.blocked, grid.origin * scale, corner * scale)
-        keys.append(key("blocked", marker="s", color=BLOCKED, ms=7))
+        kit.draw_cells(axes, grid.blocked, grid.origin * scale, corner * scale)
+        keys.append(kit.key("blocked", marker="s", color=kit.BLOCKED, ms=7))
         if not grid.upward:
             axes.invert_yaxis()
-    stops = [] if plan is None else stops_of(model, plan)
+    last = model.vehicles - 1
+    routes = () if plan is None else plan.routes
+    # An empty route stays without its depot.
+    homes = [int(model.homes[min(k, last)]) for k in range(len(routes))]
+    stops = [[home, *r, home] if r else [] for home, r in zip(homes, routes, strict=True)]
     follow = grid if legs == "paths" or (legs is None and model.metric is Metric.GRID) else None
-    paths = [places[one] if follow is None else trail(follow, places[one]) for one in stops]
-    lines = [way * scale for way in paths]
-    draw_routes(axes, lines, gid="route")
+    paths = [places[route] if follow is None else trail(follow, places[route]) for route in stops]
+    lines = [path * scale for path in paths]
+    kit.draw_routes(axes, lines, gid="route")
     # The tolerance hides differences due to rounding.
     if not np.allclose(model.distances, model.distances.T, rtol=1e-9):
         _draw_ways(axes, lines)
     owners = np.full(model.size, -1)
     for k, route in enumerate(stops):
         owners[route] = k
-    rest, homes = model.customers, np.unique(model.depots)
-    violated = np.empty(0, int) if plan is None else wrong_nodes(model, plan)
-    shown = (places[some] * scale for some in (homes, violated))
-    keys += draw_stops(axes, places[rest] * scale, owners[rest], *shown)
-    keys += name_vehicles(len(stops), "vehicle") if named else []
+    customers = np.isin(np.arange(model.size), model.customers)
+    visits = np.bincount([node for route in routes for node in route], minlength=model.size)
+    # Customers not visited exactly once, and depots within a route.
+    wrong = visits != customers if plan is not None else np.zeros(model.size, bool)
+    depots = places[np.unique(model.depots)] * scale
+    at = places * scale
+    keys += kit.draw_stops(axes, at[model.customers], owners[model.customers], depots, at[wrong])
+    keys += kit.name_vehicles(len(stops), "vehicle") if named else []
     if labels if labels is not None else model.size <= _MOST_NAMES:
         names = [model.label(node) for node in range(model.size)]
-        write_names(axes, places * scale, names, size=7.5, colour=BLACK, route=False)
+        kit.write_names(axes, at, names, size=7.5, colour=kit.BLACK, route=False)
     return keys
 
 
@@ -224,7 +222,7 @@ def _draw_ways(axes: Any, lines: list[Floats]) -> None:
         steps = np.diff(line, axis=0)
         far = np.hypot(*steps.T) > _LONG * abs(np.subtract(*axes.get_xlim()))
         middles, headings = (line[:-1] + 0.5 * steps)[far], np.arctan2(*steps[far].T[::-1])
-        point_ways(axes, middles, headings, axis_style(k)["color"], 6.5)
+        kit.point_ways(axes, middles, headings, kit.colour_of(k), 6.5)
 
 
 # -- the bars ------------------------------------------------------------------------------------
@@ -238,7 +236,7 @@ def _draw_bars(model: FleetRouting, plan: FleetPlan, axes: Any, tolerance: float
     wrong: list[int] = []
     if whole and model.battery is not None:
         wrong = np.flatnonzero(loads - model.battery > tolerance * model.battery).tolist()
-    return draw_loads(
+    return kit.draw_loads(
         axes, loads, f"length of route ({unit})" if unit else "cost of route",
         names=[f"vehicle {k}" for k in range(len(loads))],
         deviation=deviation_of(model, loads) if len(loads) > 1 else None,
