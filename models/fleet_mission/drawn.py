@@ -9,24 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..minimum_snap import Trajectory
+from ..plots import kit
 from ..verification import Check, Verification
 from .model import FleetMission
 from .plan import MissionPlan
 
-__all__ = [
-    "FAR",
-    "apart_of",
-    "broken_places",
-    "missed_nodes",
-    "owners_of",
-    "sample_times",
-    "stops_of",
-]
+__all__ = ["apart_of", "broken_places", "sample_times"]
 
 Floats = NDArray[np.float64]
 
-#: Largest coordinate that is drawn, m, as an infeasible plan may lead anywhere.
-FAR = 1e100
 #: Minimum number of samples per segment, and approximate number per curve.
 _FEWEST, _POINTS = 9, 1500
 #: Patterns of the robots and of the time in the text of a check.
@@ -42,27 +33,6 @@ def sample_times(trajectory: Trajectory | None) -> Floats:
     shares = np.linspace(0.0, 1.0, each, endpoint=False)
     inner = trajectory.times[:-1, None] + shares * trajectory.durations[:, None]
     return np.append(inner.ravel(), trajectory.times[-1])
-
-
-def stops_of(model: FleetMission, plan: MissionPlan) -> list[Floats]:
-    """Return the positions of every route, m, with the depot at both ends, each of shape (k, 2)."""
-    home = model.depot[None]
-    nodes = (model.nodes[list(route)].reshape(-1, 2) for route in plan.routes)
-    return [np.concatenate([home, some, home]) if len(some) else some for some in nodes]
-
-
-def owners_of(model: FleetMission, plan: MissionPlan) -> NDArray[np.int64]:
-    """Return the robot that visits each node, -1 for none."""
-    owners = np.full(len(model.nodes), -1)
-    for k, route in enumerate(plan.routes):
-        owners[list(route)] = k
-    return owners
-
-
-def missed_nodes(model: FleetMission, plan: MissionPlan) -> Floats:
-    """Return the positions of nodes not visited exactly once, m, shape (k, 2)."""
-    listed = np.array([node for route in plan.routes for node in route], int)
-    return np.asarray(model.nodes[np.bincount(listed, minlength=len(model.nodes)) != 1])
 
 
 def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:
@@ -89,7 +59,7 @@ def broken_places(plan: MissionPlan, found: Verification) -> Floats:
     """Return the positions of the robots at the largest violation of each check, m, shape (k, 2)."""
     places = [place for check in found.violated for place in _places_of(plan, check)]
     broken = np.array(places).reshape(-1, 2)
-    return broken[(np.abs(broken) < FAR).all(axis=1)]
+    return broken[(np.abs(broken) < kit.FAR).all(axis=1)]
 
 
 def _places_of(plan: MissionPlan, check: Check) -> Iterator[Floats]:

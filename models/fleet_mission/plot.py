@@ -3,50 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
-from ..fields import required
 from ..fleet import Deviation
 from ..grid_path import trail
-from ..plots.curves import Curve, Limit, Panel, Span
-from ..plots.labels import write_names
-from ..plots.loads import draw_loads
-from ..plots.maps import draw_cells, dress_map, length_unit
-from ..plots.options import check_flags, check_list
-from ..plots.panels import draw_panels
-from ..plots.routes import draw_routes, draw_stops, name_vehicles, ring
-from ..plots.style import (
-    BLACK,
-    DARK,
-    headline,
-    inches,
-    key,
-    legend_row,
-    number,
-    sheet,
-    title_of,
-)
-from ..verification import TOLERANCE, Verification, check_tolerance
+from ..plots import kit
+from ..verification import Verification
 from .animation import animate_mission, draw_field
 from .curves import lengths_of
-from .drawn import (
-    FAR,
-    apart_of,
-    broken_places,
-    missed_nodes,
-    owners_of,
-    sample_times,
-    stops_of,
-)
+from .drawn import apart_of, broken_places, sample_times
 from .model import FleetMission
 from .plan import MissionPlan
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["animate_mission", "draw"]
 
@@ -78,10 +49,10 @@ def draw(
     parts: Sequence[str] | None = None,
     layers: Sequence[str] = ("curve",),
     labels: bool | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw obstacles and nodes of `model`, and the curves of `plan` with limited quantities.
 
     Parameters
@@ -124,17 +95,15 @@ def draw(
     --------
     animate_mission : Animation of the plan.
     """
-    shown = _select_parts(plan, parts)
-    drawn_layers = check_list(
-        "layers", layers, _LAYERS.__contains__, f"hold some of {', '.join(map(repr, _LAYERS))}"
-    )
-    if labels is not None:
-        check_flags(labels=labels)
-    check_tolerance(tolerance)
-    found = None
-    if plan is not None:
-        found = model.verify(required("plan", plan, MissionPlan), tolerance=tolerance)
-    text = _title(model, plan, found) if title is None else title
+    shown = list(_PARTS if plan is not None else _PARTS[:1])
+    if parts is not None:
+        shown = kit.check_words("parts", parts, _PARTS)
+        if plan is None and shown != ["map"]:
+            raise UnsupportedOption("parts can hold more than 'map' only with a plan")
+    drawn_layers = kit.check_words("layers", layers, tuple(_LAYERS))
+    kit.check_flags(optional=True, labels=labels)
+    found = kit.verified_plan(model, plan, MissionPlan, tolerance)
+    text = kit.title_of(model, _words(model, plan, found), found, title)
     left, right = ([part for part in side if part in shown] for side in (_LEFT, _RIGHT))
     panels = []
     if plan is not None and right:
@@ -143,80 +112,54 @@ def draw(
     below = bars + 0.9 * bool(bars)
     tall = below + 6.4 * ("map" in left) + 0.5 * (left == ["loads"])
     widths = [6.6] * bool(left) + [5.8] * bool(right)
-    figure = sheet(size, (sum(widths), max(tall, 1.4 + 1.3 * len(panels))))
-    sides: Any = [figure]
-    if len(widths) > 1:
-        sides = figure.subfigures(1, 2, width_ratios=widths, wspace=0.0)
-    head = 0.46 + 0.17 * text.count("\n")
-    if left:
-        _draw_left(model, plan, found, sides[0], left, drawn_layers, labels, (head, bars))
+    scene = kit.Scene(text, found, size, (sum(widths), max(tall, 1.4 + 1.3 * len(panels))))
+    sides: Sequence[kit.Frame] = scene.halves(*widths) if len(widths) > 1 else [scene]
+    foot = 0.0
+    if plan is not None and "loads" in left:
+        high = bars if "map" in left else scene.tall - scene.head - 0.8
+        _draw_bars(model, plan, sides[0], high)
+        foot = high + 0.9
+    if "map" in left:
+        rows = 2 if drawn_layers == ["curve"] else 3
+        axes = sides[0].axes(0.74, foot + 0.56 + kit.LINE * rows, 0.16, scene.head)
+        keys = _draw_map(model, plan, found, axes, drawn_layers, labels)
+        keys += (
+            kit.name_vehicles(len(plan.routes), "robot") if plan is not None and not foot else []
+        )
+        sides[0].legend(keys, rows if len(keys) > 5 else 1, y=foot + 0.06)
     if panels:
         assert plan is not None
-        draw_panels(
-            sides[-1], panels, [Span("", 0.0, plan.end or 1.0, np.empty(0))], title=text,
-            wrong=found is not None and not found.ok, label="time (s)", mesh=False,
+        kit.draw_panels(
+            sides[-1].figure, panels, [kit.Span("", 0.0, plan.end or 1.0)], title=text,
+            wrong=scene.wrong, label="time (s)", mesh=False,
         )  # fmt: skip
-    headline(figure, text, wrong=found is not None and not found.ok)
-    return figure
+    return scene.figure
 
 
-def _select_parts(plan: MissionPlan | None, parts: Sequence[str] | None) -> list[str]:
-    if parts is None:
-        return list(_PARTS if plan is not None else _PARTS[:1])
-    words = f"hold some of {', '.join(map(repr, _PARTS))}"
-    shown = check_list("parts", parts, _PARTS.__contains__, words)
-    if plan is None and shown != ["map"]:
-        raise UnsupportedOption("parts can hold more than 'map' only with a plan")
-    return shown
-
-
-def _title(model: FleetMission, plan: MissionPlan | None, verification: Verification | None) -> str:
-    if plan is None or verification is None or verification.objective is None:
-        return title_of(model.name, [model.describe()], verification)
+def _words(model: FleetMission, plan: MissionPlan | None, found: Verification | None) -> list[str]:
+    """Return the parts of the title."""
+    if plan is None or found is None or found.objective is None:
+        return [model.describe()]
     what = str(model.objective)
     if what.startswith("sum-"):
-        what = f"sum + {number(model.q, 4)} × {what.partition('-')[2]}"
-    several = f"{model.vehicles} robot{'s' * (model.vehicles > 1)}"
-    parts = [several, f"{len(model.nodes)} node{'s' * (len(model.nodes) > 1)}"]
-    parts += [f"{what} {number(verification.objective)} m", f"{number(plan.end, 5)} s"]
-    return title_of(model.name, parts, verification)
+        what = f"sum + {kit.number(model.q, 4)} × {what.partition('-')[2]}"
+    parts = [kit.many(model.vehicles, "robot"), kit.many(len(model.nodes), "node")]
+    return [*parts, f"{what} {kit.number(found.objective)} m", f"{kit.number(plan.end, 5)} s"]
 
 
 # -- the map and the bars ------------------------------------------------------------------------
 
 
-def _draw_left(
-    model: FleetMission, plan: MissionPlan | None, found: Verification | None, figure: Any,
-    parts: list[str], layers: list[str], labels: bool | None, heights: tuple[float, float],
-) -> None:  # fmt: skip
-    """Draw the map and the bars below it; `heights` are the heights of title and bars (inch)."""
-    broad, tall = inches(figure)
-    head, bars = heights
-    low = 0.0
-    if plan is not None and "loads" in parts:
-        high = bars if "map" in parts else tall - head - 0.8
-        where = np.divide((0.84, 0.74, broad - 1.0, high), (broad, tall, broad, tall))
-        axes = figure.add_axes(tuple(where.tolist()))
-        loads = np.array(
-            [0.0 if one is None else lengths_of(one).sum() for one in plan.trajectories]
-        )
-        spread = None
-        if len(loads) > 1:
-            spread = float(np.std(loads, ddof=int(model.deviation is Deviation.SAMPLE)))
-        names = [f"robot {k}" for k in range(len(loads))]
-        keys = draw_loads(axes, loads, "length of curve (m)", names=names, deviation=spread)
-        legend_row(figure, keys, "lower center", (0.5, 0.06 / tall))
-        low = high + 0.9
-    if "map" in parts:
-        rows = 2 if layers == ["curve"] else 3
-        foot = low + 0.56 + 0.17 * rows
-        where = np.divide((0.74, foot, broad - 0.9, tall - head - foot), (broad, tall) * 2)
-        axes = figure.add_axes(tuple(where.tolist()))
-        keys = _draw_map(model, plan, found, axes, layers, labels)
-        if plan is not None and not low:
-            keys += name_vehicles(len(plan.routes), "robot")
-        place = (0.5, (low + 0.06) / tall)
-        legend_row(figure, keys, "lower center", place, rows=rows if len(keys) > 5 else 1)
+def _draw_bars(model: FleetMission, plan: MissionPlan, frame: kit.Frame, high: float) -> None:
+    """Draw the lengths of the curves as bars of the height `high` (inch)."""
+    axes = frame.box(0.84, 0.74, frame.broad - 1.0, high)
+    lengths = [0.0 if item is None else lengths_of(item).sum() for item in plan.trajectories]
+    loads, spread = np.array(lengths), None
+    if len(loads) > 1:
+        spread = float(np.std(loads, ddof=int(model.deviation is Deviation.SAMPLE)))
+    names = [f"robot {k}" for k in range(len(loads))]
+    keys = kit.draw_loads(axes, loads, "length of curve (m)", names=names, deviation=spread)
+    frame.legend(keys, 1, y=0.06)
 
 
 def _draw_map(
@@ -226,50 +169,58 @@ def _draw_map(
     """Draw obstacles, layers and nodes, and return the entries of the legend."""
     curves: list[Floats] = []
     if plan is not None:
-        times = ((one, sample_times(one)) for one in plan.trajectories)
-        curves = [np.empty((0, 2)) if one is None else one(at) for one, at in times]
-        curves = [np.clip(np.nan_to_num(curve), -FAR, FAR) for curve in curves]
+        times = ((item, sample_times(item)) for item in plan.trajectories)
+        curves = [np.empty((0, 2)) if item is None else item(at) for item, at in times]
+        curves = [np.clip(np.nan_to_num(curve), -kit.FAR, kit.FAR) for curve in curves]
     low, high = model.bounds[:2], model.bounds[2:]
     flown = np.concatenate([model.bounds.reshape(2, 2), *curves])
     far = _BEYOND * (high - low)
     low = np.maximum(np.minimum(low, flown.min(axis=0)), low - far)
     high = np.minimum(np.maximum(high, flown.max(axis=0)), high + far)
-    scale, unit = length_unit(float((high - low).max()))
-    dress_map(axes, low * scale, high * scale, unit)
+    scale = kit.dress_map(axes, low, high)
     keys = draw_field(axes, model, scale)
     if "cells" in layers:
         corner = model.map.origin + model.map.cell * np.array(model.map.shape[::-1])
-        draw_cells(axes, model.map.blocked, model.map.origin * scale, corner * scale, colour=_CELL)
-        keys.append(key("blocked cell", marker="s", color=_CELL, ms=7))
+        kit.draw_cells(
+            axes, model.map.blocked, model.map.origin * scale, corner * scale, colour=_CELL
+        )
+        keys.append(kit.key("blocked cell", marker="s", color=_CELL, ms=7))
     owners = np.full(len(model.nodes), -1)
     missed = np.empty((0, 2))
     if plan is not None:
-        owners, missed = owners_of(model, plan), missed_nodes(model, plan)
+        for k, route in enumerate(plan.routes):
+            owners[list(route)] = k
+        visits = [node for route in plan.routes for node in route]
+        missed = model.nodes[np.bincount(visits, minlength=len(model.nodes)) != 1]
         ways = [name for name in ("grid", "smoothed", "curve") if name in layers]
-        stops = stops_of(model, plan)
         for name in ways:
             label, dashes = _LAYERS[name]
-            if name == "curve":
-                lines = curves
-                look: dict[str, Any] = {"lw": 1.7}
-            else:
-                lines = [_trail(model, one, straightened=name == "smoothed") for one in stops]
-                look = {"lw": 1.1, "linestyles": [dashes] * len(lines)} if len(ways) > 1 else {}
-            draw_routes(axes, [line * scale for line in lines], gid=label, **look)
+            lines, look = curves, {"lw": 1.7}
+            if name != "curve":
+                lines = [_trail(model, route, name == "smoothed") for route in plan.routes]
+                dotted: dict[str, Any] = {"lw": 1.1, "linestyles": [dashes] * len(lines)}
+                look = dotted if len(ways) > 1 else {}
+            kit.draw_routes(axes, [line * scale for line in lines], gid=label, **look)
             if ways != ["curve"]:
-                keys.append(key(label, color=DARK, lw=look.get("lw", 1.6), ls=dashes or "-"))
-    home = model.depot[None] * scale
-    keys += draw_stops(axes, model.nodes * scale, owners, home, missed * scale)
+                keys.append(
+                    kit.key(label, color=kit.DARK, lw=look.get("lw", 1.6), ls=dashes or "-")
+                )
+    home, nodes = model.depot[None] * scale, model.nodes * scale
+    keys += kit.draw_stops(axes, nodes, owners, home, missed * scale)
     if plan is not None and found is not None:
-        keys += ring(axes, broken_places(plan, found) * scale, "worst violation")
+        keys += kit.ring(axes, broken_places(plan, found) * scale, "worst violation")
     if labels if labels is not None else len(model.nodes) <= _MOST_NAMES:
         names = [model.label(node) for node in range(len(model.nodes))]
-        write_names(axes, model.nodes * scale, names, size=7.5, colour=BLACK, route=False)
+        kit.write_names(axes, nodes, names, size=7.5, colour=kit.BLACK, route=False)
     return keys
 
 
-def _trail(model: FleetMission, stops: Floats, *, straightened: bool) -> Floats:
-    return trail(model.map, stops, straightened=straightened) if len(stops) else stops
+def _trail(model: FleetMission, route: Sequence[int], straightened: bool) -> Floats:
+    """Return the shortest path over the map for a route with the depot at both ends, m."""
+    if not len(route):
+        return np.empty((0, 2))
+    stops = np.concatenate([model.depot[None], model.nodes[list(route)], model.depot[None]])
+    return trail(model.map, stops, straightened=straightened)
 
 
 # -- over time -----------------------------------------------------------------------------------
@@ -277,30 +228,27 @@ def _trail(model: FleetMission, stops: Floats, *, straightened: bool) -> Floats:
 
 def _panels(
     model: FleetMission, plan: MissionPlan, parts: list[str], tolerance: float, *, named: bool
-) -> Iterable[Panel]:
+) -> Iterable[kit.Panel]:
     """Yield the panels; `named` labels the curves by robot for figures without a map."""
     ends = np.array([0.0, plan.end or 1.0])
+    flown = [(k, item) for k, item in enumerate(plan.trajectories) if item is not None]
     limits = {"velocity": model.velocity_limit, "acceleration": model.acceleration_limit}
     for order, (part, limit_values) in enumerate(limits.items(), start=1):
         if part not in parts:
             continue
-        flown = [
-            (k, sample_times(one), one(sample_times(one), order))
-            for k, one in enumerate(plan.trajectories)
-            if one is not None
-        ]
+        tables = [(k, sample_times(item), item(sample_times(item), order)) for k, item in flown]
         for axis, bound in enumerate(limit_values.tolist()):
             curves = [
-                Curve(f"robot {k}" if named else part, k, times, values[:, axis], 1.1)
-                for k, times, values in flown
+                kit.Curve(f"robot {k}" if named else part, k, times, values[:, axis], 1.1)
+                for k, times, values in tables
             ]
-            limit = Limit(ends, -bound, bound, tolerance=tolerance * bound)
-            yield Panel(f"{part} {'xy'[axis]}", "m/s" if order == 1 else "m/s²", curves, [limit])
+            limit = kit.Limit(ends, -bound, bound, tolerance=tolerance * bound)
+            yield kit.Panel(
+                f"{part} {'xy'[axis]}", "m/s" if order == 1 else "m/s²", curves, [limit]
+            )
     if "distance" in parts:
-        knots = [one.times for one in plan.trajectories if one is not None]
+        knots = [item.times for _, item in flown]
         times = np.unique(np.concatenate([np.linspace(ends[0], ends[1], 3001), *knots]))
-        curve = Curve("least distance", 6, times, apart_of(model, plan, times))
-        limits_ = []
-        if model.separation > 0:
-            limits_ = [Limit(ends, model.separation, np.inf, tolerance=tolerance * model.cell)]
-        yield Panel("distance of robots", "m", [curve], limits_)
+        curve = kit.Curve("least distance", 6, times, apart_of(model, plan, times))
+        separation = kit.Limit(ends, model.separation, np.inf, tolerance=tolerance * model.cell)
+        yield kit.Panel("distance of robots", "m", [curve], [separation] * (model.separation > 0))
