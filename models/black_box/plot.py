@@ -135,7 +135,7 @@ class _Picture:
         if path:
             return self._draw_path()
         if len(free) == 2:
-            return self._draw_levels(*free.tolist(), points)
+            return self._draw_levels(int(free[0]), int(free[1]), points)
         return self._draw_sections((free if free.size else np.arange(1))[:_MOST].tolist(), points)
 
     def _through(self) -> Floats:

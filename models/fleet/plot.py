@@ -179,7 +179,7 @@ def _draw_map(
     if grid is not None:
         corner = grid.origin + grid.cell * np.array(grid.shape[::-1])
         low, high = np.minimum(low, grid.origin), np.maximum(high, corner)
-    words = tuple(f"costs scaled to a plane, axis {k}" for k in (1, 2))
+    words = "costs scaled to a plane, axis 1", "costs scaled to a plane, axis 2"
     scale = kit.dress_map(axes, low, high, words if model.points is None else None)
     keys = []
     if grid is not None:

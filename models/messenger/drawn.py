@@ -5,18 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..plots import kit
 from ..verification import Verification
 from .checks import integrated
 from .model import MessengerTour
 from .plan import TourPlan
 from .sampling import outline
 
-__all__ = ["FAR", "Drawn", "together", "within"]
+__all__ = ["Drawn", "together", "within"]
 
 Floats = NDArray[np.float64]
 
-#: Largest coordinate drawn, in m. The path of an invalid plan may leave the range of numbers.
-FAR = 1e100
 #: Encounters share a place on the map if they are closer than this share of its extent.
 _NEAR = 1e-3
 
@@ -54,7 +53,7 @@ class Drawn:
 
 def _finite(places: Floats) -> Floats:
     """Return the places within the range that can be drawn."""
-    visible: Floats = places[(np.abs(places) < FAR).all(axis=1)]
+    visible: Floats = places[(np.abs(places) < kit.FAR).all(axis=1)]
     return visible if len(visible) else np.zeros((1, 2))
 
 

@@ -89,7 +89,7 @@ class Scene(Frame):
 
     def halves(self, left: float, right: float) -> tuple[Frame, Frame]:
         """Return the left and the right part of the figure, whose widths have this ratio."""
-        parts = self.figure.subfigures(1, 2, width_ratios=[left, right], wspace=0.0)
+        parts: Any = self.figure.subfigures(1, 2, width_ratios=[left, right], wspace=0.0)
         return Frame(parts[0]), Frame(parts[1])
 
 
