@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plots.maps import length_unit
-from ..plots.style import DARK, axis_style, bare, number
+from ..plots import kit
 from .data import GuidedPathData
 from .plan import GuidedPathPlan
 
@@ -21,16 +20,9 @@ _MARKERS = ("o", "^", "D", "v", "P")
 
 
 class Walk(NamedTuple):
-    """Stops of a tour for plots.
+    """Stops of a tour: customers in the order of service, with the start at both ends.
 
-    Parameters
-    ----------
-    stops : list of int
-        Customers in the order of service, with the start at both ends.
-    places : ndarray, shape (stops,)
-        Coordinate of each stop, in m.
-    walked : ndarray, shape (stops,)
-        Distance walked up to each stop, in m.
+    Arrays have the shape (stops,): coordinates, and distances walked up to each stop, in m.
     """
 
     stops: list[int]
@@ -48,46 +40,46 @@ def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
 
 def groups_of(model: GuidedPathData) -> tuple[tuple[int, ...], ...]:
     """Return the chains to draw: those of the model, or the minimum chain cover of its relation."""
-    given = [tuple(x for x in chain if x) for chain in model.chains]
-    return tuple(chain for chain in given or model.cover if len(chain) > 1)
+    chains = [tuple(x for x in chain if x) for chain in model.chains] or model.cover
+    return tuple(chain for chain in chains if len(chain) > 1)
 
 
 def look_of(group: int) -> dict[str, Any]:
     """Return marker and colour of the customers of a chain; -1 selects those without a chain."""
     if group < 0:
-        return {"marker": "o", "color": DARK}
-    return {
-        "marker": _MARKERS[group // 7 % len(_MARKERS)],
-        "color": axis_style(group)["color"],
-    }
+        return {"marker": "o", "color": kit.DARK}
+    return {"marker": _MARKERS[group // 7 % len(_MARKERS)], "color": kit.colour_of(group)}
 
 
-def dress_line(axes: Any, model: GuidedPathData, scale: float) -> None:
-    """Set the limits of the position axis."""
+def dress_line(axes: Any, model: GuidedPathData, *, labelled: bool) -> float:
+    """Set the limits of the position axis, and return the factor from metres to its unit."""
     low, high = float(model.coordinates.min()), float(model.coordinates.max())
+    scale, unit = kit.length_unit(high - low)
     # A line of length 0 determines no scale.
     around = 0.08 * (high - low) or max(1.0, 0.1 * abs(low))
     axes.set_xlim((low - around) * scale, (high + around) * scale)
-    bare(axes)
+    kit.bare(axes)
     _plain_ticks(axes.xaxis)
+    kit.label_axes(axes, f"position ({unit})" if labelled else None)
+    return scale
 
 
 def _plain_ticks(axis: Any) -> None:
     """Format the ticks of an axis without a common factor."""
     from matplotlib.ticker import FuncFormatter
 
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 7)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: kit.number(value, 7)))
 
 
 def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> Floats:
     """Set the limits of the axis of the distance; return the stops' positions, shape (stops, 2)."""
     if over == "walked":
-        size, unit = length_unit(float(walk.walked[-1]))
+        size, unit = kit.length_unit(float(walk.walked[-1]))
         down, words = walk.walked * size, f"walked ({unit})"
     else:
         down, words = np.arange(len(walk.stops), dtype=float), "stops"
     around = 0.03 * float(down[-1]) or 0.5
     axes.set_ylim(float(down[-1]) + around, -around)
-    axes.set_ylabel(words, fontsize=8.5)
+    kit.label_axes(axes, y=words)
     _plain_ticks(axes.yaxis)
     return np.column_stack([walk.places * scale, down])

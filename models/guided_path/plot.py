@@ -4,43 +4,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
-from ..fields import required
-from ..plots.labels import write_names
-from ..plots.maps import length_unit
-from ..plots.options import check_flags, check_list, check_option, check_size
-from ..plots.routes import ring
-from ..plots.space import dots
-from ..plots.style import (
-    BLACK,
-    DARK,
-    GREY,
-    RED,
-    axis_style,
-    headline,
-    key,
-    legend_row,
-    number,
-    sheet,
-    title_of,
-)
-from ..verification import TOLERANCE, Verification, check_tolerance
+from ..plots import kit
 from .animation import animate_tour
 from .drawn import Walk, dress_line, dress_walk, groups_of, look_of, walk_of
 from .model import GuidedPathTour
 from .plan import GuidedPathPlan
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 __all__ = ["animate_tour", "draw"]
 
 Floats = NDArray[np.float64]
+Groups = Sequence[Sequence[int]]
 
 #: Largest numbers of customers with names, and with large dots.
 _MOST_NAMES, _MOST_LARGE = 40, 120
@@ -54,6 +33,8 @@ _LARGE = (4.0, 4.5)
 #: Share of a row that a chain fills.
 _FILL = 0.62
 _PARTS = ("chains", "tour")
+#: Marker of the start on the map.
+_START: dict[str, Any] = {"size": 60, "edge": kit.BLACK, "width": 1.4, "zorder": 5, "gid": "start"}
 
 
 def draw(
@@ -64,10 +45,10 @@ def draw(
     over: str = "walked",
     lines: bool | None = None,
     labels: bool | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the chains of `model`, and below them the position of the vehicle over the distance walked.
 
     Parameters
@@ -105,138 +86,111 @@ def draw(
     UnsupportedOption
         An option has a value that is not allowed, or `parts` contains ``"tour"`` without a plan.
     """
-    groups = groups_of(model)
+    groups, owners = groups_of(model), np.full(model.size, -1)
+    for k, group in enumerate(groups):
+        owners[list(group)] = k
     if parts is None:
-        beside = 0 < len(groups) <= _MOST_BESIDE and check_size(size, _LARGE)[1] >= _LARGE[1]
+        beside = 0 < len(groups) <= _MOST_BESIDE and kit.check_size(size, _LARGE)[1] >= _LARGE[1]
         shown = _PARTS[:1] if plan is None else _PARTS[not beside :]
     else:
-        requested = check_list("parts", parts, _PARTS.__contains__, "hold some of 'chains', 'tour'")
+        requested = kit.check_words("parts", parts, _PARTS)
         shown = tuple(part for part in _PARTS if part in requested)
     if "tour" in shown and plan is None:
         raise UnsupportedOption("parts can contain 'tour' only if plan is given")
-    check_option("over", over, over in ("walked", "stops"), "be 'walked' or 'stops'")
-    check_flags(**{k: v for k, v in (("lines", lines), ("labels", labels)) if v is not None})
-    check_tolerance(tolerance)
-    verification = None
-    if plan is not None:
-        verification = model.verify(required("plan", plan, GuidedPathPlan), tolerance=tolerance)
-    text = _title(model, verification) if title is None else title
+    kit.check_choice("over", over, "walked", "stops")
+    kit.check_flags(optional=True, lines=lines, labels=labels)
+    found = kit.verified_plan(model, plan, GuidedPathPlan, tolerance)
+    words = [model.describe()]
+    if found is not None and found.objective is not None:
+        words.append(f"{kit.number(found.objective)} m")
     row = 0.3 + 0.004 * min(max(map(len, groups), default=0), 300)
     high = {"chains": float(np.clip(0.5 + row * (len(groups) + 1), 1.3, 6.0)), "tour": 5.0}
-    whole = sum(map(high.__getitem__, shown))
-    figure = sheet(size, (6.6, whole + 1.4))
-    broad, tall = figure.get_size_inches()
-    head, foot, left = 0.46 + 0.17 * text.count("\n"), 0.88, 0.86
+    whole = sum(high[part] for part in shown)
+    scene = kit.Scene(kit.title_of(model, words, found, title), found, size, (6.6, whole + 1.4))
     # The panels share the remaining height.
-    unit = max(tall - head - foot, 0.3 * tall) / whole
-    scale, name = length_unit(float(np.ptp(model.coordinates)))
-    keys, top = [key("start", marker="s", mfc="white", mec=BLACK, mew=1.4, ms=6)], tall - head
+    unit = max(scene.tall - scene.head - 0.88, 0.3 * scene.tall) / whole
+    keys, top = (
+        [kit.key("start", marker="s", mfc="white", mec=kit.BLACK, mew=1.4, ms=6)],
+        scene.head,
+    )
+    few = model.size <= _MOST_NAMES and scene.broad >= _LARGE[0]
+    names = labels if labels is not None else few
     for part in shown:
-        tallness = high[part] * unit - 0.12
-        where = (left, top - tallness, broad - left - 0.16, tallness)
-        axes = figure.add_axes(tuple(np.divide(where, (broad, tall, broad, tall)).tolist()))
-        top -= high[part] * unit
-        dress_line(axes, model, scale)
-        few = model.size <= _MOST_NAMES and broad >= _LARGE[0]
-        names = labels if labels is not None else few
+        foot = scene.tall - top - high[part] * unit + 0.12
+        axes = scene.axes(0.86, foot, 0.16, top)
+        top += high[part] * unit
+        scale = dress_line(axes, model, labelled=part == shown[-1])
         if part == "chains":
-            keys += _draw_chains(model, groups, axes, scale, names)
+            keys += _draw_chains(model, groups, owners, axes, scale, names)
         else:
             assert plan is not None
             joined = lines if lines is not None else len(groups) <= _MOST_LINES
-            keys += _draw_tour(
-                model, groups, walk_of(model, plan), axes, scale, over, joined, names
-            )
+            at = dress_walk(axes, walk := walk_of(model, plan), scale, over)
+            keys += _draw_tour(model, groups, owners, walk, axes, at, scale, joined)
+            if names:
+                _draw_names(model, walk, at, axes)
         axes.tick_params(labelbottom=part == shown[-1])
-    axes.set_xlabel(f"position ({name})", fontsize=8.5)
     keys += _group_keys(model, groups)
-    legend_row(figure, keys, "lower center", (0.5, 0.06 / tall), rows=1 + (len(keys) > 5))
-    headline(figure, text, wrong=verification is not None and not verification.ok)
-    return figure
+    scene.legend(keys, 1 + (len(keys) > 5), y=0.06)
+    return scene.figure
 
 
-def _title(model: GuidedPathTour, verification: Verification | None) -> str:
-    parts = [model.describe()]
-    if verification is not None and verification.objective is not None:
-        parts.append(f"{number(verification.objective)} m")
-    return title_of(model.name, parts, verification)
-
-
-def _group_keys(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> list[Any]:
+def _group_keys(model: GuidedPathTour, groups: Groups) -> list[Any]:
     """Return the legend entries of the chains."""
     few = range(min(len(groups), _MOST_LINES))
-    keys = [key(f"chain {k}", ms=5, **look_of(k)) for k in few]
+    keys = [kit.key(f"chain {k}", ms=5, **look_of(k)) for k in few]
     if len(groups) > _MOST_LINES:
-        keys.append(key(f"… {len(groups)} chains in all", ls=""))
+        keys.append(kit.key(f"… {len(groups)} chains in all", ls=""))
     if sum(map(len, groups)) < model.size - 1:
-        keys.append(key("in no chain", ms=5, **look_of(-1)))
+        keys.append(kit.key("in no chain", ms=5, **look_of(-1)))
     return keys
-
-
-def _owners(model: GuidedPathTour, groups: Sequence[Sequence[int]]) -> NDArray[np.int64]:
-    """Return the index of each customer's chain, or -1 if it is in no chain."""
-    owners = np.full(model.size, -1)
-    for k, group in enumerate(groups):
-        owners[list(group)] = k
-    return owners
 
 
 def _mark(axes: Any, customers: NDArray[np.int64], at: Floats, owners: NDArray[np.int64]) -> None:
     """Draw customers at places of the axes, with the marker and colour of their chains."""
-    big = 24 if len(customers) <= _MOST_LARGE else 9
-    groups = owners[customers]
-    for group in np.unique(groups).tolist():
-        look = look_of(group)
-        dots(
-            axes, at[groups == group], look["marker"], look["color"], size=big, edge="white", width=0.5,
-            zorder=7, gid="customer",
-        )  # fmt: skip
-
-
-def _join(axes: Any, ends: Any, gid: str, **look: Any) -> None:
-    """Draw lines between pairs of places."""
-    from matplotlib.collections import LineCollection
-
-    axes.add_collection(LineCollection(list(ends), gid=gid, **look), autolim=False)
+    large = 24 if len(customers) <= _MOST_LARGE else 9
+    for k in np.unique(owners[customers]).tolist():
+        marker, colour = look_of(k).values()
+        look: dict[str, Any] = {"edge": "white", "width": 0.5, "zorder": 7, "gid": "customer"}
+        kit.dots(axes, at[owners[customers] == k], marker, colour, size=large, **look)
 
 
 # -- the chains ----------------------------------------------------------------------------------
 
 
 def _draw_chains(
-    model: GuidedPathTour, groups: Sequence[Sequence[int]], axes: Any, scale: float, labels: bool
-) -> list[Any]:
+    model: GuidedPathTour, groups: Groups, owners: NDArray[np.int64], axes: Any, scale: float,
+    labels: bool,
+) -> list[Any]:  # fmt: skip
     """Draw each chain in a row, in which it descends; return entries of the legend."""
-    owners = _owners(model, groups)
     heights = np.full(model.size, float(len(groups)))
     for k, group in enumerate(groups):
         heights[list(group)] = k + _FILL * (np.linspace(0.0, 1.0, len(group)) - 0.5)
     at = np.column_stack([model.coordinates * scale, heights])
     for k, group in enumerate(groups):
-        colour = axis_style(k)["color"]
-        axes.plot(*at[list(group)].T, color=colour, lw=1.0, alpha=0.7, zorder=3, gid="chain")
+        look: dict[str, Any] = {"color": kit.colour_of(k), "lw": 1.0, "alpha": 0.7, "zorder": 3}
+        axes.plot(*at[list(group)].T, gid="chain", **look)
     links = {pair for group in groups for pair in itertools.pairwise(group)}
     others = [list(pair) for pair in model.pairs if pair not in links]
     keys = []
     if 0 < len(others) <= _MOST_PAIRS:
-        _join(axes, at[others], "pair", colors=GREY, lw=0.7, alpha=0.7, zorder=2)
-        keys.append(key("further pair", color=GREY, lw=0.9))
+        kit.draw_lines(axes, at[others], gid="pair", colors=kit.GREY, lw=0.7, alpha=0.7, zorder=2)
+        keys.append(kit.key("further pair", color=kit.GREY, lw=0.9))
     _mark(axes, np.arange(1, model.size), at[1:], owners)
-    alone = bool((owners[1:] < 0).any())
+    alone = sum(map(len, groups)) < model.size - 1
     axes.set_ylim(len(groups) - 0.5 + alone, -0.5)
-    axes.axvline(float(at[0, 0]), color=BLACK, lw=0.8, ls=":", zorder=1)
-    home = np.array([[at[0, 0], -0.5]])
-    dots(axes, home, "s", "white", size=60, edge=BLACK, width=1.4, zorder=5, gid="start").set_clip_on(False)  # fmt: skip
+    axes.axvline(float(at[0, 0]), color=kit.BLACK, lw=0.8, ls=":", zorder=1)
+    kit.dots(axes, np.array([[at[0, 0], -0.5]]), "s", "white", **_START).set_clip_on(False)
     if len(groups) + alone <= _MOST_ROWS:
         names = [f"chain {k}" for k in range(len(groups))] + ["no chain"] * alone
         axes.set_yticks(range(len(names)), names)
         axes.tick_params(axis="y", length=0)
     else:
-        axes.set_ylabel("chain", fontsize=8.5)
+        kit.label_axes(axes, y="chain")
     axes.grid(visible=False, axis="y")
     if labels:
         names = [model.label(customer) for customer in range(1, model.size)]
-        write_names(axes, at[1:], names, size=7.0, colour=BLACK, route=False)
+        kit.write_names(axes, at[1:], names, size=7.0, colour=kit.BLACK, route=False)
     return keys
 
 
@@ -244,40 +198,40 @@ def _draw_chains(
 
 
 def _draw_tour(
-    model: GuidedPathTour, groups: Sequence[Sequence[int]], walk: Walk, axes: Any, scale: float,
-    over: str, joined: bool, labels: bool,
+    model: GuidedPathTour, groups: Groups, owners: NDArray[np.int64], walk: Walk, axes: Any,
+    at: Floats, scale: float, joined: bool,
 ) -> list[Any]:  # fmt: skip
     """Draw the position of the vehicle and the customers served; return entries of the legend."""
-    at = dress_walk(axes, walk, scale, over)
-    axes.plot(*at.T, color=DARK, lw=1.3 if len(at) <= _MOST_LARGE else 0.8, zorder=4, gid="vehicle")
-    keys = [key("vehicle", color=DARK, lw=1.3)]
+    axes.plot(
+        *at.T, color=kit.DARK, lw=1.3 if len(at) <= _MOST_LARGE else 0.8, zorder=4, gid="vehicle"
+    )
+    keys = [kit.key("vehicle", color=kit.DARK, lw=1.3)]
+    served = np.array(walk.stops[1:-1], int)
     first: dict[int, int] = {}
-    for stop, customer in enumerate(walk.stops[1:-1], 1):
+    for stop, customer in enumerate(served.tolist(), 1):
         first.setdefault(customer, stop)
-    if joined:
-        for k, group in enumerate(groups):
-            served = [first[customer] for customer in group if customer in first]
-            look: dict[str, Any] = {"color": axis_style(k)["color"], "lw": 0.9, "alpha": 0.45}
-            axes.plot(*at[served].T, ls="--", zorder=3, gid="chain", **look)
+    for k, group in enumerate(groups if joined else ()):
+        stops = [first[customer] for customer in group if customer in first]
+        look: dict[str, Any] = {"color": kit.colour_of(k), "lw": 0.9, "alpha": 0.45, "ls": "--"}
+        axes.plot(*at[stops].T, zorder=3, gid="chain", **look)
     broken = [
         (first[before], first[after])
         for before, after in model.pairs
         if before in first and after in first and first[before] >= first[after]
     ]
     if broken:
-        _join(axes, at[np.array(broken)], "wrong order", colors=RED, lw=1.6, zorder=6)
-        keys.append(key("wrong order", color=RED, lw=1.6))
-    _mark(axes, np.array(walk.stops[1:-1], int), at[1:-1], _owners(model, groups))
-    dots(axes, at[[0, -1]], "s", "white", size=60, edge=BLACK, width=1.4, zorder=5, gid="start")
-    times = np.bincount(np.array(walk.stops[1:-1], int), minlength=model.size)
-    many = at[1:-1][times[walk.stops[1:-1]] > 1]
+        kit.draw_lines(
+            axes, at[np.array(broken)], gid="wrong order", colors=kit.RED, lw=1.6, zorder=6
+        )
+        keys.append(kit.key("wrong order", color=kit.RED, lw=1.6))
+    _mark(axes, served, at[1:-1], owners)
+    kit.dots(axes, at[[0, -1]], "s", "white", **_START)
+    times = np.bincount(served, minlength=model.size)
     never = np.flatnonzero(times[1:] == 0) + 1
     missed = np.column_stack([model.coordinates[never] * scale, np.zeros(len(never))])
-    _mark(axes, never, missed, _owners(model, groups))
-    keys += ring(axes, np.concatenate([many, missed]), "not served once")
-    if labels:
-        _draw_names(model, walk, at, axes)
-    return keys
+    _mark(axes, never, missed, owners)
+    repeated = at[1:-1][times[served] > 1]
+    return keys + kit.ring(axes, np.concatenate([repeated, missed]), "not served once")
 
 
 def _draw_names(model: GuidedPathTour, walk: Walk, at: Floats, axes: Any) -> None:
@@ -289,4 +243,4 @@ def _draw_names(model: GuidedPathTour, walk: Walk, at: Floats, axes: Any) -> Non
         labels = [model.label(walk.stops[stop]) for stop in run]
         more = [f"{len(labels) - 2} more"] * (len(labels) > 4)
         names[run[0]] = ", ".join(labels[: 2 if more else None] + more)
-    write_names(axes, at, names, size=7.0, colour=BLACK)
+    kit.write_names(axes, at, names, size=7.0, colour=kit.BLACK)
