@@ -109,7 +109,7 @@ def draw(
     ]
     keys += [kit.key("worst violation", **kit.RING)] * scene.wrong
     ends = [kit.key("start"), kit.key("goals" if len(model.goals) > 1 else "goal")]
-    rows = scene.legend_rows([*ends, *keys])
+    rows = kit.legend_rows([*ends, *keys], scene.broad)
     right, foot = 1.0 if weighted else 0.15, 0.6 + kit.LINE * rows
     axes = scene.axes(0.72, foot, right, scene.head)
     scale = kit.dress_map(axes, low, high)

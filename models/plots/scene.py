@@ -12,7 +12,7 @@ from ..fields import required
 from ..verification import TOLERANCE, Verification, check_tolerance
 from .layers import dress_map
 from .options import check_frames, check_option
-from .style import DARK, LINE, headline, inches, legend_row, number, sheet
+from .style import DARK, LINE, headline, inches, legend_row, legend_rows, number, sheet
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
@@ -23,8 +23,8 @@ __all__ = [
     "verified_plan",
 ]  # fmt: skip
 
-#: Letters of a legend per inch, and height of the space for a title of one line (inch).
-_LETTERS, _HEAD = 14.0, 0.46
+#: Height of the space for a title of one line (inch).
+_HEAD = 0.46
 
 
 class Frame:
@@ -44,11 +44,6 @@ class Frame:
         place = np.divide((left, foot, wide, high), (self.broad, self.tall) * 2)
         return self.figure.add_axes(tuple(place.tolist()), **look)
 
-    def legend_rows(self, keys: Sequence[Any]) -> int:
-        """Return the number of rows that a legend at the foot needs."""
-        letters = sum(6 + len(entry.get_label()) for entry in keys)
-        return min(len(keys), 1 + int(letters / (_LETTERS * self.broad)))
-
     def legend(
         self, keys: Sequence[Any], rows: int | None = None, *, x: float | None = None, y: float = 0.08
     ) -> None:  # fmt: skip
@@ -57,7 +52,7 @@ class Frame:
         By default, it has as many rows as it needs.
         """
         place = (0.5 if x is None else x / self.broad, y / self.tall)
-        rows = self.legend_rows(keys) if rows is None else rows
+        rows = legend_rows(keys, self.broad) if rows is None else rows
         legend_row(self.figure, keys, "lower center", place, rows=rows)
 
 
@@ -106,17 +101,19 @@ class Stage(Scene):
         Number of frames, and duration of a frame (ms).
     default : (float, float)
         Size without the option.
+    clock : float
+        Height of the clock above the foot (inch).
     """
 
     def __init__(
         self, model: Any, title: str | None, size: Any, frames: Any, interval: Any,
-        default: tuple[float, float] = (6.4, 6.0),
+        default: tuple[float, float] = (6.4, 6.0), *, clock: float = 0.1,
     ) -> None:  # fmt: skip
         check_frames(frames, interval)
         text = (model.name or model.describe()) if title is None else title
         super().__init__(text, None, size, default)
         self.frames, self.interval = frames, interval
-        place = (0.5, 0.1 / self.tall)
+        place = (0.5, clock / self.tall)
         self.clock = self.figure.text(*place, "", ha="center", fontsize=9, color=DARK)
 
     def map(self, low: NDArray[Any], high: NDArray[Any]) -> tuple[Any, float]:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLACK", "DARK", "GREY", "LABEL", "LINE", "MOST_KNOTS", "RED", "RING", "axis_style", "bare",
-    "colour_of", "headline", "inches", "key", "label_axes", "legend_row", "many", "number",
+    "colour_of", "headline", "inches", "key", "label_axes", "legend_row", "legend_rows", "many", "number",
     "pretty_unit", "sheet", "title_of", "with_unit",
 ]  # fmt: skip
 
@@ -27,8 +27,8 @@ RING: dict[str, Any] = {"marker": "o", "ms": 8, "mfc": "none", "mec": RED}
 MOST_KNOTS = 60
 #: Size of a title and of the label of an axis (point), and width of a character of a title (inch).
 _TITLE, LABEL, _CHARACTER = 11.0, 8.5, 0.086
-#: Height of a line of a title or of a legend (inch).
-LINE = 0.17
+#: Height of a line of a title or of a legend, and letters of a legend per inch.
+LINE, _LETTERS = 0.17, 14.0
 
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -123,6 +123,12 @@ def legend_row(
             handles=keys, loc=loc, bbox_to_anchor=place, ncols=-(-len(keys) // rows), fontsize=7.5,
             frameon=False, **{"handletextpad": 0.4, "columnspacing": 1.2, **look},
         )  # fmt: skip
+
+
+def legend_rows(keys: Sequence[Any], broad: float) -> int:
+    """Return the number of rows of a legend in a figure `broad` inches wide."""
+    letters = sum(6 + len(entry.get_label()) for entry in keys)
+    return min(len(keys), 1 + int(letters / (_LETTERS * broad)))
 
 
 def legend_below(figure: Any, keys: Sequence[Any], middle: float = 0.5, rows: int = 1) -> None:

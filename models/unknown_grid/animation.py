@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..fields import required
-from ..plots.animation import Stage, play
-from ..plots.options import check_frames
-from ..plots.style import DARK, headline, legend_below, sheet
+from ..plots import kit
 from .drawn import Moment, box_around, check_scene, keys_of, walk_of
 from .layout import is_square, proportion
 from .model import UnknownGridNavigation
 from .plan import NavigationRuns
-
-if TYPE_CHECKING:
-    from matplotlib.animation import FuncAnimation
 
 __all__ = ["animate_run"]
 
@@ -30,7 +25,7 @@ def animate_run(
     interval: float = 150.0,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> FuncAnimation:
+) -> kit.FuncAnimation:
     """Animate the run of one scene: vehicle, UAV, its view, and the cells seen so far.
 
     If a side of the map has more than 60 cells, only the part around the vehicle is shown.
@@ -68,34 +63,26 @@ def animate_run(
     UnsupportedOption
         An option is outside its allowed range.
     """
-    check_frames(frames, interval)
     scene = check_scene(model, scene)
+    box = box_around(model, model.starts[scene])
+    ratio = proportion(box)
+    wide = min(4.2, 4.2 * ratio)
+    default = max(wide, 4.2) + 0.4, wide / ratio + 1.35
+    stage = kit.Stage(model, title, size, frames, interval, default, clock=0.68)
     runs = required("plan", model.as_plan(plan), NavigationRuns)
     model.verify(runs)  # raises if the numbers of runs and scenes differ
     walk = walk_of(model, runs, scene)
     steps = np.unique(np.linspace(0, walk.steps, frames).round().astype(int)).tolist()
-    box = box_around(model, walk.positions[0])
-    ratio = proportion(box)
-    wide = min(4.2, 4.2 * ratio)
-    figure = sheet(size, (max(wide, 4.2) + 0.4, wide / ratio + 1.35))
-    broad, tall = figure.get_size_inches()
-    height = max(tall - 1.3, 0.5 * tall)
-    axes = figure.add_axes((0.2 / broad, 0.88 / tall, 1 - 0.4 / broad, height / tall))
+    height = max(stage.tall - 1.3, 0.5 * stage.tall)
+    axes = stage.box(0.2, 0.88, stage.broad - 0.4, height)
     axes.set_aspect("equal" if is_square(box) else "auto")
-    axes.set_xticks([])
-    axes.set_yticks([])
-    headline(figure, (model.name or model.describe()) if title is None else title, wrong=False)
-    keys = keys_of(walk, moving=True)
-    legend_below(figure, keys, rows=3)
-    clock = figure.text(0.5, 0.68 / tall, "", ha="center", fontsize=9, color=DARK)
-    cell = min((broad - 0.4) / float(box.size[1]), height / float(box.size[0]))
+    stage.legend(keys_of(walk, moving=True), 3)
+    cell = min((stage.broad - 0.4) / float(box.size[1]), height / float(box.size[0]))
     moment = Moment(axes, model, scene, walk, float(np.clip(0.62 * 72 * cell, 3.5, 9.0)))
 
-    def update(frame: int) -> list[Any]:
+    def show(frame: int) -> str:
         step = steps[min(frame, len(steps) - 1)]
         moment.show(step)
-        ended = f": {walk.outcome}" if step == walk.steps else ""
-        clock.set_text(f"step {step} of {walk.steps}{ended}")
-        return []
+        return f"step {step} of {walk.steps}{f': {walk.outcome}' if step == walk.steps else ''}"
 
-    return play(Stage(figure, axes, 1.0, clock), update, len(steps), interval)
+    return stage.play(show, len(steps))

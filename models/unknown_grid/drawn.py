@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plots.options import check_option, is_whole
-from ..plots.space import dots
-from ..plots.style import BLACK, RED, axis_style, key
+from ..plots import kit
 from .checks import replay
 from .plan import ACTIONS, STEPS, NavigationRuns, Outcome
 from .sight import first_seen, uav_cells
@@ -26,13 +24,13 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
-#: Colours of free and blocked cells, after and before the UAV has shown them.
-SEEN, WALL, HIDDEN, HIDDEN_WALL = "#ffffff", "#4d4d4d", "#dbe0e8", "#a9b3c3"
+#: Colours of free and blocked cells, after and before the UAV has shown them, and of lines.
+SEEN, WALL, HIDDEN, HIDDEN_WALL, LINES = "#ffffff", "#4d4d4d", "#dbe0e8", "#a9b3c3", "#9a9a9a"
 _SHADES = np.array(
     [list(bytes.fromhex(code[1:] + "ff")) for code in (SEEN, WALL, HIDDEN, HIDDEN_WALL)], np.uint8
 )
-#: Colour of the UAV and of the edge of its view.
-UAV = axis_style(1)["color"]
+#: Colours of the vehicle, and of the UAV and the edge of its view.
+VEHICLE, UAV = kit.colour_of(0), kit.colour_of(1)
 #: Maximum number of cells along a side with lines between them.
 _MOST_LINES = 60
 #: Maximum number of cells along a side that a moment draws one by one.
@@ -42,18 +40,16 @@ _PART = 41
 
 
 class Walk(NamedTuple):
-    """Run of one scene on its true map.
+    """Run of one scene on its true map; all positions are rows and columns.
 
     Parameters
     ----------
-    positions : ndarray of int, shape (n + 1, 2)
-        Row and column of the vehicle before and after each of n actions.
+    positions, uav : ndarray of int, shape (n + 1, 2)
+        Positions of the vehicle and of the UAV before and after each of n actions.
     hits : ndarray, shape (h, 2)
-        Row and column of the edges that the vehicle ran into, in the order of the actions.
+        Edges that the vehicle ran into, in the order of the actions.
     hit_after : ndarray of int, shape (h,)
         Number of each of these actions, counted from 1.
-    uav : ndarray of int, shape (n + 1, 2)
-        Row and column of the UAV.
     seen : ndarray of int, shape (rows, columns)
         Number of actions before each cell was first seen; n + 1 if it was never seen.
     outcome : Outcome
@@ -80,66 +76,38 @@ class Walk(NamedTuple):
 
     def describe(self) -> str:
         """Return a summary such as ``"reached after 12 steps, 1 collision"``."""
-        count = len(self.hits)
-        hits = f", {count} collision{'s' if count > 1 else ''}" if count else ""
-        return f"{self.outcome} after {self.steps} step{'s' if self.steps != 1 else ''}{hits}"
+        hits = f", {kit.many(len(self.hits), 'collision')}" if len(self.hits) else ""
+        return f"{self.outcome} after {kit.many(self.steps, 'step')}{hits}"
 
 
 def walk_of(model: UnknownGridNavigation, plan: NavigationRuns, scene: int) -> Walk:
-    """Return the positions, collisions and cells seen of a run.
-
-    Parameters
-    ----------
-    model : UnknownGridNavigation
-        Model with its true maps.
-    plan : NavigationRuns
-        Plan with one run per scene.
-    scene : int
-        Index of the scene.
-    """
+    """Return the positions, collisions and cells seen of the run in one scene."""
     actions = plan.actions[scene]
     row, column = model.starts[scene].tolist()
     positions, collided = replay(model.blocked[scene], (row, column), actions)
     moves = np.array([STEPS[ACTIONS.index(letter)] for letter in actions]).reshape(-1, 2)
     return Walk(
-        positions,
-        positions[:-1][collided] + 0.5 * moves[collided],
-        np.flatnonzero(collided) + 1,
-        uav_cells(model, scene, positions),
-        first_seen(model, scene, positions),
+        positions, positions[:-1][collided] + 0.5 * moves[collided], np.flatnonzero(collided) + 1,
+        uav_cells(model, scene, positions), first_seen(model, scene, positions),
         plan.outcomes[scene],
-    )
+    )  # fmt: skip
 
 
 def check_scene(model: UnknownGridNavigation, scene: Any) -> int:
     """Return the index of the scene to draw, or raise if it is out of range."""
     last = model.scenes - 1
     allowed = f"be the number of a scene, from 0 to {last}" if last else "be 0, the only scene"
-    check_option("scene", scene, is_whole(scene, 0, last), allowed)
+    kit.check_option("scene", scene, kit.is_whole(scene, 0, last), allowed)
     return int(scene)
 
 
 def paint(blocked: Truths, seen: Truths) -> NDArray[np.uint8]:
-    """Return an RGBA image of cells, shape (rows, columns, 4).
-
-    Parameters
-    ----------
-    blocked, seen : ndarray of bool, shape (rows, columns)
-        True for blocked cells, and for cells that the UAV has shown.
-    """
+    """Return an RGBA image of cells, from masks of blocked cells and of those the UAV has shown."""
     return np.take(_SHADES, blocked | (~seen).view(np.uint8) << 1, axis=0)
 
 
 class Box(NamedTuple):
-    """Rectangular part of a map.
-
-    Parameters
-    ----------
-    low : ndarray of int, shape (2,)
-        First row and column.
-    size : ndarray of int, shape (2,)
-        Numbers of rows and columns.
-    """
+    """Rectangular part of a map: first row and column, and numbers of rows and columns."""
 
     low: Ints
     size: Ints
@@ -170,22 +138,22 @@ def draw_cells(axes: Any, image: NDArray[np.uint8], box: Box) -> Any:
         image, extent=box.extent, zorder=0.5, gid="cells", aspect="auto",
         interpolation="none" if max(image.shape) <= 500 else "auto",
     )  # fmt: skip
-    draw_lines(axes, box)
-    axes.axis(box.extent)
+    draw_grid(axes, box)
     for side in axes.spines.values():
-        side.set_color("#9a9a9a")
+        side.set_color(LINES)
     return artist
 
 
-def draw_lines(axes: Any, box: Box) -> None:
-    """Replace the lines between the cells in `box`; large boxes get no lines."""
+def draw_grid(axes: Any, box: Box) -> None:
+    """Replace the lines between the cells, none for large boxes, and show the box."""
     for lines in [artist for artist in axes.collections if artist.get_gid() == "lines"]:
         lines.remove()
+    left, right, bottom, top = box.extent
     if box.size.max() <= _MOST_LINES:
-        left, right, bottom, top = box.extent
-        look: dict[str, Any] = {"color": "#9a9a9a", "lw": 0.3, "zorder": 0.6, "gid": "lines"}
+        look: dict[str, Any] = {"color": LINES, "lw": 0.3, "zorder": 0.6, "gid": "lines"}
         axes.vlines(np.arange(left, right + 1), top, bottom, **look)
         axes.hlines(np.arange(top, bottom + 1), left, right, **look)
+    axes.axis(box.extent)
 
 
 def draw_ends(
@@ -193,14 +161,14 @@ def draw_ends(
 ) -> None:
     """Draw start and target as markers of `size` points; `look` applies to both."""
     target, start = model.targets[scene][None, ::-1], model.starts[scene][None, ::-1]
-    look = {"edge": BLACK, "width": 0.9, **look}
-    dots(axes, target, "*", "white", size=(1.5 * size) ** 2, zorder=8, gid="target", **look)
-    dots(axes, start, "s", "white", size=(0.8 * size) ** 2, zorder=7, gid="start", **look)
+    look = {"edge": kit.BLACK, "width": 0.9, **look}
+    kit.dots(axes, target, "*", "white", size=(1.5 * size) ** 2, zorder=8, gid="target", **look)
+    kit.dots(axes, start, "s", "white", size=(0.8 * size) ** 2, zorder=7, gid="start", **look)
 
 
 def draw_collisions(axes: Any, hits: Floats, size: float, **look: Any) -> Any:
     """Draw the collisions and return the artist of their markers."""
-    look = {"mec": RED, "mew": 1.5, "ms": 0.8 * size, **look}
+    look = {"mec": kit.RED, "mew": 1.5, "ms": 0.8 * size, **look}
     return axes.plot(*hits[:, ::-1].T, "x", zorder=9, gid="collision", **look)[0]
 
 
@@ -229,23 +197,26 @@ class Moment:
         self.axes, self.model, self.walk = axes, model, walk
         self._blocked = model.blocked[scene]
         self._image: Any = None
+        axes.set_xticks([])
+        axes.set_yticks([])
         # Markers at the edge of the map stay whole; those outside the visible part are clipped.
         part = box_around(model, walk.positions[0]).size
         clip: dict[str, Any] = {"clip_on": bool((part < model.shape).any())}
         draw_ends(axes, model, scene, size, **clip)
-        look: dict[str, Any] = {**axis_style(0), "solid_capstyle": "round"}
-        (self._way,) = axes.plot([], [], lw=max(1.0, 0.2 * size), zorder=5, gid="way", **look)
         self._hits = draw_collisions(axes, np.empty((0, 2)), size, **clip)
-        self._vehicle = axes.plot(
-            [], [], "o", mfc=look["color"], mec="white", mew=0.6, ms=0.9 * size, zorder=10,
-            gid="vehicle", **clip,
-        )[0]  # fmt: skip
-        self._uav = axes.plot(
-            [], [], "D", mfc="none", mec=UAV, mew=1.4, ms=1.1 * size, zorder=11, gid="UAV", **clip
-        )[0]
-        self._view = axes.add_patch(
-            Rectangle((0, 0), 0, 0, fc="none", ec=UAV, lw=1.4, zorder=6, gid="view")
+        line = {"lw": max(1.0, 0.2 * size), "solid_capstyle": "round"}
+        vehicle: dict[str, Any] = {"mfc": VEHICLE, "mec": "white", "mew": 0.6, "ms": 0.9 * size}
+        uav: dict[str, Any] = {"mfc": "none", "mec": UAV, "mew": 1.4, "ms": 1.1 * size}
+        self._way, self._vehicle, self._uav = (
+            axes.plot([], [], marks, zorder=zorder, gid=gid, **look)[0]
+            for marks, zorder, gid, look in (
+                ("-", 5, "way", {"color": VEHICLE, **line}),
+                ("o", 10, "vehicle", vehicle | clip),
+                ("D", 11, "UAV", uav | clip),
+            )
         )
+        view = Rectangle((0, 0), 0, 0, fc="none", ec=UAV, lw=1.4, zorder=6, gid="view")
+        self._view = axes.add_patch(view)
 
     def show(self, step: int) -> None:
         """Show the run after `step` actions."""
@@ -257,8 +228,7 @@ class Moment:
             self._image = draw_cells(self.axes, image, box)
         else:
             self._image.set(data=image, extent=box.extent)
-            draw_lines(self.axes, box)
-            self.axes.axis(box.extent)
+            draw_grid(self.axes, box)
         self._way.set_data(*walk.positions[: step + 1, ::-1].T)
         self._hits.set_data(*walk.hits[walk.hit_after <= step, ::-1].T)
         self._vehicle.set_data(*walk.positions[[step], ::-1].T)
@@ -272,23 +242,18 @@ class Moment:
 def keys_of(walk: Walk | None, *, moving: bool) -> list[Any]:
     """Return the legend entries of the cells, of the collisions and, if `moving`, of the vehicles."""
     keys = [
-        key("start", marker="s", mfc="white", mec=BLACK, ms=5),
-        key("target", marker="*", mfc="white", mec=BLACK, ms=9),
-        key("obstacle", marker="s", mfc=WALL, mec=WALL, ms=7),
+        kit.key("start", marker="s", mfc="white", mec=kit.BLACK, ms=5),
+        kit.key("target", marker="*", mfc="white", mec=kit.BLACK, ms=9),
+        kit.key("obstacle", marker="s", mfc=WALL, mec=WALL, ms=7),
     ]
     if walk is None:
         return keys
-    keys += [
-        key("not seen: free", marker="s", mfc=HIDDEN, mec="#9a9a9a", mew=0.4, ms=7),
-        key("not seen: obstacle", marker="s", mfc=HIDDEN_WALL, mec=HIDDEN_WALL, ms=7),
-    ]
+    keys.append(kit.key("not seen: free", marker="s", mfc=HIDDEN, mec=LINES, mew=0.4, ms=7))
+    keys.append(kit.key("not seen: obstacle", marker="s", mfc=HIDDEN_WALL, mec=HIDDEN_WALL, ms=7))
     if moving:
-        keys += [
-            key("vehicle", marker="o", mfc=axis_style(0)["color"], mec="white", ms=6),
-            key("UAV and its view", marker="D", mfc="none", mec=UAV, mew=1.4, ms=6),
-        ]
-    if moving and walk.hovers_after <= walk.steps:
-        keys.append(key("the UAV hovers", color=UAV, lw=1.4, ls="--"))
-    if len(walk.hits):
-        keys.append(key("collision", marker="x", mec=RED, mew=1.6, ms=5))
+        keys.append(kit.key("vehicle", marker="o", mfc=VEHICLE, mec="white", ms=6))
+        keys.append(kit.key("UAV and its view", marker="D", mfc="none", mec=UAV, mew=1.4, ms=6))
+        hovers = walk.hovers_after <= walk.steps
+        keys += [kit.key("the UAV hovers", color=UAV, lw=1.4, ls="--")] * hovers
+    keys += [kit.key("collision", marker="x", mec=kit.RED, mew=1.6, ms=5)] * bool(len(walk.hits))
     return keys

@@ -1,4 +1,4 @@
-"""Layout of a figure of runs: positions of the map, the moments and the panel of scenes."""
+"""Layout of a figure of runs: positions of the map, the moments and the panel of scenes, in inches."""
 
 from __future__ import annotations
 
@@ -22,41 +22,16 @@ _BROAD = 1.35
 
 
 class Place(NamedTuple):
-    """Rectangle on a sheet.
-
-    Parameters
-    ----------
-    left, top : float
-        Distances of the upper left corner from the sheet's left and upper edges, inches.
-    broad, tall : float
-        Width and height, inches.
-    """
+    """Rectangle on a sheet: distances from the left and upper edges, width and height."""
 
     left: float
     top: float
     broad: float
     tall: float
 
-    def share(self, size: tuple[float, float]) -> tuple[float, float, float, float]:
-        """Return lower left corner, width and height as fractions of a sheet of `size`."""
-        low = 1 - (self.top + self.tall) / size[1]
-        return self.left / size[0], low, self.broad / size[0], self.tall / size[1]
-
 
 class Layout(NamedTuple):
-    """Size of a sheet and the rectangles on it.
-
-    Parameters
-    ----------
-    size : (float, float)
-        Width and height of the sheet, inches.
-    map : Place
-        Rectangle of the map.
-    moments : list of Place
-        Rectangles of the moments.
-    panel : Place or None
-        Rectangle of the panel of scenes.
-    """
+    """Size of a sheet, and the rectangles of the map, the moments and the panel of scenes."""
 
     size: tuple[float, float]
     map: Place
@@ -115,18 +90,14 @@ def _arranged(
     beside = ratio <= _BROAD and count > 0
     wide = min(share * broad * ratio, 0.52 * broad if beside else room)
     tall = wide / ratio
-    left = _MARGIN + _ROWS
-    if not beside:
-        left += (room - wide) / 2
+    left = _MARGIN + _ROWS + (0.0 if beside else (room - wide) / 2)
     first = Place(left, top, wide, tall)
     bottom = top + tall + _COLUMNS
-    moments: list[Place] = []
+    area = Place(_MARGIN, bottom + _WORDS, broad - 2 * _MARGIN, share * broad)
     if beside:
         right = left + wide + 0.2
-        moments = _tiles(Place(right, top, broad - _MARGIN - right, tall), count, proportion(part))
-    elif count:
-        area = Place(_MARGIN, bottom + _WORDS, broad - 2 * _MARGIN, share * broad)
-        moments = _tiles(area, count, proportion(part))
+        area = Place(right, top, broad - _MARGIN - right, tall)
+    moments = _tiles(area, count, proportion(part)) if count else []
     if moments:
         shift = 0.5 * (broad - _MARGIN - max(tile.left + tile.broad for tile in moments))
         moments = [tile._replace(left=tile.left + shift) for tile in moments]
@@ -144,16 +115,11 @@ def _tiles(area: Place, count: int, ratio: float) -> list[Place]:
     for columns in range(1, count + 1):
         rows = -(-count // columns)
         tall = (area.tall + _WORDS) / rows - _WORDS - _GAP
-        wide = min((area.broad + _GAP) / columns - _GAP, tall * ratio)
-        best = max(best, (wide, columns))
+        best = max(best, (min((area.broad + _GAP) / columns - _GAP, tall * ratio), columns))
     wide, columns = best
     tall = wide / ratio
+    cells = (divmod(k, columns) for k in range(count))
     return [
-        Place(
-            area.left + (k % columns) * (wide + _GAP),
-            area.top + (k // columns) * (tall + _WORDS + _GAP),
-            wide,
-            tall,
-        )
-        for k in range(count)
+        Place(area.left + k * (wide + _GAP), area.top + row * (tall + _WORDS + _GAP), wide, tall)
+        for row, k in cells
     ]

@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import required
-from ..plots.options import check_list, check_option, check_size, is_whole
-from ..plots.style import (
-    DARK,
-    GREY,
-    axis_style,
-    bare,
-    headline,
-    key,
-    legend_below,
-    number,
-    sheet,
-    title_of,
-)
-from ..verification import TOLERANCE, Verification, check_tolerance
+from ..plots import kit
+from ..verification import Verification
 from .animation import animate_run
 from .drawn import (
     Box,
@@ -37,12 +24,9 @@ from .drawn import (
     paint,
     walk_of,
 )
-from .layout import Layout, Place, arrange, is_square
+from .layout import Place, arrange, is_square
 from .model import UnknownGridNavigation
 from .plan import NavigationRuns, Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["animate_run", "draw"]
 
@@ -55,20 +39,18 @@ _COLOURS = (0, 2, 3, 4, 5, 6)
 _MOST_MOMENTS = 24
 #: Maximum number of cells of all maps for which shortest paths are computed.
 _MOST_CELLS = 10**6
-#: Letters of the legend per inch of the figure's width.
-_LETTERS = 14.0
 #: Width of the sheet, inches.
 _BROAD = 8.6
-_SHORTEST: dict[str, Any] = {"color": GREY, "lw": 1.2, "ls": ":"}
+_SHORTEST: dict[str, Any] = {"color": kit.GREY, "lw": 1.2, "ls": ":"}
 
 
-class _Named(NamedTuple):
+class _Run(NamedTuple):
     """Plan with its name, style, verification, and walk in the scene drawn."""
 
     name: str
     look: dict[str, Any]
     plan: NavigationRuns
-    verification: Verification
+    found: Verification
     walk: Walk
 
 
@@ -79,10 +61,10 @@ def draw(
     scene: int = 0,
     moments: Any = 6,
     others: Mapping[str, Any] | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the run of one scene on its true map, and moments of the run with the cells seen so far.
 
     Cells that the UAV has not shown are tinted. A frame marks its view. If a side of the map has more than
@@ -126,57 +108,56 @@ def draw(
     --------
     animate_run : Animation of the same run.
     """
-    check_tolerance(tolerance)
     scene = check_scene(model, scene)
-    named = {} if others is None else others
-    good = isinstance(named, Mapping) and all(isinstance(name, str) for name in named)
-    few = good and len(named) <= _MOST_OTHERS
-    check_option("others", others, few, f"be at most {_MOST_OTHERS} plans by their names")
-    runs: list[_Named] = []
-    given = [] if plan is None else [("run", plan)]
+    plans = kit.name_plans(
+        model, plan, others, NavigationRuns, name="run", most=_MOST_OTHERS, tolerance=tolerance
+    )
     # The first colour is reserved for `plan`.
-    colours = _COLOURS if plan is not None else _COLOURS[1:]
-    for (name, value), colour in zip([*given, *named.items()], colours, strict=False):
-        entry = required("plan", model.as_plan(value), NavigationRuns)
-        checked = model.verify(entry, tolerance=tolerance)
-        runs.append(_Named(name, axis_style(colour), entry, checked, walk_of(model, entry, scene)))
+    looks = map(kit.axis_style, _COLOURS if plan is not None else _COLOURS[1:])
+    runs = [
+        _Run(name, look, entry, found, walk_of(model, entry, scene))
+        for (name, entry, found), look in zip(plans, looks, strict=False)
+    ]
     main = None if plan is None else runs[0]
     chosen = _moments(moments, main)
     shortest = model.fewest_steps() if model.blocked.size <= _MOST_CELLS else None
-    text = _title(model, scene, main, shortest) if title is None else title
+    found = None if main is None else main.found
+    text = kit.title_of(model, _words(model, scene, main, shortest), found, title)
     several = model.scenes > 1 and bool(runs)
     keys = _keys(runs, main, moving=bool(chosen), several=several)
-    if several and shortest is not None:
-        keys.append(key("shortest ways", **_SHORTEST))
-    broad, tall = (_BROAD, None) if size is None else check_size(size, (0, 0))
-    letters = sum(6 + len(entry.get_label()) for entry in keys)
-    rows = min(len(keys), 1 + int(letters / (_LETTERS * broad)))
+    keys += [kit.key("shortest ways", **_SHORTEST)] * (several and shortest is not None)
+    broad, tall = (_BROAD, None) if size is None else kit.check_size(size, (0, 0))
+    part = box_around(model, model.starts[scene])
+    rows = kit.legend_rows(keys, broad)
     layout = arrange(
-        (broad, tall), Box(model.starts[scene], model.shape), box_around(model, model.starts[scene]),
-        len(chosen), head=1 + text.count("\n"), foot=rows, panel=several,
+        (broad, tall), Box(model.starts[scene], model.shape), part, len(chosen),
+        head=1 + text.count("\n"), foot=rows, panel=several,
     )  # fmt: skip
-    figure = sheet(size, layout.size)
-    axes = figure.add_axes(layout.map.share(layout.size))
-    _draw_map(axes, model, scene, runs, main, layout.map)
-    _draw_moments(figure, model, scene, main, chosen, layout)
+    sheet = kit.Scene(text, found, size, layout.size)
+    _draw_map(_axes(sheet, layout.map), model, scene, runs, main, layout.map)
+    for step, place in zip(chosen, layout.moments, strict=True):
+        assert main is not None
+        axes = _axes(sheet, place)
+        Moment(axes, model, scene, main.walk, _marker(place, part)).show(step)
+        axes.set_aspect("equal" if is_square(part) else "auto")
+        axes.set_title(f"step {step}", fontsize=8, pad=3, color=kit.DARK)
     if layout.panel is not None:
-        _draw_scenes(figure.add_axes(layout.panel.share(layout.size)), model, runs, shortest)
-    legend_below(figure, keys, rows=rows)
-    headline(figure, text, wrong=main is not None and not main.verification.ok)
-    return figure
+        _draw_scenes(_axes(sheet, layout.panel), model, runs, shortest)
+    sheet.legend(keys, rows)
+    return sheet.figure
 
 
-def _moments(option: Any, main: _Named | None) -> list[int]:
+def _moments(option: Any, main: _Run | None) -> list[int]:
     """Return the numbers of steps after which moments are drawn, in ascending order."""
     last = 0 if main is None else main.walk.steps
-    if is_whole(option, 0, _MOST_MOMENTS):
+    if kit.is_whole(option, 0, _MOST_MOMENTS):
         if main is None or not option:
             return []
         steps: list[int] = np.unique(np.linspace(0, last, option).round().astype(int)).tolist()
         return steps
     allowed = f"be a whole number from 0 to {_MOST_MOMENTS}, or as many different numbers of steps from 0 to {last}"
-    listed = check_list(
-        "moments", option, lambda step: is_whole(step, 0, last), allowed, most=_MOST_MOMENTS
+    listed = kit.check_list(
+        "moments", option, lambda step: kit.is_whole(step, 0, last), allowed, most=_MOST_MOMENTS
     )
     return sorted(map(int, listed)) if main is not None else []
 
@@ -184,8 +165,13 @@ def _moments(option: Any, main: _Named | None) -> list[int]:
 # -- parts ---------------------------------------------------------------------------------------
 
 
+def _axes(sheet: kit.Frame, place: Place) -> Any:
+    low = sheet.tall - place.top - place.tall
+    return sheet.box(place.left, low, place.broad, place.tall)
+
+
 def _draw_map(
-    axes: Any, model: UnknownGridNavigation, scene: int, runs: Sequence[_Named], main: _Named | None,
+    axes: Any, model: UnknownGridNavigation, scene: int, runs: Sequence[_Run], main: _Run | None,
     place: Place,
 ) -> None:  # fmt: skip
     """Draw the true map and the paths of all runs."""
@@ -199,11 +185,10 @@ def _draw_map(
     axes.tick_params(labelsize=8, length=2)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator("auto", integer=True, min_n_ticks=1))
-    axes.set_xlabel("column", fontsize=8.5)
-    axes.set_ylabel("row", fontsize=8.5)
+    kit.label_axes(axes, "column", "row")
     size = max(6.0, _marker(place, whole))
     if main is not None:
-        axes.set_title("the whole run", fontsize=8, pad=3, color=DARK)
+        axes.set_title("the whole run", fontsize=8, pad=3, color=kit.DARK)
         draw_collisions(axes, main.walk.hits, size, clip_on=False)
     for k, run in reversed(list(enumerate(runs))):
         # An offset separates paths through the same cells.
@@ -215,30 +200,13 @@ def _draw_map(
     draw_ends(axes, model, scene, size, clip_on=False)
 
 
-def _draw_moments(
-    figure: Figure, model: UnknownGridNavigation, scene: int, main: _Named | None,
-    chosen: Sequence[int], layout: Layout,
-) -> None:  # fmt: skip
-    """Draw the chosen moments of the first run."""
-    if main is None:
-        return
-    part = box_around(model, model.starts[scene])
-    for step, place in zip(chosen, layout.moments, strict=True):
-        axes = figure.add_axes(place.share(layout.size))
-        Moment(axes, model, scene, main.walk, _marker(place, part)).show(step)
-        axes.set_aspect("equal" if is_square(part) else "auto")
-        axes.set_xticks([])
-        axes.set_yticks([])
-        axes.set_title(f"step {step}", fontsize=8, pad=3, color=DARK)
-
-
 def _marker(place: Place, box: Box) -> float:
     """Return the size of markers that fits into a cell, points."""
     return float(np.clip(0.62 * 72 * place.tall / float(box.size[0]), 3.5, 8.0))
 
 
 def _draw_scenes(
-    axes: Any, model: UnknownGridNavigation, runs: Sequence[_Named], shortest: Floats | None
+    axes: Any, model: UnknownGridNavigation, runs: Sequence[_Run], shortest: Floats | None
 ) -> None:
     """Draw the share of scenes reached within each number of steps."""
     lines = [
@@ -258,46 +226,42 @@ def _draw_scenes(
         axes.step(
             np.concatenate([[0], steps, [last]]), np.append(share, share[-1]), where="post", **look
         )
-    bare(axes)
+    kit.bare(axes)
     axes.set_xlim(0, last)
     axes.set_ylim(0, 103)
-    axes.set_xlabel("within steps", fontsize=8.5)
-    axes.set_ylabel("scenes reached (%)", fontsize=8.5)
+    kit.label_axes(axes, "within steps", "scenes reached (%)")
 
 
 # -- words ---------------------------------------------------------------------------------------
 
 
-def _title(
-    model: UnknownGridNavigation, scene: int, main: _Named | None, shortest: Floats | None
-) -> str:
+def _words(
+    model: UnknownGridNavigation, scene: int, main: _Run | None, shortest: Floats | None
+) -> list[str]:
+    """Return the parts of the title."""
     if main is None:
-        parts = [model.describe()]
-        if model.scenes > 1:
-            parts.append(f"here scene {scene}")
-        return title_of(model.name, parts, None)
-    walk = main.walk
-    text = walk.describe()
+        return [model.describe()] + [f"here scene {scene}"] * (model.scenes > 1)
+    text = main.walk.describe()
     if shortest is not None:
         fewest = shortest[scene]
         text += f", at best {fewest:.0f}" if np.isfinite(fewest) else ", there is no way"
     if model.scenes == 1:
-        return title_of(model.name, [text], main.verification)
-    cost = main.verification.objective
-    parts = [f"scene {scene} of {model.scenes}: {text}; {number(main.plan.success, 4)} % reached"]
-    if cost is not None:
-        parts.append(f"mean cost {number(cost, 4)} steps")
-    return title_of(model.name, parts, main.verification)
+        return [text]
+    cost = main.found.objective
+    parts = [
+        f"scene {scene} of {model.scenes}: {text}; {kit.number(main.plan.success, 4)} % reached"
+    ]
+    return parts if cost is None else [*parts, f"mean cost {kit.number(cost, 4)} steps"]
 
 
-def _keys(runs: Sequence[_Named], main: _Named | None, *, moving: bool, several: bool) -> list[Any]:
+def _keys(runs: Sequence[_Run], main: _Run | None, *, moving: bool, several: bool) -> list[Any]:
     """Return the legend entries of the map and the runs."""
     keys = keys_of(None if main is None else main.walk, moving=moving)
     alone = len(runs) == 1 and main is not None
     for run in runs:
         words = run.name if alone else f"{run.name}: {run.walk.describe()}"
         if several and not alone:
-            words += f"; {number(run.plan.success, 4)} % reached"
-        wrong = "" if alone or run.verification.ok else ", NOT VALID"
-        keys.append(key(words + wrong, lw=1.8, **run.look))
+            words += f"; {kit.number(run.plan.success, 4)} % reached"
+        wrong = "" if alone or run.found.ok else ", NOT VALID"
+        keys.append(kit.key(words + wrong, lw=1.8, **run.look))
     return keys
