@@ -157,7 +157,8 @@ def ring(axes: Any, places: Any, label: str) -> list[Any]:
     if not len(places):
         return []
     where = np.clip(places, -FAR, FAR)
-    dots(axes, where, "o", "none", size=150, edge=RED, width=1.8, zorder=21, gid=label)
+    look: dict[str, Any] = {"size": 150, "edge": RED, "width": 1.8, "zorder": 21}
+    dots(axes, where, "o", "none", gid=label, label=label, **look)
     return [key(label, **RING)]
 
 

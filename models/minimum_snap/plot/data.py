@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import show
-from ...plots.options import check_list
+from ...plots import kit
 from ...verification import Check, Verification
 from ..bounds import Bound, Halfspaces, derivative_name
 from ..polynomials import derived
@@ -31,16 +31,8 @@ _FEWEST, _MOST = 4, 240
 class Violation(NamedTuple):
     """Location of the largest violation of one condition.
 
-    Parameters
-    ----------
-    check : Check
-        Violated condition.
-    order, axis : int
-        Order of the derivative and index of the axis; axis -1 if several axes are involved.
-    time, value : float
-        Time (s) and value of the derivative; NaN without a single axis.
-    position : ndarray, shape (dimensions,)
-        Position on the path, m.
+    Order and axis of the derivative, axis -1 if several are involved; time (s), value (NaN without a
+    single axis), and position on the path (m).
     """
 
     check: Check
@@ -120,15 +112,12 @@ class Scene:
     @cached_property
     def _rows(self) -> NDArray[np.int64]:
         """Indices of the drawn segments: all, or a subset at equal steps."""
-        most = _POINTS // _FEWEST
-        if self.segments <= most:
-            return np.arange(self.segments)
+        most = min(self.segments, _POINTS // _FEWEST)
         return np.linspace(0, self.segments - 1, most).round().astype(np.int64)
 
     @cached_property
     def _grid(self) -> Floats:
-        count = int(np.clip(_POINTS // len(self._rows), _FEWEST, _MOST))
-        return np.linspace(0.0, 1.0, count)
+        return np.linspace(0.0, 1.0, int(np.clip(_POINTS // len(self._rows), _FEWEST, _MOST)))
 
     @cached_property
     def sample_times(self) -> Floats:
@@ -145,8 +134,7 @@ class Scene:
         powers = np.vander(self._grid, inner.shape[1], increasing=True)
         values = np.einsum("np,kpd->knd", powers, inner)
         values *= (plan.durations[self._rows] ** -order)[:, None, None]
-        found: Floats = values.reshape(-1, self.dimensions)
-        return found
+        return np.asarray(values.reshape(-1, self.dimensions))
 
     def _planned(self) -> Trajectory:
         assert self.plan is not None
@@ -169,8 +157,11 @@ class Scene:
         for bound in self.bounds:
             if bound.name == check.name:
                 yield self._of_bound(check, bound)
-        if check.name == "polytope" and self.halfspaces is not None:
-            time = self._of_halfspaces(self.halfspaces)
+        spaces = self.halfspaces
+        if check.name == "polytope" and spaces is not None:
+            most = plan.extremes(0, direction=spaces.normals, segments=spaces.segments)
+            row = (most.largest[:, 0] - spaces.offsets).argmax()
+            time = float(most.largest_time[row, 0])
             yield Violation(check, 0, -1, time, np.nan, plan(time))
         for order in range(max(self.conditions.shape[1], plan.degree + 1)):
             word = derivative_name(order)
@@ -201,8 +192,7 @@ class Scene:
         near = int(np.abs(off - check.worst).argmin())
         row, axis = (int(k) for k in np.unravel_index(near, off.shape))
         time = float(self.flown[row + first])
-        value, plan = float(values[row, axis]), self._planned()
-        return Violation(check, order, axis, time, value, plan(time))
+        return Violation(check, order, axis, time, float(values[row, axis]), self._planned()(time))
 
     def _of_bound(self, check: Check, bound: Bound) -> Violation:
         plan = self._planned()
@@ -215,10 +205,6 @@ class Scene:
         time = float((found.least_time, found.largest_time)[side][row, axis])
         value = float((found.least, found.largest)[side][row, axis])
         return Violation(check, bound.derivative, axis, time, value, plan(time))
-
-    def _of_halfspaces(self, spaces: Halfspaces) -> float:
-        found = self._planned().extremes(0, direction=spaces.normals, segments=spaces.segments)
-        return float(found.largest_time[(found.largest[:, 0] - spaces.offsets).argmax(), 0])
 
 
 def scene_of(model: Any, plan: Any, names: Any) -> Scene:
@@ -254,7 +240,7 @@ def _names(names: Any, dimensions: int) -> tuple[str, ...]:
         return tuple("xyz"[k] if k < 3 else f"axis {k}" for k in range(dimensions))
     allowed = f"hold {dimensions} different word{'s' if dimensions > 1 else ''}, one an axis"
     return tuple(
-        check_list(
+        kit.check_list(
             "names", names, lambda name: isinstance(name, str) and name != "", allowed,
             least=dimensions, most=dimensions,
         )

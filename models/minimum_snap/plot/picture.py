@@ -11,27 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...plots.options import check_flags, check_list, is_whole
-from ...plots.panels import draw_panel, draw_panels, keys_of
-from ...plots.space import space_axes
-from ...plots.style import (
-    RED,
-    headline,
-    inches,
-    legend_below,
-    number,
-    pretty_unit,
-    sheet,
-    title_of,
-)
-from ..bounds import derivative_name
-from .data import Scene, given_times, scene_of
-from .panels import describe_violation, panel_of, span_of
+from ...plots import kit
+from ..bounds import derivative_name, derivative_unit
+from .data import Scene, Violation, given_times, scene_of
 from .path import draw_path, line_by_speed
 
 if TYPE_CHECKING:
     from matplotlib.collections import Collection
-    from matplotlib.figure import Figure
 
     from ..trajectory import Trajectory
 
@@ -53,7 +39,7 @@ def draw(
     labels: bool | None = None,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the waypoints and the corridor of `model`, and `plan` with its derivatives.
 
     Parameters
@@ -95,23 +81,19 @@ def draw(
     scene = scene_of(model, plan, names)
     shown = _shown(axes, scene.dimensions)
     orders = _orders(derivatives, scene)
-    if labels is not None:
-        check_flags(labels=labels)
-    count = len(orders)
-    figure = sheet(size, (12.5, max(5.8, 1.25 + 1.2 * count)) if count else (6.9, 5.8))
-    text = _title(scene) if title is None else title
-    left: Any = figure
+    kit.check_flags(optional=True, labels=labels)
+    text = kit.title_of(model, _words(scene), scene.verification, title)
+    default = (12.5, max(5.8, 1.25 + 1.2 * len(orders))) if orders else (6.9, 5.8)
+    sheet = kit.Scene(text, scene.verification, size, default)
+    left, right = sheet.halves(_LEFT, 1 - _LEFT) if orders else (sheet, sheet)
+    _draw_left(scene, shown, orders, left, labels)
     if orders:
-        halves: Any = figure.subfigures(1, 2, width_ratios=[_LEFT, 1 - _LEFT], wspace=0.0)
-        left, right = halves
-    _left(scene, shown, orders, left, labels)
-    if orders:
-        draw_panels(
-            right, [panel_of(scene, order) for order in orders], [span_of(scene)], title=text,
-            wrong=False, label="time (s)", ruled=True,
+        panels = [_panel(scene, order) for order in orders]
+        kit.draw_panels(
+            right.figure, panels, [_span(scene)], title=text, wrong=False, label="time (s)",
+            ruled=True,
         )  # fmt: skip
-    headline(figure, text, wrong=bool(scene.violated))
-    return figure
+    return sheet.figure
 
 
 def _shown(axes: Any, dimensions: int) -> tuple[int, ...]:
@@ -119,7 +101,9 @@ def _shown(axes: Any, dimensions: int) -> tuple[int, ...]:
         return tuple(range(min(dimensions, 3)))
     last = dimensions - 1
     allowed = f"hold 1 to 3 different axes from 0 to {last}"
-    return tuple(check_list("axes", axes, lambda item: is_whole(item, 0, last), allowed, most=3))
+    return tuple(
+        kit.check_list("axes", axes, lambda item: kit.is_whole(item, 0, last), allowed, most=3)
+    )
 
 
 def _orders(derivatives: Any, scene: Scene) -> list[int]:
@@ -127,44 +111,44 @@ def _orders(derivatives: Any, scene: Scene) -> list[int]:
         # With one axis, the left half already shows the position over time.
         first = 1 if scene.dimensions == 1 else 0
         orders = list(range(first, int(getattr(scene.model, "order", 4)) + 1))
-    elif is_whole(derivatives, 0, _HIGHEST):
+    elif kit.is_whole(derivatives, 0, _HIGHEST):
         orders = list(range(int(derivatives) + 1))
     else:
         allowed = f"be a whole number from 0 to {_HIGHEST}, or different ones in a tuple"
-        orders = check_list(
-            "derivatives", derivatives, lambda item: is_whole(item, 0, _HIGHEST), allowed, least=0
+        orders = kit.check_list(
+            "derivatives",
+            derivatives,
+            lambda item: kit.is_whole(item, 0, _HIGHEST),
+            allowed,
+            least=0,
         )
     return [] if scene.plan is None else orders
 
 
-def _title(scene: Scene) -> str:
+def _words(scene: Scene) -> list[str]:
+    """Return the parts of the title."""
     model = scene.model
     if scene.plan is None:
-        parts = [model.describe()]
-    else:
-        count = scene.segments
-        parts = [_what(model), f"{count} segment{'' if count == 1 else 's'}"]
-        verification = scene.verification
-        if verification is not None and verification.objective is not None:
-            unit = pretty_unit(model.objective_unit)
-            letter = "J" if given_times(model) is not None else "objective"
-            parts.append(f"{letter} = {number(verification.objective)} {unit}".rstrip())
-        parts.append(f"{number(scene.plan.duration, 5)} s")
-    return title_of(getattr(model, "name", ""), parts, scene.verification)
-
-
-def _what(model: Any) -> str:
-    order = int(getattr(model, "order", 4))
+        return [model.describe()]
+    timed, order = given_times(model) is not None, int(getattr(model, "order", 4))
     weights = getattr(model, "weights", None)
     orders = [order] if weights is None else [k for k, w in enumerate(weights, 1) if w]
-    words = "minimum " + " + ".join(derivative_name(k) for k in orders)
-    return words if given_times(model) is not None else f"{words}, times chosen"
+    what = "minimum " + " + ".join(derivative_name(k) for k in orders)
+    parts = [what if timed else f"{what}, times chosen", kit.many(scene.segments, "segment")]
+    found = scene.verification
+    if found is not None and found.objective is not None:
+        value = f"{kit.number(found.objective)} {kit.pretty_unit(model.objective_unit)}".rstrip()
+        parts.append(f"{'J' if timed else 'objective'} = {value}")
+    return [*parts, f"{kit.number(scene.plan.duration, 5)} s"]
 
 
-def _left(
-    scene: Scene, shown: tuple[int, ...], orders: list[int], figure: Any, labels: bool | None
+# -- the path ------------------------------------------------------------------------------------
+
+
+def _draw_left(
+    scene: Scene, shown: tuple[int, ...], orders: list[int], frame: kit.Frame, labels: bool | None
 ) -> None:
-    broad, tall = inches(figure)
+    broad, tall, figure = frame.broad, frame.tall, frame.figure
     space, planned = len(shown) == 3, scene.plan is not None
     low, high = _margins(tall, 0.98 + (0.1 if planned else -0.3) * space, 0.66)
     begin, end = _margins(broad, *((0.0, 0.65) if space else (0.65, 1.2 if planned else 0.25)))
@@ -173,31 +157,34 @@ def _left(
     coloured: Collection | None = None
     if len(shown) == 1:
         axes = figure.add_axes(place)
-        panel = panel_of(scene, 0, shown)
-        draw_panel(panel, axes, [span_of(scene)], wrong=False, ruled=True)
+        panel = _panel(scene, 0, shown)
+        kit.draw_panel(panel, axes, [_span(scene)], wrong=False, ruled=True)
         for line in [line for line in axes.lines if str(line.get_gid()).startswith("curve")]:
             speed = np.abs(scene.samples(1)[:, shown[0]])
             coloured = line_by_speed(np.column_stack(line.get_data()), speed, axes)
             line.remove()
-        axes.set_ylabel(f"{scene.names[shown[0]]} (m)", fontsize=8.5)
-        axes.set_xlabel("time (s)" if scene.timed else "knot", fontsize=8.5)
-        handles = keys_of([panel], [axes])
+        kit.label_axes(axes, "time (s)" if scene.timed else "knot", f"{scene.names[shown[0]]} (m)")
+        handles = kit.keys_of([panel], [axes])
     else:
-        axes = space_axes(figure, place) if space else figure.add_axes(place)
+        axes = kit.space_axes(figure, place) if space else figure.add_axes(place)
         coloured, handles, notes = draw_path(scene, shown, axes, labels=labels)
     if coloured is not None:
         # 3-D axes need the full width, so the colour bar is below them.
         across = (0.27, 0.85 / tall, 0.4, 0.09 / tall)
         upright = (end + 0.22 / broad, low + 0.15 * (high - low), 0.13 / broad, 0.7 * (high - low))
-        _speed_bar(scene, shown, figure, coloured, across if space else upright)
-    legend_below(figure, handles, 0.47)
+        whole = len(shown) == scene.dimensions
+        along = "" if whole else " along " + ", ".join(scene.names[axis] for axis in shown)
+        way = "horizontal" if space else "vertical"
+        bar = figure.add_axes(across if space else upright)
+        kit.color_bar(figure, coloured, bar, f"speed{along} (m/s)", orientation=way)
+        bar.tick_params(labelsize=7.5, pad=2)
+    frame.legend(handles, 1, x=0.47 * broad)
     # Violations that no panel shows are listed as text.
-    broken = [
-        describe_violation(mark)
-        for mark in scene.marks
-        if mark.axis < 0 or mark.order not in orders
-    ]
-    for text, colour, line in (("; ".join(broken), RED, 0.02), ("; ".join(notes), "#505050", 0.16)):
+    broken = [_describe(mark) for mark in scene.marks if mark.axis < 0 or mark.order not in orders]
+    for text, colour, line in (
+        ("; ".join(broken), kit.RED, 0.02),
+        ("; ".join(notes), "#505050", 0.16),
+    ):
         if text:
             figure.text(0.02, high + line / tall, text, fontsize=7.5, color=colour, va="bottom")
 
@@ -207,14 +194,62 @@ def _margins(length: float, before: float, after: float) -> tuple[float, float]:
     return min(before / length, 0.35), max(1 - after / length, 0.55)
 
 
-def _speed_bar(
-    scene: Scene, shown: tuple[int, ...], figure: Any, coloured: Collection,
-    place: tuple[float, float, float, float],
-) -> None:  # fmt: skip
-    whole = len(shown) == scene.dimensions
-    along = "" if whole else " along " + ", ".join(scene.names[axis] for axis in shown)
-    way = "horizontal" if len(shown) == 3 else "vertical"
-    bar = figure.colorbar(coloured, cax=figure.add_axes(place), orientation=way)
-    bar.set_label(f"speed{along} (m/s)", fontsize=8, labelpad=2)
-    bar.ax.tick_params(labelsize=7.5, pad=2)
-    bar.outline.set_visible(False)
+# -- the derivatives -----------------------------------------------------------------------------
+
+
+def _panel(scene: Scene, order: int, only: tuple[int, ...] = ()) -> kit.Panel:
+    """Return the panel of one derivative for the axes `only`, or for all axes."""
+    axes = list(only) or list(range(scene.dimensions))
+    curves: list[kit.Curve] = []
+    if scene.plan is not None:
+        values, times = scene.samples(order), scene.sample_times
+        # Thick lines of a noisy curve would merge into a solid bar.
+        width = 0.6 if order and scene.segments > 2 * kit.MOST_KNOTS else 1.4
+        curves = [kit.Curve(scene.names[k], k, times, values[:, k], width) for k in axes]
+    marks = _fixed(scene, order, axes, "waypoint" if only else "fixed value")
+    for mark in scene.marks:
+        if mark.order == order and mark.axis in axes:
+            place = np.array([mark.time]), np.array([mark.value])
+            marks.append(kit.Mark("worst violation", *place, note=_describe(mark)))
+    limits, unit = _limits(scene, order, axes), derivative_unit(order)
+    return kit.Panel(derivative_name(order), unit, curves, limits, marks)
+
+
+def _span(scene: Scene) -> kit.Span:
+    """Return the time span of the model and the plan, and the model's knots."""
+    ends = np.concatenate([scene.times, scene.flown])
+    return kit.Span("", float(ends.min()), float(ends.max()), scene.times)
+
+
+def _describe(mark: Violation) -> str:
+    """Return a note such as ``"velocity limit violated by 0.462 m/s at 1.026 s"``."""
+    by = f"{kit.number(mark.check.worst, 3)} {kit.pretty_unit(mark.check.unit)}"
+    return f"{mark.check.name} violated by {by} at {kit.number(mark.time, 4)} s"
+
+
+def _fixed(scene: Scene, order: int, axes: list[int], kind: str) -> list[kit.Mark]:
+    """Return marks of the fixed values at the knots, or no marks if the knots are too many."""
+    crowd = scene.plan is not None and len(scene.times) > kit.MOST_KNOTS
+    if crowd or order >= scene.conditions.shape[1]:
+        return []
+    tables = [(axis, scene.conditions[:, order, axis]) for axis in axes]
+    known = [(axis, values, np.isfinite(values)) for axis, values in tables]
+    return [kit.Mark(kind, scene.times[at], values[at], k) for k, values, at in known if at.any()]
+
+
+def _limits(scene: Scene, order: int, axes: list[int]) -> list[kit.Limit]:
+    """Return the bounds on a derivative per segment, merged for axes with equal bounds."""
+    times = np.repeat(scene.flown, 2)[1:-1]
+    found = []
+    for bound in scene.bounds_of(order):
+        groups: dict[bytes, list[int]] = {}
+        for axis in axes:
+            same = bound.lower[:, axis].tobytes() + bound.upper[:, axis].tobytes()
+            groups.setdefault(same, []).append(axis)
+        for group in groups.values():
+            lower, upper = (np.repeat(side[:, group[0]], 2) for side in (bound.lower, bound.upper))
+            if np.isfinite(lower).any() or np.isfinite(upper).any():
+                whose = tuple(group) if len(groups) > 1 else ()
+                band = "corridor of an axis" if whose and not order else ""
+                found.append(kit.Limit(times, lower, upper, whose, band=band))
+    return found

@@ -19,14 +19,14 @@ _TILT = 1e-9
 def regions(
     scene: Scene, shown: tuple[int, ...], low: Floats, high: Floats, most: int | None = None
 ) -> tuple[list[list[Floats]], int, bool]:
-    """Return the regions of the corridor, clipped at a box, in the shown axes.
+    """Return the regions of the corridor, clipped at a box, in two or three shown axes.
 
     Parameters
     ----------
     scene : Scene
         Model of the figure.
     shown : tuple of int
-        Indices of two or three axes.
+        Indices of the axes.
     low, high : ndarray, shape (dimensions,)
         Box that clips unbounded regions, m.
     most : int, optional
@@ -41,21 +41,18 @@ def regions(
     bool
         Whether half-spaces were omitted because they depend on an axis that is not shown.
     """
-    boxes = scene.bounds_of(0)
-    spaces = scene.halfspaces
-    if not boxes and spaces is None:
-        return [], 0, False
+    boxes, spaces = scene.bounds_of(0), scene.halfspaces
     lower = np.broadcast_to(low, (scene.segments, low.size)).copy()
     upper = np.broadcast_to(high, lower.shape).copy()
     bounded = np.zeros(scene.segments, bool)
     for box in boxes:
         lower, upper = np.maximum(lower, box.lower), np.minimum(upper, box.upper)
         bounded |= (np.isfinite(box.lower) | np.isfinite(box.upper))[:, shown].any(axis=1)
+    # Rows of the half-spaces of each segment.
     members: dict[int, list[int]] = {}
-    if spaces is not None:
-        for row, segment in enumerate(spaces.segments.tolist()):
-            members.setdefault(segment, []).append(row)
-        bounded[list(members)] = True
+    for row, segment in enumerate([] if spaces is None else spaces.segments.tolist()):
+        members.setdefault(segment, []).append(row)
+        bounded[segment] = True
     # Segments with equal boxes share one region.
     selection: list[int] = []
     keys: set[bytes] = set()
@@ -72,8 +69,7 @@ def regions(
     axes = list(shown)
     for segment in selection:
         normals, offsets = np.zeros((0, low.size)), np.zeros(0)
-        if segment in members:
-            assert spaces is not None
+        if spaces is not None and segment in members:
             normals, offsets = spaces.normals[members[segment]], spaces.offsets[members[segment]]
         tilted = (np.abs(np.delete(normals, axes, axis=1)) > _TILT).any(axis=1)
         if tilted.any() and low.size == 3:
@@ -83,8 +79,7 @@ def regions(
             omitted |= bool((tilted & (np.abs(normals[:, axes]) > _TILT).any(axis=1)).any())
             part = normals[~tilted][:, axes]
             ends = lower[segment, axes], upper[segment, axes]
-            shape = _body if len(axes) == 3 else _polygon
-            faces = shape(*ends, part, offsets[~tilted])
+            faces = (_body if len(axes) == 3 else _polygon)(*ends, part, offsets[~tilted])
         if faces:
             result.append(faces)
     return result, total, omitted
