@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import inspect
+import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from ..errors import UnknownName, UnsupportedFormulation, UnsupportedOption, suggestion
+from ..files import write_text
 from ..models.model import Model, as_model
 from ..models.problems import declared_in, problem_of, resolve
 
-__all__ = ["ExportFormat", "choose_format", "export_formats", "export_plan"]
+__all__ = ["ExportFormat", "choose_format", "export_formats", "export_plan", "write_geojson"]
 
 
 @dataclass(frozen=True)
@@ -135,3 +138,30 @@ def export_plan(
     """
     _, chosen = choose_format(model, format, options)
     return chosen.written(model, model.as_plan(plan), path, options)
+
+
+def write_geojson(
+    path: str | os.PathLike[str], features: Iterable[tuple[str, Any, Mapping[str, Any]]]
+) -> Path:
+    """Write a FeatureCollection atomically with one line per feature; return the path.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write.
+    features : iterable of (str, list, mapping)
+        Type and coordinates of the geometry, and the properties of each feature.
+    """
+    lines = ",\n".join(
+        json.dumps(
+            {
+                "type": "Feature",
+                "properties": properties,
+                "geometry": {"type": kind, "coordinates": coordinates},
+            },
+            allow_nan=False,
+            ensure_ascii=False,
+        )
+        for kind, coordinates, properties in features
+    )
+    return write_text(path, f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n')

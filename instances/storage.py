@@ -8,7 +8,6 @@ with the content.
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import stat
@@ -23,18 +22,14 @@ from ..models.model import Model, as_model, parse_json
 from ..models.problems import resolve, table
 
 __all__ = [
-    "NUMBER",
     "Find",
-    "number",
     "read_model",
     "read_plan",
+    "reference",
     "register_references",
     "write_model",
     "write_text",
 ]
-
-#: Accepted forms of numbers in files.
-NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 
 #: Function that returns the path of a file to which an instance refers by name, if it may be read.
 Find = Callable[[str], Path]
@@ -64,6 +59,42 @@ def register_references(kind: str, function: References) -> References:
     """
     _REGISTERED[kind] = function
     return function
+
+
+def reference(
+    key: str,
+    read: Callable[[Path], Mapping[str, Any]],
+    *,
+    only: bool = False,
+    excluded: Sequence[str] = (),
+) -> References:
+    """Return a function that replaces ``key: "file"`` in an instance by the content of the file.
+
+    Parameters
+    ----------
+    key : str
+        Key of the instance's data whose value may name a file.
+    read : callable
+        Function from the file to the data in it.
+    only : bool
+        Whether values other than names of files are refused.
+    excluded : sequence of str
+        Further keys that an instance with such a file must not have.
+    """
+
+    def resolved(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
+        result = dict(data)
+        if not isinstance(result.get(key), str):
+            if only and key in result:
+                raise InvalidData(f"{key} must name a file, got {show(result[key])}", field=key)
+            return result
+        content = read(find(result.pop(key)))
+        for name in (*content, *excluded):
+            if name in result:
+                raise InvalidData(f"{name} must not be given: the file holds it", field=name)
+        return {**result, **content}
+
+    return resolved
 
 
 def read_model(
@@ -237,13 +268,3 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
             raise InvalidData(f"{source}: the solution holds no plan ({state})", field="plan")
         data = data["plan"]
     return model.plan_from_data(data)
-
-
-def number(text: str, where: str, field: str) -> float:
-    """Return the finite number in `text`; error messages contain `where` and name `field`."""
-    # float() alone would accept nan, inf, 1_000 and non-ASCII digits.
-    stripped = text.strip()
-    value = float(stripped) if NUMBER.fullmatch(stripped) else math.nan
-    if not math.isfinite(value):
-        raise InvalidData(f"{where}: must be a finite number, got {show(text)}", field=field)
-    return value

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files import write_text
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
 from ...models.fields import required
 from ..exports import ExportFormat
+from ..tables import write_rows
 
 __all__ = ["CSV", "write_states_csv"]
 
@@ -43,9 +43,7 @@ def write_states_csv(
     unit = f" [{model.unit}]" if model.unit else ""
     head = ["time [s]", *(f"x{k}{unit}" for k in range(plan.dimension))]
     times = model.period * np.arange(len(states))
-    rows = np.column_stack([times, states]).tolist()
-    lines = [",".join(map(repr, row)) for row in rows]
-    return write_text(path, "\n".join([",".join(head), *lines]) + "\n")
+    return write_rows(path, head, np.column_stack([times, states]).tolist())
 
 
 CSV = ExportFormat("one row per state of the embedding (CSV)", ".csv", write_states_csv)

@@ -18,18 +18,12 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnknownName
 from ...models.attractor.model import AttractorAnalysis
 from ...models.fields import Optional, Real, required, show
-from ..spreadsheets import read_columns, table_rows
-from ..storage import number
+from ..tables import TIMES, Column, Sheet
 
 __all__ = ["EVEN", "read_series", "table_file"]
 
 #: Largest deviation of a time from even spacing, in samples: more than the rounding of times, less than a gap.
 EVEN = 0.05
-#: Units of time in seconds. Lower case turns the micro sign into the Greek letter.
-_UNITS = {
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0,
-}  # fmt: skip
-_HEADER = re.compile(r"([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
 
 
 def read_series(
@@ -65,90 +59,67 @@ def read_series(
         The column does not exist.
     """
     lag = Optional(Real(0, strict=True, unit="s")).coerce("period", period, {})
-    found = _read(path, None if column is None else required("column", column, str))
-    if "period" in found and lag is not None:
+    data = _read(path, None if column is None else required("column", column, str))
+    if "period" in data and lag is not None:
         raise InvalidData(
-            f"{path}: period must not be given: the file has times, {found['period']:.6g} s apart",
+            f"{path}: period must not be given: the file has times, {data['period']:.6g} s apart",
             field="period",
         )
-    if "period" not in found:
+    if "period" not in data:
         if lag is None:
             raise InvalidData(
                 f"{path}: has no column of times, such as 'time [s]': period must be given",
                 field="period",
             )
-        found["period"] = lag
+        data["period"] = lag
     try:
-        return AttractorAnalysis(**found, name=Path(path).stem if name is None else name)
+        return AttractorAnalysis(**data, name=Path(path).stem if name is None else name)
     except InvalidData as error:
         raise InvalidData(f"{path}: {error}", field=error.field) from None
 
 
 def table_file(file: Path) -> dict[str, Any]:
     """Return the data of an instance from a file of times and one column of values."""
-    found = _read(file, None)
-    if "period" not in found:
+    data = _read(file, None)
+    if "period" not in data:
         raise InvalidData(
             f"{file}: must have a column of times, such as 'time [s]', beside the values; without one, "
             "read_series takes a period",
             field="time",
         )
-    return found
+    return data
 
 
 def _read(path: str | os.PathLike[str], wanted: str | None) -> dict[str, Any]:
     """Return the series, its unit, and the period if the file has times."""
-    times: list[str] = []
-    values: list[str] = []
-    places: list[str] = []
-
-    def check(names: list[str], where: str) -> None:
-        times.extend(_times(names, where))
-        values.append(_values(names, times, wanted, where))
-
-    def convert(text: str, where: str, name: str) -> float | None:
-        if name not in (*times, *values):
-            return None
-        if name in times:
-            places.append(where)
-        return number(text, f"{where}, column {name}", "time" if name in times else "series")
-
-    table = read_columns(path, check, convert, what="samples", field="series")
-    # Units of values keep their capitals: mV is not MV.
-    _, header = next(table_rows(path))
-    label = header[list(table).index(values[0])].lstrip("# ")
-    found: dict[str, Any] = {"series": np.array(table[values[0]]), "unit": _parts(label)[1]}
-    if times:
-        factor = _UNITS[_parts(times[0])[1]]
-        found["period"] = factor * _spacing(np.array(table[times[0]]), places, times[0])
-    return found
+    sheet = Sheet(path, "sample", "series")
+    times = _times(sheet)
+    at = _values(sheet, times, wanted)
+    # Times stay in the unit of the file, in which messages state them.
+    selection = {at: Column("series"), **{k: Column("time") for k in times}}
+    table = sheet.read(selection)
+    result = {"series": np.array(table.values["series"]), "unit": sheet.parts(at)[1]}
+    for k in times:
+        spacing = _spacing(np.array(table.values["time"]), table.places, sheet.names[k])
+        result["period"] = sheet.factor(k, TIMES, "time") * spacing
+    return result
 
 
-def _parts(label: str) -> tuple[str, str]:
-    """Return the name and the unit of a column; both may be empty."""
-    parts = _HEADER.fullmatch(label)
-    return (parts[1], (parts[2] or parts[3] or "").strip()) if parts else (label, "")
+def _times(sheet: Sheet) -> list[int]:
+    """Return the position of the column of times, or an empty list."""
+    result = [
+        at for at in range(len(sheet.names)) if sheet.parts(at)[0].casefold() in ("time", "t")
+    ]
+    if len(result) > 1:
+        raise InvalidData(f"{sheet.where}: column 'time' stands twice", field="time")
+    for at in result:
+        sheet.factor(at, TIMES, "time")
+    return result
 
 
-def _times(names: list[str], where: str) -> list[str]:
-    """Return the column of times in a list, empty without one."""
-    found = [name for name in names if _parts(name)[0] in ("time", "t")]
-    if len(found) > 1:
-        raise InvalidData(f"{where}: column 'time' stands twice", field="time")
-    for name in found:
-        unit = _parts(name)[1]
-        if unit not in _UNITS:
-            said = f"got {show(unit)}" if unit else "got none"
-            raise InvalidData(
-                f"{where}, column {show(name)}: must state its unit in brackets, one of {', '.join(_UNITS)}; {said}",
-                field="time",
-            )
-    return found
-
-
-def _values(names: list[str], times: list[str], wanted: str | None, where: str) -> str:
-    """Return the wanted column of values, or the only one."""
-    others = [name for name in names if name not in times]
+def _values(sheet: Sheet, times: list[int], wanted: str | None) -> int:
+    """Return the position of the wanted column of values, or of the only one."""
+    names, where = sheet.names, sheet.where
     if any(not re.search("[^\\W\\d_]", name) for name in names):
         raise InvalidData(
             f"{where}: must be a header of a series, such as 'time [s],x [m]', got "
@@ -159,14 +130,18 @@ def _values(names: list[str], times: list[str], wanted: str | None, where: str) 
         raise InvalidData(
             f"{where}: columns must differ, got {show(','.join(names))}", field="header"
         )
+    others = [at for at in range(len(names)) if at not in times]
     if wanted is not None:
-        asked = wanted.strip().casefold()
-        found = [name for name in others if asked in (name, _parts(name)[0])]
-        if not found:
-            raise UnknownName("column of values", wanted, others)
-        others = found
+        name = wanted.strip().casefold()
+        matches = [at for at in others if name in (names[at], sheet.parts(at)[0].casefold())]
+        if not matches:
+            raise UnknownName("column of values", wanted, [names[at] for at in others])
+        others = matches
     if len(others) != 1:
-        several = f"several columns of values, {', '.join(others)}: one must be named (column=)"
+        several = (
+            f"several columns of values, {', '.join(names[at] for at in others)}: one must be named "
+            "(column=)"
+        )
         raise InvalidData(
             f"{where}: has {several if others else 'no column of values'}", field="series"
         )

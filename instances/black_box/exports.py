@@ -6,11 +6,11 @@ import os
 from pathlib import Path
 
 from ...errors import InvalidData
-from ...files import write_text
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
 from ...models.fields import required
 from ..exports import ExportFormat
+from ..tables import write_rows
 
 __all__ = ["CSV", "write_point_csv"]
 
@@ -46,9 +46,9 @@ def write_point_csv(
     required("model", model, BlackBoxMinimisation)
     if len(plan.x) != model.dimension:
         raise InvalidData(f"x must have {model.dimension} entries, got {len(plan.x)}", field="x")
-    rows = zip(plan.x, model.lows.tolist(), model.highs.tolist(), strict=True)
-    lines = [f"{k},{x!r},{low!r},{high!r}" for k, (x, low, high) in enumerate(rows)]
-    return write_text(path, "\n".join(["variable,value,lower,upper", *lines]) + "\n")
+    indices = range(model.dimension)
+    rows = zip(indices, plan.x, model.lows.tolist(), model.highs.tolist(), strict=True)
+    return write_rows(path, ("variable", "value", "lower", "upper"), rows)
 
 
 CSV = ExportFormat("one row per variable (CSV)", ".csv", write_point_csv)

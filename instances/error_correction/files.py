@@ -8,12 +8,10 @@ horizontal, vertical, B) or codes: -1 (A), 0 (horizontal), 1 (vertical), 2 (B).
 
 from __future__ import annotations
 
-import csv
-import io
 import logging
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -22,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...files import as_path, read_text, write_text
+from ...files import as_path, write_text
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ...models.error_correction.points import as_kind, kind_word
 from ...models.fields import required, show
-from ..spreadsheets import xlsx_rows
-from ..storage import Find, number, pretty, write_model
+from ..storage import pretty, reference, write_model
+from ..tables import csv_rows, number, table_rows, table_text, write_rows
 
 __all__ = [
     "PointTable",
@@ -121,7 +119,12 @@ def read_points(path: str | os.PathLike[str]) -> PointTable:
         exactly one A and one B, an empty file, or an encoding other than UTF-8.
     """
     file = as_path(path)
-    return _parse(list(_rows_of(file)), str(file))
+    rows = list(table_rows(file))
+    if file.suffix.casefold() == ".xlsx":
+        # Excel stores no empty cells at the end of a row, so rows are padded.
+        width = max([len(row) for _, row in rows], default=0)
+        rows = [(line, row + [""] * (width - len(row))) for line, row in rows]
+    return _parse(rows, str(file))
 
 
 def read_csv(
@@ -162,19 +165,8 @@ def points_of_table(file: Path) -> dict[str, Any]:
     return read_points(file).data()
 
 
-def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return `data` of an instance with ``"points": "file.csv"`` replaced by the file's content."""
-    content = dict(data)
-    reference = content.get("points")
-    if not isinstance(reference, str):
-        return content
-    for key in _OF_POINTS[1:]:
-        if key in content:
-            raise InvalidData(
-                f"{key} must not be given beside points {reference!r}: the file holds them",
-                field=key,
-            )
-    return {**content, **read_points(find(reference)).data()}
+#: Replaces ``"points": "file.csv"`` in an instance by the points in the file.
+resolve_references = reference("points", points_of_table, excluded=["suspect"])
 
 
 @dataclass(frozen=True)
@@ -206,7 +198,7 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
             above = "the header" if layout.first else "the first row"
             raise InvalidData(f"{where}: {len(row)} values where {above} has {width} columns")
         if "id" in places:
-            label = row[places["id"]].strip()
+            label = row[places["id"]]
             if not label:
                 raise InvalidData(f"{where}, column id: must not be empty", field="ids")
             if label in ids:
@@ -218,7 +210,7 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
         points.append(
             [number(row[places[axis]], f"{where}, column {axis}", "points") for axis in "xyz"]
         )
-        word = kind_word(row[places["kind"]].strip(), f"{where}, column kind:")
+        word = kind_word(row[places["kind"]], f"{where}, column kind:")
         if word in ("A", "B"):
             if word in ends:
                 raise InvalidData(
@@ -228,7 +220,7 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
             ends[word] = line
         kinds.append(word)
         if "fail" in places:
-            mark = row[places["fail"]].strip().casefold()
+            mark = row[places["fail"]].casefold()
             if mark not in _MARKS:
                 raise InvalidData(
                     f"{where}, column fail: must be 1 or 0, got {show(row[places['fail']])}",
@@ -257,7 +249,7 @@ def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
     """Return the layout given by a header or by the values; None if neither determines it."""
     # Contest files have a title above the header: a row with a single value.
     titles = 0
-    while titles < min(len(rows), 3) and len(list(filter(str.strip, rows[titles][1]))) == 1:
+    while titles < min(len(rows), 3) and len(list(filter(None, rows[titles][1]))) == 1:
         titles += 1
     for first in {0, titles}:
         if first < len(rows):
@@ -283,33 +275,6 @@ def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
 def _bare(name: str) -> str:
     """Return a column's name without its unit: ``"X坐标（单位: m）"`` is ``"x坐标"``."""
     return re.sub(r"[(（\[].*", "", name).strip().casefold()
-
-
-def _rows_of(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the non-blank rows of a CSV or Excel file, each with its number."""
-    if Path(path).suffix.casefold() == ".xlsx":
-        rows = list(xlsx_rows(path))
-        # Excel stores no empty cells, so rows are padded.
-        width = max([len(row) for _, row in rows], default=0)
-        yield from ((line, row + [""] * (width - len(row))) for line, row in rows)
-    else:
-        yield from _rows(read_text(path), str(path))
-
-
-def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the non-blank rows, each with the number of its first line."""
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    line = 1
-    while True:
-        try:
-            row = next(reader)
-        except StopIteration:
-            return
-        except csv.Error as error:
-            raise InvalidData(f"{file}, line {line}: no valid CSV: {error}") from None
-        if any(value.strip() for value in row):
-            yield line, row
-        line = reader.line_num + 1
 
 
 def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:
@@ -372,26 +337,30 @@ def write_csv(model: ErrorCorrectionRouting, path: str | os.PathLike[str]) -> Pa
         An id would be read back as another value, such as the word ``"7"`` among whole numbers.
     """
     required("model", model, ErrorCorrectionRouting)
-    path = as_path(path)
-    ids = range(len(model.points)) if model.ids is None else model.ids
-    stream = io.StringIO(newline="")
-    writer = csv.writer(stream, lineterminator="\n")
+    file = as_path(path)
     suspect = model.suspect
-    writer.writerow(_COLUMNS if suspect is None else (*_COLUMNS, "fail"))
-    for row, (label, point) in enumerate(zip(ids, model.points.tolist(), strict=True)):
-        mark = [] if suspect is None else [int(suspect[row])]
-        writer.writerow([label, *map(repr, point), str(model.kinds[row]), *mark])
-    text = stream.getvalue()
-    _require_same(model, text, str(path))
-    return write_text(path, text)
+    marks = [()] * len(model.points) if suspect is None else [(int(mark),) for mark in suspect]
+    header = _COLUMNS if suspect is None else (*_COLUMNS, "fail")
+    rows = [
+        (label, *point, str(kind), *mark)
+        for label, point, kind, mark in zip(
+            _ids_of(model), model.points.tolist(), model.kinds, marks, strict=True
+        )
+    ]
+    _require_same(model, table_text(header, rows), str(file))
+    return write_rows(file, header, rows)
+
+
+def _ids_of(table: ErrorCorrectionRouting | PointTable) -> Sequence[int | str]:
+    """Return the names of the points, which are numbers from 0 by default."""
+    return range(len(table.points)) if table.ids is None else table.ids
 
 
 def _require_same(model: ErrorCorrectionRouting, text: str, file: str) -> None:
     """Read `text` back and raise unless all ids are the same."""
-    expected = tuple(range(len(model.points))) if model.ids is None else model.ids
+    expected = _ids_of(model)
     try:
-        table = _parse(list(_rows(text, file)), file)
-        ids = tuple(range(len(model.points))) if table.ids is None else table.ids
+        ids = _ids_of(_parse(list(csv_rows(text, file)), file))
     except InvalidData:
         ids = ()
     for have, want in zip(ids, expected, strict=False):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +15,8 @@ from ...models.fields import required
 from ...models.fleet.checks import loads_of
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
-from ..exports import ExportFormat
+from ..exports import ExportFormat, write_geojson
+from ..tables import write_rows
 
 __all__ = ["CSV", "GEOJSON", "VRPLIB", "write_routes_csv", "write_routes_geojson", "write_vrplib"]
 
@@ -48,20 +48,15 @@ def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: Fl
         The plan has other nodes or vehicles, an id does not fit into a CSV row, or the file cannot
         be written.
     """
-    import csv
-    import io
-
-    out = io.StringIO()
-    table = csv.writer(out, lineterminator="\n")
-    table.writerow(("vehicle", "stop", "node", "x", "y", "arrival"))
+    rows = []
     for k, stops in _walks(plan, model):
         arrival = 0.0
         for stop, node in enumerate(stops):
             if stop:
                 arrival += float(model.distances[stops[stop - 1], node])
             place = ("", "") if model.points is None else model.points[node].tolist()
-            table.writerow((k, stop, model.label(node), *place, repr(arrival)))
-    return write_text(path, out.getvalue())
+            rows.append((k, stop, model.label(node), *place, arrival))
+    return write_rows(path, ("vehicle", "stop", "node", "x", "y", "arrival"), rows)
 
 
 def write_routes_geojson(
@@ -90,19 +85,13 @@ def write_routes_geojson(
             raise UnsupportedFormulation(
                 "routes without points cannot be drawn: the model has costs"
             )
-        features.append(
-            {
-                "type": "Feature",
-                "properties": {
-                    "vehicle": k,
-                    "length": float(loads[k]),
-                    "nodes": [model.label(node) for node in stops],
-                },
-                "geometry": {"type": "LineString", "coordinates": model.points[stops].tolist()},
-            }
-        )
-    whole = {"type": "FeatureCollection", "features": features}
-    return write_text(path, json.dumps(whole, allow_nan=False, ensure_ascii=False) + "\n")
+        properties = {
+            "vehicle": k,
+            "length": float(loads[k]),
+            "nodes": [model.label(node) for node in stops],
+        }
+        features.append(("LineString", model.points[stops].tolist(), properties))
+    return write_geojson(path, features)
 
 
 def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting) -> Path:

@@ -20,7 +20,7 @@ from ...files import as_path, read_text
 from ...models.fields import Flag, show
 from ...models.fleet.data import MOST, Metric, Objective
 from ...models.fleet.model import FleetRouting
-from ..storage import NUMBER
+from ..tables import NUMBER
 
 __all__ = ["read_tsplib", "read_vrplib"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ...files import as_path, write_text
+from ...files import as_path
 from ...models.fields import required
 from ...models.fleet_mission.model import FleetMission
 from ...models.fleet_mission.plan import MissionPlan
 from ...models.sampling import sample_count
-from ..exports import ExportFormat
+from ..exports import ExportFormat, write_geojson
+from ..grid_path.geojson import closed_ring
 from ..minimum_snap.poly7 import Poly7Report, write_poly7
+from ..tables import write_rows
 
 __all__ = [
     "GEOJSON",
@@ -28,7 +29,7 @@ __all__ = [
     "write_mission_samples",
 ]
 
-_NAMES = ("t", "x", "y", "vx", "vy", "ax", "ay")
+_NAMES = ("robot", "t", "x", "y", "vx", "vy", "ax", "ay")
 
 
 def write_mission_samples(
@@ -46,29 +47,28 @@ def write_mission_samples(
     path : path-like
         The file.
     rate : float
-        Samples a second (Hz); a robot's end is always included.
+        Samples per second (Hz); the end of a robot's trajectory is always included.
     """
-    lines = ["robot," + ",".join(_NAMES)]
-    for robot, one in enumerate(required("plan", plan, MissionPlan).trajectories):
-        if one is not None:
-            sample_count(one.duration, rate)
-            table = one.sampled(rate, 2).tolist()
-            lines += [f"{robot}," + ",".join(map(repr, row)) for row in table]
-    return write_text(path, "\n".join(lines) + "\n")
+    rows = []
+    for robot, trajectory in enumerate(required("plan", plan, MissionPlan).trajectories):
+        if trajectory is not None:
+            sample_count(trajectory.duration, rate)
+            rows += [(robot, *row) for row in trajectory.sampled(rate, 2).tolist()]
+    return write_rows(path, _NAMES, rows)
 
 
 @dataclass(frozen=True)
 class Poly7Reports:
-    """What 4-byte floats do to the trajectories of a mission.
+    """Effect of 4-byte floats on the trajectories of a mission.
 
     Parameters
     ----------
     robots : tuple of int
         The robots that fly.
     starts : tuple of float
-        When each leaves the depot, s: a poly7 file begins at 0.
+        Time at which each robot leaves the depot, s: a poly7 file begins at 0.
     reports : tuple of Poly7Report
-        One a robot.
+        One report per robot.
     """
 
     robots: tuple[int, ...]
@@ -78,11 +78,13 @@ class Poly7Reports:
     def to_dict(self) -> dict[str, Any]:
         """Return the reports as JSON data."""
         rows = zip(self.robots, self.starts, self.reports, strict=True)
-        return {"files": [{"robot": k, "start": t, **one.to_dict()} for k, t, one in rows]}
+        return {"files": [{"robot": k, "start": t, **report.to_dict()} for k, t, report in rows]}
 
     def __str__(self) -> str:
         rows = zip(self.robots, self.starts, self.reports, strict=True)
-        return "\n".join(f"robot {k}, to be started at {t:.6g} s\n{one}" for k, t, one in rows)
+        return "\n".join(
+            f"robot {k}, to be started at {t:.6g} s\n{report}" for k, t, report in rows
+        )
 
 
 def write_mission_poly7(
@@ -97,7 +99,7 @@ def write_mission_poly7(
     plan : MissionPlan
         The mission.
     path : path-like
-        Names the files.
+        Path from which the names of the files are derived.
     height : float
         z of all robots, m.
     strict : bool
@@ -106,28 +108,25 @@ def write_mission_poly7(
     Returns
     -------
     Poly7Reports
-        When each robot is to be started, and what rounding does to each trajectory.
+        Start time of each robot, and the effect of rounding on each trajectory.
     """
     from ...models.minimum_snap.trajectory import Trajectory
 
     file = as_path(path)
-    flown = [
-        (k, one)
-        for k, one in enumerate(required("plan", plan, MissionPlan).trajectories)
-        if one is not None
-    ]
-    reports = []
-    for k, one in flown:
-        level = np.zeros((one.segments, one.degree + 1, 1))
+    robots, starts, reports = [], [], []
+    for k, trajectory in enumerate(required("plan", plan, MissionPlan).trajectories):
+        if trajectory is None:
+            continue
+        level = np.zeros((trajectory.segments, trajectory.degree + 1, 1))
         level[:, 0] = height
-        in_space = Trajectory(one.times, np.concatenate([one.coefficients, level], axis=2))
-        own = file.with_name(f"{file.stem}-{k}{file.suffix}")
-        reports.append(write_poly7(in_space, own, strict=strict))
-    return Poly7Reports(
-        tuple(k for k, _ in flown),
-        tuple(float(one.times[0]) for _, one in flown),
-        tuple(reports),
-    )
+        coefficients = np.concatenate([trajectory.coefficients, level], axis=2)
+        target = file.with_name(f"{file.stem}-{k}{file.suffix}")
+        robots.append(k)
+        starts.append(float(trajectory.times[0]))
+        reports.append(
+            write_poly7(Trajectory(trajectory.times, coefficients), target, strict=strict)
+        )
+    return Poly7Reports(tuple(robots), tuple(starts), tuple(reports))
 
 
 def write_mission_geojson(
@@ -144,44 +143,31 @@ def write_mission_geojson(
     path : path-like
         The file.
     model : FleetMission
-        Intended software.
+        Model of the plan.
     rate : float
-        Points of a curve a second (Hz).
+        Points of a curve per second (Hz).
     """
     required("plan", plan, MissionPlan)
     required("model", model, FleetMission)
-    features = [
-        _feature("Polygon", [_closed(ring) for ring in (one.shell, *one.holes)], {"obstacle": k})
-        for k, one in enumerate(model.obstacles)
+    features: list[tuple[str, Any, dict[str, Any]]] = [
+        ("Polygon", [closed_ring(ring) for ring in (area.shell, *area.holes)], {"obstacle": k})
+        for k, area in enumerate(model.obstacles)
     ]
-    features.append(_feature("Point", model.depot.tolist(), {"depot": True}))
-    met = {
+    features.append(("Point", model.depot.tolist(), {"depot": True}))
+    visits = {
         node: (robot, float(t))
         for robot, (route, times) in enumerate(zip(plan.routes, plan.visits, strict=True))
         for node, t in zip(route, times, strict=True)
     }
     for k, node in enumerate(model.nodes.tolist()):
-        robot, t = met.get(k, (None, None))
-        features.append(
-            _feature("Point", node, {"node": model.label(k), "robot": robot, "time": t})
-        )
-    for robot, one in enumerate(plan.trajectories):
-        if one is not None:
-            line = one.sampled(rate, 0)
-            own = {"robot": robot, "times": line[:, 0].tolist()}
-            features.append(_feature("LineString", line[:, 1:].tolist(), own))
-    rows = ",\n".join(json.dumps(one, allow_nan=False, ensure_ascii=False) for one in features)
-    return write_text(path, f'{{"type": "FeatureCollection", "features": [\n{rows}\n]}}\n')
-
-
-def _closed(ring: Any) -> list[list[float]]:
-    points: list[list[float]] = ring.tolist()
-    return [*points, points[0]]
-
-
-def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
-    geometry = {"type": kind, "coordinates": coordinates}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
+        robot, t = visits.get(k, (None, None))
+        features.append(("Point", node, {"node": model.label(k), "robot": robot, "time": t}))
+    for robot, trajectory in enumerate(plan.trajectories):
+        if trajectory is not None:
+            line = trajectory.sampled(rate, 0)
+            properties = {"robot": robot, "times": line[:, 0].tolist()}
+            features.append(("LineString", line[:, 1:].tolist(), properties))
+    return write_geojson(path, features)
 
 
 SAMPLES = ExportFormat("samples of all robots (CSV)", ".csv", write_mission_samples)

@@ -6,17 +6,20 @@ be projected before reading.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...errors import InvalidData
-from ...files import as_path, read_text, write_text
+from ...files import as_path, read_text
 from ...models.fields import show
 from ...models.grid_path.polygons import Polygon, Polygons
 from ...models.model import parse_json
+from ..exports import write_geojson
 
 __all__ = ["read_geojson_polygons", "write_geojson_polygons"]
 
@@ -129,23 +132,19 @@ def write_geojson_polygons(polygons: Any, path: str | os.PathLike[str]) -> Path:
     InvalidData
         A polygon is invalid, or the file cannot be written.
     """
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"polygon": k},
-            "geometry": {
-                "type": "Polygon",
-                "coordinates": [
-                    [*ring.tolist(), ring[0].tolist()] for ring in (polygon.shell, *polygon.holes)
-                ],
-            },
-        }
-        for k, polygon in enumerate(Polygons().coerce("polygons", polygons, {}))
-    ]
-    return write_text(path, collection(features))
+    return write_geojson(
+        path,
+        (
+            (
+                "Polygon",
+                [closed_ring(ring) for ring in (polygon.shell, *polygon.holes)],
+                {"polygon": k},
+            )
+            for k, polygon in enumerate(Polygons().coerce("polygons", polygons, {}))
+        ),
+    )
 
 
-def collection(features: list[dict[str, Any]]) -> str:
-    """Return a FeatureCollection as text with one line per feature."""
-    lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
-    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
+def closed_ring(ring: NDArray[np.float64]) -> list[list[float]]:
+    """Return the corners of a ring with the first one repeated at the end."""
+    return [*ring.tolist(), ring[0].tolist()]

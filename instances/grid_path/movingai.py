@@ -16,7 +16,7 @@ from ...files import as_path, read_text, write_text
 from ...models.fields import required, show
 from ...models.grid_path.gridmap import GridMap, read_cells
 from ...models.grid_path.model import GridPath
-from ..storage import number
+from ..tables import number
 
 __all__ = ["Scenario", "read_map", "read_scenarios", "write_map"]
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from ...files import write_text
 from ...models.fields import required
 from ...models.grid_path.plan import GridPlan
-from ..exports import ExportFormat
-from .geojson import collection
+from ..exports import ExportFormat, write_geojson
+from ..tables import write_rows
 
 __all__ = ["CSV", "GEOJSON", "write_paths_csv", "write_paths_geojson"]
 
@@ -37,8 +36,8 @@ def write_paths_csv(plan: GridPlan, path: str | os.PathLike[str]) -> Path:
         The file cannot be written.
     """
     paths = required("plan", plan, GridPlan).paths
-    lines = [f"{k},{x!r},{y!r}" for k, points in enumerate(paths) for x, y in points.tolist()]
-    return write_text(path, "\n".join(["path,x,y", *lines]) + "\n")
+    rows = [(k, x, y) for k, points in enumerate(paths) for x, y in points.tolist()]
+    return write_rows(path, ("path", "x", "y"), rows)
 
 
 def write_paths_geojson(plan: GridPlan, path: str | os.PathLike[str]) -> Path:
@@ -64,20 +63,14 @@ def write_paths_geojson(plan: GridPlan, path: str | os.PathLike[str]) -> Path:
     InvalidData
         The file cannot be written.
     """
-    features = []
-    for k, array in enumerate(required("plan", plan, GridPlan).paths):
-        points = array.tolist()
-        features.append(
-            {
-                "type": "Feature",
-                "properties": {"path": k},
-                "geometry": {
-                    "type": "LineString",
-                    "coordinates": points if len(points) > 1 else points * 2,
-                },
-            }
-        )
-    return write_text(path, collection(features))
+    lines = [array.tolist() for array in required("plan", plan, GridPlan).paths]
+    return write_geojson(
+        path,
+        (
+            ("LineString", points if len(points) > 1 else points * 2, {"path": k})
+            for k, points in enumerate(lines)
+        ),
+    )
 
 
 CSV = ExportFormat("points of the paths (CSV)", ".csv", write_paths_csv)

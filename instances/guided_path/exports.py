@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from ...models.fields import required
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ..exports import ExportFormat
+from ..tables import write_rows
 
 __all__ = ["CSV", "TSPLIB", "write_stops_csv", "write_tour"]
 
@@ -50,12 +49,9 @@ def write_stops_csv(
     stops = _stops(plan, model)
     places = model.coordinates[stops]
     walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
-    out = io.StringIO()
-    table = csv.writer(out, lineterminator="\n")
-    table.writerow(("stop", "customer", "x", "walked"))
-    rows = zip(map(model.label, stops), places.tolist(), walked.tolist(), strict=True)
-    table.writerows((stop, *row) for stop, row in enumerate(rows))
-    return write_text(path, out.getvalue())
+    labels = map(model.label, stops)
+    rows = zip(range(len(stops)), labels, places.tolist(), walked.tolist(), strict=True)
+    return write_rows(path, ("stop", "customer", "x", "walked"), rows)
 
 
 def write_tour(

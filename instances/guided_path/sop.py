@@ -20,7 +20,7 @@ from ...files import as_path, read_text, write_text
 from ...models.fields import required, show
 from ...models.guided_path.data import MOST
 from ...models.guided_path.model import GuidedPathTour
-from ..storage import NUMBER
+from ..tables import NUMBER
 
 __all__ = ["read_sop", "write_sop"]
 

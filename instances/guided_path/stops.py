@@ -11,17 +11,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from ...errors import InvalidData
 from ...models.fields import show
-from ..spreadsheets import read_columns
-from ..storage import Find, number
+from ..storage import Find, reference
+from ..tables import Column, read_table
 from .sop import read_sop
 
 __all__ = ["read_stops", "resolve_references"]
 
-_KNOWN = ("coordinate", "id", "chain", "place", "after")
+_COLUMNS = (
+    Column("coordinate"),
+    Column("id", field="ids", text=True, optional=True),
+    Column("chain", text=True, empty=True, optional=True),
+    Column("place", empty=True, optional=True),
+    Column("after", text=True, empty=True, optional=True),
+)
 
 
 def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -48,7 +55,14 @@ def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
         chain is empty or repeated; a stop is unknown; or the file has no stops. The message
         contains file, line, column and value.
     """
-    table = read_columns(path, _check_header, _convert, what="stops", field="coordinates")
+    table = read_table(
+        path,
+        _COLUMNS,
+        "coordinate, with id, chain, place in the chain and after if they have any",
+        row="stop",
+        field="coordinates",
+        suits=lambda names: "chain" in names or "place" not in names,
+    ).values
     data: dict[str, Any] = {"coordinates": table["coordinate"]}
     names = table.get("id", [str(row) for row in range(len(table["coordinate"]))])
     if "id" in table:
@@ -103,25 +117,10 @@ def _row(name: str, rows: Mapping[str, int], where: str) -> int:
     return rows[name]
 
 
-def _check_header(names: list[str], where: str) -> None:
-    """Raise ``InvalidData`` if the columns are not those of a file of stops."""
-    lost = "place" in names and "chain" not in names
-    if not {"coordinate"} <= set(names) <= set(_KNOWN) or len(set(names)) < len(names) or lost:
-        raise InvalidData(
-            f"{where}: must be a header of stops: coordinate, with id, chain, place in the chain and "
-            f"after if they have any; got {show(','.join(names))}",
-            field="header",
-        )
-
-
-def _convert(text: str, where: str, name: str) -> float | str | None:
-    if name == "coordinate" or (name == "place" and text):
-        return number(text, f"{where}, column {name}", name)
-    if name == "place":
-        return None
-    if name == "id" and not text:
-        raise InvalidData(f"{where}: must name the stop, got nothing", field="ids")
-    return text
+def _read_line(file: Path) -> dict[str, Any]:
+    """Return the data of a sequential ordering problem, without the names of its customers."""
+    items = read_sop(file).data().items()
+    return {key: value for key, value in items if key != "ids" and len(value)}
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
@@ -130,18 +129,5 @@ def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
     ``"coordinates": "file.csv"`` refers to a file of stops, ``"sop": "file.sop"`` to a sequential
     ordering problem of TSPLIB on a line.
     """
-    result = dict(data)
-    if isinstance(result.get("sop"), str):
-        loaded = {
-            key: value
-            for key, value in read_sop(find(result.pop("sop"))).data().items()
-            if key != "ids" and len(value)
-        }
-    elif isinstance(result.get("coordinates"), str):
-        loaded = read_stops(find(result.pop("coordinates")))
-    else:
-        return result
-    for key in loaded:
-        if key in result:
-            raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-    return {**result, **loaded}
+    result = reference("sop", _read_line, only=True)(data, find)
+    return reference("coordinates", read_stops)(result, find)

@@ -7,8 +7,6 @@ and the start is free. Source: https://github.com/comrob/OptimalDTSPN.
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import re
 from pathlib import Path
@@ -17,7 +15,7 @@ from ...errors import InvalidData
 from ...files import as_path, read_text
 from ...models.fields import show
 from ...models.messenger.model import MessengerTour
-from ..storage import number
+from ..tables import Column, numbers, read_table
 
 __all__ = ["read_best_known", "read_dtspn"]
 
@@ -69,15 +67,10 @@ def read_dtspn(
             raise InvalidData(
                 f"{where}: must be x y radius, got {len(values)} values: {show(text)}", field="line"
             )
-        rows.append(
-            [
-                number(value, f"{where}, {name}", name)
-                for value, name in zip(values, _COLUMNS, strict=True)
-            ]
-        )
+        rows.append(numbers(values, _COLUMNS, where))
         if rows[-1][2] < 0:
             raise InvalidData(
-                f"{where}, radius: must be >= 0, got {show(values[2])}", field="radius"
+                f"{where}, column radius: must be >= 0, got {show(values[2])}", field="radius"
             )
     if not rows:
         raise InvalidData(f"{file}: must hold at least one line x y radius", field="positions")
@@ -111,18 +104,14 @@ def read_best_known(path: str | os.PathLike[str]) -> dict[str, tuple[float, floa
         A column is missing, a value is not a finite number, a name repeats, or a lower bound
         exceeds the upper one. The message contains file, line and value.
     """
-    file = as_path(path)
-    # csv.DictReader yields `restval` for missing cells, and the key None for surplus cells.
-    reader = csv.DictReader(io.StringIO(read_text(file)), restval="")
-    for name in ("instance", "LB", "UB"):
-        if name not in (reader.fieldnames or ()):
-            raise InvalidData(f"{file}, line 1: must have a column {name}", field=name)
+    columns = (Column("instance", text=True), Column("lb", field="LB"), Column("ub", field="UB"))
+    header = "instance,LB,UB among other columns"
+    table = read_table(path, columns, header, row="bound", field="instance", strict=False)
     bounds: dict[str, tuple[float, float]] = {}
-    for row in reader:
-        where = f"{file}, line {reader.line_num}"
-        name = Path(row["instance"]).stem
-        lower, upper = (number(row[key], f"{where}, {key}", key) for key in ("LB", "UB"))
-        if not name or name in bounds:
+    for *row, where in zip(*table.values.values(), table.places, strict=True):
+        entry = dict(zip(table.values, row, strict=True))
+        name, lower, upper = Path(entry["instance"]).stem, entry["lb"], entry["ub"]
+        if name in bounds:
             raise InvalidData(
                 f"{where}: instance must be a name that no other line has, got {show(name)}",
                 field="instance",

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files import write_text
 from ...models.fields import required
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ...models.messenger.sampling import track
 from ...models.sampling import sample_count
 from ..exports import ExportFormat
+from ..tables import write_rows
 
 __all__ = ["SAMPLES", "write_tour_samples"]
 
@@ -54,8 +54,7 @@ def write_tour_samples(
     times = np.append(times[times < duration * (1 - 1e-9)], duration)
     samples = track(plan, model.turning_radius, times * model.speed)
     table = zip(times.tolist(), *samples.poses.T.tolist(), samples.legs.tolist(), strict=True)
-    lines = [",".join(map(repr, row)) for row in table]
-    return write_text(path, "\n".join(["t,x,y,heading,leg", *lines]) + "\n")
+    return write_rows(path, ("t", "x", "y", "heading", "leg"), table)
 
 
 SAMPLES = ExportFormat("samples of the path (CSV)", ".csv", write_tour_samples)

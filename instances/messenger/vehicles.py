@@ -7,19 +7,19 @@ order. The velocities or the radius are required, because ``x,y`` alone denotes 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from typing import Any
 
-from ...errors import InvalidData
-from ...models.fields import show
-from ..spreadsheets import read_columns
-from ..storage import Find, number
+from ..storage import reference
+from ..tables import Column, read_table
 
 __all__ = ["read_vehicles", "resolve_references"]
 
-_COLUMNS = ("x", "y", "vx", "vy", "radius", "id")
-#: Pairs of columns that must occur together.
-_PAIRS = (("x", "y"), ("vx", "vy"))
+_COLUMNS = (
+    Column("x"),
+    Column("y"),
+    *(Column(name, optional=True) for name in ("vx", "vy", "radius")),
+    Column("id", field="ids", text=True, optional=True),
+)
 
 
 def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -45,7 +45,14 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
         number, an id is empty, or the file has no vehicles. The message contains file, line, column
         and value.
     """
-    table = read_columns(path, _check_header, _convert, what="vehicles", field="positions")
+    table = read_table(
+        path,
+        _COLUMNS,
+        "x,y with vx,vy, radius or both, and id if they have names",
+        row="vehicle",
+        field="positions",
+        suits=lambda names: ("vx" in names) == ("vy" in names) and bool(names & {"vx", "radius"}),
+    ).values
     data: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}
     if "vx" in table:
         data["velocities"] = list(zip(table["vx"], table["vy"], strict=True))
@@ -56,35 +63,5 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
     return data
 
 
-def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return instance data with ``"positions": "file.csv"`` replaced by the content of the file."""
-    result = dict(data)
-    if isinstance(result.get("positions"), str):
-        loaded = read_vehicles(find(result.pop("positions")))
-        for key in loaded:
-            if key in result:
-                raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-        result.update(loaded)
-    return result
-
-
-def _check_header(names: list[str], where: str) -> None:
-    """Raise ``InvalidData`` if the columns are not those of a file of vehicles."""
-    given = set(names)
-    halves = any(len(given & set(pair)) == 1 for pair in _PAIRS)
-    known = given <= set(_COLUMNS) and len(given) == len(names) and not halves
-    if not known or "x" not in given or not given & {"vx", "radius"}:
-        raise InvalidData(
-            f"{where}: must be a header of vehicles: x,y with vx,vy, radius or both, and id if "
-            f"they have names; got {show(','.join(names))}",
-            field="header",
-        )
-
-
-def _convert(text: str, where: str, name: str) -> float | str:
-    place = f"{where}, column {name}"
-    if name != "id":
-        return number(text, place, name)
-    if not text:
-        raise InvalidData(f"{place}: must name the vehicle, got nothing", field=name)
-    return text
+#: Replaces ``"positions": "file.csv"`` in an instance by the vehicles in the file.
+resolve_references = reference("positions", read_vehicles)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...files import read_text
+from ...files import as_path
 from ...models.fields import Array, Real, frozen, show
 from ...models.minimum_snap.polynomials import factorials
 from ...models.minimum_snap.trajectory import Trajectory
-from .tables import numbers_of, numeric_rows
+from ..tables import numbers
+from .tables import numeric_rows
 
 __all__ = ["Poly7", "Precision"]
 
@@ -71,7 +73,7 @@ class Poly7:
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Poly7:
         """Read the exact numbers of a file. Raises the errors of :func:`read_poly7`."""
-        return _parsed(read_text(path), str(path))
+        return _parsed(as_path(path))
 
     @classmethod
     def of(cls, trajectory: Trajectory, yaw: float | Trajectory | None = None) -> Poly7:
@@ -208,8 +210,8 @@ def _seconds(name: str, trajectory: Trajectory) -> Floats:
     return frozen(found)
 
 
-def _parsed(text: str, file: str) -> Poly7:
-    rows = numeric_rows(text)
+def _parsed(file: Path) -> Poly7:
+    rows = numeric_rows(file)
     line, header = next(rows, (1, []))
     names = [name.lstrip("# ").replace(" ", "").casefold() for name in header]
     for column, wanted in enumerate(_COLUMNS):
@@ -230,7 +232,7 @@ def _parsed(text: str, file: str) -> Poly7:
     table: list[list[float]] = []
     for line, values in rows:
         where = f"{file}, line {line}"
-        row = numbers_of(values, _COLUMNS, where, "pieces")
+        row = numbers(values, _COLUMNS, where, "pieces")
         if row[0] <= 0:
             raise InvalidData(
                 f"{where}, column duration: must be > 0 s, got {show(values[0])}", field="durations"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...files import as_path, read_text, write_text
+from ...files import as_path
 from ...models.fields import Whole, required, show
 from ...models.minimum_snap.trajectory import Trajectory
-from ..spreadsheets import xlsx_rows
-from ..storage import NUMBER, Find, number
+from ..storage import reference
+from ..tables import NUMBER, numbers, table_rows, write_rows
 
 __all__ = [
     "Samples",
@@ -38,32 +38,13 @@ _PREFIXES = ("", "v", "a", "j", "s")
 _HEADERS = (_AXES, ("px", "py", "pz"), ("east", "north", "up"), ("e", "n", "u"))
 
 
-# -- rows ------------------------------------------------------------------------------------------
+def numeric_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield line and cells of every row that is not blank, without the comma at the end of a row.
 
-
-def numeric_rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number and the values of every line that is not blank.
-
-    Numbers are never quoted. A trailing comma, which several tools write, is ignored.
+    Several tools write such a comma.
     """
-    for line, content in enumerate(text.splitlines(), start=1):
-        if content.strip():
-            values = [value.strip() for value in content.split(",")]
-            yield line, values[:-1] if len(values) > 1 and not values[-1] else values
-
-
-def numbers_of(values: Sequence[str], names: Sequence[str], where: str, field: str) -> list[float]:
-    """Convert a row to numbers. Their count must match `names`, which error messages use."""
-    if len(values) != len(names):
-        raise InvalidData(
-            f"{where}: {len(values)} values where {len(names)} are allowed: "
-            f"{names[0]} to {names[-1]}",
-            field=field,
-        )
-    return [
-        number(value, f"{where}, column {name}", field)
-        for value, name in zip(values, names, strict=True)
-    ]
+    for line, cells in table_rows(path):
+        yield line, cells[:-1] if len(cells) > 1 and not cells[-1] else cells
 
 
 # -- samples -----------------------------------------------------------------------------------------
@@ -134,9 +115,8 @@ def write_samples(
     """
     required("trajectory", trajectory, Trajectory)
     rows = trajectory.sampled(rate, derivatives)
-    header = ",".join(sample_columns(trajectory.dimensions, derivatives))
-    lines = (",".join(map(repr, row)) for row in (rows + 0.0).tolist())
-    return write_text(path, "\n".join([header, *lines]) + "\n")
+    header = sample_columns(trajectory.dimensions, derivatives)
+    return write_rows(path, header, (rows + 0.0).tolist())
 
 
 def read_samples(path: str | os.PathLike[str]) -> Samples:
@@ -157,8 +137,8 @@ def read_samples(path: str | os.PathLike[str]) -> Samples:
         The header or the length of a row is wrong, a number is not finite, times do not increase, or
         the file has no samples. The message names file, line, column and value.
     """
-    file = str(as_path(path))
-    rows = numeric_rows(read_text(path))
+    file = as_path(path)
+    rows = numeric_rows(file)
     line, header = next(rows, (1, []))
     names = [name.casefold() for name in header]
     shape = _sample_shape(names)
@@ -171,7 +151,7 @@ def read_samples(path: str | os.PathLike[str]) -> Samples:
     orders, dimensions = shape
     table: list[list[float]] = []
     for line, values in rows:
-        table.append(numbers_of(values, names, f"{file}, line {line}", "samples"))
+        table.append(numbers(values, names, f"{file}, line {line}", "samples"))
         if len(table) > 1 and table[-1][0] <= table[-2][0]:
             raise InvalidData(
                 f"{file}, line {line}, column t: must be > {table[-2][0]!r}, the time before, "
@@ -221,27 +201,26 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
         column contains times, or the names or their order are wrong. The message names file, line,
         column and value.
     """
-    file = str(as_path(path))
+    file = as_path(path)
     points: list[list[float]] = []
     names: list[str] = []
-    excel = Path(path).suffix.casefold() == ".xlsx"
-    for line, values in xlsx_rows(path) if excel else numeric_rows(read_text(path)):
+    for line, values in numeric_rows(file):
         where = f"{file}, line {line}"
         if not names:
-            found = [value.lstrip("# ").casefold() for value in values]
+            labels = [value.lstrip("# ").casefold() for value in values]
             words = not any(NUMBER.fullmatch(value) for value in values)
-            if words and ("t" in found or "time" in found or "duration" in found):
+            if words and not {"t", "time", "duration"}.isdisjoint(labels):
                 raise InvalidData(
                     f"{where}: a column of times, where only coordinates are allowed (x,y,z)",
                     field="waypoints",
                 )
-            if words and all(re.fullmatch(r"[a-z]\w*", name) for name in found):
-                _require_axes(found, where)
-                names = found
+            if words and all(re.fullmatch(r"[a-z]\w*", name) for name in labels):
+                _require_axes(labels, where)
+                names = labels
                 continue
             count = len(values)
             names = list(_AXES[:count]) if count <= 4 else [f"x{axis}" for axis in range(count)]
-        points.append(numbers_of(values, names, where, "waypoints"))
+        points.append(numbers(values, names, where, "waypoints"))
     if len(points) < 2:
         raise InvalidData(
             f"{file}: must hold at least 2 waypoints, got {len(points)}", field="waypoints"
@@ -284,9 +263,5 @@ def waypoints_of_table(file: Path) -> dict[str, Any]:
     return {"waypoints": read_waypoints(file)}
 
 
-def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return instance `data` with a reference ``"waypoints": "file.csv"`` replaced by its content."""
-    found = dict(data)
-    if isinstance(found.get("waypoints"), str):
-        found["waypoints"] = read_waypoints(find(found["waypoints"]))
-    return found
+#: Replaces ``"waypoints": "file.csv"`` in an instance by the waypoints in the file.
+resolve_references = reference("waypoints", waypoints_of_table)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ...files import write_text
 from ...models.fields import required
 from ...models.optimal_control.definition import entry_names
 from ...models.optimal_control.plan import ControlPlan, PhasePlan
 from ...models.sampling import sample_count
 from ..exports import ExportFormat
+from ..tables import write_rows
 
 __all__ = ["SAMPLES", "write_control_samples"]
 
@@ -55,9 +54,7 @@ def write_control_samples(
             for name in (*part.state_names, *part.control_names, *_observed(part))
         )
     )
-    table = io.StringIO()
-    rows = csv.writer(table, lineterminator="\n")
-    rows.writerow(["phase", "t", *names])
+    rows: list[list[Any]] = []
     sample_count(sum(part.duration for part in plan.phases), rate)
     for number, part in enumerate(plan.phases, start=1):
         count = sample_count(part.duration, rate)
@@ -68,9 +65,9 @@ def write_control_samples(
         if heads := _observed(part):
             columns.update(zip(heads, part.observed(times).T.tolist(), strict=True))
         for k, t in enumerate(times.tolist()):
-            values = [repr(columns[name][k]) if name in columns else "" for name in names]
-            rows.writerow([number, repr(t), *values])
-    return write_text(path, table.getvalue())
+            values = [columns[name][k] if name in columns else "" for name in names]
+            rows.append([number, t, *values])
+    return write_rows(path, ["phase", "t", *names], rows)
 
 
 def _observed(part: PhasePlan) -> tuple[str, ...]:

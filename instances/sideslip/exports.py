@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InvalidData
-from ...files import write_text
 from ...models.fields import required
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
 from ..exports import ExportFormat
+from ..tables import write_rows
 
 __all__ = ["CSV", "write_sideslip_csv"]
 
@@ -56,7 +56,7 @@ def write_sideslip_csv(
     seen = model.recording
     if len(plan) != len(seen):
         raise InvalidData(
-            f"sideslip must have {len(seen)} entries, one a sample, got {len(plan)}",
+            f"sideslip must have {len(seen)} entries, one per sample, got {len(plan)}",
             field="sideslip",
         )
     table = np.column_stack(
@@ -65,8 +65,7 @@ def write_sideslip_csv(
             *(seen.yaw_rate, seen.lateral_acceleration),
         ]
     )
-    lines = [",".join(map(repr, row)) for row in table.tolist()]
-    return write_text(path, "\n".join([",".join(_COLUMNS), *lines]) + "\n")
+    return write_rows(path, _COLUMNS, table.tolist())
 
 
-CSV = ExportFormat("one row a sample (CSV)", ".csv", write_sideslip_csv)
+CSV = ExportFormat("one row per sample (CSV)", ".csv", write_sideslip_csv)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from ...files import write_text
 from ...models.fields import required
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.plan import NavigationRuns
 from ..exports import ExportFormat
+from ..tables import write_rows
 
 __all__ = ["CSV", "write_runs_csv"]
 
-_COLUMNS = "scene,step,action,row,column,collided"
+_COLUMNS = ("scene", "step", "action", "row", "column", "collided")
 
 
 def write_runs_csv(
@@ -46,14 +46,14 @@ def write_runs_csv(
     """
     required("plan", plan, NavigationRuns)
     replays = required("model", model, UnknownGridNavigation).replays(plan)
-    lines = [_COLUMNS]
+    rows = []
     for scene, (actions, run) in enumerate(zip(plan.actions, replays, strict=True)):
         hits = [0, *run.collided.astype(int).tolist()]
         for step, (action, (row, column), hit) in enumerate(
             zip(["", *actions], run.positions.tolist(), hits, strict=True)
         ):
-            lines.append(f"{scene},{step},{action},{row},{column},{hit}")
-    return write_text(path, "\n".join(lines) + "\n")
+            rows.append((scene, step, action, row, column, hit))
+    return write_rows(path, _COLUMNS, rows)
 
 
-CSV = ExportFormat("one row a step (CSV)", ".csv", write_runs_csv)
+CSV = ExportFormat("one row per step (CSV)", ".csv", write_runs_csv)

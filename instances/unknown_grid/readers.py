@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from ...errors import InvalidData
 from ...files import as_path, read_text
-from ...models.fields import Array, show
+from ...models.fields import Array
 from ...models.grid_path.gridmap import read_cells
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ..grid_path.movingai import read_map
-from ..storage import Find
+from ..storage import reference
 from .laws import SceneArrays
 
 __all__ = ["read_map_scenes", "read_scenes", "resolve_references"]
@@ -139,17 +138,11 @@ def _size(shape: tuple[int, ...]) -> str:
     return f"{shape[0]} × {shape[1]}"
 
 
-def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
-    """Return the data of an instance after replacing a reference such as ``"scenes": "traps.txt"``."""
-    result = dict(data)
-    if "scenes" not in result:
-        return result
-    name = result.pop("scenes")
-    if not isinstance(name, str):
-        raise InvalidData(f"scenes must name a file, got {show(name)}", field="scenes")
-    scenes = _read_drawings(find(name))
-    new = {**scenes._asdict(), "shape": scenes.blocked.shape[1:]}
-    for field in new:
-        if field in result:
-            raise InvalidData(f"{field} must not be given: the file holds it", field=field)
-    return {**result, **new}
+def _scenes_of(file: Path) -> dict[str, Any]:
+    """Return the data of an instance from the drawings in a file."""
+    scenes = _read_drawings(file)
+    return {**scenes._asdict(), "shape": scenes.blocked.shape[1:]}
+
+
+#: Replaces ``"scenes": "traps.txt"`` in an instance by the scenes in the file.
+resolve_references = reference("scenes", _scenes_of, only=True)

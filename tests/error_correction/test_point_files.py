@@ -12,7 +12,7 @@ from commands import run
 
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, InvalidData, UnsupportedOption
-from crosstrack.instances import error_correction as ec, read_waypoints, spreadsheets
+from crosstrack.instances import error_correction as ec, read_waypoints, tables
 
 openpyxl = pytest.importorskip("openpyxl", reason="Excel files need openpyxl")
 
@@ -224,7 +224,7 @@ def test_an_excel_file_is_read_within_bounds(tmp_path, monkeypatch):
     wide = workbook(tmp_path / "wide.xlsx", [[*HEADER, *range(60)], *ROWS])
     with pytest.raises(InvalidData, match="64 columns"):
         ec.read_points(wide)
-    monkeypatch.setattr(spreadsheets, "ROWS", 3)
+    monkeypatch.setattr(tables, "ROWS", 3)
     with pytest.raises(InvalidData, match="at most 3 rows"):
         ec.read_points(workbook(tmp_path / "long.xlsx", ROWS))
 

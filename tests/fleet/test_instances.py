@@ -400,7 +400,7 @@ def test_a_table_of_nodes_is_an_instance(tmp_path):
         ("x,y\n", "no nodes below the header"),
         ("x,y\n1,2,3\n", "line 2: 3 values where the header has 2"),
         ("x,y\n1,north\n", "line 2, column y: must be a finite number, got 'north'"),
-        ("x,y,id\n\n1,2,\n", "line 3: must name the node, got nothing"),
+        ("x,y,id\n\n1,2,\n", "line 3, column id: must name the node, got nothing"),
         ('x,y\n1,"2\n', "no valid CSV"),
     ],
 )

@@ -205,7 +205,7 @@ def test_an_instance_file_refers_to_a_csv_beside_it(tmp_path):
     assert instances.load(str(write())).digest == ErrorCorrectionRouting(POINTS, **DATA).digest
     assert instances.load(write(revisits=True)).revisits
     for key in ("kinds", "ids"):
-        with pytest.raises(InvalidData, match=f"{key} must not be given beside"):
+        with pytest.raises(InvalidData, match=f"{key} must not be given: the file holds it"):
             instances.load(write(**{key: ["A"]}))
     with pytest.raises(InvalidData, match=r"instance\.json: .*three\.csv: no such file"):
         instances.load(write(points="three.csv"))

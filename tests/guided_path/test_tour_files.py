@@ -213,7 +213,7 @@ def test_a_sheet_of_stops_is_an_instance(tmp_path):
         ("coordinate\n", "no stops below the header"),
         ("coordinate\n0\n1,2\n", "line 3: 2 values where the header has 1"),
         ("coordinate\nleft\n", "line 2, column coordinate: must be a finite number, got 'left'"),
-        ("coordinate,id\n0,a\n1,\n", "line 3: must name the stop"),
+        ("coordinate,id\n0,a\n1,\n", "line 3, column id: must name the stop"),
         ("coordinate,chain\n0,x\n1,x\n", "first row is the start, whose chain must be empty"),
         ("coordinate,after\n0,1\n1,\n", "first row is the start, whose after must be empty"),
         ("coordinate,chain,place\n0,,\n1,x,\n", "stop 1 of chain x must have a place of its own"),

@@ -229,10 +229,10 @@ def test_lines_of_a_public_instance(tmp_path):
         ("", "must hold at least one line x y radius"),
         ("1 2", "line 1: must be x y radius, got 2 values: '1 2'"),
         ("1 2 3\n1 2 3 4", "line 2: must be x y radius, got 4 values"),
-        ("1 2 3\n\n1 y 3", "line 3, y: must be a finite number, got 'y'"),
-        ("nan 2 3", "line 1, x: must be a finite number, got 'nan'"),
-        ("1 2 1e999", "line 1, radius: must be a finite number"),
-        ("1 2 3\n1 2 -3", "line 2, radius: must be >= 0, got '-3'"),
+        ("1 2 3\n\n1 y 3", "line 3, column y: must be a finite number, got 'y'"),
+        ("nan 2 3", "line 1, column x: must be a finite number, got 'nan'"),
+        ("1 2 1e999", "line 1, column radius: must be a finite number"),
+        ("1 2 3\n1 2 -3", "line 2, column radius: must be >= 0, got '-3'"),
         ("1,2,3", "line 1: must be x y radius"),
     ],
 )
@@ -247,9 +247,9 @@ def test_bad_lines_of_a_public_instance(text, message, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("name,LB,UB\n", "must have a column instance"),
-        ("instance,LB,UB\na.txt,1,x\n", "line 2, UB: must be a finite number, got 'x'"),
-        ("instance,LB,UB\na.txt,1\n", "line 2, UB: must be a finite number, got ''"),
+        ("name,LB,UB\n", "must be a header of bounds.*missing: instance"),
+        ("instance,LB,UB\na.txt,1,x\n", "line 2, column ub: must be a finite number, got 'x'"),
+        ("instance,LB,UB\na.txt,1\n", "line 2: 2 values where the header has 3"),
         ("instance,LB,UB\na,1,2\na.txt,1,2\n", "line 3: instance must be a name that no other"),
         ("instance,LB,UB\na,3,2\n", r"line 2: LB must be <= UB = 2\.0, got 3\.0"),
     ],

@@ -45,7 +45,7 @@ def test_drawings_in_a_file(tmp_path):
     assert ct.load(instance).digest == model.digest
     for wrong, message in (
         ({"starts": [[0, 0]]}, "starts must not be given"),
-        ({"scenes": 3}, "scenes"),
+        ({"scenes": 3}, "scenes must name a file, got 3"),
     ):
         instance.write_text(
             json.dumps({"model": "unknown-grid", "data": {**data, **wrong}}), "utf-8"
