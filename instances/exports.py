@@ -15,7 +15,14 @@ from ..files import write_text
 from ..models.model import Model, as_model
 from ..models.problems import declared_in, problem_of, resolve
 
-__all__ = ["ExportFormat", "choose_format", "export_formats", "export_plan", "write_geojson"]
+__all__ = [
+    "ExportFormat",
+    "choose_format",
+    "closed_ring",
+    "export_formats",
+    "export_plan",
+    "write_geojson",
+]
 
 
 @dataclass(frozen=True)
@@ -165,3 +172,8 @@ def write_geojson(
         for kind, coordinates, properties in features
     )
     return write_text(path, f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n')
+
+
+def closed_ring(ring: Any) -> list[list[float]]:
+    """Return the corners of a ring with the first one repeated at the end, as GeoJSON requires."""
+    return [*ring.tolist(), ring[0].tolist()]

@@ -94,6 +94,7 @@ def reference(
                 raise InvalidData(f"{name} must not be given: the file holds it", field=name)
         return {**result, **content}
 
+    resolved.__doc__ = f"Return instance data with a file named in {key!r} replaced by its content."
     return resolved
 
 

@@ -14,8 +14,7 @@ from ...models.fields import required
 from ...models.fleet_mission.model import FleetMission
 from ...models.fleet_mission.plan import MissionPlan
 from ...models.sampling import sample_count
-from ..exports import ExportFormat, write_geojson
-from ..grid_path.geojson import closed_ring
+from ..exports import ExportFormat, closed_ring, write_geojson
 from ..minimum_snap.poly7 import Poly7Report, write_poly7
 from ..tables import write_rows
 

@@ -11,15 +11,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...errors import InvalidData
 from ...files import as_path, read_text
 from ...models.fields import show
 from ...models.grid_path.polygons import Polygon, Polygons
 from ...models.model import parse_json
-from ..exports import write_geojson
+from ..exports import closed_ring, write_geojson
 
 __all__ = ["read_geojson_polygons", "write_geojson_polygons"]
 
@@ -143,8 +140,3 @@ def write_geojson_polygons(polygons: Any, path: str | os.PathLike[str]) -> Path:
             for k, polygon in enumerate(Polygons().coerce("polygons", polygons, {}))
         ),
     )
-
-
-def closed_ring(ring: NDArray[np.float64]) -> list[list[float]]:
-    """Return the corners of a ring with the first one repeated at the end."""
-    return [*ring.tolist(), ring[0].tolist()]
