@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedOption
 from ..models.fields import Spec, Text, required, show
@@ -17,7 +18,17 @@ from ..models.model import Model
 from ..models.problems import loadable, model_type, resolve, table
 from ..models.records import Member, Table
 
-__all__ = ["Assumed", "CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"]
+__all__ = [
+    "Assumed",
+    "CatalogueEntry",
+    "Provenance",
+    "Row",
+    "entries",
+    "entry",
+    "listed",
+    "load",
+    "register_entry",
+]
 
 log = logging.getLogger("crosstrack")
 
@@ -128,6 +139,41 @@ class CatalogueEntry:
             "published": dict(self.published),
             "note": self.note,
         }
+
+
+class Row(NamedTuple):
+    """Row of a problem's table of instances: the fields in which its catalogue entries differ."""
+
+    name: str
+    title: str
+    builder: Callable[[], Model[Any]] | str
+    note: str = ""
+    provenance: Provenance = Provenance.SEEDED
+    published: Mapping[str, Any] = MappingProxyType({})
+
+
+def listed(
+    problem: str, model: str, paper: str, rows: Iterable[Row], *, note: str = ""
+) -> tuple[CatalogueEntry, ...]:
+    """Return the catalogue entries of a table of instances.
+
+    Parameters
+    ----------
+    problem, model, paper : str
+        Prefix of the names, kind of the models and citation of all entries.
+    rows : iterable of Row
+        Instances with their names without the prefix.
+    note : str
+        Note of rows without a note.
+    """
+    return tuple(
+        CatalogueEntry(
+            **{**row._asdict(), "name": f"{problem}/{row.name}", "note": row.note or note},
+            model=model,
+            paper=paper,
+        )
+        for row in rows
+    )
 
 
 #: Specifications of the fields of an entry.

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..errors import UnknownName, UnsupportedOption, suggestion
+from ..errors import BackendBroken, UnknownName, UnsupportedOption, suggestion
 from ..models.model import Model
-from ..models.problems import loadable
+from ..models.problems import resolve, table
 from .catalogue import entry
 
 __all__ = ["Demo", "DemoOption", "build_demo", "demos"]
+
+log = logging.getLogger("crosstrack")
 
 
 @dataclass(frozen=True)
@@ -56,8 +59,18 @@ class Demo:
 
 
 def demos() -> dict[str, Demo]:
-    """Return the demonstrations of all problems by name."""
-    return dict(loadable(__package__, "DEMOS"))
+    """Return the demonstrations of all problems by name.
+
+    A problem declares a :class:`Demo`, or only the name of an instance in the catalogue.
+    """
+    result = {}
+    for name, target in table(__package__, "DEMOS").items():
+        try:
+            plain = isinstance(target, str) and ":" not in target
+            result[name] = Demo(target) if plain else resolve(target)
+        except BackendBroken as error:  # a broken third-party entry must not hide the others
+            log.warning("DEMOS %r: %s", name, error)
+    return result
 
 
 def build_demo(problem: str, given: Mapping[str, Any]) -> Model[Any]:

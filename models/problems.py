@@ -16,7 +16,7 @@ folder                    table         keys and objects
 ``instances/<problem>``   TABLE_FILES   model kind: function ``(file) -> data`` of a CSV or Excel file
 ``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` with a hint on a CSV file
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
-``instances/<problem>``   DEMOS         name: a ``Demo``
+``instances/<problem>``   DEMOS         name: a ``Demo``, or the catalogue name of an instance
 ``instances/<problem>``   EXAMPLES      any: generator of the examples for trainings
 ``instances/<problem>``   PAPERS        catalogue prefix: a ``Paper``, its items and result tables
 ``instances/<problem>``   PAPER_TABLES  ``<prefix>/<table>``: function that measures a row of a result table

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"attractor": ".listing:catalogue_entries"}
 TABLE_FILES = {"attractor": ".readers:table_file"}
-DEMOS = {"attractor": ".demo:DEMO"}
+DEMOS = {"attractor": "attractor/hunt"}
 EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"attractor": ".paper:PAPER"}
 PAPER_TABLES = {

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from ...models.attractor.model import AttractorAnalysis
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Row, listed
 from .hunting import Hunt, simulate_hunt
 from .systems import SYSTEMS, System, generate
 
@@ -50,7 +50,24 @@ _SPECIAL = "Ours: the paper has no such instance."
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances."""
-    return (*_hunts(), *_known(), *_spoilt())
+    rows = (*map(_hunt_row, _HUNT_TITLES), *map(_known_row, _COUNTS), *_DISTORTED)
+    return listed("attractor", "attractor", PAPER, rows, note=_SPECIAL)
+
+
+#: Titles, numbers of samples and published figures of the hunts.
+_HUNT_TITLES: dict[str, tuple[str, int, Mapping[str, Any]]] = {
+    "hunt": ("A predator's way, three of which hunt among three obstacles", 1000, _FOUND),
+    "hunt-long": ("The same hunt, 10 times as long", 10_000, {}),
+    "hunt-pair": ("One predator behind an evader among three obstacles", 2000, {}),
+    "hunt-calm": ("Three predators behind a quick evader, no obstacles: it repeats itself", 2000, {}),
+}  # fmt: skip
+
+
+def _hunt_row(name: str) -> Row:
+    title, count, published = _HUNT_TITLES[name]
+    nats = HUNT_EXPONENTS[name]
+    note = f"{_LOST}{nats:g} nats/s, {nats / math.log(2):.3g} bits/s."
+    return Row(name, title, partial(_hunt, name, count), note, published=published)
 
 
 def _hunt(name: str, count: int) -> AttractorAnalysis:
@@ -58,99 +75,42 @@ def _hunt(name: str, count: int) -> AttractorAnalysis:
     return simulate_hunt(hunt, count, exponent=HUNT_EXPONENTS[name])
 
 
-def _hunts() -> tuple[CatalogueEntry, ...]:
-    cases: tuple[tuple[str, str, int, dict[str, Any]], ...] = (
-        (
-            "hunt", "a predator's way, three of which hunt among three obstacles", 1000,
-            _FOUND,
-        ),
-        ("hunt-long", "the same hunt, 10 times as long", 10_000, {}),
-        ("hunt-pair", "one predator behind an evader among three obstacles", 2000, {}),
-        ("hunt-calm", "three predators behind a quick evader, no obstacles: it repeats itself", 2000, {}),
-    )  # fmt: skip
-    return tuple(
-        _entry(
-            name,
-            title,
-            partial(_hunt, name, count),
-            f"{_LOST}{HUNT_EXPONENTS[name]:g} nats/s, {HUNT_EXPONENTS[name] / math.log(2):.3g} bits/s.",
-            Provenance.SEEDED,
-            published,
-        )
-        for name, title, count, published in cases
+#: Numbers of samples of the known systems.
+_COUNTS = {
+    **dict.fromkeys((System.LOGISTIC, System.HENON, System.TWO_SINES), 2000),
+    **dict.fromkeys((System.LORENZ, System.ROSSLER, System.MACKEY_GLASS), 5000),
+    **dict.fromkeys((System.SINE, System.SAWTOOTH, System.WHITE_NOISE), 1000),
+    **dict.fromkeys((System.AR1, System.AR2, System.RANDOM_WALK), 1000),
+}
+
+
+def _known_row(system: System) -> Row:
+    known, count = SYSTEMS[system], _COUNTS[system]
+    figures = {"exponent": known.exponent, "correlation": known.dimension}
+    return Row(
+        system,
+        f"{known.title}, {count} samples",
+        partial(generate, system, count),
+        f"{_SPECIAL} What is known of it: {known.source}.",
+        published={
+            "source": known.source,
+            **{name: value for name, value in figures.items() if value is not None},
+        },
     )
 
 
-def _known() -> tuple[CatalogueEntry, ...]:
-    cases = (
-        (System.LOGISTIC, 2000),
-        (System.HENON, 2000),
-        (System.LORENZ, 5000),
-        (System.ROSSLER, 5000),
-        (System.MACKEY_GLASS, 5000),
-        (System.SINE, 1000),
-        (System.TWO_SINES, 2000),
-        (System.SAWTOOTH, 1000),
-        (System.WHITE_NOISE, 1000),
-        (System.AR1, 1000),
-        (System.AR2, 1000),
-        (System.RANDOM_WALK, 1000),
-    )
-    found = []
-    for system, count in cases:
-        known = SYSTEMS[system]
-        published: dict[str, Any] = {"source": known.source}
-        if known.exponent is not None:
-            published["exponent"] = known.exponent
-        if known.dimension is not None:
-            published["correlation"] = known.dimension
-        build = partial(generate, system, count)
-        note = f"{_SPECIAL} What is known of it: {known.source}."
-        found.append(
-            _entry(
-                system,
-                f"{known.title}, {count} samples",
-                build,
-                note,
-                Provenance.SEEDED,
-                published,
-            )
-        )
-    return tuple(found)
-
-
-def _spoilt() -> tuple[CatalogueEntry, ...]:
-    loud = math.sqrt(10.0)
-    cases: tuple[tuple[str, str, Callable[[], AttractorAnalysis]], ...] = (
-        ("samples-50", "the Hénon map, 50 samples", partial(generate, "henon", 50)),
-        ("samples-100000", "Lorenz' equations, 100,000 samples", partial(generate, "lorenz", 100_000)),
-        ("quantised", "Lorenz' equations, rounded to 32 values", partial(generate, "lorenz", levels=32)),
-        ("tied", "the Hénon map, rounded to 3 values", partial(generate, "henon", levels=3)),
-        ("two-values", "white noise, rounded to 2 values", partial(generate, "white-noise", levels=2)),
-        ("trend", "Rössler's equations along a slope", partial(generate, "rossler", trend=10.0)),
-        ("noise-10db", "Lorenz' equations under noise of ten times their power", partial(generate, "lorenz", noise=loud)),
-        ("spikes", "Rössler's equations, one sample in a hundred far off", partial(generate, "rossler", spikes=0.01)),
-        ("scale-1e-6", "the Hénon map in millionths", partial(generate, "henon", scale=1e-6)),
-        ("scale-1e6", "the Hénon map in millions", partial(generate, "henon", scale=1e6)),
-        ("oversampled", "Lorenz' equations, 1000 samples a second", partial(generate, "lorenz", period=0.001)),
-        ("undersampled", "Lorenz' equations, a sample in 10 s", partial(generate, "lorenz", 500, period=10.0)),
-    )  # fmt: skip
-    return tuple(
-        _entry(name, title, build, _SPECIAL, Provenance.SEEDED, {}) for name, title, build in cases
-    )
-
-
-def _entry(
-    name: str, title: str, builder: Callable[[], AttractorAnalysis], note: str,
-    provenance: Provenance, published: Mapping[str, Any],
-) -> CatalogueEntry:  # fmt: skip
-    return CatalogueEntry(
-        name=f"attractor/{name}",
-        model="attractor",
-        title=title[0].upper() + title[1:],
-        paper=PAPER,
-        provenance=provenance,
-        builder=builder,
-        published=published,
-        note=note,
-    )
+#: Distorted and extreme series of known systems.
+_DISTORTED = (
+    Row("samples-50", "The Hénon map, 50 samples", partial(generate, "henon", 50)),
+    Row("samples-100000", "Lorenz' equations, 100,000 samples", partial(generate, "lorenz", 100_000)),
+    Row("quantised", "Lorenz' equations, rounded to 32 values", partial(generate, "lorenz", levels=32)),
+    Row("tied", "The Hénon map, rounded to 3 values", partial(generate, "henon", levels=3)),
+    Row("two-values", "White noise, rounded to 2 values", partial(generate, "white-noise", levels=2)),
+    Row("trend", "Rössler's equations along a slope", partial(generate, "rossler", trend=10.0)),
+    Row("noise-10db", "Lorenz' equations under noise of ten times their power", partial(generate, "lorenz", noise=math.sqrt(10.0))),
+    Row("spikes", "Rössler's equations, one sample in a hundred far off", partial(generate, "rossler", spikes=0.01)),
+    Row("scale-1e-6", "The Hénon map in millionths", partial(generate, "henon", scale=1e-6)),
+    Row("scale-1e6", "The Hénon map in millions", partial(generate, "henon", scale=1e6)),
+    Row("oversampled", "Lorenz' equations, 1000 samples a second", partial(generate, "lorenz", period=0.001)),
+    Row("undersampled", "Lorenz' equations, a sample in 10 s", partial(generate, "lorenz", 500, period=10.0)),
+)  # fmt: skip

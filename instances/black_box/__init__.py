@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .paths import path_grid as path_grid, path_instance as path_instance
 
 CATALOGUE = {"black-box": ".listing:catalogue_entries"}
-DEMOS = {"black-box": ".demo:DEMO"}
+DEMOS = {"black-box": "black-box/example"}
 EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"black-box": ".paper:PAPER"}
 PAPER_TABLES = {

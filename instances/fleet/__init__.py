@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CATALOGUE = {"fleet": ".listing:catalogue_entries"}
 REFERENCES = {"fleet-routing": ".nodes:resolve_references"}
 TABLE_FILES = {"fleet-routing": ".nodes:read_nodes"}
-DEMOS = {"fleet": ".demo:DEMO"}
+DEMOS = {"fleet": "fleet/max-10"}
 EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exports:VRPLIB"}
 PAPERS = {"fleet": ".paper:PAPER"}
 PAPER_TABLES = {

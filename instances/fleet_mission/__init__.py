@@ -19,7 +19,7 @@ CATALOGUE = {"fleet-mission": ".listing:catalogue_entries"}
 PAPERS = {"fleet-mission": ".paper:PAPER"}
 PAPER_TABLES = {"fleet-mission/table-3": ".table_3:measure_table_3"}
 REFERENCES = {"fleet-mission": ".files:resolve_references"}
-DEMOS = {"fleet-mission": ".demo:DEMO"}
+DEMOS = {"fleet-mission": "fleet-mission/example"}
 EXPORTS = {
     "samples": ".exports:SAMPLES",
     "poly7": ".exports:POLY7",

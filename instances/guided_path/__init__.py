@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CATALOGUE = {"guided-path": ".listing:catalogue_entries"}
 REFERENCES = {"guided-path-tour": ".stops:resolve_references"}
 TABLE_FILES = {"guided-path-tour": ".stops:read_stops"}
-DEMOS = {"guided-path": ".demo:DEMO"}
+DEMOS = {"guided-path": "guided-path/table-1-k8"}
 EXPORTS = {"csv": ".exports:CSV", "tsplib": ".exports:TSPLIB"}
 PAPERS = {"guided-path": ".paper:PAPER"}
 PAPER_TABLES = {

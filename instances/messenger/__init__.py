@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 CATALOGUE = {"messenger": ".listing:catalogue_entries"}
 REFERENCES = {"messenger-tour": ".vehicles:resolve_references"}
 TABLE_FILES = {"messenger-tour": ".vehicles:read_vehicles"}
-DEMOS = {"messenger": ".demo:DEMO"}
+DEMOS = {"messenger": "messenger/B-10-05"}
 EXPORTS = {"samples": ".samples:SAMPLES"}
 PAPERS = {"messenger": ".paper:PAPER"}
 PAPER_TABLES = {

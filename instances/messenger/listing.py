@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ...models.messenger.model import MessengerTour
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .generator import generate
 from .printed import TABLE_3, TABLE_4
 
@@ -31,11 +30,12 @@ _SPECIAL = "Ours: the paper has no such instance."
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the catalogue entries."""
-    tables = {3: TABLE_3, 4: TABLE_4}
     papers = (
-        _paper_entry(number, *one) for number, table in tables.items() for one in table.rows.items()
+        _paper_row(number, name, cells[0])
+        for number, table in ((3, TABLE_3), (4, TABLE_4))
+        for (name,), cells in table.rows.items()
     )
-    return (*papers, *_special())
+    return listed("messenger", "messenger-tour", PAPER, (*papers, *_special()))
 
 
 def paper_instance(name: str) -> MessengerTour:
@@ -45,81 +45,50 @@ def paper_instance(name: str) -> MessengerTour:
     return generate(int(size), sparsity, 100 * int(size) + int(row), name=name)
 
 
-def _paper_entry(table: int, key: tuple[str, ...], cells: Sequence[Any]) -> CatalogueEntry:
-    _, size, row = key[0].split("-")
-    return _entry(
+def _paper_row(table: int, name: str, sparsity: Any) -> Row:
+    _, size, row = name.split("-")
+    return Row(
         f"B-{int(size):02}-{row}",
-        f"{size} vehicles, sparsity {cells[0]:g}",
-        partial(paper_instance, key[0]),
+        f"{size} vehicles, sparsity {sparsity:g}",
+        partial(paper_instance, name),
         _OURS,
-        Provenance.SEEDED,
-        {"table": table, "row": 100 * int(size) + int(row)},
+        published={"table": table, "row": 100 * int(size) + int(row)},
     )
 
 
-def _special() -> tuple[CatalogueEntry, ...]:
-    seeded, ours = Provenance.SEEDED, Provenance.OURS
+def _special() -> tuple[Row, ...]:
     return (
-        _entry(
-            "static-closed",
-            "A closed tour over 8 vehicles at rest, which may begin anywhere",
-            _static,
+        Row(
+            "static-closed", "A closed tour over 8 vehicles at rest, which may begin anywhere", _static,
             f"{_SPECIAL} The Dubins travelling salesman problem with neighbourhoods.",
-            seeded,
         ),
-        _entry(
-            "moving-targets",
-            "7 moving vehicles that must be met exactly",
+        Row(
+            "moving-targets", "7 moving vehicles that must be met exactly",
             partial(generate, 7, 6.0, 3, radius=0.0),
             f"{_SPECIAL} The Dubins travelling salesman problem with moving targets.",
-            seeded,
         ),
-        _entry(
-            "euclidean",
-            "8 moving vehicles, and a UAV that turns on the spot",
-            _euclidean,
+        Row(
+            "euclidean", "8 moving vehicles, and a UAV that turns on the spot", _euclidean,
             f"{_SPECIAL} Without curvature the relaxation that gives bounds is the problem itself.",
-            seeded,
         ),
-        _entry(
-            "gap",
-            "A vehicle that slips out of the UAV's turning circle",
+        Row(
+            "gap", "A vehicle that slips out of the UAV's turning circle",
             partial(_explicit, [[-5.0, 4.4], [-40.0, 30.0]], [[0.0, 0.5], [0.0, -1.0]], 0.0),
             f"{_SPECIAL} The first vehicle leaves the left turning circle after 1.2 s, when the UAV has "
             "flown 12 m. The shortest path there drops to 7.9 m at once, but none has 12 m: waiting is "
             "not possible, and the meeting comes later.",
-            ours,
+            Provenance.OURS,
         ),
-        _entry(
-            "met-at-start",
-            "4 vehicles whose discs all hold the start: the optimum is 0 m",
+        Row(
+            "met-at-start", "4 vehicles whose discs all hold the start: the optimum is 0 m",
             partial(
-                _explicit,
-                [[1.0, 2.0], [-3.0, 1.0], [0.0, -4.0], [2.0, -2.0]],
-                [[1.0, 0.0], [0.0, 3.0], [-2.0, 2.0], [0.0, 0.0]],
-                5.0,
+                _explicit, [[1.0, 2.0], [-3.0, 1.0], [0.0, -4.0], [2.0, -2.0]],
+                [[1.0, 0.0], [0.0, 3.0], [-2.0, 2.0], [0.0, 0.0]], 5.0,
             ),
             f"{_SPECIAL} Every vehicle is met at time 0.",
-            ours,
-            {"optimum": 0.0, "source": "no path is shorter than none"},
+            Provenance.OURS, {"optimum": 0.0, "source": "no path is shorter than none"},
         ),
-    )
-
-
-def _entry(
-    name: str, title: str, builder: Callable[[], MessengerTour], note: str, provenance: Provenance,
-    published: Mapping[str, Any] | None = None,
-) -> CatalogueEntry:  # fmt: skip
-    return CatalogueEntry(
-        name=f"messenger/{name}",
-        model="messenger-tour",
-        title=title,
-        paper=PAPER,
-        provenance=provenance,
-        builder=builder,
-        published=published or {},
-        note=note,
-    )
+    )  # fmt: skip
 
 
 def _explicit(

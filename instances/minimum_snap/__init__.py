@@ -53,7 +53,7 @@ TABLE_FILES = {
     "time-allocation": ".tables:waypoints_of_table",
 }
 HINTS = {"trajectory": ".tables:describe_table"}
-DEMOS = {"minimum-snap": ".demo:DEMO"}
+DEMOS = {"minimum-snap": "minimum-snap/square"}
 EXPORTS = {
     "poly7": ".exports:POLY7",
     "samples": ".exports:SAMPLES",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"sideslip": ".listing:catalogue_entries"}
 TABLE_FILES = {"sideslip": ".readers:table_file"}
-DEMOS = {"sideslip": ".demo:DEMO"}
+DEMOS = {"sideslip": "sideslip/lane-change"}
 EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"sideslip": ".paper:PAPER"}
 PAPER_TABLES = {f"sideslip/table-{number}": f".paper_tables:table_{number}" for number in (1, 2, 3)}

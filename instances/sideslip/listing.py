@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .generator import generate
 from .paper import TABLE_3
 
@@ -71,39 +71,18 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     -------
     tuple of CatalogueEntry
     """
-    found = []
+    rows = []
     for road, (speed, row) in _ROADS.items():
-        words = f"{road.replace('-', ' ')} at {speed} km/h"
+        title = f"{road.replace('-', ' ')} at {speed} km/h"
         mean, deviation = TABLE_3.rows[(row,)]
         published = {"mean": mean, "deviation": deviation, "source": "table 3"}
-        found.append(_entry(road, words, {"road": road}, _LOST, Provenance.COMPLETED, published))
-        found.append(
-            _entry(
-                f"{road}-mismatch",
-                f"{words}, mass and stiffness believed wrong by 30 %",
-                {"road": road, "mismatch": MISMATCH},
+        mismatch = f"{title}, mass and stiffness believed wrong by 30 %"
+        rows += [
+            Row(road, title, partial(generate, road=road), _LOST, Provenance.COMPLETED, published),
+            Row(
+                f"{road}-mismatch", mismatch, partial(generate, road=road, mismatch=MISMATCH),
                 f"{_SPECIAL} The drives are those of {road}.",
-                Provenance.SEEDED,
-                {},
-            )
-        )
-    found += [
-        _entry(name, title, asked, _SPECIAL, Provenance.SEEDED, {}) for name, title, asked in _WILD
-    ]
-    return tuple(found)
-
-
-def _entry(
-    name: str, title: str, asked: Mapping[str, Any], note: str, provenance: Provenance,
-    published: Mapping[str, Any],
-) -> CatalogueEntry:  # fmt: skip
-    return CatalogueEntry(
-        name=f"sideslip/{name}",
-        model="sideslip",
-        title=title,
-        paper=PAPER,
-        provenance=provenance,
-        builder=partial(generate, **asked),
-        published=published,
-        note=note,
-    )
+            ),
+        ]  # fmt: skip
+    rows += [Row(name, title, partial(generate, **options)) for name, title, options in _WILD]
+    return listed("sideslip", "sideslip", PAPER, rows, note=_SPECIAL)

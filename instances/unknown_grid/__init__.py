@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"unknown-grid": ".listing:catalogue_entries"}
 REFERENCES = {"unknown-grid": ".readers:resolve_references"}
-DEMOS = {"unknown-grid": ".demo:DEMO"}
+DEMOS = {"unknown-grid": "unknown-grid/u-trap"}
 EXAMPLES = {"unknown-grid": ".laws:draw_scene_arrays"}
 EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"unknown-grid": ".paper:PAPER"}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .laws import SceneLaw, draw_scenes
 from .settings import OBSTACLES, STEPS, TASKS
 from .wild import clutter, enclosed, maze, spiral
@@ -30,9 +30,6 @@ _DRAWN = (
     f"{_OURS} {FEW} scenes that crosstrack.instances.unknown_grid.draw_scenes draws with seed 0; it draws as many "
     "as are asked for, these first."
 )
-#: Instances without random numbers.
-_BY_FORMULA = ("u-trap", "spiral", "no-way")
-
 #: Pocket that is open towards the start, with the target behind it.
 _POCKET = (
     "...............",
@@ -46,17 +43,16 @@ _POCKET = (
     "...............",
 )
 
-Builder = Callable[[], UnknownGridNavigation]
-
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the catalogue entries of unknown grids."""
-    return (*_tasks(), *_laws(), *_wild())
+    rows = (*_tasks(), *_laws(), *_wild())
+    return listed("unknown-grid", "unknown-grid", PAPER, rows, note=_OURS)
 
 
-def _tasks() -> list[CatalogueEntry]:
+def _tasks() -> list[Row]:
     return [
-        _entry(
+        Row(
             f"task-{number}-{obstacles}",
             f"task {number}: {task.side} × {task.side} cells, view {task.view} × {task.view}, {obstacles} walls",
             partial(
@@ -70,71 +66,61 @@ def _tasks() -> list[CatalogueEntry]:
     ]  # fmt: skip
 
 
-def _laws() -> list[CatalogueEntry]:
-    """Return the entries of the other laws, with the sizes of task 2."""
+def _laws() -> list[Row]:
+    """Return the rows of the other laws, with the sizes of task 2."""
     drawn = partial(draw_scenes, obstacles=4, scenes=FEW, view=(9, 9), steps=STEPS)
-    others: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
-        ("l-shapes", "4 L-shaped walls", {"law": SceneLaw.L_SHAPES}),
-        ("u-traps", "4 U-shaped traps", {"law": SceneLaw.U_TRAPS}),
-        ("rectangles", "4 rectangles", {"law": SceneLaw.RECTANGLES}),
-        ("mixed", "4 obstacles of all forms", {"law": SceneLaw.MIXED}),
-        ("close-walls", "4 walls, no open ground around the target", {"clear": 0}),
-        (
-            "follow", "the scenes of close-walls, above which the UAV goes on",
-            {"clear": 0, "uav": "follow"},
-        ),
-    )  # fmt: skip
+    others: dict[str, tuple[str, Mapping[str, Any]]] = {
+        "l-shapes": ("4 L-shaped walls", {"law": SceneLaw.L_SHAPES}),
+        "u-traps": ("4 U-shaped traps", {"law": SceneLaw.U_TRAPS}),
+        "rectangles": ("4 rectangles", {"law": SceneLaw.RECTANGLES}),
+        "mixed": ("4 obstacles of all forms", {"law": SceneLaw.MIXED}),
+        "close-walls": ("4 walls, no open ground around the target", {"clear": 0}),
+        "follow": ("the scenes of close-walls, above which the UAV goes on", {"clear": 0, "uav": "follow"}),
+    }  # fmt: skip
     return [
-        _entry(name, f"{title}, 17 × 17 cells, view 9 × 9", partial(drawn, **options), _DRAWN)
-        for name, title, options in others
+        Row(name, f"{title}, 17 × 17 cells, view 9 × 9", partial(drawn, **options), _DRAWN)
+        for name, (title, options) in others.items()
     ]
 
 
-def _wild() -> list[CatalogueEntry]:
+def _wild() -> list[Row]:
     images = partial(draw_scenes, SceneLaw.MIXED, obstacles=4, scenes=FEW, seed=1)
-    cases: tuple[tuple[str, str, Builder], ...] = (
-        (
+    return [
+        Row(
             "u-trap", "a pocket deeper than the view between start and target",
-            partial(UnknownGridNavigation.drawn, _POCKET, view=(5, 5), steps=100),
+            partial(UnknownGridNavigation.drawn, _POCKET, view=(5, 5), steps=100), provenance=Provenance.OURS,
         ),
-        ("maze", "a maze of 33 × 33 cells", partial(maze, 33, 33, 1, uav="follow")),
-        ("spiral", "a corridor that winds inward", partial(spiral, 21, view=(5, 5), uav="follow")),
-        ("no-way", "a target within a closed ring", partial(enclosed, (17, 17), 2, view=(5, 5))),
-        (
+        Row("maze", "a maze of 33 × 33 cells", partial(maze, 33, 33, 1, uav="follow")),
+        Row(
+            "spiral", "a corridor that winds inward", partial(spiral, 21, view=(5, 5), uav="follow"),
+            provenance=Provenance.OURS,
+        ),
+        Row(
+            "no-way", "a target within a closed ring", partial(enclosed, (17, 17), 2, view=(5, 5)),
+            provenance=Provenance.OURS,
+        ),
+        Row(
             "clutter", "three cells of five blocked, no way",
             partial(clutter, (33, 33), 0.6, 2, way=False, uav="follow"),
         ),
-        (
+        Row(
             "whole-view", "the whole map in view from everywhere",
             partial(draw_scenes, SceneLaw.U_TRAPS, obstacles=4, scenes=1, view=(35, 35)),
         ),
-        (
+        Row(
             "tiny-view", "only the neighbours in view",
             partial(draw_scenes, SceneLaw.MIXED, obstacles=4, scenes=FEW, view=(3, 3), uav="follow"),
         ),
-        (
+        Row(
             "camera-plain", "images in which obstacles have a colour of their own",
             partial(images, camera={"rendering": "plain", "seed": 0}),
         ),
-        (
+        Row(
             "camera-hard", "images in which colour alone does not tell obstacles",
             partial(images, camera={"rendering": "hard", "seed": 0}),
         ),
-        (
+        Row(
             "large", "1000 × 1000 cells, three of ten blocked",
             partial(clutter, (1000, 1000), 0.3, 3, uav="follow"),
         ),
-    )  # fmt: skip
-    return [_entry(name, title, build, _OURS) for name, title, build in cases]
-
-
-def _entry(name: str, title: str, build: Builder, note: str) -> CatalogueEntry:
-    return CatalogueEntry(
-        name=f"unknown-grid/{name}",
-        model="unknown-grid",
-        title=title,
-        paper=PAPER,
-        provenance=Provenance.OURS if name in _BY_FORMULA else Provenance.SEEDED,
-        builder=build,
-        note=note,
-    )
+    ]  # fmt: skip
