@@ -12,14 +12,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from ..errors import BackendBroken, InvalidData, UnknownName, UnsupportedOption
+from ..errors import InvalidData, UnknownName, UnsupportedOption
 from ..models.fields import Spec, Text, required, show
 from ..models.model import Model
-from ..models.problems import loadable, model_type, resolve, table
+from ..models.problems import resolve, table
 from ..models.records import Member, Table
 
 __all__ = [
-    "Assumed",
     "CatalogueEntry",
     "Provenance",
     "Row",
@@ -54,19 +53,6 @@ class Provenance(StrEnum):
     OURS = "ours"
     #: The data are published elsewhere.
     PUBLIC = "public"
-
-
-@dataclass(frozen=True)
-class Assumed:
-    """Value that the reader of a CSV or Excel file assumes if the file contains none.
-
-    Parameters
-    ----------
-    value : object
-        Data of the model; the user's data take precedence.
-    """
-
-    value: Any
 
 
 @dataclass(frozen=True)
@@ -150,6 +136,7 @@ class Row(NamedTuple):
     note: str = ""
     provenance: Provenance = Provenance.SEEDED
     published: Mapping[str, Any] = MappingProxyType({})
+    paper: str = ""
 
 
 def listed(
@@ -159,18 +146,23 @@ def listed(
 
     Parameters
     ----------
-    problem, model, paper : str
-        Prefix of the names, kind of the models and citation of all entries.
+    problem, model : str
+        Prefix of the names, and kind of the models.
+    paper, note : str
+        Citation and note of rows without their own.
     rows : iterable of Row
         Instances with their names without the prefix.
-    note : str
-        Note of rows without a note.
     """
     return tuple(
         CatalogueEntry(
-            **{**row._asdict(), "name": f"{problem}/{row.name}", "note": row.note or note},
-            model=model,
-            paper=paper,
+            f"{problem}/{row.name}",
+            model,
+            row.title,
+            row.paper or paper,
+            row.provenance,
+            row.builder,
+            row.published,
+            row.note or note,
         )
         for row in rows
     )
@@ -295,81 +287,19 @@ def load(
         if match is None and ("\0" in source or not Path(source).exists()):
             raise UnknownName("instance (and there is no such file)", source, _all())
     from ..files import as_path
+    from .storage import model_of_table, read_model
 
     file = as_path(source)
     if file.is_dir():
         raise InvalidData(f"{file}: a folder, where an instance file was expected")
     if file.suffix.casefold() in (".csv", ".xlsx"):
-        return _of_table(file, data or {}, model)
+        return model_of_table(file, data or {}, model)
     if has_data:
         raise UnsupportedOption(
             f"{source} is a whole instance: data and model are for CSV and Excel files"
         )
-    from .storage import read_model
-
     loaded = read_model(file, trusted=trusted, folder=folder)
     return loaded if loaded.name else loaded.renamed(file.stem)
-
-
-def _of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[Any]:
-    """Return the model of the data in a CSV or Excel file and of the additional data `given`.
-
-    `kind` names the kind of model; by default the first kind that fits is used.
-    """
-    if not file.exists():
-        raise InvalidData(f"{file}: no such file")
-    readers = table(__package__, "TABLE_FILES")
-    if kind is not None and kind not in readers:
-        raise UnknownName("model that a CSV or Excel file holds data of", kind, readers)
-    unread: dict[str, str] = {}
-    lacking: dict[str, str] = {}
-    for candidate in readers if kind is None else (kind,):
-        try:
-            contents = resolve(readers[candidate])(file)
-        except (InvalidData, BackendBroken) as error:
-            unread[candidate] = str(error)
-            continue
-        assumed = {
-            key: value.value for key, value in contents.items() if isinstance(value, Assumed)
-        }
-        try:
-            for key in contents:
-                if key in given and key not in assumed:
-                    raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-            data = {**contents, **assumed, **given}
-            result: Model[Any] = model_type(candidate).from_data(data, name=file.stem)
-        except InvalidData as error:
-            lacking[candidate] = str(error)
-            continue
-        for key in assumed.keys() - given.keys():
-            log.warning("%s: %s is assumed, as the file holds none: data may give it", file, key)
-        return result
-    if not lacking:
-        _hint(file)
-    reasons: dict[str, str] = {}
-    for candidate, reason in (lacking or unread).items():
-        reasons[reason] = f"{reasons[reason]}, {candidate}" if reason in reasons else candidate
-    description = (
-        "data, and no whole instance" if lacking else "data of no model that is known here"
-    )
-    raise InvalidData(
-        f"{file} holds {description}"
-        + "".join(f"\n  {kinds}: {reason}" for reason, kinds in reasons.items())
-        + "\ngive what is missing with --data KEY=VALUE on the command line or data={…} in Python, or "
-        "in an instance file beside it that names this file in its data"
-    )
-
-
-def _hint(file: Path) -> None:
-    """Raise a problem's hint on a CSV file that is not part of an instance, if there is one."""
-    from ..files import read_text
-
-    if file.suffix.casefold() == ".csv":
-        first = next((line for line in read_text(file).splitlines() if line.strip()), "")
-        for _, describe in loadable(__package__, "HINTS"):
-            words: str = describe(file, first)
-            if words:
-                raise InvalidData(f"{file}: {words}")
 
 
 def _find(name: Any) -> CatalogueEntry | None:

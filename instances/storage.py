@@ -8,21 +8,25 @@ with the content.
 from __future__ import annotations
 
 import json
+import logging
 import os
 import re
 import stat
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import InvalidData
+from ..errors import BackendBroken, InvalidData, UnknownName
 from ..files import LARGEST_FILE, as_path, read_input, read_text, write_text
 from ..models.fields import show
 from ..models.model import Model, as_model, parse_json
-from ..models.problems import resolve, table
+from ..models.problems import loadable, model_type, resolve, table
 
 __all__ = [
+    "Assumed",
     "Find",
+    "model_of_table",
     "read_model",
     "read_plan",
     "reference",
@@ -31,6 +35,8 @@ __all__ = [
     "write_text",
 ]
 
+log = logging.getLogger("crosstrack")
+
 #: Function that returns the path of a file to which an instance refers by name, if it may be read.
 Find = Callable[[str], Path]
 #: Function (data, find) -> data that inserts the content of referenced files into an instance.
@@ -38,6 +44,19 @@ References = Callable[[Mapping[str, Any], Find], dict[str, Any]]
 
 #: Functions registered by the user, by model kind.
 _REGISTERED: dict[str, References] = {}
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """Value that the reader of a CSV or Excel file assumes if the file contains none.
+
+    Parameters
+    ----------
+    value : object
+        Data of the model; the user's data take precedence.
+    """
+
+    value: Any
 
 
 def register_references(kind: str, function: References) -> References:
@@ -136,7 +155,7 @@ def read_model(
             readers = {**table(__package__, "REFERENCES"), **_REGISTERED}
             if isinstance(kind, str) and isinstance(data, Mapping) and kind in readers:
                 roots = [file.parent] if folder is None else [file.parent, Path(folder)]
-                references = _Found(file.parent, roots)
+                references = _References(file.parent, roots)
                 try:
                     data = resolve(readers[kind])(data, references.find)
                 except InvalidData as error:
@@ -149,7 +168,7 @@ def read_model(
         raise InvalidData(f"{file}: nested too deeply for an instance") from None
 
 
-class _Found:
+class _References:
     """Files to which an instance refers: regular files below `roots`, of bounded total size."""
 
     def __init__(self, home: Path, roots: Sequence[Path]) -> None:
@@ -195,6 +214,65 @@ class _Found:
                     field=error.field,
                 )
         return error
+
+
+def model_of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[Any]:
+    """Return the model of the data in a CSV or Excel file and of the additional data `given`.
+
+    `kind` names the kind of model; by default the first kind that fits is used.
+    """
+    if not file.exists():
+        raise InvalidData(f"{file}: no such file")
+    readers = table(__package__, "TABLE_FILES")
+    if kind is not None and kind not in readers:
+        raise UnknownName("model that a CSV or Excel file holds data of", kind, readers)
+    unread: dict[str, str] = {}
+    lacking: dict[str, str] = {}
+    for candidate in readers if kind is None else (kind,):
+        try:
+            contents = resolve(readers[candidate])(file)
+        except (InvalidData, BackendBroken) as error:
+            unread[candidate] = str(error)
+            continue
+        assumed = {
+            key: value.value for key, value in contents.items() if isinstance(value, Assumed)
+        }
+        try:
+            for key in contents:
+                if key in given and key not in assumed:
+                    raise InvalidData(f"{key} must not be given: the file holds it", field=key)
+            data = {**contents, **assumed, **given}
+            result: Model[Any] = model_type(candidate).from_data(data, name=file.stem)
+        except InvalidData as error:
+            lacking[candidate] = str(error)
+            continue
+        for key in assumed.keys() - given.keys():
+            log.warning("%s: %s is assumed, as the file holds none: data may give it", file, key)
+        return result
+    if not lacking:
+        _hint(file)
+    reasons: dict[str, str] = {}
+    for candidate, reason in (lacking or unread).items():
+        reasons[reason] = f"{reasons[reason]}, {candidate}" if reason in reasons else candidate
+    description = (
+        "data, and no whole instance" if lacking else "data of no model that is known here"
+    )
+    raise InvalidData(
+        f"{file} holds {description}"
+        + "".join(f"\n  {kinds}: {reason}" for reason, kinds in reasons.items())
+        + "\ngive what is missing with --data KEY=VALUE on the command line or data={…} in Python, or "
+        "in an instance file beside it that names this file in its data"
+    )
+
+
+def _hint(file: Path) -> None:
+    """Raise a problem's hint on a CSV file that is not part of an instance, if there is one."""
+    if file.suffix.casefold() == ".csv":
+        first = next((line for line in read_text(file).splitlines() if line.strip()), "")
+        for _, describe in loadable(__package__, "HINTS"):
+            words: str = describe(file, first)
+            if words:
+                raise InvalidData(f"{file}: {words}")
 
 
 def write_model(model: Model[Any], path: str | os.PathLike[str]) -> Path:

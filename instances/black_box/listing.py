@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from ...models.black_box.model import BlackBoxMinimisation
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .generator import generate
 from .paths import PATHS, path_instance
 
@@ -48,29 +48,28 @@ _SPECIAL = "Ours: the paper has no such instance."
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the catalogue entries of black boxes."""
-    return (*_paper(), *_wild(), *_paths())
+    rows = (*_paper(), *_wild(), *map(_path_row, PATHS))
+    return listed("black-box", "black-box", PAPER, rows, note=_SPECIAL)
 
 
-def _paper() -> tuple[CatalogueEntry, ...]:
-    result = []
-    for row, (name, formula, dimension, optimum) in enumerate(FUNCTIONS, 1):
-        several = f"{formula.replace('-', ' ')} of {dimension} variables"
+def _paper() -> list[Row]:
+    rows = []
+    for number, (name, formula, dimension, optimum) in enumerate(FUNCTIONS, 1):
+        title = f"{formula.replace('-', ' ')} of {dimension} variables"
         figures = {"optimum": optimum, "source": "the formula"}
         build = partial(generate, formula, dimension, budget=_BUDGET)
-        result += [
-            _entry(
-                name, f"{several}, as printed", build, _USUAL, Provenance.COMPLETED, figures,
-            ),
-            _entry(
-                f"{name}-shifted", f"{several}, the optimum moved", partial(build, seed=row),
+        rows += [
+            Row(name, f"{title}, as printed", build, _USUAL, Provenance.COMPLETED, figures),
+            Row(
+                f"{name}-shifted", f"{title}, the optimum moved", partial(build, seed=number),
                 f"{_USUAL} Each variable's optimum is moved by 0.1 to 0.3 of its range.",
-                Provenance.SEEDED, figures,
+                published=figures,
             ),
         ]  # fmt: skip
-    return tuple(result)
+    return rows
 
 
-def _wild() -> tuple[CatalogueEntry, ...]:
+def _wild() -> list[Row]:
     narrow = {"name": "rastrigin", "shift": [3.0, 3.0], "stretch": 1e-10}
     wide = {"name": "rastrigin", "shift": [1e8, 3e8], "stretch": 1e8}
     small, everywhere = [[3 - 3e-10, 3 + 7e-10]] * 2, [[-5e8, 5e8]] * 2
@@ -114,61 +113,24 @@ def _wild() -> tuple[CatalogueEntry, ...]:
             partial(_within, "booth", [[-10, 10], [-10, 10]], 1), 0.0,
         ),
     )  # fmt: skip
-    return tuple(
-        _entry(
-            name,
-            title,
-            build,
-            _SPECIAL,
-            Provenance.OURS,
-            {"optimum": optimum, "source": "the formula"},
+    return [
+        Row(
+            name, title, build,
+            provenance=Provenance.OURS, published={"optimum": optimum, "source": "the formula"},
         )
         for name, title, build, optimum in cases
-    )
+    ]  # fmt: skip
 
 
-def _paths() -> tuple[CatalogueEntry, ...]:
-    result = []
-    for name, path_map in PATHS.items():
-        published: dict[str, Any] = {}
-        if name in LENGTHS:
-            anywhere, neighbours = LENGTHS[name]
-            published = {
-                "optimum": anywhere,
-                "eight neighbours": neighbours,
-                "source": "any-angle",
-            }
-        several = f"{path_map.title}, {path_map.waypoints} waypoints"
-        note = (
-            f"The map is ours: the paper shows its maps as pictures only. {path_map.note}".rstrip()
-        )
-        result.append(
-            _entry(
-                f"path-{name}",
-                several,
-                partial(path_instance, name),
-                note,
-                Provenance.SEEDED,
-                published,
-            )
-        )
-    return tuple(result)
-
-
-def _entry(
-    name: str, title: str, builder: Callable[[], BlackBoxMinimisation], note: str,
-    provenance: Provenance, published: Mapping[str, Any],
-) -> CatalogueEntry:  # fmt: skip
-    return CatalogueEntry(
-        name=f"black-box/{name}",
-        model="black-box",
-        title=title,
-        paper=PAPER,
-        provenance=provenance,
-        builder=builder,
-        published=published,
-        note=note,
-    )
+def _path_row(name: str) -> Row:
+    path_map = PATHS[name]
+    published: dict[str, Any] = {}
+    if name in LENGTHS:
+        anywhere, neighbours = LENGTHS[name]
+        published = {"optimum": anywhere, "eight neighbours": neighbours, "source": "any-angle"}
+    note = f"The map is ours: the paper shows its maps as pictures only. {path_map.note}".rstrip()
+    title = f"{path_map.title}, {path_map.waypoints} waypoints"
+    return Row(f"path-{name}", title, partial(path_instance, name), note, published=published)
 
 
 def _within(function: Any, bounds: Any, budget: int = 10_000) -> BlackBoxMinimisation:

@@ -83,34 +83,6 @@ def path_instance(name: str, budget: int = 10_000) -> BlackBoxMinimisation:
 # -- the maps ------------------------------------------------------------------------------------
 
 
-def _open() -> GridPath:
-    return _between(np.zeros((20, 20), bool), (0, 0), (19, 19))
-
-
-def _cells() -> GridPath:
-    return _across(random_cells(20, 20, 0.1, 3))
-
-
-def _blocks() -> GridPath:
-    return _polygons(20, 8, 4, 0.0)
-
-
-def _polygons_30() -> GridPath:
-    return _polygons(30, 14, 11, 0.3)
-
-
-def _polygons_40() -> GridPath:
-    return _polygons(40, 24, 10, 0.3)
-
-
-def _corners() -> GridPath:
-    return _across(random_cells(24, 24, 0.3, 9))
-
-
-def _rooms() -> GridPath:
-    return _across(rooms(37, 37, 4, size=11, doors=0.8))
-
-
 def _gap() -> GridPath:
     blocked = np.zeros((40, 40), bool)
     blocked[:, 20] = True
@@ -161,16 +133,32 @@ def _grid_path(grid: GridMap, start: NDArray[np.int64], goal: NDArray[np.int64])
 #: Maps by name, from easy to hard.
 PATHS: Mapping[str, PathMap] = MappingProxyType(
     {
-        "open": PathMap("Across 20 × 20 free cells", "The optimum is the straight line.", 3, _open),
-        "cells": PathMap(
-            "Among single blocked cells on 20 × 20", "Many paths are about as good.", 5, _cells
+        "open": PathMap(
+            "Across 20 × 20 free cells",
+            "The optimum is the straight line.",
+            3,
+            lambda: _between(np.zeros((20, 20), bool), (0, 0), (19, 19)),
         ),
-        "blocks": PathMap("Among 8 polygons on 20 m × 20 m", "", 4, _blocks),
+        "cells": PathMap(
+            "Among single blocked cells on 20 × 20",
+            "Many paths are about as good.",
+            5,
+            lambda: _across(random_cells(20, 20, 0.1, 3)),
+        ),
+        "blocks": PathMap(
+            "Among 8 polygons on 20 m × 20 m", "", 4, lambda: _polygons(20, 8, 4, 0.0)
+        ),
         "polygons-30": PathMap(
-            "Among 14 polygons on 30 m × 30 m, for a robot of radius 0.3 m", "", 5, _polygons_30
+            "Among 14 polygons on 30 m × 30 m, for a robot of radius 0.3 m",
+            "",
+            5,
+            lambda: _polygons(30, 14, 11, 0.3),
         ),
         "polygons-40": PathMap(
-            "Among 24 polygons on 40 m × 40 m, for a robot of radius 0.3 m", "", 5, _polygons_40
+            "Among 24 polygons on 40 m × 40 m, for a robot of radius 0.3 m",
+            "",
+            5,
+            lambda: _polygons(40, 24, 10, 0.3),
         ),
         "gap": PathMap(
             "Through the one gap of a wall on 40 × 40 cells",
@@ -188,9 +176,14 @@ PATHS: Mapping[str, PathMap] = MappingProxyType(
             "Among cells that touch at corners, on 24 × 24",
             "Between two blocked cells that touch there is no way.",
             10,
-            _corners,
+            lambda: _across(random_cells(24, 24, 0.3, 9)),
         ),
-        "rooms": PathMap("Through 9 rooms on 37 × 37 cells", "Doors are one cell wide.", 8, _rooms),
+        "rooms": PathMap(
+            "Through 9 rooms on 37 × 37 cells",
+            "Doors are one cell wide.",
+            8,
+            lambda: _across(rooms(37, 37, 4, size=11, doors=0.8)),
+        ),
         "enclosed": PathMap(
             "To a goal that is walled in, on 20 × 20 cells",
             "There is no free path: the best one crosses the wall by the shortest way.",

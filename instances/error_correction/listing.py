@@ -6,7 +6,7 @@ from functools import partial
 
 from ...errors import UnknownName
 from ...models.error_correction.model import ErrorCorrectionRouting
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .examples import example_1
 from .generator import generate, with_suspects
 from .settings import BOX, DELTA, EXAMPLE_1_OPTIMUM, PAPER, SETTINGS, TIGHT, Setting, published
@@ -43,20 +43,17 @@ def _planted_under(setting: Setting) -> tuple[float, ...] | None:
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return example 1 and the rows of table 1."""
-    example = CatalogueEntry(
-        name="error-correction/example-1",
-        model="error-correction",
-        title="Example 1: the shorter way to a point may lead nowhere",
-        paper=PAPER,
-        provenance=Provenance.COMPLETED,
-        published={"example": 1, "optimum": EXAMPLE_1_OPTIMUM, "route": [1, 2, 3, 5]},
-        note=(
-            "The paper gives four distances and the thresholds; the coordinates, which have "
-            "these distances, and the place of point 4 are ours."
-        ),
-        builder=example_1,
+    example = Row(
+        "example-1",
+        "Example 1: the shorter way to a point may lead nowhere",
+        example_1,
+        "The paper gives four distances and the thresholds; the coordinates, which have these "
+        "distances, and the place of point 4 are ours.",
+        Provenance.COMPLETED,
+        {"example": 1, "optimum": EXAMPLE_1_OPTIMUM, "route": [1, 2, 3, 5]},
     )
-    return (example, *map(_row_entry, SETTINGS.values()), *map(_suspect_entry, _SUSPECTS))
+    rows = (example, *map(_table_row, SETTINGS.values()), *map(_suspect_row, _SUSPECTS))
+    return listed("error-correction", "error-correction", PAPER, rows)
 
 
 #: Rows of table 1 with suspect points: seed, share and residual, feasible in the worst case.
@@ -70,24 +67,19 @@ def _suspect_model(row: int) -> ErrorCorrectionRouting:
     return with_suspects(setting_model(row), share, residual, seed=seed, name=name)
 
 
-def _suspect_entry(row: int) -> CatalogueEntry:
+def _suspect_row(row: int) -> Row:
     _, share, residual = _SUSPECTS[row]
-    setting = SETTINGS[row]
-    return CatalogueEntry(
-        name=f"error-correction/suspect-{setting.n}",
-        model="error-correction",
-        title=(
-            f"Suspect points: row {row} of table 1, {setting.n} points, each suspect with "
-            f"probability {share:g}, residual {residual:g}"
-        ),
-        paper=PAPER,
-        provenance=Provenance.SEEDED,
-        note="Points and suspects are ours, by seed; a route exists if all suspects fail.",
-        builder=partial(_suspect_model, row),
+    count = SETTINGS[row].n
+    return Row(
+        f"suspect-{count}",
+        f"Suspect points: row {row} of table 1, {count} points, each suspect with probability "
+        f"{share:g}, residual {residual:g}",
+        partial(_suspect_model, row),
+        "Points and suspects are ours, by seed; a route exists if all suspects fail.",
     )
 
 
-def _row_entry(setting: Setting) -> CatalogueEntry:
+def _table_row(setting: Setting) -> Row:
     limits = ", ".join(f"{value:g}" for value in setting.thresholds)
     notes = [_OURS]
     if setting.contest_optimum is not None:
@@ -100,13 +92,10 @@ def _row_entry(setting: Setting) -> CatalogueEntry:
             f"Table 1 prints {setting.horizontal} and {setting.printed_vertical} points of the two kinds, which do not "
             f"add up to {setting.n}: {setting.horizontal} and {setting.vertical} are taken."
         )
-    return CatalogueEntry(
-        name=f"error-correction/{setting.row}",
-        model="error-correction",
-        title=f"Table 1, row {setting.row}: {setting.n} points, thresholds {limits}",
-        paper=PAPER,
-        provenance=Provenance.SEEDED,
+    return Row(
+        str(setting.row),
+        f"Table 1, row {setting.row}: {setting.n} points, thresholds {limits}",
+        partial(setting_model, setting.row),
+        " ".join(notes),
         published=published(setting.row),
-        note=" ".join(notes),
-        builder=partial(setting_model, setting.row),
     )

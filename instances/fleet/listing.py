@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ...models.fleet.model import FleetRouting
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from ..grid_path import paper_map, random_nodes
 from .generator import generate
 
@@ -35,12 +34,12 @@ _EXAMPLE = (
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances."""
-    return (*_small(), *_limited(), *_wild(), *map(_table_3, WEIGHTS))
+    rows = (*_small(), *_limited(), *_wild(), *map(_table_3, WEIGHTS))
+    return listed("fleet", "fleet-routing", PAPER, rows, note=_SPECIAL)
 
 
-def _small() -> tuple[CatalogueEntry, ...]:
-    specifications: tuple[tuple[str, str, int, int, str, dict[str, Any]], ...]
-    specifications = (
+def _small() -> tuple[Row, ...]:
+    cases: tuple[tuple[str, str, int, int, str, dict[str, Any]], ...] = (
         ("sum-9", "the shortest routes in all", 9, 3, "sum", {}),
         ("max-8", "the longest route shortest", 8, 2, "max", {}),
         ("max-10", "the longest route shortest", 10, 3, "max", {}),
@@ -50,54 +49,50 @@ def _small() -> tuple[CatalogueEntry, ...]:
         ("range-7", "the most equal routes, however long", 7, 2, "range", {}),
     )
     return (
-        _entry(
+        Row(
             "example", "2 robots share 7 nodes so that the longer route is shortest",
-            partial(_fleet, 2, points=_EXAMPLE), _SPECIAL, Provenance.OURS,
+            partial(_fleet, 2, points=_EXAMPLE), provenance=Provenance.OURS,
         ),
         *(
-            _entry(
+            Row(
                 name, f"{m} robots, {n} nodes: {title}",
                 partial(generate, n, m, n + 100 * m, objective=objective, **more),
-                _SPECIAL,
             )
-            for name, title, n, m, objective, more in specifications
+            for name, title, n, m, objective, more in cases
         ),
     )  # fmt: skip
 
 
-def _limited() -> tuple[CatalogueEntry, ...]:
+def _limited() -> tuple[Row, ...]:
     demands = (0, 3, 5, 2, 4, 1, 6, 3)
     return (
-        _entry(
-            "asymmetric", "2 robots, 7 nodes: against the wind every way is longer", _windy, _SPECIAL
+        Row(
+            "asymmetric", "2 robots, 7 nodes: against the wind every way is longer", _windy
         ),
-        _entry(
+        Row(
             "two-depots", "3 robots from 2 depots, 7 nodes",
-            partial(generate, 8, 3, 5, depots=[0, 1, 1]), _SPECIAL,
+            partial(generate, 8, 3, 5, depots=[0, 1, 1]),
         ),
-        _entry(
+        Row(
             "battery", "3 robots with batteries of different size, not all needed",
             partial(
                 generate, 7, 3, 6, objective="sum", use_all=False, battery=[500.0, 400.0, 250.0]
             ),
-            _SPECIAL,
         ),
-        _entry(
+        Row(
             "capacity", "2 lorries that carry half of all each: the demands must split evenly",
             partial(_fleet, 2, points=_EXAMPLE, objective="sum", demands=demands, capacity=12.0),
-            _SPECIAL, Provenance.OURS,
+            provenance=Provenance.OURS,
         ),
-        _entry(
+        Row(
             "bounded", "Little in all and little between the routes, for which a detour pays",
             partial(generate, 7, 2, 7, budget=660.0, deviation_limit=18.0, range_limit=25.0),
-            _SPECIAL,
         ),
-        _entry(
+        Row(
             "bounded-too-tight", "The same with a budget that leaves none for the detour: no plan",
             partial(generate, 7, 2, 7, budget=640.0, deviation_limit=18.0, range_limit=25.0),
-            _SPECIAL,
         ),
-        _entry(
+        Row(
             "battery-too-small", "A node beyond half a battery: no plan",
             partial(_fleet, 2, points=_EXAMPLE, battery=80.0),
             f"{_SPECIAL} Node 1 lies 42.4 m from the depot, so the round trip takes more than 80 m.",
@@ -106,55 +101,38 @@ def _limited() -> tuple[CatalogueEntry, ...]:
     )  # fmt: skip
 
 
-def _wild() -> tuple[CatalogueEntry, ...]:
+def _wild() -> tuple[Row, ...]:
     far = [*_EXAMPLE[:6], (1e6, 50)]
     return (
-        _entry(
+        Row(
             "ties", "A lattice with many optimal plans, and nodes at one place",
             partial(_fleet, 2, points=[(x, y) for x in (0, 1, 2) for y in (0, 1)] + [(1, 1), (0, 0)]),
-            _SPECIAL, Provenance.OURS,
+            provenance=Provenance.OURS,
         ),
-        _entry(
+        Row(
             "zeros", "Costs of 0, 1 and 2 that are no distances", partial(_fleet, 2, costs=_zeros()),
-            _SPECIAL, Provenance.OURS,
+            provenance=Provenance.OURS,
         ),
-        _entry(
+        Row(
             "each-its-own", "As many robots as nodes", partial(_fleet, 5, points=_EXAMPLE[:6]),
-            _SPECIAL, Provenance.OURS,
-            {"optimum": 2 * float(np.hypot(15, 40)), "source": "the farthest node and back"},
+            provenance=Provenance.OURS,
+            published={"optimum": 2 * float(np.hypot(15, 40)), "source": "the farthest node and back"},
         ),
-        _entry(
+        Row(
             "one-far", "One node a million metres away", partial(_fleet, 2, points=far),
-            _SPECIAL, Provenance.OURS,
+            provenance=Provenance.OURS,
         ),
     )  # fmt: skip
 
 
-def _table_3(q: float) -> CatalogueEntry:
-    return _entry(
+def _table_3(q: float) -> Row:
+    return Row(
         f"table-3-q{q:g}",
         f"{ROBOTS} robots, {NODES} nodes among 28 obstacles: length and {q:g} times the variance",
         partial(_among_obstacles, q),
         "The paper prints no coordinates: obstacles and nodes are ours by seed, with their numbers, so "
         "lengths are not comparable with the paper's.",
-        Provenance.SEEDED,
-        {"q": q},
-    )
-
-
-def _entry(
-    name: str, title: str, builder: Callable[[], FleetRouting], note: str,
-    provenance: Provenance = Provenance.SEEDED, published: Mapping[str, Any] | None = None,
-) -> CatalogueEntry:  # fmt: skip
-    return CatalogueEntry(
-        name=f"fleet/{name}",
-        model="fleet-routing",
-        title=title,
-        paper=PAPER,
-        provenance=provenance,
-        builder=builder,
-        published=published or {},
-        note=note,
+        published={"q": q},
     )
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from ...models.grid_path.gridmap import GridMap
 from ...models.grid_path.model import GridPath
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .generators import maze, random_cells, random_nodes, random_polygons, rooms
 
 __all__ = ["PAPER", "catalogue_entries", "paper_map"]
@@ -23,6 +22,7 @@ PAPER = (
 BOUNDS, SEED, DEPOT = (0.0, 0.0, 200.0, 200.0), 28, (100.0, 100.0)
 
 _OURS = "Ours: the paper has no such instance."
+_LOST = "The paper prints no coordinates: the polygons are ours by seed, with their number."
 
 
 def paper_map(cell: float = 2.5, radius: float = 1.0) -> GridMap:
@@ -46,160 +46,120 @@ def paper_map(cell: float = 2.5, radius: float = 1.0) -> GridMap:
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the catalogue entries of grid paths."""
-    seeded, ours = Provenance.SEEDED, Provenance.OURS
-    return (
-        _entry(
+    rows = (
+        Row(
             "paper-map",
             "Across 28 irregular polygons on 200 m × 200 m, for a robot of radius 1 m",
-            _across,
-            "The paper prints no coordinates: the polygons are ours by seed, with their number.",
-            seeded,
+            lambda: _pose(paper_map(), (1, 1), (78, 78)),
+            _LOST,
         ),
-        _entry(
+        Row(
             "any-angle",
             "Straight lines in any direction across the same polygons, on cells of 5 m",
-            _any_angle,
-            "The paper prints no coordinates: the polygons are ours by seed, with their number.",
-            seeded,
+            lambda: _pose(paper_map(5.0), (1, 1), (38, 31), connectivity="any"),
+            _LOST,
         ),
-        _entry(
+        Row(
             "corners",
             "Any direction among random cells, many of which touch at corners",
-            _corners,
+            lambda: _pose(random_cells(24, 24, 0.3, 9), (0, 0), (23, 23), connectivity="any"),
             f"{_OURS} A path may turn at corners of blocked cells, but not pass between two that touch.",
-            seeded,
         ),
-        _entry(
+        Row(
             "errands",
             "From the depot to 6 goals each, by four neighbours as in the paper",
             _errands,
-            "The paper prints no coordinates: the polygons are ours by seed, with their number.",
-            seeded,
+            _LOST,
         ),
-        _entry(
-            "maze", "A maze of 41 × 41 cells with one way between any two", _maze, _OURS, seeded
+        Row(
+            "maze",
+            "A maze of 41 × 41 cells with one way between any two",
+            lambda: _pose(maze(41, 41, 1), (1, 1), (39, 39)),
         ),
-        _entry(
+        Row(
             "rooms",
             "49 rooms, and the nearest of 3 goals",
-            _rooms,
+            lambda: _pose(rooms(57, 57, 1), (28, 28), [(1, 1), (1, 55), (55, 55)]),
             f"{_OURS} Many paths are equally long.",
-            seeded,
         ),
-        _entry(
+        Row(
             "terrain",
             "Random cells, where a metre costs from 1 to 100",
             _terrain,
             f"{_OURS} The shortest path is not the cheapest.",
-            seeded,
         ),
-        _entry(
+        Row(
             "pocket",
             "Out of a pocket that opens away from the goal",
             _pocket,
             f"{_OURS} A search that goes straight for the goal fills the pocket first.",
-            ours,
+            Provenance.OURS,
         ),
-        _entry(
+        Row(
             "passage",
             "A passage that leaves a robot of radius 0.3 m one row of cells, to the last digit",
             _passage,
             f"{_OURS} Two walls are 0.9 m apart, and cells measure 0.3 m, none of which floats hold "
             "exactly: contact does not block.",
-            ours,
+            Provenance.OURS,
         ),
-        _entry(
+        Row(
             "one-cell",
             "A map with one free cell, which is start and goal",
             _one_cell,
             f"{_OURS} The optimum is to stay.",
-            ours,
+            Provenance.OURS,
             {"optimum": 0.0, "source": "no path is shorter than none"},
         ),
-        _entry(
+        Row(
             "unreachable",
             "A goal that touches the outside at a corner only",
             _unreachable,
             f"{_OURS} There is no path: none leads between cells that touch at a corner.",
-            ours,
+            Provenance.OURS,
         ),
     )
-
-
-def _entry(
-    name: str, title: str, builder: Callable[[], GridPath], note: str, provenance: Provenance,
-    published: Mapping[str, Any] | None = None,
-) -> CatalogueEntry:  # fmt: skip
-    return CatalogueEntry(
-        name=f"grid-path/{name}",
-        model="grid-path",
-        title=title,
-        paper=PAPER,
-        provenance=provenance,
-        builder=builder,
-        published=published or {},
-        note=note,
-    )
+    return listed("grid-path", "grid-path", PAPER, rows, note=_OURS)
 
 
 # -- the instances -------------------------------------------------------------------------------
-
-
-def _across() -> GridPath:
-    return _made(paper_map(), (1, 1), (78, 78))
-
-
-def _any_angle() -> GridPath:
-    return _made(paper_map(5.0), (1, 1), (38, 31), connectivity="any")
-
-
-def _corners() -> GridPath:
-    return _made(random_cells(24, 24, 0.3, 9), (0, 0), (23, 23), connectivity="any")
 
 
 def _errands() -> GridPath:
     grid = paper_map(4.0)
     depot = grid.cells_of(DEPOT)
     goals = grid.cells_of(random_nodes(grid, DEPOT, 6, SEED))
-    return _made(grid, depot, goals, connectivity="4", reach="each")
-
-
-def _maze() -> GridPath:
-    return _made(maze(41, 41, 1), (1, 1), (39, 39))
-
-
-def _rooms() -> GridPath:
-    return _made(rooms(57, 57, 1), (28, 28), [(1, 1), (1, 55), (55, 55)])
+    return _pose(grid, depot, goals, connectivity="4", reach="each")
 
 
 def _terrain() -> GridPath:
     grid = random_cells(40, 40, 0.2, 6)
     coarse = np.random.default_rng(4).random((8, 8))
     weights = np.round(100.0**coarse, 3).repeat(5, axis=0).repeat(5, axis=1)
-    return _made(grid, (0, 0), (39, 39), weights=weights)
+    return _pose(grid, (0, 0), (39, 39), weights=weights)
 
 
 def _pocket() -> GridPath:
     blocked = np.zeros((30, 40), bool)
     blocked[5:25, 30] = blocked[5, 8:31] = blocked[24, 8:31] = True
-    return _made(GridMap(blocked), (14, 27), (14, 36))
+    return _pose(GridMap(blocked), (14, 27), (14, 36))
 
 
 def _passage() -> GridPath:
     lower, upper = ((2.4, -0.6), (3.9, 0.9)), ((2.4, 1.8), (3.9, 4.2))
     walls = [[(a, c), (b, c), (b, d), (a, d)] for (a, c), (b, d) in (lower, upper)]
     grid = GridMap.from_polygons(walls, (0.0, -0.6, 6.3, 4.2), 0.3, 0.3)
-    return _made(grid, grid.cells_of((0.75, 0.15)), grid.cells_of((5.55, 3.45)))
+    return _pose(grid, grid.cells_of((0.75, 0.15)), grid.cells_of((5.55, 3.45)))
 
 
 def _one_cell() -> GridPath:
-    return _made({"blocked": ["@@@", "@.@", "@@@"]}, (1, 1), (1, 1))
+    return _pose({"blocked": ["@@@", "@.@", "@@@"]}, (1, 1), (1, 1))
 
 
 def _unreachable() -> GridPath:
     lines = ["......", "..@@@.", "..@..@", "..@..@", "...@@.", "......"]
-    return _made({"blocked": lines}, (0, 0), (2, 4))
+    return _pose({"blocked": lines}, (0, 0), (2, 4))
 
 
-def _made(grid: GridMap | dict[str, Any], start: Any, goals: Any, **others: Any) -> GridPath:
+def _pose(grid: GridMap | dict[str, Any], start: Any, goals: Any, **others: Any) -> GridPath:
     return GridPath.from_data({"map": grid, "start": start, "goals": goals, **others})

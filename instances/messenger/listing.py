@@ -59,20 +59,26 @@ def _paper_row(table: int, name: str, sparsity: Any) -> Row:
 def _special() -> tuple[Row, ...]:
     return (
         Row(
-            "static-closed", "A closed tour over 8 vehicles at rest, which may begin anywhere", _static,
+            "static-closed",
+            "A closed tour over 8 vehicles at rest, which may begin anywhere",
+            _static,
             f"{_SPECIAL} The Dubins travelling salesman problem with neighbourhoods.",
         ),
         Row(
-            "moving-targets", "7 moving vehicles that must be met exactly",
+            "moving-targets",
+            "7 moving vehicles that must be met exactly",
             partial(generate, 7, 6.0, 3, radius=0.0),
             f"{_SPECIAL} The Dubins travelling salesman problem with moving targets.",
         ),
         Row(
-            "euclidean", "8 moving vehicles, and a UAV that turns on the spot", _euclidean,
+            "euclidean",
+            "8 moving vehicles, and a UAV that turns on the spot",
+            _euclidean,
             f"{_SPECIAL} Without curvature the relaxation that gives bounds is the problem itself.",
         ),
         Row(
-            "gap", "A vehicle that slips out of the UAV's turning circle",
+            "gap",
+            "A vehicle that slips out of the UAV's turning circle",
             partial(_explicit, [[-5.0, 4.4], [-40.0, 30.0]], [[0.0, 0.5], [0.0, -1.0]], 0.0),
             f"{_SPECIAL} The first vehicle leaves the left turning circle after 1.2 s, when the UAV has "
             "flown 12 m. The shortest path there drops to 7.9 m at once, but none has 12 m: waiting is "
@@ -80,15 +86,19 @@ def _special() -> tuple[Row, ...]:
             Provenance.OURS,
         ),
         Row(
-            "met-at-start", "4 vehicles whose discs all hold the start: the optimum is 0 m",
+            "met-at-start",
+            "4 vehicles whose discs all hold the start: the optimum is 0 m",
             partial(
-                _explicit, [[1.0, 2.0], [-3.0, 1.0], [0.0, -4.0], [2.0, -2.0]],
-                [[1.0, 0.0], [0.0, 3.0], [-2.0, 2.0], [0.0, 0.0]], 5.0,
+                _explicit,
+                [[1.0, 2.0], [-3.0, 1.0], [0.0, -4.0], [2.0, -2.0]],
+                [[1.0, 0.0], [0.0, 3.0], [-2.0, 2.0], [0.0, 0.0]],
+                5.0,
             ),
             f"{_SPECIAL} Every vehicle is met at time 0.",
-            Provenance.OURS, {"optimum": 0.0, "source": "no path is shorter than none"},
+            Provenance.OURS,
+            {"optimum": 0.0, "source": "no path is shorter than none"},
         ),
-    )  # fmt: skip
+    )
 
 
 def _explicit(

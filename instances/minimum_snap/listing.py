@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from ...models.fields import Real
 from ...models.minimum_snap.model import MinimumDerivative, MinimumSnap
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from ...models.minimum_snap.trajectory import Trajectory
-from ...models.model import Model
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .corridors import corridor, gates, hurried
 from .paths import figure_eight, helix, random_walk, random_waypoints, square, times_by_distance
 
@@ -50,8 +46,8 @@ _PAPERS = (
         5,
         0.0,
         (
-            " The paper's powers of absolute time are badly scaled by now: its program's "
-            "optimality system has a condition number above 1e20, and some backends fail on it."
+            " The paper's powers of absolute time are badly scaled by now: its program's optimality "
+            "system has a condition number above 1e20, and some backends fail on it."
         ),
     ),
     (
@@ -60,9 +56,8 @@ _PAPERS = (
         5,
         60.0,
         (
-            " It is paper-5 a minute later. In the paper's powers of absolute time few digits or "
-            "none are right, and verification rejects what comes out; a segment's own time knows "
-            "no difference."
+            " It is paper-5 a minute later. In the paper's powers of absolute time few digits or none "
+            "are right, and verification rejects what comes out; a segment's own time knows no difference."
         ),
     ),
 )
@@ -131,131 +126,94 @@ def _jerk() -> MinimumDerivative:
     return MinimumDerivative(waypoints=points, times=times_by_distance(points), order=3)
 
 
-def _entry(
-    name: str,
-    title: str,
-    builder: Callable[[], Model[Trajectory]],
-    *,
-    paper: str = _MELLINGER,
-    provenance: Provenance = Provenance.OURS,
-    note: str = _OURS,
-    published: Mapping[str, Any] | None = None,
-) -> CatalogueEntry:
-    return CatalogueEntry(
-        name=name,
-        model=name.partition("/")[0],
-        title=title,
-        paper=paper,
-        provenance=provenance,
-        builder=builder,
-        published=published or {},
-        note=note,
-    )
-
-
 def snap_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances of minimum snap."""
-    seeded = Provenance.SEEDED
+    ours = Provenance.OURS
     walks = [
-        _entry(
-            f"minimum-snap/random-{count}",
+        Row(
+            f"random-{count}",
             f"A random walk of {count} segments in 3-D, 0.5 to 1.5 m long, at 1 m/s",
             partial(random_walk, count, seed=count),
             paper=_RICHTER,
-            provenance=seeded,
         )
         for count in (10, 100, 1000)
     ]
     papers = [
-        _entry(
-            f"minimum-snap/{name}",
-            f"The paper's own problem, continuous to the acceleration only: {what}",
+        Row(
+            name,
+            f"The paper's own problem, continuous to the acceleration only: {size}",
             partial(paper_walk, count, start),
+            "The paper publishes neither coordinates nor times: ours are seeded. Its eq. 25 keeps "
+            "acceleration but not jerk continuous, so this is not the minimum-snap spline: the jerk "
+            f"jumps at the waypoints.{more}",
             paper=PAPER,
-            provenance=seeded,
-            note=(
-                "The paper publishes neither coordinates nor times: ours are seeded. Its eq. 25 "
-                "keeps acceleration but not jerk continuous, so this is not the minimum-snap "
-                f"spline: the jerk jumps at the waypoints.{more}"
-            ),
         )
-        for name, what, count, start, more in _PAPERS
+        for name, size, count, start, more in _PAPERS
     ]
     corridors = [
-        _entry(
-            f"minimum-snap/corridor-{count}",
+        Row(
+            f"corridor-{count}",
             f"A chain of {count} boxes in 3-D with limits of velocity and acceleration",
             partial(corridor, count, seed=seed),
-            provenance=seeded,
-            note=_CORRIDOR,
+            _CORRIDOR,
         )
         for count, seed in ((10, _TURNING), (1000, 0))
     ]
-    return (
-        _entry("minimum-snap/figure-eight", "A figure eight in 3-D, 12 segments", figure_eight),
-        _entry(
-            "minimum-snap/figure-eight-yaw",
+    rows = (
+        Row("figure-eight", "A figure eight in 3-D, 12 segments", figure_eight, provenance=ours),
+        Row(
+            "figure-eight-yaw",
             "A figure eight in 3-D with yaw along the path as the fourth axis, 12 segments",
             partial(figure_eight, dimensions=4),
+            provenance=ours,
         ),
-        _entry("minimum-snap/helix", "Three turns of a helix, 24 segments", helix),
-        _entry("minimum-snap/square", "Around a square in the plane, 4 segments", square),
+        Row("helix", "Three turns of a helix, 24 segments", helix, provenance=ours),
+        Row("square", "Around a square in the plane, 4 segments", square, provenance=ours),
         *walks,
         *papers,
         *corridors,
-        _entry(
-            "minimum-snap/corridor-infeasible",
+        Row(
+            "corridor-infeasible",
             f"A chain of 10 boxes in which segment {_HURRIED} is too long for its time",
             partial(hurried, 10, _HURRIED, seed=_TURNING),
-            provenance=seeded,
-            note=(
-                "Ours by seed, and infeasible by construction: the velocity limit of segment "
-                f"{_HURRIED} is 0.8 of the mean velocity that its two fixed ends demand. Without "
-                "that limit it is feasible."
-            ),
+            "Ours by seed, and infeasible by construction: the velocity limit of segment "
+            f"{_HURRIED} is 0.8 of the mean velocity that its two fixed ends demand. Without "
+            "that limit it is feasible.",
         ),
-        _entry(
-            "minimum-snap/gate-2d",
+        Row(
+            "gate-2d",
             "Six slanted rectangles in the plane, as half-spaces, with a velocity limit",
             gates,
-            provenance=seeded,
-            note=(
-                "Ours by seed. Stopping at every gate is feasible and keeps a margin of 0.3 m to "
-                "every wall."
-            ),
+            "Ours by seed. Stopping at every gate is feasible and keeps a margin of 0.3 m to every wall.",
         ),
     )
+    return listed("minimum-snap", "minimum-snap", _MELLINGER, rows, note=_OURS)
 
 
 def derivative_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances that minimise other derivatives or sums of several."""
-    return (
-        _entry(
-            "minimum-derivative/jerk",
-            "Minimum jerk through a random walk of 8 segments in 3-D",
-            _jerk,
-            paper=_HOGAN,
-            provenance=Provenance.SEEDED,
-        ),
-        _entry(
-            "minimum-derivative/reach",
+    optimum = {
+        "optimum": 720 * 0.3**2 / 0.8**5,
+        "formula": "720 d² / T⁵, from the paper's x = d (10 s³ - 15 s⁴ + 6 s⁵)",
+    }
+    rows = (
+        Row("jerk", "Minimum jerk through a random walk of 8 segments in 3-D", _jerk),
+        Row(
+            "reach",
             "A hand moves 0.3 m in 0.8 s: one segment of minimum jerk",
             reach,
-            paper=_HOGAN,
-            published={
-                "optimum": 720 * 0.3**2 / 0.8**5,
-                "formula": "720 d² / T⁵, from the paper's x = d (10 s³ - 15 s⁴ + 6 s⁵)",
-            },
-            note="Distance and duration are ours; the shape of the optimum is the paper's.",
+            "Distance and duration are ours; the shape of the optimum is the paper's.",
+            Provenance.OURS,
+            optimum,
         ),
-        _entry(
-            "minimum-derivative/weighted",
+        Row(
+            "weighted",
             "0.1 velocity² + acceleration² + 0.1 snap², degree 9, C⁴: 6 segments in the plane",
             weighted,
             paper=_RICHTER,
-            provenance=Provenance.SEEDED,
         ),
     )
+    return listed("minimum-derivative", "minimum-derivative", _HOGAN, rows, note=_OURS)
 
 
 def times_for_walk(segments: int, seed: int = 0, *, limited: bool = True) -> TimeAllocation:
@@ -285,25 +243,22 @@ def _lap() -> TimeAllocation:
 
 def allocation_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances of time allocation."""
-    return (
-        _entry(
-            "time-allocation/lap-8s",
+    rows = (
+        Row(
+            "lap-8s",
             "Around a square in 8 s: when to be at which corner",
             _lap,
-            paper=_RICHTER,
+            provenance=Provenance.OURS,
         ),
-        _entry(
-            "time-allocation/walk-20",
+        Row(
+            "walk-20",
             "The times of 20 waypoints in 3-D, J + 50 T, without limits",
             partial(times_for_walk, 19, 20, limited=False),
-            paper=_RICHTER,
-            provenance=Provenance.SEEDED,
         ),
-        _entry(
-            "time-allocation/walk-20-limited",
+        Row(
+            "walk-20-limited",
             "The times of 20 waypoints in 3-D with limits of velocity and acceleration, J + 50 T",
             partial(times_for_walk, 19, 20),
-            paper=_RICHTER,
-            provenance=Provenance.SEEDED,
         ),
     )
+    return listed("time-allocation", "time-allocation", _RICHTER, rows, note=_OURS)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.satellite_slew.data import VectorLimits
 from ...models.satellite_slew.model import SatelliteSlew
-from ..catalogue import CatalogueEntry, Provenance
+from ..catalogue import CatalogueEntry, Provenance, Row, listed
 
 __all__ = ["PAPER", "catalogue_entries"]
 
@@ -41,71 +41,51 @@ _OURS = "The satellite is the paper's with limits of each component; the turn is
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the catalogue entries of satellite slews."""
-    return (*_papers(), *_turns(), *_variants())
+    rows = (*_papers(), *_turns(), *_variants())
+    return listed("satellite-slew", "satellite-slew", PAPER, rows, note=_OURS)
 
 
-def _entry(
-    name: str,
-    title: str,
-    builder: Any,
-    note: str,
-    *,
-    provenance: Provenance = Provenance.OURS,
-    published: Mapping[str, Any] | None = None,
-) -> CatalogueEntry:
-    return CatalogueEntry(
-        name=f"satellite-slew/{name}",
-        model="satellite-slew",
-        title=title,
-        paper=PAPER,
-        provenance=provenance,
-        builder=builder,
-        published=published or {},
-        note=note,
-    )
-
-
-def _papers() -> tuple[CatalogueEntry, ...]:
+def _papers() -> tuple[Row, ...]:
     return (
-        _entry(
+        Row(
             "paper",
             "45° about roll in the least time, 4 gyros; limits of the norms of rate and torque",
             partial(SatelliteSlew, momentum=22.36, vector_limits=VectorLimits.NORM),
             f"{_COMPLETED}: h0 = 22.36 N m s and R = 0.1 s² are ours, and give the paper's 7.836 s. {_NORM}",
-            provenance=Provenance.COMPLETED,
-            published={**_PRINTED, "objective": 8.402573, "source": _REFINED},
+            Provenance.COMPLETED,
+            {**_PRINTED, "objective": 8.402573, "source": _REFINED},
         ),
-        _entry(
+        Row(
             "paper-components",
             "The same with limits of each component of rate and torque, and lighter wheels",
             SatelliteSlew,
             f"{_COMPLETED}: h0 = 17.53 N m s and R = 0.1 s² are ours, and give 7.8256 s. The norm of the "
             "rate exceeds 1/8 rad/s by 27 %, that of the torque 25 N m by 22 %.",
-            provenance=Provenance.COMPLETED,
-            published={**_PRINTED, "objective": 8.652918, "source": _REFINED},
+            Provenance.COMPLETED,
+            {**_PRINTED, "objective": 8.652918, "source": _REFINED},
         ),
-        _entry(
+        Row(
             "paper-7836",
             "Limits of components, and the wheels' momentum at which it takes the paper's 7.836 s",
             partial(SatelliteSlew, momentum=17.468),
             f"{_COMPLETED}: h0 = 17.468 N m s and R = 0.1 s² are ours.",
-            provenance=Provenance.COMPLETED,
-            published=_PRINTED,
+            Provenance.COMPLETED,
+            _PRINTED,
         ),
-        _entry(
+        Row(
             "paper-light",
             "Limits of components, lighter wheels, and gimbal rates that cost a tenth",
             partial(SatelliteSlew, momentum=16.704, rate_weight=np.full(4, 0.01)),
             f"{_COMPLETED}: h0 = 16.704 N m s and R = 0.01 s² are ours. With so little weight there "
             "are many local optima: searches stopped at final times from 7.67 to 8.09 s, so use "
             "several starts.",
-            provenance=Provenance.COMPLETED,
-            published=_PRINTED,
+            Provenance.COMPLETED,
+            _PRINTED,
         ),
     )
 
 
-def _turns() -> tuple[CatalogueEntry, ...]:
+def _turns() -> tuple[Row, ...]:
     turns = (
         ("pitch-45", "45° about pitch", "pitch", 45.0),
         ("yaw-45", "45° about yaw", "yaw", 45.0),
@@ -115,34 +95,39 @@ def _turns() -> tuple[CatalogueEntry, ...]:
         ("skew-30", "30° about (2, -2, 1)", (2.0, -2.0, 1.0), 30.0),
     )  # fmt: skip
     return tuple(
-        _entry(name, title, partial(SatelliteSlew.about, axis, angle), _OURS)
+        Row(name, title, partial(SatelliteSlew.about, axis, angle), provenance=Provenance.OURS)
         for name, title, axis, angle in turns
     )
 
 
-def _variants() -> tuple[CatalogueEntry, ...]:
+def _variants() -> tuple[Row, ...]:
+    reserve = "The reserve is ours: a plan at the limits saturates the controller that tracks it."
+    margins = tuple(
+        Row(
+            f"margin-{share}",
+            f"The paper's turn with {share} % of the actuators' limits in reserve",
+            partial(SatelliteSlew, margin=share / 100),
+            reserve,
+            Provenance.OURS,
+        )
+        for share in (10, 20)
+    )
     return (
-        *(
-            _entry(
-                f"margin-{share}",
-                f"The paper's turn with {share} % of the actuators' limits in reserve",
-                partial(SatelliteSlew, margin=share / 100),
-                "The reserve is ours: a plan at the limits saturates the controller that tracks it.",
-            )
-            for share in (10, 20)
-        ),
-        _entry(
+        *margins,
+        Row(
             "free-gimbals",
             "The paper's turn, the gimbals ending anywhere",
             partial(SatelliteSlew, final_gimbals=None),
             "The freedom is ours.",
+            Provenance.OURS,
         ),
-        _entry(
+        Row(
             "infeasible",
             "The paper's turn in 8 s with a fifth of its torque: too little for the time",
             partial(SatelliteSlew, torque_limit=5.0, time_range=np.array([1.0, 8.0])),
             "Ours, and infeasible by construction. As the total momentum is zero, I ẇ = T_c: the rate "
             "grows by at most |(5/228, 5/188, 5/176)| = 0.0446 rad/s² and has to come down again, so "
             "45° take at least 8.39 s.",
+            Provenance.OURS,
         ),
     )

@@ -80,9 +80,11 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
         rows += [
             Row(road, title, partial(generate, road=road), _LOST, Provenance.COMPLETED, published),
             Row(
-                f"{road}-mismatch", mismatch, partial(generate, road=road, mismatch=MISMATCH),
+                f"{road}-mismatch",
+                mismatch,
+                partial(generate, road=road, mismatch=MISMATCH),
                 f"{_SPECIAL} The drives are those of {road}.",
             ),
-        ]  # fmt: skip
+        ]
     rows += [Row(name, title, partial(generate, **options)) for name, title, options in _WILD]
     return listed("sideslip", "sideslip", PAPER, rows, note=_SPECIAL)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.sideslip.data import GRAVITY, MOST_GAP, Recording
-from ..catalogue import Assumed
+from ..storage import Assumed
 from ..tables import TIMES, Column, read_table
 from .settings import VEHICLE
 
