@@ -1,9 +1,9 @@
-"""Barrier problem for corridor and limits at given durations: value, slope and curvature."""
+"""Barrier problem for corridor and limits at given durations: value and slope."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from ...models.minimum_snap.polynomials import factorials
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
 from .separation import outside
-from .time_curvature import curvature, foreseen
 from .time_held import Group, Iterate, forms_of, groups_of
 from .time_inner import Spline, Value
 from .time_kernels import SETTLED, evaluate
@@ -28,28 +27,8 @@ STEPS = 40
 ACCURACY = 1e-6
 #: Largest violation of an imposed bound, relative to its scale.
 FEASIBLE = 1e-10
-#: Largest share of a slack that a predicted step may use.
-REACH = 0.95
 #: Relative complementarity of a plan, and its largest relative violation between the instants.
 SHARP, BETWEEN = 1e-9, 2e-10
-
-
-class _Response(NamedTuple):
-    """Response of a group to the durations: see :func:`~.time_curvature.curvature`."""
-
-    knots: Floats
-    inner: Floats
-    rows: Floats
-    rates: Floats
-
-
-class _Course(NamedTuple):
-    """Start of a step, its change of the durations, and the predicted change of the iterates."""
-
-    origin: Floats
-    change: Floats
-    iterates: list[Iterate]
-    steps: list[Iterate]
 
 
 class Barrier:
@@ -78,8 +57,6 @@ class Barrier:
         self.forms = forms_of(model)
         self.groups = groups_of(self.forms)
         self._latest: tuple[Floats, float, Value] | None = None
-        self._course: _Course | None = None
-        self._responses: list[_Response] = []
 
     @property
     def pairs(self) -> int:
@@ -108,8 +85,8 @@ class Barrier:
         slope = -self.mu / durations
         total, objective = -self.mu * float(np.log(durations).sum()), 0.0
         found = []
-        for group, begin in zip(self.groups, self._begin(durations), strict=True):
-            trial, own = begin, np.zeros(durations.size)
+        for group in self.groups:
+            trial, own = group.iterate.copied(), np.zeros(durations.size)
             status, cost, logs = self._solved(group, durations, trial, own, warm=group.warm)
             if status != SETTLED and afresh and group.warm:
                 trial, own = group.iterate.copied(), np.zeros(durations.size)
@@ -140,80 +117,6 @@ class Barrier:
         )  # fmt: skip
         self.steps += steps
         return status, cost, logs
-
-    def curvature(self, durations: Floats) -> Floats | None:
-        """Return the second derivatives of :meth:`value`, shape (M, M), or None if it is infinite.
-
-        The cost is O(M²).
-        """
-        if not np.isfinite(self.value(durations).value):
-            return None
-        durations, forms = np.ascontiguousarray(durations), self.forms
-        hessian = np.diag(self.mu / durations**2)
-        self._responses = []
-        for group in self.groups:
-            rows, now = group.rows, group.iterate
-            response = curvature(
-                durations, self.model.order, len(group.axes), forms.unit_cost, forms.cost_orders,
-                rows.unit, rows.mix, rows.derivative, rows.start, rows.lower, rows.upper,
-                group.fixed, now.knots, now.inner, now.below, now.above, now.z_below, now.z_above,
-                self.unit, hessian,
-            )  # fmt: skip
-            self._responses.append(_Response(*response))
-        symmetric: Floats = 0.5 * (hessian + hessian.T)
-        return symmetric
-
-    # -- predicted steps -------------------------------------------------------------------------
-
-    def aim(self, change: Floats) -> float:
-        """Predict the effect of a `change` of the durations, as a warm start of :meth:`value`.
-
-        Call it after :meth:`curvature`. Return the share of the change at which the linear
-        prediction uses up a slack.
-        """
-        assert self._latest is not None
-        far = np.inf
-        steps = []
-        for group, response in zip(self.groups, self._responses, strict=True):
-            rows, now = group.rows, group.iterate
-            knots = np.tensordot(change, response.knots, 1)
-            inner = np.tensordot(change, response.inner, 1)
-            moved = np.zeros(response.rates.size)
-            near = foreseen(
-                rows.start, response.rows, response.rates, change, knots, inner, now.below,
-                now.above, rows.lower, rows.upper, REACH, moved,
-            )  # fmt: skip
-            far = min(far, float(near))
-            z_below, z_above = -moved * now.z_below / now.below, moved * now.z_above / now.above
-            steps.append(Iterate(knots, inner, moved, -moved, z_below, z_above))
-        iterates = [group.iterate for group in self.groups]
-        self._course = _Course(self._latest[0], change, iterates, steps)
-        return far
-
-    def _begin(self, durations: Floats) -> list[Iterate]:
-        """Return initial iterates, predicted if the durations are on the course."""
-        course = self._course
-        if course is not None:
-            away = durations - course.origin
-            share = float(away @ course.change) / float(course.change @ course.change)
-            off = float(np.abs(away - share * course.change).max())
-            if share > 0.0 and off <= 0.3 * float(np.abs(away).max()):
-                ratio = knot_scales(durations) / knot_scales(course.origin)
-                pairs = zip(self.groups, course.iterates, course.steps, strict=True)
-                return [self._moved(group, now, step, share, ratio) for group, now, step in pairs]
-        return [group.iterate.copied() for group in self.groups]
-
-    def _moved(
-        self, group: Group, now: Iterate, step: Iterate, share: float, ratio: Floats
-    ) -> Iterate:
-        orders = np.tile(np.arange(self.model.order), len(group.axes))
-        knots = (now.knots + share * step.knots) * ratio[:, None] ** orders
-        # Slacks and multipliers keep at least a part of their previous value.
-        rest = [
-            np.maximum(part + share * change, 0.1 * part)
-            for part, change in zip(now[2:], step[2:], strict=True)
-        ]
-        return Iterate(knots, now.inner + share * step.inner, *rest)
 
     # -- bounds between the instants -------------------------------------------------------------
 
@@ -266,7 +169,7 @@ class Barrier:
                 fresh = owners.taken(row)._replace(s=s)
                 count += group.hold(self.forms, fresh, self.mu)
         if count:
-            self._latest = self._course = None
+            self._latest = None
         return count
 
     def settle(self, durations: Floats, threshold: float, rounds: int = 25) -> Value:
@@ -287,7 +190,7 @@ class Barrier:
         search does not depend on the times of calls.
         """
         kept, mu = [replace(group) for group in self.groups], self.mu
-        latest, course = self._latest, self._course
+        latest = self._latest
         try:
             powers = None
             found = self.settle(durations, BETWEEN)
@@ -302,7 +205,7 @@ class Barrier:
                 found = self.settle(durations, BETWEEN)
         finally:
             self.groups, self.mu = kept, mu
-            self._latest, self._course = latest, course
+            self._latest = latest
         return None if powers is None else Trajectory(self.model.times(durations), powers)
 
     def _joined(self, durations: Floats) -> Floats:

@@ -22,8 +22,6 @@ Floats = NDArray[np.float64]
 GAPS = tuple(float(gap) for gap in np.geomspace(1e-1, 1e-6, 9))
 #: Gradient at which the descent on a barrier ends, relative to its complementarity.
 LOOSE = 1.0
-#: Largest number of segments for which dense second derivatives, O(M²), are efficient.
-NEWTON = 400
 #: Shares of the way back to the last feasible durations, tried if new durations have no path.
 BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
 #: Logarithms of stretch factors, tried first if slower motions satisfy all limits.
@@ -65,28 +63,6 @@ class Variables:
             return durations * (slope + self.weight)
         mean = float(durations @ slope) / self.total
         return durations * (slope - mean)
-
-    def change(self, durations: Floats, way: Floats) -> Floats:
-        """Return the change of T along a change of x."""
-        if self.total is None:
-            return durations * way
-        return durations * (way - float(durations @ way) / self.total)
-
-    def curvature(self, durations: Floats, slope: Floats, bent: Floats) -> Floats:
-        """Return the second derivatives by x, from the first and second ones of J by T."""
-        if self.total is None:
-            inside = durations[:, None] * bent * durations
-            inside[np.diag_indices_from(inside)] += durations * (slope + self.weight)
-            return inside
-        share = durations / self.total
-        turned = durations[:, None] * bent
-        turned = turned - share[:, None] * turned.sum(axis=0)
-        turned = turned * durations
-        turned = turned - turned.sum(axis=1)[:, None] * share
-        away = durations * (slope - float(share @ slope))
-        result: Floats = turned - np.outer(share, away) - np.outer(away, share)
-        result[np.diag_indices_from(result)] += away
-        return result
 
 
 @dataclass(frozen=True)
@@ -192,20 +168,6 @@ def allocate(
         value = found.value + model.time_weight * float(now.sum())
         return value, variables.slope(now, found.slope)
 
-    def bent(point: Floats) -> Floats | None:
-        now = variables.durations(point)
-        assert isinstance(inner, Barrier) and isinstance(variables, Variables)
-        found = inner.curvature(now)
-        if found is None:
-            return None
-        return variables.curvature(now, inner.value(now).slope, found)
-
-    newton = not proportional and x.size <= NEWTON
-
-    def aim(point: Floats, way: Floats) -> float:
-        assert isinstance(inner, Barrier) and isinstance(variables, Variables)
-        return inner.aim(variables.change(variables.durations(point), way))
-
     descent = Descent()
     if isinstance(inner, Spline):
         reached = descent.descend(
@@ -235,7 +197,7 @@ def allocate(
         for _ in range(ROUNDS):
             reached = descent.descend(
                 function, x, goal, most - result.iterations,
-                stopped=stopped, curvature=bent if newton else None, aim=aim,
+                stopped=stopped,
             )  # fmt: skip
             result.iterations += reached.iterations
             result.evaluations += reached.evaluations

@@ -82,7 +82,7 @@ def _concluded(
 
 
 class TimeGradient(Backend):
-    """Newton and quasi-Newton descent on log T, with the slope of J by the envelope theorem.
+    """Quasi-Newton descent on log T, with the slope of J by the envelope theorem.
 
     The first start is the better of the durations by trapezoid and by distance, scaled for
     J + ρ ΣT and stretched until a path satisfies the bounds. A seed above 0 perturbs it. A
@@ -104,8 +104,7 @@ class TimeGradient(Backend):
         "gradient": Option(
             None,
             "Largest derivative of the objective by log T at the end, relative to it; 1e-6 by "
-            "default with corridor or limits, 1e-8 without. With them, the end is also where a "
-            "Newton step promises nothing more.",
+            "default with corridor or limits, 1e-8 without.",
             float, lower=1e-12, upper=1e-1,
         ),
         "rule": Option(
