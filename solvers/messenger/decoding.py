@@ -7,24 +7,22 @@ with a free heading at the end, by a path of the length v Δt_k. Such a path exi
 shortest path is not longer and v Δt_k is outside the gap of lengths that no path has. The paper prints
 this inequality reversed.
 
-Arrays shared by all kernels of the paper's algorithms:
+Arguments of all kernels of the paper's algorithms:
 
-fleet : float64, shape (n, 5)
-    Position (m), velocity (m/s) and radius (m) of each vehicle.
-craft : float64, shape (6,)
-    x, y (m), heading (rad), speed (m/s) and turning radius (m) of the UAV, and the margin ε (m): a leg
-    may be too short by ε.
+task : Task
+    The problem, and the poses of the individual decoded last, which kernels overwrite.
+order : int64, shape (n,)
+    Order of the vehicles.
 genes : float64, shape (n, 2)
-    θ and Δt of each vehicle, in the order of `fleet`.
-poses : float64, shape (n + 1, 4)
-    x, y, heading and time at the start and after each leg.
-legs : float64, shape (n, 6)
-    Lengths of the three primitives of each leg, and the signs of their curvature.
+    θ and Δt of each vehicle, in the order of `task.fleet`.
+k, i : int
+    Leg, and the vehicle that it leads to.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +33,9 @@ from ...models.messenger.elongation import elongated
 from ...models.messenger.interception import intercept
 
 __all__ = [
+    "KAPPA",
+    "Task",
+    "access",
     "assess",
     "bisect",
     "follow",
@@ -65,9 +66,35 @@ _FIRST = (1.0, -1.0, 1.0, -1.0)
 _SECOND = (0.0, 0.0, -1.0, 1.0)
 
 
+class Task(NamedTuple):
+    """Problem as arrays, and scratch poses.
+
+    Attributes
+    ----------
+    fleet : ndarray, shape (n, 5)
+        Position (m), velocity (m/s) and radius (m) of each vehicle.
+    poses : ndarray, shape (n + 1, 4)
+        x, y (m), heading (rad) and time (s) at the start and after each leg.
+    speed, r : float
+        Speed (m/s) and turning radius (m) of the UAV.
+    margin : float
+        A leg may be too short by this length (m; paper: ε).
+    flag : ndarray of int8, shape (1,)
+        Stop flag.
+    """
+
+    fleet: Floats
+    poses: Floats
+    speed: float
+    r: float
+    margin: float
+    flag: NDArray[np.int8]
+
+
 @kernel
-def access(fleet: Floats, i: int, theta: float, t: float) -> tuple[float, float]:
+def access(i: int, theta: float, t: float, task: Task) -> tuple[float, float]:
     """Return the access point of vehicle `i` at time `t` (paper: eq. 5)."""
+    fleet = task.fleet
     x = fleet[i, 0] + fleet[i, 2] * t + fleet[i, 4] * math.cos(theta)
     return x, fleet[i, 1] + fleet[i, 3] * t + fleet[i, 4] * math.sin(theta)
 
@@ -116,11 +143,6 @@ def bisect(
         Position of the point at time 0 (m), and its velocity (m/s).
     speed, r : float
         Speed (m/s) and turning radius (m) of the UAV.
-
-    Returns
-    -------
-    float
-        Duration (s).
     """
     px, py, pace = px + vx * t, py + vy * t, math.hypot(vx, vy)
     here = relaxed_length(x, y, h, px, py, r)
@@ -145,124 +167,100 @@ def bisect(
 
 
 @kernel
-def shortest_time(
-    poses: Floats, k: int, i: int, theta: float, fleet: Floats, craft: Floats
-) -> float:
+def shortest_time(k: int, i: int, theta: float, task: Task) -> float:
     """Return the shortest time (s) of leg `k` to the access point `theta` of vehicle `i`."""
-    px, py = access(fleet, i, theta, 0.0)
+    pose, fleet = task.poses[k], task.fleet
+    px, py = access(i, theta, 0.0, task)
     return bisect(
-        poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3], px, py, fleet[i, 2], fleet[i, 3],
-        craft[3], craft[4],
-    )  # fmt: skip
+        pose[0], pose[1], pose[2], pose[3], px, py, fleet[i, 2], fleet[i, 3], task.speed, task.r
+    )
 
 
 @kernel
-def upper_bound(poses: Floats, k: int, i: int, theta: float, fleet: Floats, craft: Floats) -> float:
+def upper_bound(k: int, i: int, theta: float, task: Task) -> float:
     """Return t_max of Lemma 1 (s) for leg `k` to the access point `theta` of vehicle `i`."""
-    px, py = access(fleet, i, theta, poses[k, 3])
-    length = relaxed_length(poses[k, 0], poses[k, 1], poses[k, 2], px, py, craft[4])
-    bound: float = length / (craft[3] - math.hypot(fleet[i, 2], fleet[i, 3]))
+    pose = task.poses[k]
+    px, py = access(i, theta, pose[3], task)
+    length = relaxed_length(pose[0], pose[1], pose[2], px, py, task.r)
+    bound: float = length / (task.speed - math.hypot(task.fleet[i, 2], task.fleet[i, 3]))
     return bound
 
 
 @kernel
-def meet(
-    poses: Floats, k: int, i: int, theta: float, interval: float, fleet: Floats, craft: Floats
-) -> float:
-    """Fill in the pose after leg `k`, which takes `interval` seconds; return c of eq. 7 (m)."""
-    t = poses[k, 3] + interval
-    qx, qy = access(fleet, i, theta, t)
-    c, after = violation(
-        poses[k, 0], poses[k, 1], poses[k, 2], qx, qy, craft[4], craft[3] * interval, craft[5]
+def meet(k: int, i: int, genes: Floats, task: Task) -> float:
+    """Fill in the pose after leg `k`, according to the genes; return c of eq. 7 (m)."""
+    pose, after = task.poses[k], task.poses[k + 1]
+    after[3] = pose[3] + genes[i, 1]
+    after[0], after[1] = access(i, genes[i, 0], after[3], task)
+    c, after[2] = violation(
+        pose[0], pose[1], pose[2], after[0], after[1], task.r, task.speed * genes[i, 1], task.margin
     )
-    poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2], poses[k + 1, 3] = qx, qy, after, t
     return c
 
 
 @kernel
-def _repaired(
-    poses: Floats, k: int, i: int, theta: float, interval: float, c: float, fleet: Floats,
-    craft: Floats,
-) -> float:  # fmt: skip
+def _repaired(k: int, i: int, genes: Floats, c: float, task: Task) -> float:
     """Return the interval of leg `k` after steps along the gradient of c (paper: eqs. 9 and 10)."""
-    x, y, h, t, speed = poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3], craft[3]
+    pose, speed, theta, interval = task.poses[k], task.speed, genes[i, 0], genes[i, 1]
+    x, y, h, t = pose[0], pose[1], pose[2], pose[3]
     for _ in range(REPAIRS):
         eta = ETA * (interval + abs(c) / speed)
-        qx, qy = access(fleet, i, theta, t + interval + eta)
-        ahead = relaxed_length(x, y, h, qx, qy, craft[4]) - speed * (interval + eta)
+        qx, qy = access(i, theta, t + interval + eta, task)
+        ahead = relaxed_length(x, y, h, qx, qy, task.r) - speed * (interval + eta)
         slope = (ahead - c) / eta
         # A difference quotient across a jump has the wrong sign or size.
         if not -2.0 * speed < slope < 0.0:
             slope = -speed
         interval = max(interval - RATE * c / slope, 0.0)
-        qx, qy = access(fleet, i, theta, t + interval)
-        c, _ = violation(x, y, h, qx, qy, craft[4], speed * interval, 0.01 * craft[5])
+        qx, qy = access(i, theta, t + interval, task)
+        c, _ = violation(x, y, h, qx, qy, task.r, speed * interval, 0.01 * task.margin)
         if c == 0.0:
             break
     return interval
 
 
 @kernel
-def assess(
-    order: Ints,
-    genes: Floats,
-    fleet: Floats,
-    craft: Floats,
-    first: int,
-    repair: bool,
-    poses: Floats,
-) -> tuple[float, float]:
-    """Decode an individual from leg `first` on; return the end of the tour (s) and Σ|c| (m).
+def assess(order: Ints, genes: Floats, task: Task, repair: bool) -> tuple[float, float]:
+    """Decode an individual; return the end of the tour (s) and Σ|c| (m).
 
-    Parameters
-    ----------
-    order, genes, fleet, craft, poses : ndarray
-        See the module; `poses` is overwritten.
-    first : int
-        First leg to decode; the poses up to it must be set.
-    repair : bool
-        Whether to repair infeasible intervals, one after the other, in `genes`.
+    If `repair`, infeasible intervals are repaired one after the other in `genes`.
     """
     off = 0.0
-    for k in range(first, len(order)):
+    for k in range(len(order)):
         i = order[k]
-        c = meet(poses, k, i, genes[i, 0], genes[i, 1], fleet, craft)
+        c = meet(k, i, genes, task)
         if c != 0.0 and repair:
-            genes[i, 1] = _repaired(poses, k, i, genes[i, 0], genes[i, 1], c, fleet, craft)
-            c = meet(poses, k, i, genes[i, 0], genes[i, 1], fleet, craft)
+            genes[i, 1] = _repaired(k, i, genes, c, task)
+            c = meet(k, i, genes, task)
         off += abs(c)
-    end: float = poses[len(order), 3]
+    end: float = task.poses[len(order), 3]
     return end, off
 
 
 @kernel
-def follow(
-    order: Ints, genes: Floats, fleet: Floats, craft: Floats, first: int, ceiling: float,
-    poses: Floats,
-) -> float:  # fmt: skip
+def follow(order: Ints, genes: Floats, task: Task, first: int, ceiling: float) -> float:
     """Meet each vehicle in the shortest time, from leg `first` on; return the end of the tour (s).
 
     Writes the intervals to `genes`. The end is inf if it is not before `ceiling` (s).
     """
     for k in range(first, len(order)):
         i = order[k]
-        genes[i, 1] = shortest_time(poses, k, i, genes[i, 0], fleet, craft)
-        c = meet(poses, k, i, genes[i, 0], genes[i, 1], fleet, craft)
-        if c != 0.0 or not poses[k + 1, 3] < ceiling:
+        genes[i, 1] = shortest_time(k, i, genes[i, 0], task)
+        if meet(k, i, genes, task) != 0.0 or not task.poses[k + 1, 3] < ceiling:
             return math.inf
-    end: float = poses[len(order), 3]
+    end: float = task.poses[len(order), 3]
     return end
 
 
 @kernel
 def _fly(
-    poses: Floats, legs: Floats, k: int, qx: float, qy: float, d: float, r: float, noise: float
+    pose: Floats, after: Floats, leg: Floats, qx: float, qy: float, d: float, r: float, noise: float
 ) -> float:
-    """Fill in leg `k` and its end pose with a path of length `d` to a point; return its length (m).
+    """Fill in a leg and its end pose with a path of length `d` to a point; return its length (m).
 
     The length differs from `d` by at most `noise`; it is inf if no path exists.
     """
-    x, y, h = poses[k, 0], poses[k, 1], poses[k, 2]
+    x, y, h = pose[0], pose[1], pose[2]
     a, b, code = relaxed(x, y, h, qx, qy, r)
     c, s1, s2, s3 = 0.0, int(_FIRST[code]), int(_SECOND[code]), 0
     if abs(a + b - d) > noise:
@@ -273,35 +271,33 @@ def _fly(
             return math.inf
     x, y, h = advance(x, y, h, a, s1, r)
     x, y, h = advance(x, y, h, b, s2, r)
-    x, y, h = advance(x, y, h, c, s3, r)
-    legs[k, 0], legs[k, 1], legs[k, 2] = a, b, c
-    legs[k, 3], legs[k, 4], legs[k, 5] = s1, s2, s3
-    poses[k + 1, 0], poses[k + 1, 1], poses[k + 1, 2] = x, y, h
+    after[0], after[1], after[2] = advance(x, y, h, c, s3, r)
+    leg[0], leg[1], leg[2], leg[3], leg[4], leg[5] = a, b, c, s1, s2, s3
     return a + b + c
 
 
 @kernel
-def trace(
-    order: Ints, genes: Floats, fleet: Floats, craft: Floats, poses: Floats, legs: Floats
-) -> float:
+def trace(order: Ints, genes: Floats, task: Task, legs: Floats) -> float:
     """Fill in the path of an individual exactly, without the margin ε; return its end (s).
 
-    An interval equal to the shortest time up to ε is replaced by the exact shortest time. If D_min
-    jumps there, it is replaced by the time of the first interception. The end is inf if rounding
-    leaves no path.
+    `legs`, shape (n, 6), receives the lengths of the three primitives of each leg and the signs of
+    their curvature. An interval equal to the shortest time up to ε is replaced by the exact
+    shortest time. If D_min jumps there, it is replaced by the time of the first interception. The
+    end is inf if rounding leaves no path.
     """
-    speed, r = craft[3], craft[4]
+    speed, r = task.speed, task.r
     for k in range(len(order)):
         i = order[k]
-        x, y, h, t = poses[k, 0], poses[k, 1], poses[k, 2], poses[k, 3]
-        px, py = access(fleet, i, genes[i, 0], t)
-        vx, vy = fleet[i, 2], fleet[i, 3]
+        pose, after = task.poses[k], task.poses[k + 1]
+        x, y, h, t = pose[0], pose[1], pose[2], pose[3]
+        px, py = access(i, genes[i, 0], t, task)
+        vx, vy = task.fleet[i, 2], task.fleet[i, 3]
         noise = 1e-13 * (abs(x) + abs(y) + r + speed * t + math.hypot(px - x, py - y))
-        noise += 1e-10 * fleet[i, 4]
+        noise += 1e-10 * task.fleet[i, 4]
         high = genes[i, 1]
         shortest = relaxed_length(x, y, h, px + vx * high, py + vy * high, r)
         short = abs(shortest - speed * high)
-        if noise < short <= craft[5] + ROUNDING * shortest:
+        if noise < short <= task.margin + ROUNDING * shortest:
             more = 2.0 * short / (speed - math.hypot(vx, vy))
             low, high = max(high - more, 0.0), high + more
             for _ in range(60):
@@ -310,13 +306,13 @@ def trace(
                     low = middle
                 else:
                     high = middle
-        length = _fly(poses, legs, k, px + vx * high, py + vy * high, speed * high, r, noise)
+        length = _fly(pose, after, legs[k], px + vx * high, py + vy * high, speed * high, r, noise)
         if length == math.inf:
             high = intercept(x, y, h, 0.0, px, py, vx, vy, speed, r)
             more = noise / speed
             for _ in range(100):
                 length = _fly(
-                    poses, legs, k, px + vx * high, py + vy * high, speed * high, r, noise
+                    pose, after, legs[k], px + vx * high, py + vy * high, speed * high, r, noise
                 )
                 if length < math.inf:
                     break
@@ -325,6 +321,6 @@ def trace(
                 more *= 2.0
         if length == math.inf:
             return math.inf
-        poses[k + 1, 3] = t + length / speed
-    end: float = poses[len(order), 3]
+        after[3] = t + length / speed
+    end: float = task.poses[len(order), 3]
     return end

@@ -8,6 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..contract.backend import Option, Request
+from .decoding import KAPPA
+from .memetic_kernels import Rules, evolve
 from .rivals import Flight, RandomRival
 
 __all__ = ["Memetic", "MemeticRelaxed", "MemeticUntransformed"]
@@ -41,22 +43,19 @@ class Memetic(RandomRival):
 
     def search_once(self, flight: Flight, request: Request) -> float:
         """Evolve for the given number of generations; return the length of the best plan (m)."""
-        from .decoding import KAPPA
-        from .memetic_kernels import evolve
-
         options, n = request.options, flight.problem.size
         size = options["population"] * n
         orders, genes = np.zeros((size, n), np.int64), np.zeros((size, n, 2))
         costs, best, value = np.empty(size), np.inf, np.inf
-        flight.craft[5] = options.get("margin", 0.0)
+        flight.task = flight.task._replace(margin=options.get("margin", 0.0))
+        rules = Rules(
+            self.timed, self.transformed, options["mutation"], options["period"], options["step"],
+            options.get("samples", 0),
+        )  # fmt: skip
         for number in range(options["generations"] + 1):
             if number and request.control.stopped:
                 break
-            k = evolve(
-                number, orders, genes, costs, flight.fleet, flight.craft, options["mutation"],
-                self.timed, self.transformed, options["period"], options["step"], options.get("samples", 0),
-                flight.rng, flight.flag, flight.poses,
-            )  # fmt: skip
+            k = evolve(number, orders, genes, costs, flight.task, rules, flight.rng)
             if costs[k] < value:
                 value = costs[k]
                 # The penalty of an infeasible individual exceeds the margin times κ.
@@ -83,7 +82,9 @@ class MemeticRelaxed(Memetic):
 
     name = "memetic-relaxed"
     options: ClassVar[Mapping[str, Option]] = {
-        name: one for name, one in Memetic.options.items() if name not in ("samples", "margin")
+        name: option
+        for name, option in Memetic.options.items()
+        if name not in ("samples", "margin")
     }
     summary = "a memetic algorithm with the shortest encounter paths (MAR)"
     timed = False

@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
+from ...models.messenger.motion import tour
+from ...models.messenger.plan import TourPlan
 from ..contract.backend import (
     Answer,
     Backend,
@@ -24,9 +26,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
-
-if TYPE_CHECKING:
-    from ...models.messenger.plan import TourPlan
+from .decoding import Task, trace
 
 __all__ = ["Flight", "RandomRival", "Rival"]
 
@@ -53,9 +53,7 @@ class Flight:
 
     problem: MessengerTour
     request: Request
-    fleet: Floats = field(init=False)
-    craft: Floats = field(init=False)
-    poses: Floats = field(init=False)
+    task: Task = field(init=False)
     rng: np.random.Generator = field(init=False)
     plan: TourPlan | None = field(init=False, default=None)
     length: float = field(init=False, default=math.inf)
@@ -64,47 +62,31 @@ class Flight:
         problem = self.problem
         assert problem.start is not None
         radius = problem.radius * (1.0 - MARGIN)
-        self.fleet = np.column_stack([problem.positions, problem.velocities, radius]).astype(float)
-        self.craft = np.array([*problem.start, problem.speed, problem.turning_radius, 0.0])
-        self.poses = np.zeros((problem.size + 1, 4))
-        self.poses[0, :3] = problem.start
+        fleet = np.column_stack([problem.positions, problem.velocities, radius]).astype(float)
+        poses = np.zeros((problem.size + 1, 4))
+        poses[0, :3] = problem.start
+        flag = self.request.control.flag
+        self.task = Task(fleet, poses, problem.speed, problem.turning_radius, 0.0, flag)
         self.rng = np.random.default_rng(self.request.seed or 0)
 
-    @property
-    def flag(self) -> NDArray[np.int8]:
-        """Stop flag polled by the kernels."""
-        return self.request.control.flag
+    def blank(self) -> tuple[Ints, Floats]:
+        """Return the order of the indices, and genes of 0."""
+        return np.arange(self.problem.size), np.zeros((self.problem.size, 2))
 
     def offer(self, order: Ints, genes: Floats) -> float:
         """Keep the path of an individual if it is the shortest so far; return its length (m)."""
-        from .decoding import trace
-
         legs = np.zeros((len(order), 6))
-        length: float = (
-            trace(order, genes, self.fleet, self.craft, self.poses, legs) * self.problem.speed
-        )
+        length: float = trace(order, genes, self.task, legs) * self.problem.speed
         if length < self.length * (1.0 - GAIN):
-            self.plan = self._build_plan(order, legs)
+            words = [
+                "".join("RSL"[int(sign) + 1] for sign in row[3:][row[:3] > 0.0]) for row in legs
+            ]
+            lengths = legs[:, :3][legs[:, :3] > 0.0]
+            start = self.task.poses[0, :3].copy()
+            self.plan = tour(self.problem, order.tolist(), words, start, lengths)
             self.length = self.plan.length
             self.request.control.incumbent(self.length, self.plan)
         return length
-
-    def _build_plan(self, order: Ints, legs: Floats) -> TourPlan:
-        """Return the plan of the path in `poses` and `legs`; its times follow from the lengths."""
-        from ...models.messenger.plan import Primitive, TourPlan
-
-        pieces = []
-        heading = float(self.poses[0, 2])
-        for k, leg in enumerate(legs.tolist()):
-            for length, sign in zip(leg[:3], leg[3:], strict=True):
-                if length > 0.0:
-                    pieces.append(Primitive(k, "RSL"[int(sign) + 1], length, heading))
-                    heading += sign * length / self.problem.turning_radius
-        times = np.cumsum(legs[:, :3].sum(axis=1)) / self.problem.speed
-        return TourPlan(
-            tuple(order.tolist()), times, self.poses[1:, :2].copy(), self.poses[0, :3].copy(),
-            tuple(pieces),
-        )  # fmt: skip
 
 
 class Rival(Backend):

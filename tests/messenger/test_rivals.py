@@ -18,12 +18,19 @@ from crosstrack.models.messenger.interception import intercept
 from crosstrack.solvers import Limit, Termination
 from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.messenger.decoding import KAPPA, assess, bisect, follow, violation
-from crosstrack.solvers.messenger.greedy_kernels import next_vehicle
-from crosstrack.solvers.messenger.local_search import descend, resample, settle
-from crosstrack.solvers.messenger.memetic_kernels import evolve
-from crosstrack.solvers.messenger.operators import cross, exchange, move, mutate
+from crosstrack.solvers.messenger.greedy import next_vehicle
+from crosstrack.solvers.messenger.memetic_kernels import (
+    Rules,
+    cross,
+    descend,
+    evolve,
+    mutate,
+    resample,
+    settle,
+    transform,
+)
+from crosstrack.solvers.messenger.neighbourhood import exchange, move
 from crosstrack.solvers.messenger.rivals import Flight
-from crosstrack.solvers.messenger.transformation import transform
 
 MEMETIC = ("memetic", "memetic-untransformed", "memetic-relaxed")
 RANDOM = (*MEMETIC, "variable-neighbourhood")
@@ -85,6 +92,11 @@ def genes(*rows: tuple[float, float]) -> Any:
     return np.array(rows, float)
 
 
+def rules(timed: bool, transformed: bool) -> Rules:
+    """Return the parameters of the paper's Table II."""
+    return Rules(timed, transformed, mutation=0.1, period=2, step=0.01, samples=20)
+
+
 # -- worked steps of the paper ---------------------------------------------------------------------
 
 
@@ -117,10 +129,10 @@ def test_equations_5_to_8_evaluate_an_individual() -> None:
     """Access points (45, 0) and (95, 0): the first leg lacks 5 m, the second has 10 m of slack."""
     one = ahead((50, 0, 0), (100, 0, 0))
     own = genes((math.pi, 4.0), (math.pi, 6.0))
-    end, off = assess(np.array([0, 1]), own, one.fleet, one.craft, 0, False, one.poses)
+    end, off = assess(np.array([0, 1]), own, one.task, False)
     assert (end, off) == (10.0, pytest.approx(5.0))
-    assert one.poses[1:, :2] == pytest.approx(np.array([[45, 0], [95, 0]]), abs=1e-6)
-    value = settle(np.array([0, 1]), own.copy(), one.fleet, one.craft, True, False, one.poses)
+    assert one.task.poses[1:, :2] == pytest.approx(np.array([[45, 0], [95, 0]]), abs=1e-6)
+    value = settle(np.array([0, 1]), own.copy(), one.task, rules(True, False))
     assert value == pytest.approx(105.0, abs=0.01)  # repaired: 4.5 s and 6 s
     assert KAPPA > 1e6 * 100
 
@@ -129,7 +141,7 @@ def test_equations_9_and_10_repair_an_interval_in_one_step_where_the_violation_i
     """c(4) = 50 + 8 - 5 - 40 = 13, slope 2 - 10 = -8: Δt = 4 + 13 / 8."""
     one = ahead((50, 0, 2), (100, 0, 0))
     own = genes((math.pi, 4.0), (math.pi, 9.0))
-    _, off = assess(np.array([0, 1]), own, one.fleet, one.craft, 0, True, one.poses)
+    _, off = assess(np.array([0, 1]), own, one.task, True)
     assert off == 0.0
     assert own[0, 1] == pytest.approx(5.625, abs=1e-5)
     assert own[1, 1] == 9.0
@@ -149,15 +161,15 @@ def test_the_three_mutations() -> None:
     start, most = genes((math.pi, 9.0), (math.pi, 9.0), (math.pi, 9.0)), 0.0
     for _ in range(300):
         order, own = np.arange(3), start.copy()
-        mutate(1, order, own, one.fleet, one.craft, one.rng, one.poses)
+        mutate(1, order, own, one.task, one.rng)
         assert (order != np.arange(3)).sum() == 2
         assert (own == start).all()
         order = np.arange(3)
-        mutate(2, order, own, one.fleet, one.craft, one.rng, one.poses)
+        mutate(2, order, own, one.task, one.rng)
         assert (own[:, 1] == 9.0).all()
         assert 0 < own[:, 0].min() <= own[:, 0].max() <= 2 * math.pi
         own = start.copy()
-        mutate(3, order, own, one.fleet, one.craft, one.rng, one.poses)
+        mutate(3, order, own, one.task, one.rng)
         assert (own[:, 0] == math.pi).all()
         if own[0, 1] != 9.0:  # at most t_max of Lemma 1: 45 / (10 - 2)
             most = max(most, own[0, 1])
@@ -171,8 +183,8 @@ def test_algorithm_4_shortens_the_way_to_a_vehicle_whose_successor_is_caught_up_
     """45 m in 4.5 s instead of 6 s, unless the next vehicle approaches the UAV."""
     one = ahead((50, 0, 0), (100, 0, pace))
     order, own = np.array([0, 1]), genes((math.pi, 6.0), (math.pi, 9.0))
-    assess(order, own, one.fleet, one.craft, 0, False, one.poses)
-    transform(order, own, one.fleet, one.craft, one.poses)
+    assess(order, own, one.task, False)
+    transform(order, own, one.task)
     assert own[0] == pytest.approx([math.pi, interval], rel=1e-8)
     assert own[1].tolist() == [math.pi, 9.0]
     assert order.tolist() == [0, 1]
@@ -201,11 +213,9 @@ def test_equations_11_and_12_descend_by_the_printed_step() -> None:
         by_hand, steps = after, steps + 1
     one, order = ahead((50, 0, 0)), np.array([0])
     own = genes((0.5 * math.pi, 0.0))
-    cost = settle(order, own, one.fleet, one.craft, False, False, one.poses)
+    cost = settle(order, own, one.task, rules(False, False))
     assert cost == pytest.approx(flown(0.5 * math.pi)[0], rel=1e-6)
-    cost = descend(
-        0, order, own, cost, one.fleet, one.craft, False, False, 0.01, one.flag, one.poses
-    )
+    cost = descend(0, order, own, cost, one.task, rules(False, False))
     assert steps > 50
     assert own[0, 0] == pytest.approx(by_hand, abs=2e-2)
     assert cost == pytest.approx(flown(by_hand)[0], abs=1e-3)
@@ -215,24 +225,23 @@ def test_equation_13_keeps_the_best_of_the_sampled_angles() -> None:
     """Samples at 0, 90, 180 and 270 degrees of a disc 50 m ahead: its near side is 45 m away."""
     one, order = ahead((50, 0, 0)), np.array([0])
     own = genes((0.0, 7.0))
-    cost = resample(0, order, own, 70.0, one.fleet, one.craft, True, 4, one.flag, one.poses)
+    cost = resample(0, order, own, 70.0, one.task, rules(True, True)._replace(samples=4))
     assert own[0] == pytest.approx([math.pi, 4.5], abs=1e-6)
     assert cost == pytest.approx(45.0, abs=1e-5)
 
 
 def test_algorithm_3_replaces_an_individual_only_by_a_better_one() -> None:
     one = Flight(generate(6, 6.0, 1), Request(seed=0))
-    one.craft[5] = 0.01
+    task = one.task._replace(margin=0.01)
     orders, own = np.zeros((24, 6), np.int64), np.zeros((24, 6, 2))
     costs = np.empty(24)
-    rest = (0.1, True, True, 2, 0.01, 20, one.rng, one.flag, one.poses)
     for number in range(5):
         before = costs.copy()
-        best = evolve(number, orders, own, costs, one.fleet, one.craft, *rest)
+        best = evolve(number, orders, own, costs, task, rules(True, True), one.rng)
         assert costs[best] == costs.min()
         assert number == 0 or (costs <= before).all()
         for p in range(24):  # an evaluation is that of its individual
-            end, off = assess(orders[p], own[p], one.fleet, one.craft, 0, False, one.poses)
+            end, off = assess(orders[p], own[p], task, False)
             assert 10 * end + KAPPA * off == pytest.approx(costs[p], rel=1e-9)
             assert sorted(orders[p]) == list(range(6))
     assert costs.max() < KAPPA * 0.01  # the repair has made all of them feasible
@@ -272,7 +281,7 @@ def test_double_sampling_is_the_best_of_all_combinations() -> None:
                 own = np.zeros((2, 2))
                 for i, angle, tick in zip(order, (first, second), ticks, strict=True):
                     own[i] = 2 * math.pi * angle / samples, tick * step
-                end, off = assess(np.array(order), own, one.fleet, one.craft, 0, False, one.poses)
+                end, off = assess(np.array(order), own, one.task, False)
                 least = end if off == 0 and end < least else least
     found = solved(model, "direct-sampling", options={"samples": samples, "step": step})
     assert found.primal_bound == pytest.approx(10 * least)
@@ -289,10 +298,10 @@ def test_the_variable_neighbourhood_search_starts_from_the_greedy_tour() -> None
 def test_the_shortest_encounters_have_no_earlier_ones() -> None:
     one = Flight(generate(6, 6.0, 3), Request())
     own, order = np.zeros((6, 2)), np.arange(6)
-    end = follow(order, own, one.fleet, one.craft, 0, math.inf, one.poses)
-    assert assess(order, own, one.fleet, one.craft, 0, False, one.poses) == (end, 0.0)
+    end = follow(order, own, one.task, 0, math.inf)
+    assert assess(order, own, one.task, False) == (end, 0.0)
     own[:, 1] *= 0.999
-    assert assess(order, own, one.fleet, one.craft, 0, False, one.poses)[1] > 0.0
+    assert assess(order, own, one.task, False)[1] > 0.0
 
 
 # -- honest results --------------------------------------------------------------------------------
