@@ -9,8 +9,7 @@ from .printed import FIGURE_5, FIGURE_7, TABLE_3, TABLE_4, TABLE_5, TABLE_6
 __all__ = ["PAPER"]
 
 _DECODING = "solvers.messenger.decoding"
-_OPERATORS = "solvers.messenger.operators"
-_SEARCH = "solvers.messenger.local_search"
+_MEMETIC = "solvers.messenger.memetic_kernels"
 
 PAPER = Paper(
     "messenger",
@@ -42,35 +41,35 @@ PAPER = Paper(
                   "would fly every leg by ε longer than its time allows; here ε is the length by which a leg may be too "
                   "short, and the returned plan is solved without it."),
         printed("eq. 7", "violation of a leg", f"{_DECODING}:violation"),
-        printed("eq. 8", "evaluation of an individual", f"{_SEARCH}:settle", "κ is not printed: 1e9."),
+        printed("eq. 8", "evaluation of an individual", f"{_MEMETIC}:settle", "κ is not printed: 1e9."),
         printed("Algorithm 3", "memetic algorithm MA", "solvers.messenger.memetic:Memetic",
                 "Random intervals are between 0 and t_max of Lemma 1 for the leg. With the bound of the leg from the start "
                 "of the tour, or a constant bound, mean tours change by 3 to 5 % for 10 and 20 vehicles."),
-        printed("section IV-C", "crossover by an auxiliary vector of 1 and 2", f"{_OPERATORS}:cross"),
-        printed("section IV-D", "three mutations, p_m in total", f"{_OPERATORS}:mutate",
+        printed("section IV-C", "crossover by an auxiliary vector of 1 and 2", f"{_MEMETIC}:cross"),
+        printed("section IV-D", "three mutations, p_m in total", f"{_MEMETIC}:mutate",
                 "The upper bound of an interval is t_max of Lemma 1."),
         printed("eq. 9", "gradient of the violation", f"{_DECODING}:_repaired",
                 "η is not printed: 1e-6 of the interval. Across a jump the slope becomes -v."),
         printed("eq. 10", "repair of an interval", f"{_DECODING}:_repaired",
                 "The step size η_t is not printed: 1. The accuracy is 1e-4 m, with 100 steps at most."),
-        printed("Definitions 1, 2", "catch-up and meeting pattern", "solvers.messenger.transformation:catches_up",
+        printed("Definitions 1, 2", "catch-up and meeting pattern", f"{_MEMETIC}:_catches_up",
                 "ε_t is arbitrary: 1e-3 of the interval. With the interval itself mean tours change by 3 %."),
         corrected("Proposition 1", "a leg can be shortened if the next vehicle is caught up with",
-                  "solvers.messenger.transformation:transform",
+                  f"{_MEMETIC}:transform",
                   "The proof keeps the heading at s_i. The shortened leg ends with another heading, so later legs can "
                   "become infeasible; the evaluation (eq. 8) then rejects the child."),
-        printed("Algorithm 4", "transformation", "solvers.messenger.transformation:transform",
+        printed("Algorithm 4", "transformation", f"{_MEMETIC}:transform",
                 "Literal: the last vehicle is never shortened, and nothing is undone. Undoing steps that violate a later "
                 "leg changes mean tours by 2 % up to 30 vehicles and by -8 % at 40; transforming without the condition of catch-up shortens them by "
                 "14 % (10 vehicles) to 42 % (30)."),
-        corrected("eq. 11", "derivative of the evaluation by an angle", f"{_SEARCH}:descend",
+        corrected("eq. 11", "derivative of the evaluation by an angle", f"{_MEMETIC}:descend",
                   "Printed as f(θ) - f(θ + Δθ), the negative derivative; eq. 12 subtracts it and so ascends. The sign of "
                   "eq. 11 is changed. Δθ is not printed: 1e-4."),
-        printed("eq. 12", "step of the gradient search GS", f"{_SEARCH}:descend",
+        printed("eq. 12", "step of the gradient search GS", f"{_MEMETIC}:descend",
                 "At most 2π / ρ_l steps, as section IV-H counts. Steps of ρ_l in the direction of the descent give mean "
                 "tours within 2 % for 20 to 40 vehicles."),
-        printed("eq. 13", "sampling search SS", f"{_SEARCH}:resample"),
-        different("eq. 14, 15, 16 and Table I", "complexity of the parts", "solvers.messenger.memetic_kernels:evolve",
+        printed("eq. 13", "sampling search SS", f"{_MEMETIC}:resample"),
+        different("eq. 14, 15, 16 and Table I", "complexity of the parts", f"{_MEMETIC}:evolve",
                   "The text and Table I disagree about the repair (N² / ε_r or N / ε_r). Here repair and transformation go "
                   "through the legs once per individual, so a generation has O(NP N) legs. Figure 5 has seconds."),
         printed("Table II", "parameters", "solvers.messenger.memetic:Memetic"),
