@@ -24,7 +24,9 @@ LETTERS = ["".join("RSL"[sign + 1] for sign in word) for word in WORDS.tolist()]
 ANGLE = 0.1
 
 
-def met_after(model: MessengerTour, place: Floats, time: float, vehicles: Sequence[int]) -> Floats:
+def met_after(
+    model: MessengerTour, place: Floats, time: float, vehicles: Sequence[int] | NDArray[np.int64]
+) -> Floats:
     """Return the durations of straight flights to vehicles, in s.
 
     Parameters

@@ -1,14 +1,15 @@
 """Tours as chains of poses, each fixed to a vehicle that may move, joined by shortest paths.
 
-A pose is where the UAV is when it meets a node: an offset from the node's centre, and a heading. Node
-n, the depot, is where the path begins; a path that begins anywhere has a vehicle in its place. A leg
-arrives as soon as a path of its exact length does: at the first root found of D(t) = v (t - t0), D the
-length of the shortest path to where the pose is at time t.
+A pose is the configuration of the UAV at a node: an offset from the node's centre, and a heading. The
+path begins at node n, the depot, or at a vehicle if its start is free. A leg arrives as soon as a path
+of its exact length does: at the first computed root of D(t) = v (t - t0), where D is the length of the
+shortest path to the place of the pose at time t.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -31,8 +32,11 @@ __all__ = [
     "FIXED",
     "RIM",
     "TURNS",
+    "Scene",
+    "Stops",
     "arrive",
     "beyond",
+    "confine",
     "fly",
     "leg",
     "perturb",
@@ -46,19 +50,61 @@ Ints = NDArray[np.int64]
 
 #: Free parts of a pose: none, the heading, the offset along the boundary, or all within the disc.
 FIXED, TURNS, RIM, DISC = 0, 1, 2, 3
-#: Steps of the search for a root before it is given up, and the error left, by the length.
+#: Maximum number of steps of the search for a root, and its final error relative to the length.
 STEPS, EXACT = 40, 1e-14
 #: Relative difference of lengths that rounding explains.
 NEAR = 1e-9
+
+
+class Scene(NamedTuple):
+    """Data of the kernels that a search does not change.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (n + 1, 5)
+        Centre at time 0 (m), velocity (m/s) and radius (m) of each node.
+    freedom : ndarray of int64, shape (n + 1,)
+        Free parts of the pose of each node.
+    closed : bool
+        Whether the path returns to its first pose.
+    speed, r : float
+        Speed (m/s) and turning radius (m) of the UAV.
+    """
+
+    nodes: Floats
+    freedom: Ints
+    closed: bool
+    speed: float
+    r: float
+
+
+class Stops(NamedTuple):
+    """Tour: the nodes at which it stops, and the pose of each node.
+
+    Kernels receive the number of stops separately, as `count`.
+
+    Attributes
+    ----------
+    order : ndarray of int64, shape (n + 1,)
+        Nodes in the order of the tour.
+    times : ndarray, shape (n + 1,)
+        Time of each stop, in that order (s).
+    poses : ndarray, shape (n + 1, 3)
+        Offset (m) and heading (rad) of each node.
+    """
+
+    order: Ints
+    times: Floats
+    poses: Floats
 
 
 @kernel
 def arrive(
     x: float, y: float, h: float, t: float, node: Floats, pose: Floats, speed: float, r: float
 ) -> float:
-    """Return when the UAV, at (x, y, h) at time t, reaches `pose` of `node`; inf where it cannot be found.
+    """Return the time at which the UAV, at (x, y, h) at time t, reaches `pose` of `node`.
 
-    `node` holds the centre at time 0 (m), the velocity (m/s) and the radius (m).
+    The time is inf if the search fails. `node` is a row of :attr:`Scene.nodes`.
     """
     qx, qy = node[0] + pose[0], node[1] + pose[1]
     vx, vy = node[2], node[3]
@@ -77,7 +123,7 @@ def arrive(
         a, b, c = word_local(u, v, pose[2] - h, sin, lift, r, slack, word)
         now = a + b + c - speed * s
         if abs(now) <= enough:
-            # The root of one word; another may be shorter there.
+            # This is a root of one word; another word may be shorter.
             a, b, c, shorter = shortest(x, y, h, ex, ey, pose[2], r)
             if shorter == word or a + b + c >= speed * s - enough:
                 return t + s
@@ -85,7 +131,7 @@ def arrive(
         elif not now < math.inf:
             a, b, c, word = shortest(x, y, h, ex, ey, pose[2], r)
             now = a + b + c - speed * s
-        # The secant where its slope can be one; else the step as if the pose stood still.
+        # Use the secant if its slope is possible, otherwise the step to a pose at rest.
         slope = (now - gap) / (s - before) if s != before else -speed
         if slope > slowest or slope < -3.0 * speed:
             slope = -speed
@@ -96,7 +142,7 @@ def arrive(
 
 @kernel
 def where(node: Floats, pose: Floats, t: float) -> tuple[float, float, float]:
-    """Return the configuration that `pose` of `node` is at time t."""
+    """Return the configuration of `pose` of `node` at time t."""
     return node[0] + node[2] * t + pose[0], node[1] + node[3] * t + pose[1], pose[2]
 
 
@@ -104,9 +150,9 @@ def where(node: Floats, pose: Floats, t: float) -> tuple[float, float, float]:
 def leg(
     x: float, y: float, h: float, ex: float, ey: float, eh: float, r: float, length: float
 ) -> tuple[float, float, float, int]:  # fmt: skip
-    """Return the lengths and the word of the path between two configurations that is as long as `length`.
+    """Return the lengths and the word of the path between two configurations with the given length.
 
-    It is the shortest, but where a moving pose can only be met later.
+    It is the shortest path, unless a moving pose can only be met later.
     """
     a, b, c, word = shortest(x, y, h, ex, ey, eh, r)
     off = abs(a + b + c - length)
@@ -120,43 +166,39 @@ def leg(
 
 
 @kernel
-def reach_next(
-    i: int, t: float, j: int, nodes: Floats, poses: Floats, speed: float, r: float
-) -> float:
-    """Return when node j is met, the UAV meeting node i at time t."""
-    x, y, h = where(nodes[i], poses[i], t)
-    return arrive(x, y, h, t, nodes[j], poses[j], speed, r)
+def reach_next(i: int, t: float, j: int, stops: Stops, scene: Scene) -> float:
+    """Return the time at which node j is met after node i at time t."""
+    x, y, h = where(scene.nodes[i], stops.poses[i], t)
+    return arrive(x, y, h, t, scene.nodes[j], stops.poses[j], scene.speed, scene.r)
 
 
 @kernel
-def fly(
-    order: Ints, count: int, begin: int, closed: bool, nodes: Floats, poses: Floats, speed: float,
-    r: float, ceiling: float, times: Floats,
-) -> float:  # fmt: skip
-    """Fill `times` of the places from `begin` (at least 1) on, and return when the path ends.
+def fly(stops: Stops, count: int, begin: int, scene: Scene, ceiling: float) -> float:
+    """Fill in the times of the stops from `begin` (at least 1) on; return the end of the path (s).
 
-    `order` holds `count` nodes. What exceeds `ceiling` is infinite.
+    The end is inf if a time exceeds `ceiling`.
     """
+    order, times = stops.order, stops.times
     for k in range(begin, count):
-        times[k] = reach_next(order[k - 1], times[k - 1], order[k], nodes, poses, speed, r)
+        times[k] = reach_next(order[k - 1], times[k - 1], order[k], stops, scene)
         if not times[k] <= ceiling:
             return math.inf
     end: float = times[count - 1]
-    if closed:
-        end = reach_next(order[count - 1], end, order[0], nodes, poses, speed, r)
+    if scene.closed:
+        end = reach_next(order[count - 1], end, order[0], stops, scene)
     return end
 
 
 @kernel
 def beyond(
-    before: int, t: float, i: int, after: int, pose: Floats, nodes: Floats, poses: Floats,
-    speed: float, r: float, most: float,
-) -> float:  # fmt: skip
-    """Return when node `after` is met, `before` being met at t and node i between them with `pose`.
+    before: int, t: float, i: int, after: int, pose: Floats, stops: Stops, scene: Scene, most: float
+) -> float:
+    """Return the time at node `after`, if `before` is met at t and node i between them with `pose`.
 
-    Without a node after it (-1), when node i is met. Infinite where it is seen early that this is
-    not before `most`.
+    If `after` is -1, return the time at node i. The result is inf if an early bound shows that it
+    is not before `most`.
     """
+    nodes, poses, speed, r = scene.nodes, stops.poses, scene.speed, scene.r
     x, y, h = where(nodes[before], poses[before], t)
     t = arrive(x, y, h, t, nodes[i], pose, speed, r)
     if after < 0 or not t < most:
@@ -184,12 +226,12 @@ def confine(pose: Floats, radius: float, freedom: int) -> None:
 
 @kernel
 def perturb(
-    before: int, t: float, i: int, after: int, nodes: Floats, poses: Floats, freedom: int,
-    speed: float, r: float, rounds: int, trial: Floats, draw: Generator,
+    before: int, t: float, i: int, after: int, stops: Stops, scene: Scene, rounds: int,
+    trial: Floats, draw: Generator,
 ) -> float:  # fmt: skip
     """Improve the pose of node i between its neighbours by random steps of all sizes."""
-    pose, radius = poses[i], nodes[i, 4]
-    best = beyond(before, t, i, after, pose, nodes, poses, speed, r, math.inf)
+    pose, radius, freedom, r = stops.poses[i], scene.nodes[i, 4], scene.freedom[i], scene.r
+    best = beyond(before, t, i, after, pose, stops, scene, math.inf)
     moves = freedom >= RIM and radius > 0.0
     for _ in range(rounds if moves or r > 0.0 else 0):
         size = draw.random() ** 3
@@ -202,7 +244,7 @@ def perturb(
             trial[0] += radius * size * (2.0 * draw.random() - 1.0)
             trial[1] += radius * size * (2.0 * draw.random() - 1.0)
             confine(trial, radius, freedom)
-        value = beyond(before, t, i, after, trial, nodes, poses, speed, r, best)
+        value = beyond(before, t, i, after, trial, stops, scene, best)
         if value < best:
             best = value
             for j in range(3):
@@ -212,7 +254,7 @@ def perturb(
 
 @kernel
 def towards(x: float, y: float, h: float, px: float, py: float, r: float) -> float:
-    """Return the heading with which the shortest path to a point arrives."""
+    """Return the final heading of the shortest path to a point."""
     if r == 0.0:
         return math.atan2(py - y, px - x)
     a, b, word = relaxed(x, y, h, px, py, r)
@@ -222,14 +264,16 @@ def towards(x: float, y: float, h: float, px: float, py: float, r: float) -> flo
 
 @kernel
 def place(
-    before: int, t: float, i: int, after: int, nodes: Floats, poses: Floats, freedom: int,
-    speed: float, r: float, hint: Floats, trial: Floats, pose: Floats,
+    before: int, t: float, i: int, after: int, stops: Stops, scene: Scene, hint: Floats,
+    trial: Floats, pose: Floats,
 ) -> float:  # fmt: skip
-    """Fill `pose` with a good one for node i between its neighbours; return what :func:`beyond` does.
+    """Fill `pose` with a good one for node i between its neighbours; return its :func:`beyond`.
 
-    Tried are the offset of the `hint`, a pose of the node's own, the inside of the corner and the
-    centre, with the hint's heading and those of the shortest ways there and on.
+    The candidates have the offset of the pose `hint`, that of the inside of the corner, or 0. Their
+    headings are that of the hint and those of the shortest paths to the node and from it.
     """
+    nodes, poses, freedom = scene.nodes, stops.poses, scene.freedom[i]
+    speed, r = scene.speed, scene.r
     x, y, h = where(nodes[before], poses[before], t)
     radius, best = nodes[i, 4], math.inf
     heading_in = heading_out = turn = 0.0
@@ -267,7 +311,7 @@ def place(
                 trial[2] = hint[2]
             else:
                 trial[2] = heading_in + (0.0 if which == 1 else turn if which == 2 else 0.5 * turn)
-            value = beyond(before, t, i, after, trial, nodes, poses, speed, r, best)
+            value = beyond(before, t, i, after, trial, stops, scene, best)
             if value < best:
                 best = value
                 for j in range(3):

@@ -201,7 +201,8 @@ def meet(k: int, i: int, genes: Floats, task: Task) -> float:
 @kernel
 def _repaired(k: int, i: int, genes: Floats, c: float, task: Task) -> float:
     """Return the interval of leg `k` after steps along the gradient of c (paper: eqs. 9 and 10)."""
-    pose, speed, theta, interval = task.poses[k], task.speed, genes[i, 0], genes[i, 1]
+    interval: float = genes[i, 1]
+    pose, speed, theta = task.poses[k], task.speed, genes[i, 0]
     x, y, h, t = pose[0], pose[1], pose[2], pose[3]
     for _ in range(REPAIRS):
         eta = ETA * (interval + abs(c) / speed)

@@ -1,4 +1,6 @@
-"""Last leg of an open tour: its final heading is free, and it ends on the boundary of the disc.
+"""Legs with a free final heading that end on the boundary of a disc.
+
+The last leg of an open tour is of this kind, and all legs of a tour from boundary to boundary.
 
 The boundary of the region that a vehicle of bounded curvature reaches after a given length consists
 of ends of an arc and a line, and of ends of two arcs (Cockayne and Hall, SIAM Journal on Control
@@ -17,23 +19,27 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...models.messenger.dubins import advance
+from ...models.messenger.dubins import advance, dubins_path
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import SIGNS, Primitive, TourPlan
+from .emission import cut
 
-__all__ = ["Disc", "shorten_last_leg", "shortest_to_disc"]
+__all__ = ["Disc", "fly_to_rims", "shorten_last_leg", "shortest_to_disc"]
 
 Path = list[tuple[int, float]]
+Flag = NDArray[np.int8]
 
 FULL = 2.0 * math.pi
-#: Margin inside the boundary, as a share of the radius, against rounding.
-MARGIN = 1e-10
+#: Margin inside the boundary, as a share of the radius, against rounding: of the last leg alone, and
+#: of legs that others follow.
+MARGIN, WIDE_MARGIN = 1e-10, 1e-6
 #: Least gain of a leg, relative to the tour.
 GAIN = 1e-13
 #: Tolerance of the contact, as a share of the radius and of the turning radius.
@@ -42,6 +48,11 @@ TOUCH, ROUNDING = 1e-11, 1e-14
 FINEST = 1e-7
 #: Largest error of an angle to a point near the line ahead, in rad.
 AHEAD = 1e-9
+#: Number of places per radius at which a primitive is checked for vehicles that it passes, and its
+#: limit.
+DENSITY, PLACES = 4.0, 50
+#: Upper bound, in turning radii, on the length flown before the pursuit on a line, with a reserve.
+TURNS = 30.0
 
 
 class Disc(NamedTuple):
@@ -53,25 +64,31 @@ class Disc(NamedTuple):
     vy: float
     radius: float
 
+    @classmethod
+    def at(cls, problem: MessengerTour, vehicle: int, time: float, margin: float) -> Disc:
+        """Return the disc of `vehicle` at `time` (s), smaller by a share `margin`."""
+        (x, y), (vx, vy) = (
+            problem.where(vehicle, time).tolist(),
+            problem.velocities[vehicle].tolist(),
+        )
+        return cls(x, y, vx, vy, float(problem.radius[vehicle]) * (1.0 - margin))
 
-def shorten_last_leg(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
+
+def shorten_last_leg(
+    problem: MessengerTour, plan: TourPlan, flag: Flag | None = None
+) -> TourPlan | None:
     """Return `plan` with the shortest last leg from its beginning; None if this gains nothing."""
     if problem.closed or problem.turning_radius == 0 or not plan.order:
         return None
-    last = len(plan.order) - 1
+    last, r = len(plan.order) - 1, problem.turning_radius
     before = [primitive for primitive in plan.primitives if primitive.leg < last]
     flown = float(sum(primitive.length for primitive in before))
     pose = (float(plan.start[0]), float(plan.start[1]), float(plan.start[2]))
     for primitive in before:
-        pose = advance(*pose, primitive.length, int(SIGNS[primitive.turn]), problem.turning_radius)
-    vehicle = plan.order[last]
-    place = problem.where(vehicle, flown / problem.speed)
-    radius = float(problem.radius[vehicle]) * (1.0 - MARGIN)
-    px, py = place.tolist()
-    vx, vy = problem.velocities[vehicle].tolist()
-    disc = Disc(px, py, vx, vy, radius)
+        pose = advance(*pose, primitive.length, int(SIGNS[primitive.turn]), r)
+    disc = Disc.at(problem, plan.order[last], flown / problem.speed, MARGIN)
     limit = plan.length - flown
-    path = shortest_to_disc(pose, disc, problem.speed, problem.turning_radius, limit)
+    path = shortest_to_disc(pose, disc, problem.speed, r, limit, flag)
     length = sum(part for _, part in path or ())
     if path is None or length >= limit - GAIN * plan.length:
         return None
@@ -79,15 +96,66 @@ def shorten_last_leg(problem: MessengerTour, plan: TourPlan) -> TourPlan | None:
     for sign, part in path:
         if part > 0.0:
             pieces.append(Primitive(last, "RSL"[sign + 1], part, heading))
-            x, y, heading = advance(x, y, heading, part, sign, problem.turning_radius)
+            x, y, heading = advance(x, y, heading, part, sign, r)
     times, points = plan.times.copy(), plan.points.copy()
     times[last], points[last] = (flown + length) / problem.speed, (x, y)
     return TourPlan(plan.order, times, points, plan.start, tuple(pieces))
 
 
+def fly_to_rims(
+    problem: MessengerTour, order: Iterable[int], flag: Flag | None = None
+) -> TourPlan | None:
+    """Return the tour of shortest legs to the discs in an order; None if a leg is not found.
+
+    The tour is fast for many vehicles, and exact for long legs: each leg begins at the end of the
+    previous one and has a free final heading, so neither turns nor rounding errors accumulate.
+    Vehicles that a leg passes are met on the way.
+
+    Parameters
+    ----------
+    problem : MessengerTour
+        A model with a heading at the start and a turning radius above 0.
+    order : iterable of int
+        Every vehicle once.
+    flag : ndarray of int8, optional
+        Stop flag.
+    """
+    assert problem.start is not None
+    speed, r, reach = problem.speed, problem.turning_radius, problem.radius * (1.0 - WIDE_MARGIN)
+    start = pose = (float(problem.start[0]), float(problem.start[1]), float(problem.start[2]))
+    flown, missed = 0.0, np.ones(problem.size, bool)
+    path: list[tuple[int, float, float | None]] = []
+    stops: dict[int, float] = {}
+    for target in order:
+        if target in stops:
+            continue
+        disc = Disc.at(problem, target, flown / speed, WIDE_MARGIN)
+        far = math.hypot(disc.x - pose[0], disc.y - pose[1])
+        most = (far + TURNS * r) / (1.0 - math.hypot(disc.vx, disc.vy) / speed)
+        leg = shortest_to_disc(pose, disc, speed, r, most, flag)
+        if leg is None:
+            return None
+        for sign, part in leg:
+            count = 1 + int(min(DENSITY * part / max(float(reach.min()), r / PLACES), PLACES))
+            for along in np.linspace(0.0, part, count, endpoint=False).tolist():
+                x, y, _ = advance(*pose, along, sign, r)
+                apart = problem.positions + problem.velocities * ((flown + along) / speed) - (x, y)
+                for vehicle in np.flatnonzero(missed & (np.hypot(*apart.T) <= reach)).tolist():
+                    missed[vehicle] = False
+                    stops[vehicle] = flown + along
+            path.append((sign, part, None))
+            pose, flown = advance(*pose, part, sign, r), flown + part
+        missed[target] = False
+        stops.setdefault(target, flown)
+    if problem.closed:
+        path += [(int(SIGNS[turn]), part, None) for turn, part in dubins_path(pose, start, r)]
+    return cut(problem, start, path, stops)
+
+
 def shortest_to_disc(
-    pose: tuple[float, float, float], disc: Disc, speed: float, turning: float, most: float
-) -> list[tuple[int, float]] | None:
+    pose: tuple[float, float, float], disc: Disc, speed: float, turning: float, most: float,
+    flag: Flag | None = None,
+) -> Path | None:  # fmt: skip
     """Return the signs and lengths (m) of the primitives of the shortest path to a disc.
 
     Parameters
@@ -102,6 +170,8 @@ def shortest_to_disc(
         Turning radius, in m.
     most : float
         Maximum length of the path, in m.
+    flag : ndarray of int8, optional
+        Stop flag. If it is set, no path of two arcs is searched for.
 
     Returns
     -------
@@ -123,7 +193,7 @@ def shortest_to_disc(
         length = path[0][1] + path[1][1]
         if length <= most:
             best, most = path, length
-    best = _arcs(place, velocity, reach, min(most, 2.0 * FULL)) or best
+    best = _arcs(place, velocity, reach, min(most, 2.0 * FULL), flag) or best
     return None if best is None else [(sign, turning * part) for sign, part in best]
 
 
@@ -140,7 +210,7 @@ def _lines(q: complex, w: complex, reach: float, most: float) -> Iterator[Path]:
             aside = abs(p - 1j + v * middle) ** 2
             half = math.sqrt(max(1.0 + reach**2 - aside, 0.0) / square)
             cuts += [middle - half, middle + half]
-        for low, high in pairwise(sorted(min(max(cut, 0.0), most) for cut in cuts)):
+        for low, high in pairwise(sorted(min(max(end, 0.0), most) for end in cuts)):
             point = p + v * 0.5 * (low + high)
             if low == high or abs(point - 1j) ** 2 < 1.0 + reach**2:
                 continue
@@ -169,7 +239,7 @@ def _excess(length: float, p: complex, v: complex, reach: float, above: bool) ->
     return arc + ahead - reach - length
 
 
-def _arcs(q: complex, w: complex, reach: float, most: float) -> Path | None:
+def _arcs(q: complex, w: complex, reach: float, most: float, flag: Flag | None) -> Path | None:
     """Return the first two-arc path to a disc at `q` that moves by `w` per unit of length flown."""
     from scipy.optimize import brentq
 
@@ -178,7 +248,7 @@ def _arcs(q: complex, w: complex, reach: float, most: float) -> Path | None:
         return _nearest(q + w * length, length)[0] - reach
 
     length, before = 0.0, 0.0
-    while length <= most:
+    while length <= most and (flag is None or not flag[0]):
         left, sign, arc = _nearest(q + w * length, length)
         left -= reach
         if left < -TOUCH * reach:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from ...models.messenger.dubins import WORDS, advance
-from .chain import leg, where
+from .chain import Scene, Stops, leg, where
 
-__all__ = ["CLOSEST", "PIECE", "PIECES", "passed", "trace"]
+__all__ = ["CLOSEST", "GAP", "LEG", "PIECE", "PIECES", "TIME", "passed", "trace"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,13 +21,13 @@ CUT = 0.6
 #: Distance of an arc of that angle from its chord, relative to its radius.
 BULGE = 1.0 - math.cos(0.5 * CUT)
 #: Number of columns of a piece: x, y, heading and time at its beginning, duration, sign of the
-#: curvature,
-#: leg, and x and y at its end.
+#: curvature, leg, and x and y at its end.
 PIECE = 9
 #: Maximum number of pieces of a leg: a straight line and two arcs.
 PIECES = 2 * (int(2.0 * math.pi / CUT) + 2) + 1
-#: Number of nearest legs stored per vehicle.
-CLOSEST = 3
+#: Number of nearest legs stored per vehicle, and their columns after the pose of the UAV relative to
+#: the vehicle: time, number of the leg, distance minus the radius.
+CLOSEST, TIME, LEG, GAP = 3, 3, 4, 5
 
 
 @kernel
@@ -57,44 +57,43 @@ def _cut(
 
 
 @kernel
-def trace(
-    order: Ints, count: int, closed: bool, nodes: Floats, poses: Floats, times: Floats, speed: float,
-    r: float, pieces: Floats,
-) -> int:  # fmt: skip
+def trace(stops: Stops, count: int, scene: Scene, pieces: Floats) -> int:
     """Fill `pieces` with the path of a chain; return the number of pieces."""
+    order, times, poses, nodes = stops.order, stops.times, stops.poses, scene.nodes
     # The start is a piece of length 0.
     pieces[0, 0], pieces[0, 1], pieces[0, 2] = where(nodes[order[0]], poses[order[0]], 0.0)
     pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
     pieces[0, 7], pieces[0, 8] = pieces[0, 0], pieces[0, 1]
     size = 1
-    for k in range(1, count + closed):
-        i = order[k - 1]
-        x, y, h = where(nodes[i], poses[i], times[k - 1])
+    for k in range(1, count + scene.closed):
+        i, t = order[k - 1], times[k - 1]
+        x, y, h = where(nodes[i], poses[i], t)
         j = order[k] if k < count else order[0]
         # Closed tours return only to a start at rest.
         ex, ey, eh = where(nodes[j], poses[j], times[k] if k < count else 0.0)
-        length = speed * (times[k] - times[k - 1]) if k < count else 0.0
-        size = _cut(x, y, h, times[k - 1], ex, ey, eh, k, speed, r, length, pieces, size)
+        length = scene.speed * (times[k] - t) if k < count else 0.0
+        size = _cut(x, y, h, t, ex, ey, eh, k, scene.speed, scene.r, length, pieces, size)
     return size
 
 
 @kernel
 def passed(
-    node: Floats, pieces: Floats, count: int, rim: bool, speed: float, r: float, legs: Ints,
-    hints: Floats, gaps: Floats,
-) -> bool:  # fmt: skip
-    """Return whether a path comes within the radius of a node; ``hints[0]`` describes the encounter.
+    node: Floats, pieces: Floats, count: int, rim: bool, speed: float, r: float, near: Floats
+) -> bool:
+    """Return whether a path comes within the radius of a node; ``near[0]`` describes the encounter.
 
     Parameters
     ----------
+    node, pieces, count, speed, r
+        Row of :attr:`.chain.Scene.nodes`, the result of :func:`trace`, and data of the UAV.
     rim : bool
         Whether the encounter must be on the boundary.
-    legs, hints, gaps : ndarray, shapes (3,), (3, 4), (3,)
-        Filled with the nearest legs in order: their numbers; the pose of the UAV relative to the
-        node and the time; the distance minus the radius (m), inf for unused entries.
+    near : ndarray, shape (3, 6)
+        Filled with the nearest legs in order: pose of the UAV relative to the node, time, number of
+        the leg, and distance minus the radius (m), which is inf for unused rows.
     """
     for j in range(CLOSEST):
-        gaps[j], legs[j] = math.inf, 0
+        near[j, LEG], near[j, GAP] = 0.0, math.inf
     outside = False
     for p in range(count):
         piece = pieces[p]
@@ -111,31 +110,24 @@ def passed(
         outside = outside or dx * dx + dy * dy >= node[4] * node[4]
         ox, oy, eh = -dx - wx * s, -dy - wy * s, piece[2]
         gap = math.sqrt(ox * ox + oy * oy) - node[4]
-        if gap - BULGE * r >= gaps[CLOSEST - 1]:
+        if gap - BULGE * r >= near[CLOSEST - 1, GAP]:
             continue
         if piece[5] != 0.0:
             ex, ey, eh = advance(piece[0], piece[1], eh, speed * s, int(piece[5]), r)
             ox, oy = ex - node[0] - node[2] * (t + s), ey - node[1] - node[3] * (t + s)
             gap = math.sqrt(ox * ox + oy * oy) - node[4]
-        number = int(piece[6])
-        place = CLOSEST
-        for j in range(CLOSEST):
-            if legs[j] == number:
-                place = j
-                break
-        if place < CLOSEST and gap >= gaps[place]:
+        # The row of this leg, or the last one.
+        row = 0
+        while row < CLOSEST - 1 and near[row, LEG] != piece[6]:
+            row += 1
+        if gap >= near[row, GAP]:
             continue
-        if place == CLOSEST:
-            if gap >= gaps[CLOSEST - 1]:
-                continue
-            place = CLOSEST - 1
-        while place > 0 and gap < gaps[place - 1]:
-            gaps[place], legs[place] = gaps[place - 1], legs[place - 1]
-            for j in range(4):
-                hints[place, j] = hints[place - 1, j]
-            place -= 1
-        gaps[place], legs[place] = gap, number
-        hints[place, 0], hints[place, 1], hints[place, 2], hints[place, 3] = ox, oy, eh, t + s
+        while row > 0 and gap < near[row - 1, GAP]:
+            for j in range(GAP + 1):
+                near[row, j] = near[row - 1, j]
+            row -= 1
+        near[row, 0], near[row, 1], near[row, 2] = ox, oy, eh
+        near[row, TIME], near[row, LEG], near[row, GAP] = t + s, piece[6], gap
         if gap <= 0.0 and not rim:
             return True
     if count:
@@ -143,4 +135,4 @@ def passed(
         t = piece[3] + piece[4]
         dx, dy = node[0] + node[2] * t - piece[7], node[1] + node[3] * t - piece[8]
         outside = outside or dx * dx + dy * dy >= node[4] * node[4]
-    return gaps[0] <= 0.0 and (outside or not rim)
+    return near[0, GAP] <= 0.0 and (outside or not rim)

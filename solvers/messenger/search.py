@@ -11,6 +11,7 @@ import numpy as np
 
 from ...jit import clock
 from ...models.messenger.checks import UNDECIDABLE, decidable_length, integrated
+from ...models.messenger.guess import met_after
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ..contract.backend import (
@@ -24,10 +25,9 @@ from ..contract.backend import (
     Termination,
 )
 from .annealing import anneal
-from .chain import confine, fly
+from .chain import fly
 from .emission import Chain, move_to_boundary
-from .last_leg import shorten_last_leg
-from .rim_flight import fly_to_rims
+from .last_leg import fly_to_rims, shorten_last_leg
 
 __all__ = ["TourSearch"]
 
@@ -38,7 +38,7 @@ STEPS, LEAST = 20, 300
 #: Least number of vehicles for annealing the flight from rim to rim instead of starting from scratch.
 MANY = 150
 #: Tours kept to be annealed again.
-KEPT = 4
+POOL = 4
 #: Share of the time for the bound, and again for orders; without a limit, programs solved for it.
 BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
 #: Programs that are solved for tours without curvature, where the bound's search met no whole order.
@@ -96,7 +96,7 @@ class _Search:
     backend: TourSearch
     problem: MessengerTour
     request: Request
-    kept: list[tuple[float, int, Chain]] = field(default_factory=list)
+    pool: list[tuple[float, int, Chain]] = field(default_factory=list)
     best: TourPlan | None = None
     bound: float | None = None
     runs: int = 0
@@ -127,10 +127,10 @@ class _Search:
             if not self.ended:
                 self.anneal(steps, self.guided(order))
         while not self.ended:
-            again = bool(self.kept) and self.many
-            again = again or (len(self.kept) == KEPT and self.runs % 2 == 1)
-            one = int(self.draw.integers(len(self.kept))) if again else 0
-            self.anneal(steps, self.kept[one][2].copy() if again else None)
+            again = bool(self.pool) and self.many
+            again = again or (len(self.pool) == POOL and self.runs % 2 == 1)
+            k = int(self.draw.integers(len(self.pool))) if again else 0
+            self.anneal(steps, self.pool[k][2].copy() if again else None)
         limit = self.request.control.reason if self.request.control.stopped else None
         if limit is None and request.left() == 0.0:
             limit = Limit.TIME
@@ -216,48 +216,36 @@ class _Search:
         if not orders:
             # Without curvature the search dives for tours.
             def enough(sketch: OrderSearch) -> bool:
-                many = len(sketch.tours) >= KEPT or sketch.chains.solved >= SKETCH_PROGRAMS
+                many = len(sketch.tours) >= POOL or sketch.chains.solved >= SKETCH_PROGRAMS
                 return control.stopped or many or clock() > 2.0 * end - begin
 
-            found = best_orders(self.problem, enough, gap=self.request.gap)
-            orders = [order for order, _ in found]
-        return orders[:KEPT]
+            sketches = best_orders(self.problem, enough, gap=self.request.gap)
+            orders = [order for order, _ in sketches]
+        return orders[:POOL]
 
     def fly_nearest(self) -> None:
         """Offer the tour of :meth:`nearest`, which takes milliseconds without compiled loops."""
-        problem, chain = self.problem, self.nearest()
-        end = fly(
-            chain.order, chain.count, 1, problem.closed, chain.nodes, chain.poses, problem.speed,
-            problem.turning_radius, math.inf, chain.times,
-        )  # fmt: skip
-        if end < math.inf:
+        chain = self.nearest()
+        if fly(chain.stops, chain.count, 1, chain.scene, math.inf) < math.inf:
             self.offer(chain.plan())
 
     def nearest(self) -> Chain:
-        """Return the chain that meets next whichever vehicle is reached first by a straight line."""
-        problem = self.problem
-        chain = Chain(problem, interior=self.request.options["interior"])
-        left = np.arange(problem.size)
+        """Return the chain that meets next the vehicle with the shortest straight flight."""
+        problem, chain = self.problem, self.chain()
+        left = np.arange(problem.size, dtype=np.int64)
         if problem.start is None:  # a chain begins at vehicle 0
-            place, left = problem.positions[0].copy(), left[1:]
+            place, left = problem.positions[0], left[1:]
         else:
-            place = problem.start[:2].copy()
+            place = problem.start[:2]
         time = 0.0
-        rest = problem.speed**2 - np.square(problem.velocities).sum(axis=1)
         while left.size:
-            apart = problem.positions[left] + problem.velocities[left] * time - place
-            along = (apart * problem.velocities[left]).sum(axis=1)
-            far = np.square(apart).sum(axis=1)
-            wait = (along + np.sqrt(along**2 + rest[left] * far)) / rest[left]
+            wait = met_after(problem, place, time, left)
             k = int(np.argmin(wait))
             vehicle, time = int(left[k]), time + float(wait[k])
             target = problem.where(vehicle, time)
             heading = float(np.arctan2(*(target - place)[::-1]))
-            chain.order[chain.count] = vehicle
-            inside = float(problem.radius[vehicle])
-            chain.poses[vehicle] = (-inside * np.cos(heading), -inside * np.sin(heading), heading)
-            confine(chain.poses[vehicle], inside, int(chain.freedom[vehicle]))
-            chain.count += 1
+            inside = -problem.radius[vehicle] * np.array([np.cos(heading), np.sin(heading)])
+            chain.append(vehicle, inside, heading)
             place, left = target, np.delete(left, k)
         return chain
 
@@ -266,58 +254,53 @@ class _Search:
         problem = self.problem
         if problem.heading is None or problem.turning_radius == 0.0:
             return chain
-        plan = fly_to_rims(problem, chain.order[1 : chain.count].tolist())
+        order = chain.stops.order[1 : chain.count].tolist()
+        plan = fly_to_rims(problem, order, self.request.control.flag)
         if plan is None:
             return chain
         if self.request.options["interior"]:
             self.offer(plan)
-        ends = np.searchsorted(
-            [one.leg for one in plan.primitives], np.arange(problem.size), "right"
-        )
-        headings = integrated(plan, problem.turning_radius)[ends, 2]
-        for k, (vehicle, heading) in enumerate(zip(plan.order, headings.tolist(), strict=True)):
+        legs = [primitive.leg for primitive in plan.primitives]
+        ends = np.searchsorted(legs, np.arange(problem.size), "right")
+        headings = integrated(plan, problem.turning_radius)[ends, 2].tolist()
+        chain.count = 1
+        for k, vehicle in enumerate(plan.order):
             offset = plan.points[k] - problem.where(vehicle, float(plan.times[k]))
-            chain.order[1 + k], chain.poses[vehicle] = vehicle, (*offset, heading)
-            confine(
-                chain.poses[vehicle], float(problem.radius[vehicle]), int(chain.freedom[vehicle])
-            )
+            chain.append(vehicle, offset, headings[k])
         return chain
 
     def guided(self, order: tuple[int, ...]) -> Chain:
-        """Return the chain of an order, where its bound would have the UAV fly."""
+        """Return the chain of an order with the poses that its bound suggests."""
         from .bound_search import guide
 
-        chain = Chain(self.problem, interior=self.request.options["interior"])
+        chain = self.chain()
         if self.problem.start is None:
             # Any vehicle may be the first; a chain begins at vehicle 0.
             at = order.index(0)
             order, chain.count = order[at:] + order[:at], 0
-        near, members = guide(self.problem, order), list(order)
-        chain.order[chain.count : chain.count + len(order)] = members
-        chain.count += len(order)
-        chain.poses[members, :2], chain.poses[members, 2] = near.offsets, near.headings
-        for i in order:
-            confine(chain.poses[i], float(self.problem.radius[i]), int(chain.freedom[i]))
+        near = guide(self.problem, order)
+        for vehicle, offset, heading in zip(order, near.offsets, near.headings, strict=True):
+            chain.append(vehicle, offset, heading)
         return chain
 
+    def chain(self) -> Chain:
+        """Return a chain without stops."""
+        return Chain(self.problem, interior=self.request.options["interior"])
+
     def anneal(self, steps: int, chain: Chain | None = None) -> None:
-        """Anneal `chain`, or a tour from scratch, and keep what is good."""
-        problem, request = self.problem, self.request
-        scratch = chain is None
-        if chain is None:
-            chain = Chain(problem, interior=request.options["interior"])
+        """Anneal `chain`, or a tour from scratch, and keep good results."""
+        hot, chain = (HOT, self.chain()) if chain is None else (WARM, chain)
+        flag = self.request.control.flag
         chain.count, value = anneal(
-            chain.order, chain.count, problem.closed, chain.nodes, chain.poses, chain.freedom,
-            problem.speed, problem.turning_radius, chain.times, steps, HOT if scratch else WARM,
-            COLD, self.draw, request.control.flag,
-        )  # fmt: skip
+            chain.stops, chain.count, chain.scene, steps, hot, COLD, self.draw, flag
+        )
         self.runs += 1
         self.idle += 1
-        if not value < float("inf"):
+        if not value < math.inf:
             return
-        length = value * problem.speed
-        if all(abs(length - one[0]) > 1e-9 * length for one in self.kept):
-            self.kept = sorted([*self.kept, (length, self.runs, chain)])[:KEPT]
+        length = value * self.problem.speed
+        if all(abs(length - entry[0]) > 1e-9 * length for entry in self.pool):
+            self.pool = sorted([*self.pool, (length, self.runs, chain)])[:POOL]
         if self.best is None or length < NEAR * self.best.length:
             plan = chain.plan()
             if self.best is None:
@@ -331,22 +314,22 @@ class _Search:
         from .polish import polish
 
         self.polishes += 1
-        found = polish(self.problem, plan, self.request)
+        result = polish(self.problem, plan, self.request)
         if self.request.options["interior"]:
-            return found
-        return move_to_boundary(self.problem, found) or plan
+            return result
+        return move_to_boundary(self.problem, result) or plan
 
     def offer(self, plan: TourPlan) -> None:
-        """Keep `plan` where it is the best and keeps what the model asks."""
+        """Keep `plan` if it is feasible and the best."""
         if self.request.options["interior"]:
-            plan = shorten_last_leg(self.problem, plan) or plan
+            plan = shorten_last_leg(self.problem, plan, self.request.control.flag) or plan
         if self.best is not None and plan.length >= self.best.length:
             return
-        found = self.problem.verify(plan, tolerance=self.request.tolerance)
-        if found.ok:
+        verification = self.problem.verify(plan, tolerance=self.request.tolerance)
+        if verification.ok:
             if self.best is None or plan.length < self.best.length * (1.0 - BETTER):
                 self.idle = 0
             self.best = plan
             self.request.control.incumbent(plan.length, plan)
-        elif any(UNDECIDABLE in one.where for one in found.checks):
+        elif any(UNDECIDABLE in check.where for check in verification.checks):
             self.undecidable = min(self.undecidable, plan.length)

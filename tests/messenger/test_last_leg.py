@@ -135,6 +135,17 @@ def test_a_disc_that_an_arc_enters():
         assert best.primal_bound <= ct.solve(model, name, time_limit=5).primal_bound + 1e-9
 
 
+def test_the_search_for_two_arcs_polls_the_stop_flag():
+    """An arc enters the disc after less than a full circle; the line of an arc and a line is longer."""
+    flag = np.zeros(1, np.int8)
+    case = ((0.0, 0.0, 0.5 * math.pi), Disc(2.25, 2.12, 0, 0, 2.0), 10.0, 5.0, 25.0)
+    path = shortest_to_disc(*case, flag)
+    assert path == shortest_to_disc(*case)
+    assert 0 not in [sign for sign, _ in path]
+    flag[0] = 1
+    assert shortest_to_disc(*case, flag) is None
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_the_default_is_no_worse_than_the_heuristics_for_one_vehicle(seed):
     draw = np.random.default_rng(seed)

@@ -264,8 +264,8 @@ def test_chains_of_other_models_are_not_shared():
     model = drawn(4, 1)
     chain = Chain(model)
     other = chain.copy()
-    other.poses[:] = 1.0
-    assert not chain.poses[:-1].any()
+    other.stops.poses[:] = 1.0
+    assert not chain.stops.poses[:-1].any()
 
 
 @pytest.mark.parametrize("interior", [True, False])
