@@ -7,6 +7,7 @@ compares the two.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import cos, sin
 
@@ -50,9 +51,8 @@ class SlewMotion:
 
     def __post_init__(self) -> None:
         # For single instants, Python's float arithmetic is five times as fast as NumPy's.
-        object.__setattr__(self, "_rows", [[float(x) for x in row] for row in self.inertia])
-        inverse = np.linalg.inv(self.inertia)
-        object.__setattr__(self, "_inverse", [[float(x) for x in row] for row in inverse])
+        object.__setattr__(self, "_rows", self.inertia.tolist())
+        object.__setattr__(self, "_inverse", np.linalg.inv(self.inertia).tolist())
         object.__setattr__(self, "_skew", (cos(self.beta), sin(self.beta)))
 
     @classmethod
@@ -60,7 +60,7 @@ class SlewMotion:
         """Return the motion of `model`."""
         return cls(model.inertia, model.momentum, model.beta)
 
-    def rate(self, x: Floats, u: Floats, outer: ArrayLike = (0.0, 0.0, 0.0)) -> list[float]:
+    def rate(self, x: Floats, u: Floats, outer: Iterable[float] = (0.0, 0.0, 0.0)) -> list[float]:
         """Return ẋ at one instant (eq. 3, 9 and 10).
 
         Parameters
@@ -69,12 +69,12 @@ class SlewMotion:
             q, w and δ.
         u : ndarray, shape (4,)
             Gimbal rates δ̇, rad/s.
-        outer : array_like, shape (3,)
+        outer : iterable of float, length 3
             Outer torque T_ext in body axes, N m.
         """
-        a, b, c, d, wx, wy, wz, d1, d2, d3, d4 = (float(value) for value in x)
-        u1, u2, u3, u4 = (float(value) for value in u)
-        tx, ty, tz = (float(value) for value in np.asarray(outer, float))
+        a, b, c, d, wx, wy, wz, d1, d2, d3, d4 = x.tolist()
+        u1, u2, u3, u4 = u.tolist()
+        tx, ty, tz = (float(value) for value in outer)
         s1, s2, s3, s4 = sin(d1), sin(d2), sin(d3), sin(d4)
         c1, c2, c3, c4 = cos(d1), cos(d2), cos(d3), cos(d4)
         (cb, sb), h0 = self._skew, self.momentum  # type: ignore[attr-defined]

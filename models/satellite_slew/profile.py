@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,7 +48,7 @@ class EigenaxisProfile:
         axis, angle = axis_and_angle(product(conjugate(begin), final))
         return cls(begin, axis, angle, peak, acceleration)
 
-    @property
+    @cached_property
     def ramp(self) -> float:
         """Duration of each ramp, s."""
         return min(self.peak / self.acceleration, float(np.sqrt(self.angle / self.acceleration)))
@@ -57,14 +58,14 @@ class EigenaxisProfile:
         """Highest rate of the rotation, rad/s."""
         return self.acceleration * self.ramp
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """Duration of the rotation, s."""
         if self.angle == 0.0:
             return 0.0
         return self.ramp + self.angle / self.reached
 
-    @property
+    @cached_property
     def breaks(self) -> Floats:
         """Times at which the acceleration jumps, from 0 to the duration, increasing."""
         inner = [self.ramp, self.duration - self.ramp]

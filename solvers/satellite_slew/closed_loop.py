@@ -28,6 +28,11 @@ HOMING, HOMING_SHARE = 2.0, 0.3
 #: Positions in a step at which states are stored, and those of a parabola or a line of rates.
 STATES_AT = frozen(np.linspace(-1.0, 1.0, 5))
 PARABOLA, EDGES = frozen(np.array([-1.0, 0.0, 1.0])), frozen(np.array([-1.0, 1.0]))
+#: Interpolation from these nodes to the ends and middles of the parts between `STATES_AT`.
+_ONTO = {
+    nodes.size: interpolation(nodes, np.linspace(-1.0, 1.0, 2 * STATES_AT.size - 1))
+    for nodes in (PARABOLA, EDGES)
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +100,15 @@ class ClosedLoop:
     profile: EigenaxisProfile
     tolerance: float
 
-    def asked(self, t: float, x: Floats) -> tuple[Floats, Floats]:
-        """Return the torque, shape (3,), and the gimbal rates, shape (4,), before saturation."""
+    def command(
+        self, t: float, course: tuple[Floats, Floats, Floats], x: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the torque, shape (3,), and the gimbal rates, shape (4,), before saturation.
+
+        `course` contains the attitude, the body rates and their derivatives of the rotation at `t`.
+        """
         model, inertia = self.model, self.model.inertia
-        attitude, rates, push = self.profile.course(t)
+        attitude, rates, push = course
         w, delta = x[4:7], x[7:]
         total = inertia @ w + model.momentum * momentum_direction(delta, model.beta)
         error = attitude_error(x[:4], attitude)[1:]
@@ -196,19 +206,20 @@ class ClosedLoop:
         limit = self.model.planned_gimbal_rate
         # The ends are moved inside, so that jumps of the profile belong to the right step.
         times = (now + 1e-9 * long, now + 0.5 * long, now + (1.0 - 1e-9) * long)
+        courses = list(zip(*self.profile.course(times), strict=True))
 
-        def slope(t: float, y: Floats) -> tuple[tuple[Floats, Floats], Floats]:
-            pair = self.asked(t, y)
+        def slope(k: int, y: Floats) -> tuple[tuple[Floats, Floats], Floats]:
+            pair = self.command(times[k], courses[k], y)
             return pair, np.array(motion.rate(y, np.clip(pair[1], -limit, limit)))
 
-        first, a = slope(times[0], x)
-        _, b = slope(times[1], x + 0.5 * long * a)
-        _, c = slope(times[1], x + 0.5 * long * b)
-        _, d = slope(times[2], x + long * c)
+        first, a = slope(0, x)
+        _, b = slope(1, x + 0.5 * long * a)
+        _, c = slope(1, x + 0.5 * long * b)
+        _, d = slope(2, x + long * c)
         end = x + long / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-        last, d = slope(times[2], end)
+        last, d = slope(2, end)
         # The midpoint stages are only of second order, and the feedback would act upon their error.
-        middle = self.asked(times[1], 0.5 * (x + end) + 0.125 * long * (a - d))
+        middle = self.command(times[1], courses[1], 0.5 * (x + end) + 0.125 * long * (a - d))
         commanded = np.array([pair[1] for pair in (first, middle, last)])
         largest = float(np.abs(commanded).max())
         torque = max(float(self.model.magnitudes(pair[0]).max()) for pair in (first, middle, last))
@@ -220,8 +231,7 @@ class ClosedLoop:
 
 def _follow(motion: SlewMotion, x: Floats, nodes: Floats, rates: Floats, long: float) -> Floats:
     """Return the states at `STATES_AT` of a step with the given gimbal rates, shape (5, 11)."""
-    half_steps = np.linspace(-1.0, 1.0, 2 * STATES_AT.size - 1)
-    table = interpolation(nodes, half_steps) @ rates
+    table = _ONTO[nodes.size] @ rates
     h = long / (STATES_AT.size - 1)
     result = [x]
     for k in range(STATES_AT.size - 1):

@@ -106,9 +106,11 @@ class EigenaxisSteering(Backend):
         search = _Search(problem, law, request)
         peak_rate = request.options["peak_rate"]
         trial = search.fastest() if peak_rate is None else search.flown(peak_rate, search.most, 0.0)
+        limit = None
+        if request.control.stopped:
+            limit = request.control.reason or Limit.INTERRUPTED
         statistics: dict[str, float | int | str] = {"flights": search.flights}
         if trial is None:
-            limit = request.control.reason or Limit.INTERRUPTED
             return Answer(
                 Termination.NO_SOLUTION, limit,
                 seconds={"solve": clock() - begin}, statistics=statistics,
@@ -124,7 +126,7 @@ class EigenaxisSteering(Backend):
             "least singularity measure": flight.measure,
         }
         return Answer(
-            Termination.FEASIBLE, None, plan,
+            Termination.FEASIBLE, limit, plan,
             seconds={"solve": clock() - begin}, statistics=statistics,
             message=_message(problem, trial.kept, flight),
         )  # fmt: skip
@@ -164,28 +166,31 @@ class _Search:
     def fastest(self) -> _Trial | None:
         """Return the fastest rotation within all limits, or the slowest trial if there is none.
 
-        A higher peak rate leaves less acceleration, so the optimum is an intermediate rate.
+        A higher peak rate leaves less acceleration, so the optimum is an intermediate rate. A stopped
+        search returns the best rotation so far, or None.
         """
         trials: dict[float, _Trial] = {}
         for share in SHARES:
             trial = self.at(share)
             if trial is None:
-                return None
+                break
             trials[share] = trial
             best = self._best(trials)
             if best is not None and trial.kept and trial.duration > WORSE * trials[best].duration:
                 break
         best = self._best(trials)
         if best is None:
-            return trials[min(trials)]
+            return None if self.request.control.stopped else trials[min(trials)]
         for _ in range(REFINEMENTS):
+            if self.request.control.stopped:
+                break
             shares = sorted(trials)
             place = shares.index(best)
             beside = [shares[k] for k in (place - 1, place + 1) if 0 <= k < len(shares)]
             share = 0.5 * (best + _farthest(beside, best))
             trial = self.at(share)
             if trial is None:
-                return None
+                break
             trials[share] = trial
             best = self._best(trials) or best
         return trials[best]
@@ -196,12 +201,15 @@ class _Search:
         return min(feasible, key=lambda share: tried[share].duration, default=None)
 
     def at(self, share: float) -> _Trial | None:
-        """Return the rotation with the peak rate `share` of the limit and the highest acceleration."""
+        """Return the rotation with the peak rate `share` of the limit and the highest acceleration.
+
+        A stopped search returns the best rotation so far that satisfies all limits, or None.
+        """
         limit, push, too_hard = self.most, self.most, np.inf
         best: _Trial | None = None
         for _ in range(ATTEMPTS):
             if self.request.control.stopped:
-                return None
+                return best
             trial = self.flown(share, push, self.model.singularity_limit)
             load = trial.flight.load
             if trial.kept:

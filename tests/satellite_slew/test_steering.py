@@ -18,6 +18,10 @@ from crosstrack.models.satellite_slew.profile import EigenaxisProfile
 from crosstrack.models.satellite_slew.quaternions import (
     rotation_about,
 )
+from crosstrack.solvers.contract.backend import Limit, Request
+from crosstrack.solvers.contract.control import Control
+from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.satellite_slew.closed_loop import ClosedLoop
 from crosstrack.solvers.satellite_slew.steering import (
     GeneralisedInverse,
     PseudoInverse,
@@ -135,8 +139,27 @@ def test_options_are_checked_and_a_search_stops():
     with pytest.raises(UnsupportedOption, match="damping"):
         ct.solve(SatelliteSlew(), LAWS[0], backend_options={"damping": 1.0})
     before, begin = threading.active_count(), time.perf_counter()
-    found = ct.solve(SatelliteSlew(), LAWS[1], time_limit=0.2, isolate=False)
+    found = ct.solve(SatelliteSlew(), LAWS[1], time_limit=1e-6, isolate=False)
     assert found.limit == "time"
     assert found.termination == "no_solution"
     assert time.perf_counter() - begin < 5
     assert threading.active_count() < before + 10
+
+
+def test_a_stopped_search_returns_its_best_flight():
+    control, law = Control(), find_backend(LAWS[0])
+    request = Request(options=law.checked_options({}), control=control)
+    flown = ClosedLoop.fly
+
+    def fly(loop, latest, step, **options):
+        flight = flown(loop, latest, step, **options)
+        if flight.measure >= 0.2 and max(flight.load, flight.rate) <= 1.0:
+            control.stop(Limit.TIME)
+        return flight
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ClosedLoop, "fly", fly)
+        answer = law.run(SatelliteSlew(), request)
+    assert answer.termination == "feasible" and answer.limit == "time"
+    assert answer.statistics["flights"] < 28
+    assert SatelliteSlew().verify(answer.point).ok
