@@ -60,14 +60,14 @@ _SOLVERS: Mapping[str, str] = {
     "ecos": ".solvers.conic.ecos:Ecos",
     "casadi": ".solvers.qp.casadi:CasadiConic",
     "ipopt": ".solvers.nlp.ipopt:Ipopt",
-    "uno": ".solvers.nlp.uno:Uno",
-    "fatrop": ".solvers.nlp.fatrop:Fatrop",
+    "uno": ".solvers.nlp.plugins:Uno",
+    "fatrop": ".solvers.nlp.plugins:Fatrop",
     "sqpmethod": ".solvers.nlp.sqpmethod:SqpMethod",
-    "sleqp": ".solvers.nlp.sleqp:Sleqp",
-    "blocksqp": ".solvers.nlp.blocksqp:BlockSqp",
-    "bonmin": ".solvers.nlp.bonmin:Bonmin",
-    "slsqp": ".solvers.nlp.slsqp:Slsqp",
-    "trust-constr": ".solvers.nlp.trust_constr:TrustConstr",
+    "sleqp": ".solvers.nlp.plugins:Sleqp",
+    "blocksqp": ".solvers.nlp.plugins:BlockSqp",
+    "bonmin": ".solvers.nlp.plugins:Bonmin",
+    "slsqp": ".solvers.nlp.scipy_nlp:Slsqp",
+    "trust-constr": ".solvers.nlp.scipy_nlp:TrustConstr",
 }
 
 _session: list[Backend] = []
