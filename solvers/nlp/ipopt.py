@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,9 @@ from ..programs.casadi_plugins import ended_by_words, status_of
 from .base import COMMON, HESSIAN, most_iterations
 from .blas import use_threads
 from .casadi_nlp import DERIVATIVES, CasadiNlp
-from .scaled import Scaled
+
+if TYPE_CHECKING:
+    from .scaled import Scaled
 
 __all__ = ["Ipopt"]
 

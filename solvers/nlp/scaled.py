@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
-
-if TYPE_CHECKING:
-    import casadi
 
 __all__ = ["Scaled"]
 
@@ -23,7 +20,7 @@ class Scaled:
     """Program in ``z = x / column_scale``, rows ``g / row_scale``, objective ``f / objective_scale``.
 
     Its functions take ``(x, p)`` in CasADi's names, with z as x and no parameters p, so that
-    ``nlpsol`` can use them. Scales of 1 are free; others cost one product per nonzero.
+    ``nlpsol`` can use them.
 
     Parameters
     ----------
@@ -33,23 +30,23 @@ class Scaled:
 
     def __init__(self, program: NonlinearProgram) -> None:
         self.program = program
-        self._columns = _unless_one(program.column_scale)
-        self._rows = _unless_one(program.row_scale)
-        self._objective = program.objective_scale
+        self._z = casadi.MX.sym("x", program.size)
+        #: Columns in the units of the program.
+        self._x = self._z * casadi.DM(program.column_scale)
 
     # -- numbers ---------------------------------------------------------------------------------
 
     def start(self, point: Vector) -> Vector:
         """Return the column vector `point` in the solver's units."""
-        return point if self._columns is None else point / self._columns
+        return point / self.program.column_scale
 
     def point(self, z: Vector) -> Vector:
         """Return the solver's `z` as a column vector of the program."""
-        return z if self._columns is None else z * self._columns
+        return z * self.program.column_scale
 
     def duals(self, multipliers: Vector) -> Vector:
         """Return the program's multipliers from CasADi's multipliers of the scaled rows."""
-        return -multipliers * self._objective / self.program.row_scale
+        return -multipliers * self.program.objective_scale / self.program.row_scale
 
     def multipliers(self, point: Vector, duals: Vector) -> dict[str, Vector]:
         """Return CasADi's multipliers of the scaled rows and columns, ``lam_g0`` and ``lam_x0``."""
@@ -57,8 +54,8 @@ class Scaled:
         reduced = p.reduced_costs(point, duals)
         bound = np.minimum(point - p.column_lower, p.column_upper - point) <= 1e-6 * p.column_scale
         return {
-            "lam_g0": -duals * p.row_scale / self._objective,
-            "lam_x0": np.where(bound, -reduced * p.column_scale / self._objective, 0.0),
+            "lam_g0": -duals * p.row_scale / p.objective_scale,
+            "lam_x0": np.where(bound, -reduced * p.column_scale / p.objective_scale, 0.0),
         }
 
     @property
@@ -74,143 +71,88 @@ class Scaled:
 
     # -- functions -------------------------------------------------------------------------------
 
-    @cached_property
-    def objective_only(self) -> Any:
-        """``(x) -> (f)``, unscaled; separate because line searches evaluate it alone."""
-        return _part(self.program.function, ["x"], "f")
-
-    @cached_property
-    def rows_only(self) -> Any:
-        """``(x) -> (g)``, unscaled."""
-        return _part(self.program.function, ["x"], "g")
-
     def problem(self) -> dict[str, Any]:
         """Return the program in the format of ``nlpsol``: ``{"x", "f", "g"}``."""
-        z = self._symbol()
-        x = self._unscaled(z)
-        return {"x": z, "f": self._f(x), "g": self._g(x)}
+        return {"x": self._z, "f": self._f, "g": self._g}
 
     @cached_property
     def gradient(self) -> casadi.Function:
         """``(x, p) -> (f, grad_f_x)``."""
-        part = _part(self.program.first_order, ["x"], "grad_f")
-        return self._posed(
-            "nlp_grad_f", lambda x: {"f": self._f(x), "grad_f_x": self._grad(part(x))}
-        )
+        grad = _part(self.program.first_order, "grad_f")(self._x)
+        return self._function("nlp_grad_f", f=self._f, grad_f_x=self._gradient(grad))
 
     @cached_property
     def jacobian(self) -> casadi.Function:
         """``(x, p) -> (g, jac_g_x)``."""
-        part = _part(self.program.first_order, ["x"], "jac_g")
-        return self._posed("nlp_jac_g", lambda x: {"g": self._g(x), "jac_g_x": self._jac(part(x))})
+        jac = _part(self.program.first_order, "jac_g")(self._x)
+        return self._function("nlp_jac_g", g=self._g, jac_g_x=self._jacobian(jac))
 
     @cached_property
     def first_order(self) -> casadi.Function:
         """``(x, p) -> (f, grad_f_x, g, jac_g_x)``, for solvers that evaluate all at once."""
-
-        def parts(x: Any) -> dict[str, Any]:
-            f, g = self.program.function(x)
-            grad, jac = self.program.first_order(x)
-            return {
-                "f": f / self._objective,
-                "grad_f_x": self._grad(grad),
-                "g": self._scaled_rows(g),
-                "jac_g_x": self._jac(jac),
-            }
-
-        return self._posed("nlp_jac_fg", parts)
+        f, g = self.program.function(self._x)
+        grad, jac = self.program.first_order(self._x)
+        return self._function(
+            "nlp_jac_fg", f=f / self.program.objective_scale, grad_f_x=self._gradient(grad),
+            g=self._rows(g), jac_g_x=self._jacobian(jac),
+        )  # fmt: skip
 
     @cached_property
     def hessian(self) -> casadi.Function:
         """``(x, p, lam_f, lam_g) -> (triu_hess_gamma_x_x)``, the upper triangle."""
-        return self._hessian("triu_hess_gamma_x_x", lambda upper: upper)
+        multipliers, upper = self._hessian
+        return self._function("nlp_hess_l", multipliers, triu_hess_gamma_x_x=upper)
 
     @cached_property
     def whole_hessian(self) -> casadi.Function:
         """``(x, p, lam_f, lam_g) -> (hess_gamma_x_x)``, both triangles."""
-        import casadi
-
-        return self._hessian("hess_gamma_x_x", casadi.triu2symm)
+        multipliers, upper = self._hessian
+        return self._function("nlp_hess_l", multipliers, hess_gamma_x_x=casadi.triu2symm(upper))
 
     # -- parts -----------------------------------------------------------------------------------
 
-    def _posed(self, name: str, parts: Callable[[Any], dict[str, Any]]) -> casadi.Function:
-        """Return a function of ``(x, p)`` with the results that `parts` computes from unscaled columns."""
-        import casadi
-
-        z = self._symbol()
-        results = parts(self._unscaled(z))
-        return casadi.Function(name, [z, _none()], [*results.values()], ["x", "p"], [*results])
-
-    def _hessian(self, result: str, shape: Callable[[Any], Any]) -> casadi.Function:
-        import casadi
-
-        z, weight = self._symbol(), casadi.MX.sym("lam_f")
-        duals = casadi.MX.sym("lam_g", self.program.row_count)
-        hess = self.program.second_order(
-            self._unscaled(z), weight / self._objective, self._scaled_rows(duals)
-        )
-        if self._columns is not None:
-            row, column = _places(hess)
-            hess = hess * casadi.DM(hess.sparsity(), self._columns[row] * self._columns[column])
+    def _function(
+        self, name: str, more: dict[str, Any] | None = None, /, **results: Any
+    ) -> casadi.Function:
+        """Return a function of x, p and the symbols `more`."""
+        arguments = {"x": self._z, "p": casadi.MX.sym("p", 0), **(more or {})}
         return casadi.Function(
-            "nlp_hess_l",
-            [z, _none(), weight, duals],
-            [shape(hess)],
-            ["x", "p", "lam_f", "lam_g"],
-            [result],
+            name, [*arguments.values()], [*results.values()], [*arguments], [*results]
         )
 
-    def _symbol(self) -> Any:
-        import casadi
+    # Line searches evaluate the objective alone, so objective and rows are separate functions.
 
-        return casadi.MX.sym("x", self.program.size)
+    @cached_property
+    def _f(self) -> Any:
+        return _part(self.program.function, "f")(self._x) / self.program.objective_scale
 
-    def _unscaled(self, z: Any) -> Any:
-        import casadi
+    @cached_property
+    def _g(self) -> Any:
+        return self._rows(_part(self.program.function, "g")(self._x))
 
-        return z if self._columns is None else z * casadi.DM(self._columns)
+    @cached_property
+    def _hessian(self) -> tuple[dict[str, Any], Any]:
+        """Multipliers of objective and rows as symbols, and the scaled upper triangle."""
+        weight, duals = casadi.MX.sym("lam_f"), casadi.MX.sym("lam_g", self.program.row_count)
+        upper = self.program.second_order(
+            self._x, weight / self.program.objective_scale, self._rows(duals)
+        )
+        row, column = _places(upper)
+        scale = self.program.column_scale
+        factor = casadi.DM(upper.sparsity(), scale[row] * scale[column])
+        return {"lam_f": weight, "lam_g": duals}, upper * factor
 
-    def _f(self, x: Any) -> Any:
-        return self.objective_only(x) / self._objective
+    def _rows(self, rows: Any) -> Any:
+        return rows * casadi.DM(1.0 / self.program.row_scale)
 
-    def _g(self, x: Any) -> Any:
-        return self._scaled_rows(self.rows_only(x))
+    def _gradient(self, grad: Any) -> Any:
+        scale = self.program.column_scale / self.program.objective_scale
+        return casadi.densify(grad) * casadi.DM(scale)
 
-    def _scaled_rows(self, rows: Any) -> Any:
-        import casadi
-
-        return rows if self._rows is None else rows * casadi.DM(1.0 / self._rows)
-
-    def _grad(self, grad: Any) -> Any:
-        import casadi
-
-        grad = casadi.densify(grad)
-        if self._columns is None:
-            return grad if self._objective == 1.0 else grad / self._objective
-        return grad * casadi.DM(self._columns / self._objective)
-
-    def _jac(self, jac: Any) -> Any:
-        import casadi
-
-        if self._columns is None and self._rows is None:
-            return jac
+    def _jacobian(self, jac: Any) -> Any:
         row, column = _places(jac)
-        factor = np.ones(row.size) if self._columns is None else self._columns[column]
-        if self._rows is not None:
-            factor = factor / self._rows[row]
+        factor = self.program.column_scale[column] / self.program.row_scale[row]
         return jac * casadi.DM(jac.sparsity(), factor)
-
-
-def _unless_one(scale: Vector) -> Vector | None:
-    return None if (scale == 1.0).all() else scale
-
-
-def _none() -> Any:
-    """Return an empty symbol for the parameters."""
-    import casadi
-
-    return casadi.MX.sym("p", 0)
 
 
 def _places(matrix: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -218,16 +160,14 @@ def _places(matrix: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.asarray(rows, np.int64), np.asarray(columns, np.int64)
 
 
-def _part(function: Any, arguments: list[str], result: str) -> Any:
+def _part(function: Any, result: str) -> Any:
     """Return `function` with one of its results only, without the computations of the others.
 
     A function that is not an expression, such as a user's callback, is kept whole.
     """
-    import casadi
-
     try:
-        return function.factory(f"only_{result}", arguments, [result])
+        return function.factory(f"only_{result}", ["x"], [result])
     except RuntimeError:
         x = casadi.MX.sym("x", *function.size_in(0))
         index = function.name_out().index(result)
-        return casadi.Function(f"only_{result}", [x], [function(x)[index]], arguments, [result])
+        return casadi.Function(f"only_{result}", [x], [function(x)[index]], ["x"], [result])

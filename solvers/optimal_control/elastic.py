@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -53,8 +54,6 @@ def elastic(program: NonlinearProgram, rows: list[Block], columns: list[Block]) 
     rows, columns : list of Block
         Blocks whose bounds are relaxed.
     """
-    import casadi
-
     n, rest, groups = program.size, program.row_count, [*rows, *columns]
     # Bounded quantities of the original program: rows first, then columns.
     low = np.concatenate([program.row_lower, program.column_lower])

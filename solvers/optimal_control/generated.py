@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+import casadi
+
 from ...errors import InvalidData, UnsupportedFormulation
 from ...files import writable, write_text
 from ..programs.casadi_plugins import last_line
@@ -14,7 +16,7 @@ from .parametric import Parametric
 __all__ = ["step_function", "write_step"]
 
 
-def step_function(own: Parametric, solver: Any, name: str = "step") -> Any:
+def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
     """Return a step as a function that CasADi can evaluate, map and write as C.
 
     The arguments are the data by their names, then the start ``z`` in the solver's units and the
@@ -24,33 +26,35 @@ def step_function(own: Parametric, solver: Any, name: str = "step") -> Any:
 
     Parameters
     ----------
-    own : Parametric
+    posed : Parametric
         Program.
     solver : casadi.Function
         Solver of the program.
     name : str
         Name of the function.
     """
-    import casadi
-
-    data = {key: casadi.MX.sym(key, quantity.size) for key, quantity in own.data.items()}
+    data = {key: casadi.MX.sym(key, quantity.size) for key, quantity in posed.data.items()}
     state = {
         key: casadi.MX.sym(key, size)
-        for key, size in (("z", own.free.size), ("lam_x", own.free.size), ("lam_g", own.rows.size))
+        for key, size in (
+            ("z", posed.free.size),
+            ("lam_x", posed.free.size),
+            ("lam_g", posed.rows.size),
+        )
     }
-    bounds = {key: casadi.DM(value) for key, value in own.bounds.items()}
+    bounds = {key: casadi.DM(value) for key, value in posed.bounds.items()}
     p = casadi.vertcat(*data.values())
     solution = solver(x0=state["z"], lam_x0=state["lam_x"], lam_g0=state["lam_g"], p=p, **bounds)
-    columns_at, weights, lower, upper = own.at_begin
+    columns_at, weights, lower, upper = posed.at_begin
     violations = casadi.fmax(bounds["lbg"] - solution["g"], solution["g"] - bounds["ubg"])
-    columns = own.stacked(solution["x"], p) * casadi.DM(own.program.column_scale)
+    columns = posed.stacked(solution["x"], p) * casadi.DM(posed.program.column_scale)
     first = [
         casadi.fmin(casadi.fmax(casadi.dot(columns[row], weights), low), high)
         for row, low, high in zip(columns_at.tolist(), lower, upper, strict=True)
     ]
     results = {
         "u": casadi.vertcat(*first, casadi.MX(0, 1)),
-        "objective": solution["f"] * own.program.objective_scale,
+        "objective": solution["f"] * posed.program.objective_scale,
         "violation": casadi.mmax(casadi.fmax(violations, 0.0)),
         "z_out": solution["x"],
         "lam_x_out": solution["lam_x"],
@@ -61,12 +65,12 @@ def step_function(own: Parametric, solver: Any, name: str = "step") -> Any:
     )
 
 
-def write_step(own: Parametric, solver: Any, path: str | os.PathLike[str]) -> Path:
+def write_step(posed: Parametric, solver: Any, path: str | os.PathLike[str]) -> Path:
     """Write the C code of :func:`step_function`, named after the file, with CasADi's C interface.
 
     Parameters
     ----------
-    own : Parametric
+    posed : Parametric
         Program.
     solver : casadi.Function
         Solver of the program.
@@ -80,8 +84,6 @@ def write_step(own: Parametric, solver: Any, path: str | os.PathLike[str]) -> Pa
     InvalidData
         The file cannot be written, or its name is not a valid name of a C function.
     """
-    import casadi
-
     target = writable(path, [".c"])
     name = target.stem
     if not casadi.Function.check_name(name):
@@ -90,10 +92,10 @@ def write_step(own: Parametric, solver: Any, path: str | os.PathLike[str]) -> Pa
             "digits, such as 'step.c'",
             field="path",
         )
-    start = casadi.Function(f"{name}_start", [], [casadi.DM(own.guess)], [], ["z"])
+    start = casadi.Function(f"{name}_start", [], [casadi.DM(posed.guess)], [], ["z"])
     try:
         code = casadi.CodeGenerator(name)
-        code.add(step_function(own, solver, name))
+        code.add(step_function(posed, solver, name))
         code.add(start)
         text = code.dump()
     except RuntimeError as error:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,9 +18,6 @@ from ...models.optimal_control.transcription.base import Transcription
 from ...models.programs.nonlinear import NonlinearProgram
 from ..nlp.ipopt import NARROW
 from ..nlp.scaled import Scaled
-
-if TYPE_CHECKING:
-    import casadi
 
 __all__ = ["Parametric", "Point"]
 
@@ -62,28 +60,26 @@ class Parametric:
         self.formulation = formulation
         program = formulation.program
         assert isinstance(program, NonlinearProgram)
-        self.program = program
-        self.scaled = Scaled(program)
+        self.program, self.scaled = program, Scaled(program)
         layout = formulation.layout
-        marks = [
-            np.full(quantity.size, quantity.given) for quantity in layout.definition.parameters
-        ]
-        marked = np.concatenate([*marks, np.zeros(0, bool)]).astype(bool)
-        self.given = layout.parameter_columns[marked]
+        parameters = layout.definition.parameters
+        self.data = {item.name: item for item in parameters if item.given}
+        sizes = [item.size for item in parameters]
+        self.given = layout.parameter_columns[np.repeat([p.given for p in parameters], sizes) > 0]
+        self.declared = program.column_lower[self.given]
         chosen = program.column_lower < program.column_upper
         chosen[self.given] = False
         self.free = np.flatnonzero(chosen)
-        self._fixed = program.column_lower / program.column_scale
-        pattern = program.first_order.sparsity_out(1)
-        row, column = (np.asarray(quantity, np.int64) for quantity in pattern.get_triplet())
+        row, column = map(np.array, program.first_order.sparsity_out(1).get_triplet())
         self.rows = np.unique(row[chosen[column]])
         self._data_rows = np.setdiff1d(np.arange(program.row_count), self.rows)
-        self.data = {
-            quantity.name: quantity for quantity in layout.definition.parameters if quantity.given
-        }
-        self.declared = np.concatenate(
-            [*(quantity.lower for quantity in self.data.values()), np.zeros(0)]
-        )
+        #: Whether functions are expanded to scalar operations, which are several times as fast. Tables and
+        #: functions of other libraries have no scalar form.
+        self._expands = program.size <= MOST_EXPANDED
+        try:
+            program.function.expand()
+        except RuntimeError:
+            self._expands = False
         self.guess = self.start(program.guess)
 
     @property
@@ -96,8 +92,7 @@ class Parametric:
     def named(self, values: Floats) -> dict[str, Floats]:
         """Return the entries of all data by name."""
         ends = np.cumsum([quantity.size for quantity in self.data.values()])
-        parts = np.split(values, ends[:-1])
-        return dict(zip(self.data, parts, strict=False))
+        return dict(zip(self.data, np.split(values, ends[:-1]), strict=False))
 
     def values(self, data: Mapping[str, Any]) -> Floats:
         """Return the entries of all data, with declared values for data that are not given.
@@ -109,12 +104,11 @@ class Parametric:
         """
         if not data.keys() <= self.data.keys():
             self.model.definition.given(data)  # raises, with the names of the data
-        result, start = self.declared.copy(), 0
-        for name, quantity in self.data.items():
-            if name in data:
-                result[start : start + quantity.size] = quantity.read(data[name])
-            start += quantity.size
-        return result
+        parts = [
+            quantity.read(data[name]) if name in data else quantity.lower
+            for name, quantity in self.data.items()
+        ]
+        return np.concatenate([*parts, np.empty(0)])
 
     # -- numbers ---------------------------------------------------------------------------------
 
@@ -124,16 +118,15 @@ class Parametric:
 
         If there are more equations than columns, which solvers reject, equations become narrow ranges.
         """
-        scaled = self.scaled.bounds
         selected = {"x": self.free, "g": self.rows}
-        result = {name: bound[selected[name[-1]]] for name, bound in scaled.items()}
+        result = {name: bound[selected[name[-1]]] for name, bound in self.scaled.bounds.items()}
         equal = result["lbg"] == result["ubg"]
         width = np.where(equal, NARROW, 0.0) if equal.sum() > self.free.size else 0.0
         return {**result, "lbg": result["lbg"] - width, "ubg": result["ubg"] + width}
 
     def start(self, columns: Floats) -> Floats:
         """Return z for `columns` of the program, moved into its bounds."""
-        z: Floats = (columns / self.program.column_scale)[self.free]
+        z = self.scaled.start(columns)[self.free]
         return np.clip(z, self.bounds["lbx"], self.bounds["ubx"])
 
     def columns(self, z: Floats, p: Floats) -> Floats:
@@ -175,120 +168,71 @@ class Parametric:
 
     # -- functions -------------------------------------------------------------------------------
 
-    @cached_property
-    def value(self) -> casadi.Function:
-        """``(x, p) -> (f, g)``."""
-        import casadi
-
-        z, p, f, g = self._values()
-        return casadi.Function("value", [z, p], [f, casadi.densify(g[self.rows.tolist()])])
-
     def problem(self) -> dict[str, Any]:
         """Return the program in the form of ``nlpsol``: ``{"x", "p", "f", "g"}``."""
         z, p, f, g = self._values()
         return {"x": z, "p": p, "f": f, "g": g[self.rows.tolist()]}
 
     @cached_property
-    def gradient(self) -> casadi.Function:
-        """``(x, p) -> (f, grad_f_x)``."""
-        return self._in_free_columns(self.scaled.gradient)
+    def value(self) -> casadi.Function:
+        """``(x, p) -> (f, g)``."""
+        x, p, f, g = self.problem().values()
+        return casadi.Function("value", [x, p], [f, casadi.densify(g)])
 
-    @cached_property
-    def jacobian(self) -> casadi.Function:
-        """``(x, p) -> (g, jac_g_x)``."""
-        return self._in_free_columns(self.scaled.jacobian)
-
-    @cached_property
-    def first_order(self) -> casadi.Function:
-        """``(x, p) -> (f, grad_f_x, g, jac_g_x)``."""
-        return self._in_free_columns(self.scaled.first_order)
-
-    @cached_property
-    def hessian(self) -> casadi.Function:
-        """``(x, p, lam_f, lam_g) -> (triu_hess_gamma_x_x)``, the upper triangle."""
-        return self._in_free_columns(self.scaled.hessian, multipliers=True)
-
-    @cached_property
-    def whole_hessian(self) -> casadi.Function:
-        """``(x, p, lam_f, lam_g) -> (hess_gamma_x_x)``, both triangles."""
-        return self._in_free_columns(self.scaled.whole_hessian, multipliers=True)
-
-    @cached_property
-    def _data_function(self) -> casadi.Function:
-        """Scaled rows that depend on the data alone, ``(p) -> (g)``."""
-        import casadi
-
-        z, p, _, g = self._values()
-        rows = casadi.substitute(g[self._data_rows.tolist()], z, casadi.DM.zeros(*z.shape))
-        return casadi.Function("of_data", [p], [rows])
-
-    def stacked(self, z: Any, p: Any) -> Any:
-        """Return the scaled columns of the complete program as an expression of z and p."""
-        import casadi
-
-        scaled = p / casadi.DM(self.program.column_scale[self.given])
-        fixed = np.setdiff1d(np.arange(self.program.size), [*self.free, *self.given])
-        columns = casadi.vertcat(z, scaled, casadi.DM(self._fixed[fixed]))
-        return columns[np.argsort(np.concatenate([self.free, self.given, fixed])).tolist()]
-
-    def _values(self) -> tuple[Any, ...]:
-        """Return z, p, and the scaled objective and rows."""
-        import casadi
-
+    def derivative(self, name: str) -> casadi.Function:
+        """Return a function of :class:`Scaled`, such as ``"hessian"``, of the free columns and p."""
         z, p, columns = self._symbols()
-        f, g = self._function(self.program.function)(columns * casadi.DM(self.program.column_scale))
-        return z, p, f / self.program.objective_scale, g / casadi.DM(self.program.row_scale)
-
-    # -- parts -----------------------------------------------------------------------------------
-
-    @cached_property
-    def _expands(self) -> bool:
-        """Whether functions are expanded to scalar operations, which are several times as fast."""
-        try:
-            self.program.function.expand()
-        except RuntimeError:
-            return False  # tables and functions of other libraries have no scalar form
-        return self.program.size <= MOST_EXPANDED
-
-    def _function(self, function: Any) -> Any:
-        return function.expand() if self._expands else function
-
-    def _symbols(self) -> tuple[Any, Any, Any]:
-        """Return z, p and the scaled columns of the complete program."""
-        import casadi
-
-        kind: Any = casadi.SX if self._expands else casadi.MX
-        z, p = kind.sym("x", self.free.size), kind.sym("p", self.given.size)
-        return z, p, self.stacked(z, p)
-
-    def _in_free_columns(
-        self, function: casadi.Function, *, multipliers: bool = False
-    ) -> casadi.Function:
-        """Return `function` of the complete scaled program in terms of the free columns and rows."""
-        import casadi
-
-        z, p, columns = self._symbols()
+        function = getattr(self.scaled, name)
         arguments, extra = [z, p], []
-        if multipliers:
+        if "lam_g" in function.name_in():
             kind = type(z)
             weight, duals = kind.sym("lam_f"), kind.sym("lam_g", self.rows.size)
             stacked = casadi.vertcat(duals, casadi.DM.zeros(self._data_rows.size))
             order = np.argsort(np.concatenate([self.rows, self._data_rows]))
             arguments += [weight, duals]
             extra = [weight, stacked[order.tolist()]]
-        outcome = self._function(function)(columns, [], *extra)
-        results = outcome if isinstance(outcome, tuple) else (outcome,)
         names, parts = function.name_out(), []
+        results = self._expanded(function).call([columns, [], *extra])
         free, rows = self.free.tolist(), self.rows.tolist()
-        for name, part in zip(names, results, strict=True):
-            if name.startswith(("jac", "hess", "triu")):
-                part = part[rows if name.startswith("jac") else free, free]
+        for result, part in zip(names, results, strict=True):
+            if result.startswith(("jac", "hess", "triu")):
+                part = part[rows if result.startswith("jac") else free, free]
                 # Remove structural entries that fixed columns make 0.
                 part = casadi.sparsify(part) if self._expands else part
-            elif name != "f":
-                part = part[rows if name == "g" else free]
+            elif result != "f":
+                part = part[rows if result == "g" else free]
             parts.append(part)
         return casadi.Function(function.name(), arguments, parts, function.name_in(), names)
+
+    @cached_property
+    def _data_function(self) -> casadi.Function:
+        """Scaled rows that depend on the data alone, ``(p) -> (g)``."""
+        z, p, _, g = self._values()
+        rows = casadi.substitute(g[self._data_rows.tolist()], z, casadi.DM.zeros(*z.shape))
+        return casadi.Function("of_data", [p], [rows])
+
+    def stacked(self, z: Any, p: Any) -> Any:
+        """Return the scaled columns of the complete program as an expression of z and p."""
+        fixed = np.setdiff1d(np.arange(self.program.size), [*self.free, *self.given])
+        values = self.scaled.start(self.program.column_lower)
+        data = p / casadi.DM(self.program.column_scale[self.given])
+        columns = casadi.vertcat(z, data, casadi.DM(values[fixed]))
+        return columns[np.argsort(np.concatenate([self.free, self.given, fixed])).tolist()]
+
+    def _symbols(self) -> tuple[Any, Any, Any]:
+        """Return z, p and the scaled columns of the complete program."""
+        kind: Any = casadi.SX if self._expands else casadi.MX
+        z, p = kind.sym("x", self.free.size), kind.sym("p", self.given.size)
+        return z, p, self.stacked(z, p)
+
+    def _values(self) -> tuple[Any, Any, Any, Any]:
+        """Return z, p, and the scaled objective and rows."""
+        z, p, columns = self._symbols()
+        f, g = self._expanded(self.program.function)(columns * casadi.DM(self.program.column_scale))
+        return z, p, f / self.program.objective_scale, g / casadi.DM(self.program.row_scale)
+
+    def _expanded(self, function: Any) -> Any:
+        return function.expand() if self._expands else function
 
 
 @dataclass(frozen=True, eq=False)

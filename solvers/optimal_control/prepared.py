@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -160,7 +161,6 @@ class PreparedSolver:
         self.posed = Parametric(formulation)
         backend.load(request)
         self._last: Step | None = None
-        #: CasADi's ``nlpsol`` in the scaled free columns, with the data as p.
         self.solver = self._make_solver({})
         self._warm = self._make_solver(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
 
@@ -307,14 +307,12 @@ class PreparedSolver:
 
     def _make_solver(self, more: Mapping[str, Any]) -> Any:
         """Return ``nlpsol`` with the options of the backend and `more` options of the plugin."""
-        import casadi
-
         backend, posed = self.backend, self.posed
         options: dict[str, Any] = {
             "error_on_fail": False,
             "print_time": False,
             "show_eval_warnings": False,
-            **{name: getattr(posed, attribute) for name, attribute in backend.given.items()},
+            **{name: posed.derivative(kind) for name, kind in backend.given.items()},
             **backend.settings(posed.program, self.request),
         }
         limit = self.request.time_limit
