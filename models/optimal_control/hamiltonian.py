@@ -144,7 +144,7 @@ def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Float
             yield None
             continue
         values = course.dense_values
-        multipliers = np.concatenate([costates.on(k, tau) for k, tau in enumerate(course.places)])
+        multipliers = costates.at(course.dense.interval, course.dense.tau)
         running = weights[end - phase.integrals : end] * values["integrand"]
         yield np.concatenate([multipliers * values["rate"], running], axis=1)
 

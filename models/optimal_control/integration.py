@@ -3,14 +3,15 @@
 The control is integrated with the explicit Runge-Kutta method of order 8 of Dormand and Prince
 (DOP853: Hairer, Nørsett and Wanner, "Solving Ordinary Differential Equations I", section II.5), or
 with Radau IIA of order 5 if the motion is stiff. Both use the plan's mesh only to stop at knots, at
-which a control may jump.
+which a control may jump. An unstable motion is integrated in windows, which start from the plan.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -18,8 +19,6 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853, Radau
 
 from ..programs.compiled import scalar_form
-from .growth import stretches
-from .lagrange import barycentric_weights
 from .sampling import Course, Instants
 
 __all__ = ["Reintegration", "integrate_anew"]
@@ -36,6 +35,14 @@ FIRST = 1e-3
 STEPS = 50_000
 #: Distances ahead of a failed step at which a non-finite rate is searched, as shares of an interval.
 AHEAD = 10.0 ** np.arange(-12.0, -1.0)
+#: Growth of a perturbation beyond which a re-integration restarts from the plan. Over a longer
+#: window of an unstable motion, rounding errors would grow to the size of the states.
+GROWTH = 1e3
+#: Smallest number of linearisations per interval.
+PIECES = 4
+#: Decay within an interval, as a power of e, above which it is treated as stiff: stability limits
+#: the steps of an explicit method of order 8 to about 6.
+STIFF = 150.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +80,71 @@ class Reintegration:
     at: Instants
 
 
+def integrate_anew(course: Course) -> Reintegration:
+    """Return the re-integrated motion of one phase of a plan.
+
+    The integrals are those of the integrands along that motion.
+    """
+    parts, growth = _stretches(course)
+    places = []
+    for part in parts:
+        grid = course.places[part.interval]
+        inner = grid[(grid > part.low) & (grid < part.high)]
+        places.append(np.concatenate([[part.low], inner, [part.high]]))
+    counts = [tau.size for tau in places]
+    at = course.dense
+    if len(parts) > course.plan.states.intervals:  # cut intervals: the cuts are grid points, too
+        intervals = np.repeat(np.array([part.interval for part in parts]), counts)
+        at = course.at(intervals, np.concatenate(places))
+    size = course.plan.states.size
+    scale = np.concatenate([course.sizes.states, course.sizes.integrals])
+    scale = np.where(np.isfinite(scale), scale, 1.0)
+    result = np.full((at.times.size, scale.size), np.inf)
+    rate = _Rate(course)
+    current, step, left = np.zeros(scale.size), 0.0, STEPS
+    windows, failure, broken, begin = 0, "", False, 0
+    with np.errstate(all="ignore"):
+        for part, count in zip(parts, counts, strict=True):
+            rows = slice(begin, begin + count)
+            if part.fresh or broken:
+                windows += 1
+                current[:size] = at.states[begin]
+            result[begin] = current
+            begin += count
+            rate.enter(part.interval)
+            taken, step, reason = _advance(
+                rate, part.stiff, at.times[rows], scale, step, result[rows], left
+            )
+            left, broken, failure = left - taken, bool(reason), failure or reason
+            if not reason:
+                current = result[begin - 1].copy()
+    states = result[:, :size]
+    return Reintegration(
+        times=at.times,
+        states=states,
+        deviation=states - at.states,
+        windows=windows,
+        growth=growth,
+        integrals=np.full(scale.size - size, np.nan) if failure else current[size:],
+        failure=failure,
+        at=at,
+    )
+
+
 @lru_cache(maxsize=64)
-def _flat(function: casadi.Function) -> casadi.Function:
-    """Return rates and integrands as a function of (t, x, u, p) with one dense column."""
+def _motion(function: casadi.Function) -> tuple[casadi.Function, casadi.Function]:
+    """Return functions of (t, x, u, p): rates and integrands in one column, and the rates' Jacobian by x."""
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     rate, _, integrand, _ = function.call(arguments)
-    rates = casadi.densify(casadi.vertcat(rate, integrand))
-    return scalar_form(casadi.Function("motion", arguments, [rates]))
+    results = {
+        "motion": casadi.vertcat(rate, integrand),
+        "slope": casadi.jacobian(rate, arguments[1]),
+    }
+    motion, slope = (
+        scalar_form(casadi.Function(name, arguments, [casadi.densify(result)]))
+        for name, result in results.items()
+    )
+    return motion, slope
 
 
 class _Rate:
@@ -90,7 +155,7 @@ class _Rate:
     """
 
     def __init__(self, course: Course) -> None:
-        function = _flat(course.phase.function)
+        function = _motion(course.phase.function)[0]
         self.controls = course.plan.controls
         self._time, self._state = np.zeros(1), np.zeros(course.plan.states.size)
         self._control = np.zeros(self.controls.size)
@@ -104,18 +169,14 @@ class _Rate:
                 buffer.set_arg(k, array.data)
         buffer.set_res(0, self._result.data)
         self._buffer = buffer  # the evaluation uses the buffer without holding a reference
-        self._known: dict[int, Floats] = {}
         integrals = (f"integral {k + 1}" for k in range(course.phase.integrals))
         self._names = (*course.phase.state_names, *integrals)
 
     def enter(self, interval: int) -> None:
         """Select the interval of the control."""
         low, high = self.controls.knots[interval : interval + 2]
-        self._nodes = self.controls.nodes[interval]
-        self._table = self.controls.values[interval]
-        if id(self._nodes) not in self._known:
-            self._known[id(self._nodes)] = barycentric_weights(self._nodes)
-        self._weights = self._known[id(self._nodes)]
+        self._nodes, self._table = self.controls.nodes[interval], self.controls.values[interval]
+        self._weights = self.controls.weights[interval]
         self._low, self._factor = float(low), 2.0 / float(high - low)
 
     def __call__(self, t: float, y: Floats) -> Floats:
@@ -169,9 +230,10 @@ def _advance(
         proposed = solver.h_abs
         try:
             solver.step()
+            broken = solver.status == "failed" or not np.isfinite(solver.y).all()
         except ValueError:  # the implicit method encountered a matrix that is not finite
-            return taken, 0.0, rate.breakdown(solver.t, solver.y, scale, end - begin)
-        if solver.status == "failed" or not np.isfinite(solver.y).all():
+            broken = True
+        if broken:
             return taken, 0.0, rate.breakdown(solver.t, solver.y, scale, end - begin)
         upto = int(np.searchsorted(times, solver.t, side="right"))
         if upto > known:
@@ -186,52 +248,98 @@ def _advance(
     return left, 0.0, f"the integration is given up at t = {solver.t:.6g} after {STEPS} steps"
 
 
-def integrate_anew(course: Course) -> Reintegration:
-    """Return the re-integrated motion of one phase of a plan.
+# -- windows -----------------------------------------------------------------------------------------
 
-    The integrals are those of the integrands along that motion.
+
+class _Stretch(NamedTuple):
+    """Part of one interval that is integrated in one go, from `low` to `high` in [-1, 1].
+
+    A `fresh` one starts from the plan's state rather than from the previous stretch. A `stiff` one
+    needs an implicit integrator.
     """
-    parts, growth = stretches(course)
-    places = []
-    for part in parts:
-        grid = course.places[part.interval]
-        inner = grid[(grid > part.low) & (grid < part.high)]
-        places.append(np.concatenate([[part.low], inner, [part.high]]))
-    counts = [tau.size for tau in places]
-    at = course.dense
-    if len(parts) > course.plan.states.intervals:  # cut intervals: the cuts are grid points, too
-        intervals = np.repeat(np.array([part.interval for part in parts]), counts)
-        at = course.at(intervals, np.concatenate(places))
-    size = course.plan.states.size
-    scale = np.concatenate([course.state_scale, course.sizes.integrals])
-    scale = np.where(np.isfinite(scale), scale, 1.0)
-    result = np.full((at.times.size, scale.size), np.inf)
-    rate = _Rate(course)
-    current, step, left = np.zeros(scale.size), 0.0, STEPS
-    windows, failure, broken, begin = 0, "", False, 0
+
+    interval: int
+    low: float
+    high: float
+    fresh: bool
+    stiff: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """Matrices ``exp(log) * part``, whose entries may exceed the range of floats."""
+
+    part: Floats
+    log: Floats
+
+    @property
+    def size(self) -> Floats:
+        """Logarithms of the spectral norms."""
+        norms: Floats = np.linalg.norm(self.part, 2, axis=(-2, -1))
+        return np.log(np.maximum(norms, 1e-300)) + self.log
+
+    def __getitem__(self, index: Any) -> _Scaled:
+        return _Scaled(self.part[index], self.log[index])
+
+    def __matmul__(self, other: _Scaled) -> _Scaled:
+        part = self.part @ other.part
+        norm = np.maximum(np.abs(part).max(axis=(-2, -1), keepdims=True), 1e-300)
+        return _Scaled(part / norm, self.log + other.log + np.log(norm[..., 0, 0]))
+
+
+def _exponentials(matrices: Floats) -> _Scaled:
+    """Return the matrix exponentials, by scaling and squaring with a Padé approximant."""
+    identity = np.eye(matrices.shape[-1])
+    norm = float(np.abs(matrices).sum(axis=-1).max(initial=0.0))
+    squarings = max(0, int(np.ceil(np.log2(norm / 0.25)))) if norm > 0 else 0
+    half = matrices * 0.5 ** (squarings + 1)
+    square = half @ half / 3.0
+    start = np.linalg.solve(identity - half + square, identity + half + square)
+    result = _Scaled(np.asarray(start, float), np.zeros(matrices.shape[:-2]))
+    for _ in range(squarings):
+        result = result @ result
+    return result
+
+
+def _stretches(course: Course) -> tuple[list[_Stretch], float]:
+    """Return the stretches to integrate one by one, and the growth over the whole phase.
+
+    The motion is linearised along the plan. The largest growth of a perturbation, relative to the
+    size of the states, is accumulated from the start of a window. A window ends at the last knot
+    before the growth exceeds :data:`GROWTH`. An interval that exceeds it alone is cut into equal
+    parts.
+    """
+    plan, scale = course.plan.states, course.sizes.states
+    count, size = plan.intervals, plan.size
+    pieces = max(PIECES, *(nodes.size for nodes in plan.nodes))
+    tau = (2.0 * np.arange(pieces) + 1.0) / pieces - 1.0
+    at = course.at(np.repeat(np.arange(count), pieces), np.tile(tau, count))
+    slope = _motion(course.phase.function)[1]
+    table = slope(at.times[None, :], at.states.T, at.controls.T, course.parameters).full()
     with np.errstate(all="ignore"):
-        for part, count in zip(parts, counts, strict=True):
-            rows = slice(begin, begin + count)
-            if part.fresh or broken:
-                windows += 1
-                current[:size] = at.states[begin]
-            result[begin] = current
-            begin += count
-            rate.enter(part.interval)
-            taken, step, reason = _advance(
-                rate, part.stiff, at.times[rows], scale, step, result[rows], left
-            )
-            left, broken, failure = left - taken, bool(reason), failure or reason
-            if not reason:
-                current = result[begin - 1].copy()
-    states = result[:, :size]
-    return Reintegration(
-        times=at.times,
-        states=states,
-        deviation=states - at.states,
-        windows=windows,
-        growth=growth,
-        integrals=np.full(scale.size - size, np.nan) if failure else current[size:],
-        failure=failure,
-        at=at,
-    )
+        linear = table.reshape(size, count, pieces, size).transpose(1, 2, 0, 3) * scale
+        linear *= (np.diff(plan.knots) / pieces)[:, None, None, None] / scale[:, None]
+    # The growth is unknown if a derivative does not exist, for example that of sqrt(x) at 0.
+    linear = np.where(np.isfinite(linear), linear, 0.0)
+    stiff = np.abs(linear).sum(axis=-1).max(axis=-1).sum(axis=-1) > STIFF
+    stiff[stiff] = -np.linalg.eigvals(linear[stiff]).real.min(axis=-1).sum(axis=-1) > STIFF
+    parts = _exponentials(linear)
+    each = parts[:, 0]
+    for k in range(1, pieces):
+        each = parts[:, k] @ each
+    limit, alone = np.log(GROWTH), each.size
+    result: list[_Stretch] = []
+    window = whole = _Scaled(np.eye(size), np.zeros(()))
+    for k in range(count):
+        whole, window = each[k] @ whole, each[k] @ window
+        fresh = k == 0
+        if alone[k] > limit:
+            cuts = np.linspace(-1.0, 1.0, 1 + int(np.ceil(2.0 * alone[k] / limit))).tolist()
+            result += [_Stretch(k, low, high, True, bool(stiff[k])) for low, high in pairwise(cuts)]
+            window = _Scaled(np.eye(size), np.full((), np.inf))  # the next one starts afresh
+            continue
+        if not window.size <= limit:
+            fresh, window = True, each[k]
+        result.append(_Stretch(k, -1.0, 1.0, fresh, bool(stiff[k])))
+    with np.errstate(over="ignore"):
+        return result, float(np.exp(whole.size))

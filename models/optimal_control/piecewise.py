@@ -102,12 +102,22 @@ class Piecewise:
         return int(self.knots.size) - 1
 
     @cached_property
-    def _weights(self) -> tuple[Floats, ...]:
-        known: dict[int, Floats] = {}
-        for positions in self.nodes:
-            if id(positions) not in known:
-                known[id(positions)] = frozen(barycentric_weights(positions))
-        return tuple(known[id(positions)] for positions in self.nodes)
+    def alike(self) -> tuple[NDArray[np.int64], ...]:
+        """Indices of the intervals with equal nodes, one array per set of nodes."""
+        groups: dict[bytes, list[int]] = {}
+        for k, positions in enumerate(self.nodes):
+            groups.setdefault(positions.tobytes(), []).append(k)
+        return tuple(np.array(rows) for rows in groups.values())
+
+    @cached_property
+    def weights(self) -> tuple[Floats, ...]:
+        """Barycentric weights of the nodes, one array per interval."""
+        result: list[Floats] = [np.empty(0)] * self.intervals
+        for rows in self.alike:
+            shared = frozen(barycentric_weights(self.nodes[rows[0]]))
+            for k in rows:
+                result[k] = shared
+        return tuple(result)
 
     def _cut(self, values: Floats) -> Floats:
         if self.lower is None and self.upper is None:
@@ -117,17 +127,22 @@ class Piecewise:
 
     def on(self, interval: int, points: ArrayLike) -> Floats:
         """Return the values in `interval` at `points` in [-1, 1], shape (points, size)."""
-        matrix = interpolation(self.nodes[interval], points, self._weights[interval])
+        matrix = interpolation(self.nodes[interval], points, self.weights[interval])
         return self._cut(matrix @ self.values[interval])
 
-    def on_each(self, intervals: NDArray[np.int64], points: ArrayLike) -> Floats:
-        """Return the values at the same `points` of `intervals` with equal nodes.
-
-        The shape is (intervals, points, size).
-        """
-        first = intervals[0]
-        matrix = interpolation(self.nodes[first], points, self._weights[first])
-        return self._cut(matrix @ np.stack([self.values[k] for k in intervals]))
+    def at(self, intervals: NDArray[np.int64], points: Floats) -> Floats:
+        """Return the values at positions `points` in [-1, 1] of `intervals`, shape (points, size)."""
+        result = np.empty((points.size, self.size))
+        group, place = np.empty((2, self.intervals), np.int64)
+        for number, rows in enumerate(self.alike):
+            group[rows], place[rows] = number, np.arange(rows.size)
+        for number, rows in enumerate(self.alike):
+            chosen = np.flatnonzero(group[intervals] == number)
+            first = rows[0]
+            matrix = interpolation(self.nodes[first], points[chosen], self.weights[first])
+            table = np.stack([self.values[k] for k in rows])[place[intervals[chosen]]]
+            result[chosen] = (matrix[:, None, :] @ table)[:, 0]
+        return self._cut(result)
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
         """Return the values at times `t`, shape (…, size); at a knot, those of the interval after it.
@@ -159,20 +174,13 @@ class Piecewise:
             )
         flat = np.clip(flat, begin, end)
         place = np.clip(np.searchsorted(self.knots, flat, side="right") - 1, 0, self.intervals - 1)
-        result = np.empty((flat.size, self.size))
-        for k in np.unique(place):
-            inside = place == k
-            low, high = self.knots[k], self.knots[k + 1]
-            tau = 2.0 * (flat[inside] - low) / (high - low) - 1.0
-            if order == 0:
-                result[inside] = self.on(int(k), tau)
-                continue
-            table = self.values[k]
-            differentiate = differentiation(self.nodes[k]) * (2.0 / (high - low))
-            for _ in range(order):
-                table = differentiate @ table
-            result[inside] = interpolation(self.nodes[k], tau, self._weights[k]) @ table
-        return result.reshape((*times.shape, self.size))
+        low, lengths, source = self.knots[place], np.diff(self.knots), self
+        tau = 2.0 * (flat - low) / lengths[place] - 1.0
+        for _ in range(order):
+            values = zip(self.nodes, lengths, source.values, strict=True)
+            slopes = tuple(differentiation(x) * (2.0 / h) @ table for x, h, table in values)
+            source = Piecewise(self.knots, self.nodes, slopes)
+        return source.at(place, tau).reshape((*times.shape, self.size))
 
     def to_data(self) -> dict[str, Any]:
         """Return the functions as JSON data."""

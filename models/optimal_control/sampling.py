@@ -87,27 +87,10 @@ class Course:
         knots = self.plan.states.knots
         begin, end = knots[interval], knots[interval + 1]
         times = np.where(tau >= 1.0, end, begin + 0.5 * (tau + 1.0) * (end - begin))
-        states = np.empty((tau.size, self.plan.states.size))
-        controls = np.empty((tau.size, self.plan.controls.size))
-        order = np.argsort(interval, kind="stable")
-        for rows in np.split(order, np.flatnonzero(np.diff(interval[order])) + 1):
-            k = int(interval[rows[0]])
-            states[rows] = self.plan.states.on(k, tau[rows])
-            if controls.shape[1]:
-                controls[rows] = self.plan.controls.on(k, tau[rows])
-        return Instants(interval, tau, times, states, controls)
-
-    def spread(self, intervals: Whole, tau: Floats) -> Instants:
-        """Return the instants at the same positions `tau` of each of `intervals`, which have equal nodes."""
-        knots = self.plan.states.knots
-        begin, end = knots[intervals, None], knots[intervals + 1, None]
-        times = np.where(tau >= 1.0, end, begin + 0.5 * (tau + 1.0) * (end - begin))
         states, controls = (
-            part.on_each(intervals, tau).reshape(times.size, part.size)
-            for part in (self.plan.states, self.plan.controls)
+            part.at(interval, tau) for part in (self.plan.states, self.plan.controls)
         )
-        places = np.repeat(intervals, tau.size), np.tile(tau, intervals.size)
-        return Instants(*places, times.ravel(), states, controls)
+        return Instants(interval, tau, times, states, controls)
 
     def values(self, at: Instants, states: Floats | None = None) -> dict[str, Floats]:
         """Return rate, path, integrand and invariant at `at`, each of shape (points, size).

@@ -287,7 +287,7 @@ def differentiate(point: Point, name: str) -> Sensitivity:
     """
     posed = point.posed
     posed.values({name: point.data.get(name, 0.0)})  # an unknown name raises
-    numbers = posed.named(np.arange(posed.given.size))[name].astype(int)
+    numbers = posed.named(np.arange(float(posed.given.size)))[name].astype(int)
     system = _System(point)
     right = -system.mixed[:, numbers], -system.pushes[system.rows][:, numbers]
     columns = np.zeros((posed.program.size, numbers.size))

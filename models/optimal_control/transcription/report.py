@@ -155,7 +155,9 @@ def _groups(course: Course) -> list[_Group]:
         crowded = -np.cos(np.linspace(0.0, np.pi, 3 * count + 8))
         rule = gauss_points(nodes.size)[0] if course.phase.integrals else np.zeros(0)
         places = [np.concatenate([[-1.0], fine, [1.0]]), crowded, nodes, rule]
-        plans.append((rows, places, course.spread(rows, np.concatenate(places))))
+        tau = np.concatenate(places)
+        at = np.repeat(rows, tau.size), np.tile(tau, rows.size)
+        plans.append((rows, places, course.at(*at)))
     instants = Instants(*map(np.concatenate, zip(*(item for _, _, item in plans), strict=True)))
     values = {"states": instants.states, "controls": instants.controls, **course.values(instants)}
     groups, begin = [], 0
