@@ -18,9 +18,8 @@ from ...programs.blocks import Block
 from ...programs.nonlinear import NonlinearProgram
 from ...programs.triplets import Triplets, dm
 from ..sizes import Sizes
-from .calm import calm_rows
 from .derivatives import functions_of
-from .layout import Layout
+from .layout import Layout, stack_blocks
 
 __all__ = ["Assembly"]
 
@@ -56,7 +55,7 @@ class Assembly:
         self.free_lengths = [
             phase for phase in layout.phases if phase.phase.start_upper >= phase.phase.end_lower
         ]
-        self.calm = [calm_rows(phase, layout.size) for phase in layout.phases]
+        self.calm = [phase.calm_rows(layout.size) for phase in layout.phases]
         self.row_count = (
             starts[-1]
             + self.boundaries
@@ -304,32 +303,23 @@ class Assembly:
     def _column_blocks(self) -> tuple[Block, ...]:
         several = len(self.layout.phases) > 1
         blocks = [b for layout in self.layout.phases for b in layout.column_blocks(several)]
-        start = self.layout.phases[-1].first + self.layout.phases[-1].size
-        for name in self.definition.parameter_names:
-            blocks.append(Block(f"parameter {name}", "", start, 1))
-            start += 1
-        return tuple(blocks)
+        names = self.definition.parameter_names
+        blocks += [Block(f"parameter {name}", "", 0, 1) for name in names]
+        return tuple(stack_blocks(0, blocks))
 
     def _row_blocks(self) -> tuple[Block, ...]:
         several = len(self.layout.phases) > 1
-        blocks: list[Block] = []
-        for layout, first in zip(self.layout.phases, self.row_starts[:-1], strict=True):
-            blocks += layout.row_blocks(first, several)
-        start = self.row_starts[-1]
-        for boundary in self.definition.boundaries:
-            blocks.append(
-                Block(boundary.name, boundary.equation, start, boundary.size, unit=boundary.unit)
-            )
-            start += boundary.size
+        blocks = [b for layout in self.layout.phases for b in layout.row_blocks(several)]
+        blocks += [
+            Block(item.name, item.equation, 0, item.size, unit=item.unit)
+            for item in self.definition.boundaries
+        ]
         for layout in self.free_lengths:
-            of = f" of {layout.phase.name}" if several else ""
-            blocks.append(
-                Block(f"time goes forward{of}", "", start, 1, unit=layout.phase.time_unit)
-            )
-            start += 1
-        for layout, rows in zip(self.layout.phases, self.calm, strict=True):
-            if rows.shape[0]:
-                of = f" of {layout.phase.name}" if several else ""
-                blocks.append(Block(f"calm controls{of}", "", start, rows.shape[0]))
-                start += rows.shape[0]
-        return tuple(blocks)
+            name, unit = f"time goes forward{layout.suffix(several)}", layout.phase.time_unit
+            blocks.append(Block(name, "", 0, 1, unit=unit))
+        blocks += [
+            Block(f"calm controls{layout.suffix(several)}", "", 0, rows.shape[0])
+            for layout, rows in zip(self.layout.phases, self.calm, strict=True)
+            if rows.shape[0]
+        ]
+        return tuple(stack_blocks(0, blocks))

@@ -21,7 +21,6 @@ from ..plan import ControlPlan, PhasePlan, Piecewise
 from ..sampling import courses, endpoint
 from ..sizes import Sizes, sizes_at
 from .assembly import Assembly
-from .calm import calm_strains
 from .dependence import dependences, drop_dependent
 from .derivatives import functions_of
 from .layout import Layout
@@ -150,7 +149,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def layout(self) -> Layout:
         """Assignment of columns and rows to points and equations."""
         schemes = [tuple(self.scheme(int(n)) for n in mesh.degrees) for mesh in self._meshes]
-        return Layout.of(self.model.definition, self._meshes, schemes)
+        return Layout(self.model.definition, self._meshes, schemes)
 
     def build(self) -> NonlinearProgram:
         """Return the program on the current mesh, started at the plan of the previous one."""
@@ -353,7 +352,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             finding = next_meshes(
                 self.model, plan, self._meshes, self.rules, tolerance,
                 (objective, self.sizes.objective), self._history,
-                None if duals is None else calm_strains(self.layout, self.sizes, duals),
+                None if duals is None else self.layout.strains(self.sizes, duals),
             )  # fmt: skip
         finding = finding.limited(rounds, self.rounds, self.most_nodes)
         row = {

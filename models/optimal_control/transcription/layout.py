@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from ...programs.blocks import Block
+from ...programs.triplets import Triplets
 from ..definition import Definition, Phase, Quantity
 from ..piecewise import Piecewise
+from ..sizes import Sizes
 from .mesh import Mesh
 from .schemes import Scheme
 
-__all__ = ["Layout", "PhaseLayout"]
+__all__ = ["Layout", "PhaseLayout", "stack_blocks"]
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
+#: Place of a row or column from its index: phase, interval and node.
+_PLACE = "in interval {1}, node {2}"
 
-@dataclass(frozen=True, eq=False)
+
 class PhaseLayout:
     """Columns, points and rows of one phase.
 
@@ -43,151 +48,73 @@ class PhaseLayout:
         First column of the phase.
     """
 
-    phase: Phase
-    number: int
-    mesh: Mesh
-    schemes: tuple[Scheme, ...]
-    first: int
+    def __init__(
+        self, phase: Phase, number: int, mesh: Mesh, schemes: tuple[Scheme, ...], first: int
+    ) -> None:
+        self.phase, self.number, self.mesh, self.schemes = phase, number, mesh, schemes
+        self.first = first
+        self.nx, self.nu = len(phase.state_names), len(phase.control_names)
+        #: Number of path expressions.
+        self.paths = sum(path.size for path in phase.paths)
 
-    # -- points and visits -----------------------------------------------------------------------
+        # First point, visit and defect of each interval, and the last point or the number of all.
+        self.starts = _starts(s.points.size - 1 for s in schemes)
+        self.visit_starts = _starts(s.collocated.size for s in schemes)
+        self.row_starts = _starts(s.left.shape[0] for s in schemes)
+        #: Numbers of points with a state, of visits, and of defects of one state.
+        self.points = int(self.starts[-1]) + 1
+        self.visits = int(self.visit_starts[-1])
+        self.defects = int(self.row_starts[-1])
 
-    @cached_property
-    def starts(self) -> Whole:
-        """First point of each interval, and the last point of all, shape (intervals + 1,)."""
-        return np.concatenate([[0], np.cumsum([s.points.size - 1 for s in self.schemes])])
+        #: Interval and point of each visit.
+        self.visit_interval = np.repeat(np.arange(len(schemes)), np.diff(self.visit_starts))
+        local = np.concatenate([s.collocated for s in schemes])
+        self.visit_point = self.starts[self.visit_interval] + local
+        #: Visit that owns each collocated point, and control of each visit, in the order of the points.
+        _, self.owners, control = np.unique(
+            self.visit_point, return_index=True, return_inverse=True
+        )
+        self.visit_control = control.reshape(-1)
+        #: Number of points with a control.
+        self.collocated = int(self.owners.size)
+        #: Whether each visit is at its interval's end, if only that interval collocates it.
+        self.visit_ends = np.concatenate(
+            [(s.control_points == 1.0) & (not s.shared) for s in schemes]
+        )
+        #: Fraction of the phase at each point.
+        self.point_fractions = np.append(self._within([s.points[:-1] for s in schemes]), 1.0)
+        #: Fraction of the phase at each visit, and length of its interval, shape (2, visits).
+        self.visit_places = np.vstack(
+            [
+                self._within([s.control_points for s in schemes]),
+                np.diff(mesh.fractions)[self.visit_interval],
+            ]
+        )
 
-    @property
-    def points(self) -> int:
-        """Number of points with a state."""
-        return int(self.starts[-1]) + 1
-
-    @cached_property
-    def visit_interval(self) -> Whole:
-        """Interval of each visit."""
-        sizes = [s.collocated.size for s in self.schemes]
-        return np.repeat(np.arange(len(self.schemes)), sizes)
-
-    @cached_property
-    def visit_starts(self) -> Whole:
-        """First visit of each interval, and the number of visits, shape (intervals + 1,)."""
-        return np.concatenate([[0], np.cumsum([s.collocated.size for s in self.schemes])])
-
-    @property
-    def visits(self) -> int:
-        """Number of visits."""
-        return int(self.visit_starts[-1])
-
-    @cached_property
-    def visit_point(self) -> Whole:
-        """Point of each visit."""
-        return np.concatenate(
-            [self.starts[k] + s.collocated for k, s in enumerate(self.schemes)]
-        ).astype(np.int64)
-
-    @cached_property
-    def visit_control(self) -> Whole:
-        """Control of each visit, with shared points counted once."""
-        _, place = np.unique(self.visit_point, return_inverse=True)
-        return place.reshape(-1).astype(np.int64)
-
-    @cached_property
-    def owners(self) -> Whole:
-        """Visit that owns each collocated point, in the order of the points."""
-        _, first = np.unique(self.visit_point, return_index=True)
-        return first.astype(np.int64)
-
-    @property
-    def collocated(self) -> int:
-        """Number of points with a control."""
-        return int(self.owners.size)
+        # Columns, with the shapes (states, points) and (controls, collocated).
+        parts = self.nx * self.points, self.nu * self.collocated, phase.integrals, 2
+        cuts = first + np.cumsum(parts)
+        x, u, self.integral_columns, self.time_columns = np.split(
+            np.arange(first, cuts[-1]), cuts[:-1] - first
+        )
+        self.state_columns = x.reshape(self.nx, self.points)
+        self.control_columns = u.reshape(self.nu, self.collocated)
+        #: Number of columns.
+        self.size = sum(parts)
+        #: Columns of this phase in the endpoint vector: t0, tf, x0, xf, integrals.
+        self.end_columns = np.concatenate(
+            [
+                self.time_columns,
+                self.state_columns[:, 0],
+                self.state_columns[:, -1],
+                self.integral_columns,
+            ]
+        )
 
     def _within(self, tau: Sequence[Floats]) -> Floats:
         f = self.mesh.fractions
         parts = [f[k] + 0.5 * (t + 1.0) * (f[k + 1] - f[k]) for k, t in enumerate(tau)]
         return np.concatenate(parts)
-
-    @cached_property
-    def point_fractions(self) -> Floats:
-        """Fraction of the phase at each point."""
-        inner = self._within([s.points[:-1] for s in self.schemes])
-        return np.append(inner, 1.0)
-
-    @cached_property
-    def visit_places(self) -> Floats:
-        """Fraction of the phase at each visit, and length of its interval, shape (2, visits)."""
-        sigma = self._within([s.control_points for s in self.schemes])
-        return np.vstack([sigma, np.diff(self.mesh.fractions)[self.visit_interval]])
-
-    @cached_property
-    def visit_ends(self) -> NDArray[np.bool_]:
-        """Whether each visit is at its interval's end, if only that interval collocates it."""
-        ends = [(s.control_points == 1.0) & (not s.shared) for s in self.schemes]
-        return np.concatenate(ends)
-
-    # -- columns ---------------------------------------------------------------------------------
-
-    @property
-    def nx(self) -> int:
-        """Number of states."""
-        return len(self.phase.state_names)
-
-    @property
-    def nu(self) -> int:
-        """Number of controls."""
-        return len(self.phase.control_names)
-
-    @property
-    def paths(self) -> int:
-        """Number of path expressions."""
-        return sum(path.size for path in self.phase.paths)
-
-    @cached_property
-    def state_columns(self) -> Whole:
-        """Columns of the states, shape (states, points)."""
-        return self.first + np.arange(self.nx * self.points).reshape(self.nx, self.points)
-
-    @cached_property
-    def control_columns(self) -> Whole:
-        """Columns of the controls, shape (controls, collocated)."""
-        begin = self.first + self.nx * self.points
-        return begin + np.arange(self.nu * self.collocated).reshape(self.nu, self.collocated)
-
-    @cached_property
-    def integral_columns(self) -> Whole:
-        """Columns of the integrals."""
-        begin = self.first + self.nx * self.points + self.nu * self.collocated
-        return begin + np.arange(self.phase.integrals)
-
-    @cached_property
-    def time_columns(self) -> Whole:
-        """Columns of t0 and tf."""
-        begin = self.first + self.nx * self.points + self.nu * self.collocated
-        return begin + self.phase.integrals + np.arange(2)
-
-    @property
-    def size(self) -> int:
-        """Number of columns."""
-        return self.nx * self.points + self.nu * self.collocated + self.phase.integrals + 2
-
-    @cached_property
-    def end_columns(self) -> Whole:
-        """Columns of this phase in the endpoint vector: t0, tf, x0, xf, integrals."""
-        x = self.state_columns
-        return np.concatenate([self.time_columns, x[:, 0], x[:, -1], self.integral_columns])
-
-    # -- rows ------------------------------------------------------------------------------------
-
-    @cached_property
-    def row_starts(self) -> Whole:
-        """First defect of each interval for one state, and the number of defects."""
-        return np.concatenate([[0], np.cumsum([s.left.shape[0] for s in self.schemes])])
-
-    @property
-    def defects(self) -> int:
-        """Number of defects of one state."""
-        return int(self.row_starts[-1])
-
-    # -- words -----------------------------------------------------------------------------------
 
     def costates(self, duals: Floats, knots: Floats) -> Piecewise | None:
         """Return the costates from the multipliers of the defects; None if a scheme has no mapping.
@@ -199,20 +126,42 @@ class PhaseLayout:
         knots : ndarray, shape (intervals + 1,)
             Times of the ends of intervals.
         """
-        nodes, values = [], []
+        parts = []
         for k, scheme in enumerate(self.schemes):
             part = scheme.costates(duals[self.row_starts[k] : self.row_starts[k + 1]])
             if part is None:
                 return None
-            nodes.append(part[0])
-            values.append(part[1])
-        return Piecewise(knots, tuple(nodes), tuple(values))
+            parts.append(part)
+        return Piecewise(knots, *zip(*parts, strict=True))
 
-    def _at(self, points: Whole, interval: Whole | None = None) -> Whole:
-        """Return phase, interval and node of points; by default of the interval that begins there."""
-        if interval is None:
-            index = np.searchsorted(self.starts, points, side="right") - 1
-            interval = np.minimum(index, len(self.schemes) - 1)
+    # -- calm controls ---------------------------------------------------------------------------
+
+    def calm_rows(self, size: int) -> sp.csr_array:
+        """Return the rows that restrict the controls to half the degree in calm intervals.
+
+        On a singular arc a mesh gains by chattering what the problem itself does not allow, so
+        refinement restricts the controls there. The right-hand sides of the rows are 0, and `size` is
+        the number of columns of the program.
+        """
+        rows = Triplets()
+        count = 0
+        for k, scheme in enumerate(self.schemes):
+            many = self.mesh.calm_rows(k)
+            if not many:
+                continue
+            nodes = scheme.control_points
+            table = np.linalg.inv(legendre.legvander(nodes, nodes.size - 1))[-many:]
+            controls = self.visit_control[self.visit_starts[k] : self.visit_starts[k + 1]]
+            for columns in self.control_columns[:, controls]:
+                rows.add(count + np.arange(many)[:, None], columns, table)
+                count += many
+        r, c, value, _ = rows.joined()
+        return sp.csr_array((value, (r, c)), shape=(count, size))
+
+    # -- names -----------------------------------------------------------------------------------
+
+    def _at(self, points: Whole, interval: Whole) -> Whole:
+        """Return phase, interval and node of points."""
         number = np.full(points.size, self.number)
         return np.stack([number, interval + 1, points - self.starts[interval]], axis=1)
 
@@ -220,117 +169,101 @@ class PhaseLayout:
         return self._at(self.visit_point[self.owners], self.visit_interval[self.owners])
 
     def column_blocks(self, several: bool) -> list[Block]:
-        """Return the blocks of the phase's columns, with the phase's name if there are several."""
-        of, template = _suffix_and_template(self.phase.name, several)
-        blocks, start = [], self.first
-
-        def add(name: str, size: int, index: Whole | None, unit: str) -> None:
-            nonlocal start
-            blocks.append(
-                Block(name + of, "", start, size, "" if index is None else template, index, unit)
+        """Return the blocks of the phase's columns, without their places in the program."""
+        points, last = np.arange(self.points), len(self.schemes) - 1
+        # At a knot, the interval that begins there.
+        interval = np.minimum(np.searchsorted(self.starts, points, side="right") - 1, last)
+        of, phase = self.suffix(several), self.phase
+        blocks = [
+            Block(name + of, "", 0, index.shape[0], _PLACE, index, unit)
+            for names, quantities, index in (
+                (phase.state_names, phase.states, self._at(points, interval)),
+                (phase.control_names, phase.controls, self._at_owners()),
             )
-            start += size
-
-        units = _units(self.phase.states), _units(self.phase.controls)
-        for name, unit in zip(self.phase.state_names, units[0], strict=True):
-            add(name, self.points, self._at(np.arange(self.points)), unit)
-        for name, unit in zip(self.phase.control_names, units[1], strict=True):
-            add(name, self.collocated, self._at_owners(), unit)
-        for k in range(self.phase.integrals):
-            add(f"integral {k + 1}", 1, None, "")
-        add("start time", 1, None, self.phase.time_unit)
-        add("end time", 1, None, self.phase.time_unit)
+            for name, unit in zip(names, _units(quantities), strict=True)
+        ]
+        blocks += [Block(f"integral {k + 1}{of}", "", 0, 1) for k in range(phase.integrals)]
+        blocks += [
+            Block(f"{side} time{of}", "", 0, 1, unit=phase.time_unit) for side in ("start", "end")
+        ]
         return blocks
 
-    def row_blocks(self, first: int, several: bool) -> list[Block]:
-        """Return the blocks of the phase's rows, which begin at row `first`."""
-        of, template = _suffix_and_template(self.phase.name, several)
-        blocks, start = [], first
+    def row_blocks(self, several: bool) -> list[Block]:
+        """Return the blocks of the phase's rows, without their places in the program."""
+        of, phase = self.suffix(several), self.phase
         interval = np.repeat(np.arange(len(self.schemes)), np.diff(self.row_starts))
-        row = np.concatenate([np.arange(s.left.shape[0]) for s in self.schemes])
+        row = np.arange(self.defects) - self.row_starts[interval]
         table = np.stack([np.full(row.size, self.number), interval + 1, row + 1], axis=1)
-        units = _units(self.phase.states)
-        for name, unit in zip(self.phase.state_names, units, strict=True):
-            blocks.append(
-                Block(
-                    f"dynamics of {name}{of}", self.phase.dynamics_equation, start, self.defects,
-                    template, table, unit,
-                )
-            )  # fmt: skip
-            start += self.defects
-        for path in self.phase.paths:
-            places = self._at_owners()
-            index = np.vstack(
-                [np.column_stack([places, np.full(len(places), k)]) for k in range(path.size)]
-            )
-            place_template = f"entry {{3}} {template}" if path.size > 1 else template
-            blocks.append(
-                Block(
-                    path.name + of,
-                    path.equation,
-                    start,
-                    index.shape[0],
-                    place_template,
-                    index,
-                    path.unit,
-                )
-            )
-            start += index.shape[0]
-        for k in range(self.phase.integrals):
-            blocks.append(Block(f"definition of integral {k + 1}{of}", "", start, 1))
-            start += 1
+        equation = phase.dynamics_equation
+        blocks = [
+            Block(f"dynamics of {name}{of}", equation, 0, self.defects, _PLACE, table, unit)
+            for name, unit in zip(phase.state_names, _units(phase.states), strict=True)
+        ]
+        places = self._at_owners()
+        for path in phase.paths:
+            entry = np.repeat(np.arange(path.size), len(places))
+            index = np.column_stack([np.tile(places, (path.size, 1)), entry])
+            template = f"entry {{3}} {_PLACE}" if path.size > 1 else _PLACE
+            name = path.name + of
+            blocks.append(Block(name, path.equation, 0, entry.size, template, index, path.unit))
+        blocks += [
+            Block(f"definition of integral {k + 1}{of}", "", 0, 1) for k in range(phase.integrals)
+        ]
         return blocks
 
+    def suffix(self, several: bool) -> str:
+        """Return the end of the names of this phase's blocks: empty unless there are several phases."""
+        return f" of {self.phase.name}" if several else ""
 
-def _suffix_and_template(name: str, several: bool) -> tuple[str, str]:
-    of = f" of {name}" if several else ""
-    return of, "in interval {1}, node {2}"
+
+def _starts(sizes: Iterable[int]) -> Whole:
+    return np.concatenate([[0], np.cumsum(list(sizes))])
 
 
 def _units(quantities: Sequence[Quantity]) -> list[str]:
-    units: list[str] = []
-    for quantity in quantities:
-        units += [quantity.unit] * quantity.size
-    return units
+    return [quantity.unit for quantity in quantities for _ in range(quantity.size)]
 
 
-@dataclass(frozen=True, eq=False)
+def stack_blocks(start: int, blocks: Iterable[Block]) -> list[Block]:
+    """Return the blocks one after the other, beginning at `start`."""
+    result = []
+    for block in blocks:
+        result.append(replace(block, start=start))
+        start += block.size
+    return result
+
+
 class Layout:
-    """Columns and rows of the whole program.
+    """Columns and rows of the whole program: the phases in order, then the parameters.
 
     Parameters
     ----------
     definition : Definition
         Definition of the problem.
-    phases : tuple of PhaseLayout
-        Phases in order; the parameters come last.
+    meshes : sequence of Mesh
+        One mesh per phase.
+    schemes : sequence of tuple of Scheme
+        Schemes of the intervals, one tuple per phase.
     """
 
-    definition: Definition
-    phases: tuple[PhaseLayout, ...]
-
-    @classmethod
-    def of(
-        cls,
-        definition: Definition,
-        meshes: Sequence[Mesh],
-        schemes: Sequence[tuple[Scheme, ...]],
-    ) -> Layout:
-        """Return the layout of `definition` on `meshes`."""
-        result: list[PhaseLayout] = []
+    def __init__(
+        self, definition: Definition, meshes: Sequence[Mesh], schemes: Sequence[tuple[Scheme, ...]]
+    ) -> None:
+        self.definition = definition
+        phases: list[PhaseLayout] = []
         first = 0
-        for number, (phase, mesh, schemes_of) in enumerate(
-            zip(definition.phases, meshes, schemes, strict=True), start=1
-        ):
-            result.append(PhaseLayout(phase, number, mesh, schemes_of, first))
-            first += result[-1].size
-        return cls(definition, tuple(result))
-
-    @cached_property
-    def parameter_columns(self) -> Whole:
-        """Columns of the parameters."""
-        begin = self.phases[-1].first + self.phases[-1].size
-        return begin + np.arange(len(self.definition.parameter_names))
+        for parts in zip(definition.phases, meshes, schemes, strict=True):
+            phase, mesh, schemes_of = parts
+            phases.append(PhaseLayout(phase, len(phases) + 1, mesh, schemes_of, first))
+            first += phases[-1].size
+        self.phases = tuple(phases)
+        self.parameter_columns = first + np.arange(len(definition.parameter_names))
+        #: Number of columns.
+        self.size = first + self.parameter_columns.size
+        #: Columns of the endpoint vector: the ends of all phases, then the parameters.
+        self.end_columns = np.concatenate(
+            [*(phase.end_columns for phase in phases), self.parameter_columns]
+        )
 
     def visit_columns(self, number: int) -> Whole:
         """Return the columns of a phase's node functions, x, u, T and p, shape (…, visits)."""
@@ -343,14 +276,39 @@ class Layout:
         ]
         return np.concatenate(parts)
 
-    @property
-    def size(self) -> int:
-        """Number of columns."""
-        return self.phases[-1].first + self.phases[-1].size + self.parameter_columns.size
+    def strains(self, sizes: Sizes, duals: Floats) -> tuple[Floats, ...]:
+        """Return the possible gain of the objective, per interval, if its controls were not kept calm.
 
-    @cached_property
-    def end_columns(self) -> Whole:
-        """Columns of the endpoint vector: the ends of all phases, then the parameters."""
-        return np.concatenate(
-            [*(phase.end_columns for phase in self.phases), self.parameter_columns]
+        On a singular arc the gain is not real; elsewhere, such as at a jump of a control, the calm rows
+        restrict the program. Their multipliers distinguish the two cases: a multiplier is the derivative
+        of the optimal objective with respect to the right-hand side of its row. The gain is the sum of
+        the multipliers' magnitudes times the size of the control, an upper bound for a convex program
+        whose controls stay within that size.
+
+        Parameters
+        ----------
+        sizes : Sizes
+            Sizes of the controls.
+        duals : ndarray, shape (rows,)
+            Multipliers of all rows; those of the calm rows come last.
+
+        Returns
+        -------
+        tuple of ndarray, shape (intervals,)
+            One array per phase, in the unit of the objective; 0 for intervals that are not calm.
+        """
+        counts = [
+            np.array([part.mesh.calm_rows(k) for k in range(part.mesh.intervals)])
+            for part in self.phases
+        ]
+        start = duals.size - sum(
+            int(rows.sum()) * part.nu for rows, part in zip(counts, self.phases, strict=True)
         )
+        result: list[Floats] = []
+        for part, rows, size in zip(self.phases, counts, sizes.phases, strict=True):
+            factors = np.concatenate([np.repeat(size.controls, n) for n in rows] + [np.zeros(0)])
+            shares = np.abs(duals[start : start + factors.size]) * factors
+            start += factors.size
+            interval = np.repeat(np.arange(rows.size), rows * part.nu)
+            result.append(np.bincount(interval, shares, rows.size).astype(float))
+        return tuple(result)

@@ -202,7 +202,7 @@ def next_meshes(
         Results of the last meshes.
     strains : sequence of ndarray, shape (intervals,), optional
         Possible gain of the objective, per interval of each phase, without the rows that keep
-        controls calm (:func:`~.calm.calm_strains`); 0 by default.
+        controls calm (:meth:`~.layout.Layout.strains`); 0 by default.
 
     Returns
     -------
