@@ -45,19 +45,15 @@ class Assembly:
         self.layout, self.sizes = layout, sizes
         self.definition = layout.definition
         self.functions = functions_of(self.definition)
-        starts = [0]
-        for phase in layout.phases:
-            rows = phase.nx * phase.defects + phase.paths * phase.collocated + phase.phase.integrals
-            starts.append(starts[-1] + rows)
         #: First row of each phase, then of the boundary constraints.
-        self.row_starts = starts
+        self.row_starts = np.cumsum([0, *(phase.rows for phase in layout.phases)]).tolist()
         self.boundaries = self.functions.endpoint.entries - 1
         self.free_lengths = [
             phase for phase in layout.phases if phase.phase.start_upper >= phase.phase.end_lower
         ]
         self.calm = [phase.calm_rows(layout.size) for phase in layout.phases]
         self.row_count = (
-            starts[-1]
+            self.row_starts[-1]
             + self.boundaries
             + len(self.free_lengths)
             + sum(rows.shape[0] for rows in self.calm)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -32,6 +32,7 @@ from .starts import draw_start
 __all__ = ["Transcription"]
 
 Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
 
 #: Distance before a knot, relative to the phase, at which a control is evaluated from the left.
 LEFT = 1e-13
@@ -96,30 +97,26 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Return the collocation scheme of an interval with `count` nodes."""
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("intervals", 1, 10_000),
-            ("degree", 1, 400),
-            ("rounds", 1, 1000),
-            ("most_nodes", 1, 10**7),
+        for name, most in (
+            ("intervals", 10_000),
+            ("degree", 400),
+            ("rounds", 1000),
+            ("most_nodes", 10**7),
         ):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-                raise UnsupportedOption(
-                    f"formulation {self.name!r}: option {name!r} must be a whole number from {low} "
-                    f"to {high}, got {show(value)}"
-                )
-        if not isinstance(self.refine, bool):
-            raise UnsupportedOption(
-                f"formulation {self.name!r}: option 'refine' must be true or false, "
-                f"got {show(self.refine)}"
-            )
-        choices = ("raise", "drop", "keep")
-        if not isinstance(self.dependent, str) or self.dependent not in choices:
-            raise UnsupportedOption(
-                f"formulation {self.name!r}: option 'dependent' must be one of 'raise', 'drop', "
-                f"'keep', got {show(self.dependent)}"
-            )
+            is_whole = isinstance(value, int) and not isinstance(value, bool)
+            self._require(name, is_whole and 1 <= value <= most, f"a whole number from 1 to {most}")
+        self._require("refine", isinstance(self.refine, bool), "true or false")
+        is_choice = str(self.dependent) in ("raise", "drop", "keep")
+        self._require("dependent", is_choice, "one of 'raise', 'drop', 'keep'")
         object.__setattr__(self, "_meshes", self._first_meshes())
+
+    def _require(self, name: str, condition: bool, allowed: str) -> None:
+        if not condition:
+            raise UnsupportedOption(
+                f"formulation {self.name!r}: option {name!r} must be {allowed}, "
+                f"got {show(getattr(self, name))}"
+            )
 
     def _first_meshes(self) -> tuple[Mesh, ...]:
         phases = self.model.definition.phases
@@ -173,7 +170,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Names of the equations that are removed from the program because others imply them."""
         definition = self.model.definition
         implied = () if self.dependent == "keep" else dependences(definition)
-        return ", ".join(name for dependence in implied for name in dependence.names(definition))
+        return ", ".join(name for item in implied for name in item.names(definition))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -184,12 +181,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     @cached_property
     def sizes(self) -> Sizes:
         """Sizes of all quantities along the plan of the previous mesh, at first along the guess."""
-        known = self._history is not None
-        plan = self._history.plan if self._history is not None else self.decode(self._guess())
+        guessed = self._history is None
+        plan = self.decode(self._guess()) if self._history is None else self._history.plan
         definition = self.model.definition
         with np.errstate(all="ignore"):
             phases = courses(definition, plan)
-            return sizes_at(definition, phases, endpoint(phases), guessed=not known)
+            return sizes_at(definition, phases, endpoint(phases), guessed=guessed)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -249,23 +246,27 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             times = np.clip(times - np.where(ends, LEFT * part.duration, 0.0), part.start, part.end)
             columns[layout.control_columns] = part.controls(times).T
             columns[layout.time_columns] = part.start, part.end
-        used, column = 0, self.layout.parameter_columns
-        for quantity in self.model.definition.parameters:
-            value = plan.parameters.get(quantity.name)
-            if value is None or value.size != quantity.size:
+        for name, column in self._parameters.items():
+            value = plan.parameters.get(name)
+            if value is None or value.size != column.size:
                 raise InvalidData(
-                    f"the plan must have {quantity.size} value(s) of parameter {quantity.name!r}",
+                    f"the plan must have {column.size} value(s) of parameter {name!r}",
                     field="parameters",
                 )
-            columns[column[used : used + quantity.size]] = value
-            used += quantity.size
+            columns[column] = value
         return self._with_integrals(columns)
+
+    @property
+    def _parameters(self) -> dict[str, Whole]:
+        """Columns of each parameter by name."""
+        parameters = self.model.definition.parameters
+        ends = np.cumsum([quantity.size for quantity in parameters])
+        parts = np.split(self.layout.parameter_columns, ends[:-1])
+        return {item.name: part for item, part in zip(parameters, parts, strict=False)}
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the plan with the polynomials that the columns represent."""
         columns = np.asarray(point, float)
-        definition = self.model.definition
-        p = columns[self.layout.parameter_columns]
         phases = []
         for number, layout in enumerate(self.layout.phases):
             t0, tf = columns[layout.time_columns]
@@ -276,61 +277,41 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 )
             knots = t0 + layout.mesh.fractions * (tf - t0)
             knots[-1] = tf
-            states = self._state_polynomials(columns, number)
-            values = (
-                columns[layout.control_columns]
-                .reshape(layout.nu, layout.collocated)[:, layout.visit_control]
-                .T
-            )
-            cuts = layout.visit_starts[1:-1].tolist()
+            phase, schemes = layout.phase, layout.schemes
+            nodes = tuple(scheme.plan_points for scheme in schemes)
+            states = Piecewise(knots, nodes, tuple(self._state_tables(columns, number)))
+            values = columns[layout.control_columns][:, layout.visit_control].T
             controls = Piecewise(
                 knots,
-                tuple(scheme.control_points for scheme in layout.schemes),
-                tuple(np.split(values, cuts)),
-                *layout.phase.bounds("controls"),
+                tuple(scheme.control_points for scheme in schemes),
+                tuple(np.split(values, layout.visit_starts[1:-1])),
+                *phase.bounds("controls"),
             )
-            phases.append(
-                PhasePlan(
-                    layout.phase.name, states, controls, layout.phase.state_names,
-                    layout.phase.control_names,
-                )
-            )  # fmt: skip
-        parameters, used = {}, 0
-        for quantity in definition.parameters:
-            parameters[quantity.name] = p[used : used + quantity.size]
-            used += quantity.size
-        return ControlPlan(tuple(phases), parameters).attached(definition)
+            names = phase.state_names, phase.control_names
+            phases.append(PhasePlan(phase.name, states, controls, *names))
+        parameters = {name: columns[column] for name, column in self._parameters.items()}
+        return ControlPlan(tuple(phases), parameters).attached(self.model.definition)
 
-    def _state_polynomials(self, columns: Floats, number: int) -> Piecewise:
+    def _state_tables(self, columns: Floats, number: int) -> Iterator[Floats]:
+        """Yield the values of a phase's states at the plan's nodes of each interval."""
         layout = self.layout.phases[number]
-        x = columns[layout.state_columns]
-        rates = None
+        x, rates = columns[layout.state_columns].T, None
         if any(scheme.from_rates.any() for scheme in layout.schemes):
-            rates = self._visited(columns, number)[: layout.nx]
-        values = []
+            rates = self._visited(columns, number)[: layout.nx].T
         for k, scheme in enumerate(layout.schemes):
-            table = scheme.from_states @ x[:, layout.starts[k] : layout.starts[k + 1] + 1].T
+            table = scheme.from_states @ x[layout.starts[k] : layout.starts[k + 1] + 1]
             if rates is not None:
-                rates_of = rates[:, layout.visit_starts[k] : layout.visit_starts[k + 1]]
-                table = table + scheme.from_rates @ rates_of.T
-            values.append(table)
-        t0, tf = columns[layout.time_columns]
-        knots = t0 + layout.mesh.fractions * (tf - t0)
-        knots[-1] = tf
-        return Piecewise(knots, tuple(s.plan_points for s in layout.schemes), tuple(values))
+                visits = slice(layout.visit_starts[k], layout.visit_starts[k + 1])
+                table = table + scheme.from_rates @ rates[visits]
+            yield table
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
         """Return the plan with costates from the program's row multipliers."""
         phases, row = [], 0
         for layout, part in zip(self.layout.phases, plan.phases, strict=True):
-            multipliers = (
-                duals[row : row + layout.nx * layout.defects].reshape(layout.nx, layout.defects).T
-            )
-            row += (
-                layout.nx * layout.defects
-                + layout.paths * layout.collocated
-                + layout.phase.integrals
-            )
+            count = layout.nx * layout.defects
+            multipliers = duals[row : row + count].reshape(layout.nx, layout.defects).T
+            row += layout.rows
             phases.append(replace(part, costates=layout.costates(multipliers, part.states.knots)))
         return replace(plan, phases=tuple(phases))
 

@@ -77,6 +77,8 @@ class PhaseLayout:
         self.visit_control = control.reshape(-1)
         #: Number of points with a control.
         self.collocated = int(self.owners.size)
+        #: Number of rows: defects, path constraints and integrals.
+        self.rows = self.nx * self.defects + self.paths * self.collocated + phase.integrals
         #: Whether each visit is at its interval's end, if only that interval collocates it.
         self.visit_ends = np.concatenate(
             [(s.control_points == 1.0) & (not s.shared) for s in schemes]
