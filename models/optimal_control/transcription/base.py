@@ -333,7 +333,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             finding = next_meshes(
                 self.model, plan, self._meshes, self.rules, tolerance,
                 (objective, self.sizes.objective), self._history,
-                None if duals is None else self.layout.strains(self.sizes, duals),
+                self.layout.strains(self.sizes, duals),
             )  # fmt: skip
         finding = finding.limited(rounds, self.rounds, self.most_nodes)
         row = {

@@ -278,7 +278,7 @@ class Layout:
         ]
         return np.concatenate(parts)
 
-    def strains(self, sizes: Sizes, duals: Floats) -> tuple[Floats, ...]:
+    def strains(self, sizes: Sizes, duals: Floats | None) -> tuple[Floats, ...]:
         """Return the possible gain of the objective, per interval, if its controls were not kept calm.
 
         On a singular arc the gain is not real; elsewhere, such as at a jump of a control, the calm rows
@@ -291,14 +291,16 @@ class Layout:
         ----------
         sizes : Sizes
             Sizes of the controls.
-        duals : ndarray, shape (rows,)
-            Multipliers of all rows; those of the calm rows come last.
+        duals : ndarray, shape (rows,), optional
+            Multipliers of all rows; those of the calm rows come last. Without them, the gain is 0.
 
         Returns
         -------
         tuple of ndarray, shape (intervals,)
             One array per phase, in the unit of the objective; 0 for intervals that are not calm.
         """
+        if duals is None:
+            return tuple(np.zeros(phase.mesh.intervals) for phase in self.phases)
         counts = [
             np.array([part.mesh.calm_rows(k) for k in range(part.mesh.intervals)])
             for part in self.phases

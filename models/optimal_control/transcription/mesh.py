@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ class Mesh:
 
     fractions: Floats
     degrees: NDArray[np.int64]
-    calm: NDArray[np.bool_] | None = None
+    calm: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((), bool))
 
     def __post_init__(self) -> None:
         fractions = np.asarray(self.fractions, float)
@@ -49,10 +49,9 @@ class Mesh:
                 f"a mesh of {fractions.size - 1} intervals needs as many degrees >= 1, "
                 f"got {show(degrees.tolist())}"
             )
-        object.__setattr__(self, "fractions", frozen(fractions))
-        object.__setattr__(self, "degrees", frozen(degrees))
-        calm = np.zeros(degrees.size, bool) if self.calm is None else np.array(self.calm, bool)
-        object.__setattr__(self, "calm", frozen(calm))
+        calm = np.broadcast_to(np.asarray(self.calm, bool), degrees.shape)
+        for name, array in (("fractions", fractions), ("degrees", degrees), ("calm", calm)):
+            object.__setattr__(self, name, frozen(array))
 
     @property
     def intervals(self) -> int:
@@ -75,7 +74,6 @@ class Mesh:
         """Return which intervals also belong to another mesh."""
 
         def rows(mesh: Mesh) -> list[tuple[float, ...]]:
-            assert mesh.calm is not None
             columns = mesh.fractions[:-1], mesh.fractions[1:], mesh.degrees, mesh.calm
             return list(zip(*(column.tolist() for column in columns), strict=True))
 
@@ -87,7 +85,6 @@ class Mesh:
 
         Bisected intervals are not calm, unless `calm` states for all intervals which are.
         """
-        assert self.calm is not None
         middle = 0.5 * (self.fractions[1:] + self.fractions[:-1])
         parts = np.where(chosen, 2, 1)
         quiet = self.calm & ~chosen if calm is None else calm
@@ -97,7 +94,7 @@ class Mesh:
     def calm_rows(self, interval: int) -> int:
         """Return the number of Legendre coefficients of a control that vanish in `interval`."""
         degree = int(self.degrees[interval])
-        return degree - 1 - degree // 2 if self.calm is not None and self.calm[interval] else 0
+        return degree - 1 - degree // 2 if self.calm[interval] else 0
 
 
 def even(intervals: int, degree: int) -> Mesh:

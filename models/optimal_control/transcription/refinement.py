@@ -149,12 +149,7 @@ class Finding:
     def limited(self, rounds: int, most_rounds: int, most_nodes: int) -> Finding:
         """Return the finding without its meshes if they exceed a limit.
 
-        Parameters
-        ----------
-        rounds : int
-            Number of meshes solved so far.
-        most_rounds, most_nodes : int
-            Limits on the number of meshes, and on the collocation nodes of all phases.
+        `rounds` meshes were solved so far; `most_nodes` limits the collocation nodes of all phases.
         """
         if self.meshes is None:
             return self
@@ -180,7 +175,7 @@ def next_meshes(
     tolerance: float,
     objectives: tuple[float, float],
     former: History | None,
-    strains: Sequence[Floats] | None = None,
+    strains: Sequence[Floats],
 ) -> Finding:
     """Return finer meshes, or none if the plan verifies and its objective has converged.
 
@@ -200,18 +195,11 @@ def next_meshes(
         Objective, and its size.
     former : History, optional
         Results of the last meshes.
-    strains : sequence of ndarray, shape (intervals,), optional
+    strains : sequence of ndarray, shape (intervals,)
         Possible gain of the objective, per interval of each phase, without the rows that keep
-        controls calm (:meth:`~.layout.Layout.strains`); 0 by default.
-
-    Returns
-    -------
-    Finding
-        The assessment, with finer meshes if needed.
+        controls calm (:meth:`~.layout.Layout.strains`).
     """
     objective, size = objectives
-    if strains is None:
-        strains = [np.zeros(mesh.intervals) for mesh in meshes]
     parameters = np.concatenate([*plan.parameters.values(), np.empty(0)])
     reports = [
         examine(phase, part, parameters)
@@ -243,12 +231,14 @@ def next_meshes(
         why = "the objective has not settled: " if verified else "the plan does not verify: "
     finer_meshes, words = [], []
     for k, (mesh, report, part) in enumerate(zip(meshes, reports, plan.phases, strict=True)):
-        noisy = np.zeros(mesh.intervals, bool)
+        restless = report.chatters
         if former is not None:
-            noisy = _noisy_intervals(mesh, report, former.meshes[k], former.errors[k])
+            restless = restless | _noisy_intervals(mesh, report, former.meshes[k], former.errors[k])
+        if rules.fixed_degree is not None:
+            restless = np.zeros_like(restless)
+        released = mesh.calm & (strains[k] > RELEASED * tolerance * size)
         merge = worst > SHARE * tolerance
-        strained = strains[k] > RELEASED * tolerance * size
-        finer, done = _refine(mesh, report, part, rules, limit, noisy, strained, merge)
+        finer, done = _refine(mesh, report, part, rules, limit, restless, released, merge)
         finer_meshes.append(finer)
         words.append(f"phase {part.name!r}: {done}" if done and len(meshes) > 1 else done)
     if all(new.same(old) for new, old in zip(finer_meshes, meshes, strict=True)):
@@ -284,10 +274,8 @@ def _reexamine(
         chosen = [strain_of >= smallest for strain_of in strains]
         words += f"controls held calm may cost {strain:.2g}: released"
         if not rules.split:
-            return tuple(replace(mesh, calm=None) for mesh in meshes), words
-        return tuple(
-            mesh.halved(strain_of) for mesh, strain_of in zip(meshes, chosen, strict=True)
-        ), words
+            return tuple(Mesh(mesh.fractions, mesh.degrees) for mesh in meshes), words
+        return _halve(meshes, chosen), words
     if not rules.split or former is None:
         return None, ""
     gains = [
@@ -301,9 +289,11 @@ def _reexamine(
         return None, ""
     smallest = PROMISING * max(float(gain.max()) for gain in gains)
     words += "the Hamiltonian is not constant: halved where it changes"
-    return tuple(
-        mesh.halved(gain >= smallest) for mesh, gain in zip(meshes, gains, strict=True)
-    ), words
+    return _halve(meshes, [gain >= smallest for gain in gains]), words
+
+
+def _halve(meshes: Sequence[Mesh], chosen: Sequence[NDArray[np.bool_]]) -> tuple[Mesh, ...]:
+    return tuple(mesh.halved(rows) for mesh, rows in zip(meshes, chosen, strict=True))
 
 
 def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
@@ -339,31 +329,27 @@ def _refine(
     part: PhasePlan,
     rules: Rules,
     limit: float,
-    noisy: NDArray[np.bool_],
-    strained: NDArray[np.bool_],
+    restless: NDArray[np.bool_],
+    released: NDArray[np.bool_],
     merge: bool,
 ) -> tuple[Mesh, str]:
-    """Return a finer mesh of one phase, and a description of the action."""
+    """Return a finer mesh of one phase, and a description of the action.
+
+    Controls are held calm in `restless` intervals with a large error, until they are `released`.
+    """
     done: Counter[str] = Counter()
     cuts: list[float] = [0.0]
     degrees: list[int] = []
     calm: list[bool] = []
     touched: list[bool] = []
-    assert mesh.calm is not None
     for k in range(mesh.intervals):
         begin, end = mesh.fractions[k], mesh.fractions[k + 1]
         degree, quiet = int(mesh.degrees[k]), bool(mesh.calm[k])
-        if quiet and strained[k]:
+        if released[k]:
             inside = [0.0] if rules.split else []
             parts, quiet, word = [degree] * (len(inside) + 1), False, "released"
-        elif (
-            (report.chatters[k] or noisy[k])
-            and not quiet
-            and report.worst[k] > limit
-            and rules.fixed_degree is None
-        ):
-            inside = []
-            parts, quiet, word = [max(degree, CALM)], True, "held calm"
+        elif restless[k] and not quiet and report.worst[k] > limit:
+            inside, parts, quiet, word = [], [max(degree, CALM)], True, "held calm"
         else:
             inside, parts, word = _decide(degree, report, k, rules, limit)
         places = begin + 0.5 * (np.array([*inside, 1.0]) + 1.0) * (end - begin)
@@ -441,7 +427,6 @@ def _merge(
     """Merge unchanged neighbours that one polynomial of their degree fits."""
     ends, joint_degrees, calm = [0.0], [], []
     states, span = part.states, part.duration
-    assert mesh.calm is not None
     k = 0
     while k < mesh.intervals:
         degree, last = int(mesh.degrees[k]), k + 1

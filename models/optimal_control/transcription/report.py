@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..definition import Phase
 from ..lagrange import interpolation
 from ..plan import PhasePlan
-from ..sampling import Course, Instants
+from ..sampling import Course
 from ..sizes import PhaseSizes
 from .schemes import gauss_points, integration
 
@@ -142,41 +142,34 @@ class _Group(NamedTuple):
 _Look = tuple[Floats, dict[str, Floats]]
 
 
-def _groups(course: Course) -> list[_Group]:
-    """Return the intervals grouped by their nodes, after one call of the declared functions."""
+def _groups(course: Course) -> Iterator[_Group]:
+    """Yield the intervals grouped by their nodes."""
     states, controls = course.plan.states, course.plan.controls
     alike: dict[tuple[bytes, bytes], list[int]] = {}
     for k, (x, u) in enumerate(zip(states.nodes, controls.nodes, strict=True)):
         alike.setdefault((x.tobytes(), u.tobytes()), []).append(k)
-    plans = []
     for rows in map(np.array, alike.values()):
         nodes, count = controls.nodes[rows[0]], states.nodes[rows[0]].size
         fine = gauss_points(max(count, nodes.size) + FINER)[0]
         crowded = -np.cos(np.linspace(0.0, np.pi, 3 * count + 8))
         rule = gauss_points(nodes.size)[0] if course.phase.integrals else np.zeros(0)
         places = [np.concatenate([[-1.0], fine, [1.0]]), crowded, nodes, rule]
+        # One call of the declared functions for all places.
         tau = np.concatenate(places)
-        at = np.repeat(rows, tau.size), np.tile(tau, rows.size)
-        plans.append((rows, places, course.at(*at)))
-    instants = Instants(*map(np.concatenate, zip(*(item for _, _, item in plans), strict=True)))
-    values = {"states": instants.states, "controls": instants.controls, **course.values(instants)}
-    groups, begin = [], 0
-    for rows, places, spread_instants in plans:
-        end = begin + spread_instants.tau.size
+        at = course.at(np.repeat(rows, tau.size), np.tile(tau, rows.size))
+        values = {"states": at.states, "controls": at.controls, **course.values(at)}
         tables = {
-            name: table[begin:end].reshape(rows.size, sum(map(len, places)), table.shape[1])
+            name: table.reshape(rows.size, tau.size, table.shape[1])
             for name, table in values.items()
         }
-        begin = end
         cuts = np.cumsum([0, *(item.size for item in places)])
         views = (
-            (tau, {name: table[:, low:high] for name, table in tables.items()})
-            for tau, low, high in zip(places, cuts[:-1], cuts[1:], strict=True)
+            (item, {name: table[:, low:high] for name, table in tables.items()})
+            for item, low, high in zip(places, cuts[:-1], cuts[1:], strict=True)
         )
         half = 0.5 * np.diff(states.knots)[rows]
         stacked = np.stack([controls.values[k] for k in rows])
-        groups.append(_Group(rows, half, places[2], stacked, *views))
-    return groups
+        yield _Group(rows, half, nodes, stacked, *views)
 
 
 def _errors(group: _Group, size: Floats, integral_sizes: Floats) -> tuple[Floats, Floats]:
