@@ -35,18 +35,9 @@ RULE, HALVINGS, QUADRATURE = 16, 48, 1e-14
 
 
 class Instants(NamedTuple):
-    """Instants of a phase, each in an interval; a knot is two instants, one per side.
+    """Instants of a phase with the plan's values, shape (points, size).
 
-    Attributes
-    ----------
-    interval : ndarray of int, shape (points,)
-        Index of the plan's interval.
-    tau : ndarray, shape (points,)
-        Position in the interval, from -1 to 1.
-    times : ndarray, shape (points,)
-        Time.
-    states, controls : ndarray, shape (points, size)
-        Values of the plan.
+    `tau` is the position in the plan's interval, from -1 to 1. A knot is two instants, one per side.
     """
 
     interval: Whole
@@ -66,17 +57,7 @@ class Extreme(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """One phase of a plan with its declaration.
-
-    Parameters
-    ----------
-    phase : Phase
-        Declaration.
-    plan : PhasePlan
-        Plan of the phase, with matching names and sizes.
-    parameters : ndarray
-        Values of the problem's parameters.
-    """
+    """One phase of a plan with its declaration, and the values of the problem's parameters."""
 
     phase: Phase
     plan: PhasePlan
@@ -111,15 +92,13 @@ class Course:
     def places(self) -> tuple[Floats, ...]:
         """Dense grid of each interval: nodes, and points that cluster at both ends."""
         known: dict[tuple[int, int], Floats] = {}
-        result = []
-        for x, u in zip(self.plan.states.nodes, self.plan.controls.nodes, strict=True):
-            key = (id(x), id(u))
-            if key not in known:
+        pairs = list(zip(self.plan.states.nodes, self.plan.controls.nodes, strict=True))
+        for x, u in pairs:
+            if (id(x), id(u)) not in known:
                 count = max(POINTS, POINTS_A_NODE * max(x.size, u.size))
                 crowded = -np.cos(np.linspace(0.0, np.pi, count))
-                known[key] = np.unique(np.concatenate([crowded, x, u]))
-            result.append(known[key])
-        return tuple(result)
+                known[id(x), id(u)] = np.unique(np.concatenate([crowded, x, u]))
+        return tuple(known[id(x), id(u)] for x, u in pairs)
 
     @cached_property
     def dense(self) -> Instants:
@@ -194,29 +173,17 @@ class Course:
             if not active.any():
                 return total, size
             selected = np.repeat(active, 2)
-            interval, low, high, values = (
-                interval[selected],
-                low[selected],
-                high[selected],
-                parts[selected],
-            )
+            interval, values = interval[selected], parts[selected]
+            low, high = low[selected], high[selected]
         total += values.sum(axis=0)
         return total, size
 
     def largest(self, measure: Callable[[Instants], Floats], on_grid: Floats) -> Extreme:
-        """Return the maximum of `measure` over the phase.
+        """Return the maximum over the phase of `measure`, with values of shape (points, entries).
 
-        Parameters
-        ----------
-        measure : callable
-            Function from instants to values, shape (points, entries).
-        on_grid : ndarray
-            Values of `measure` on the dense grid, where the search starts.
-
-        Notes
-        -----
-        The highest maxima of the grid are refined on successively finer grids between their
-        neighbours, so that peaks between the points are included.
+        The search starts from the values `on_grid` of the dense grid. Their highest maxima are refined
+        on successively finer grids between their neighbours, so that peaks between the points are
+        included.
         """
         grid = self.dense
         if not np.isfinite(on_grid).all():
@@ -242,11 +209,10 @@ class Course:
                 return Extreme(np.inf, int(entries[spot // SPREAD]), float(instants.times[spot]))
             column = table.argmax(axis=1)
             top = int(table[peaks, column].argmax())
-            if table[top, column[top]] > best.value:
+            highest = float(table[top, column[top]])
+            if highest > best.value:
                 spot = top * SPREAD + int(column[top])
-                best = Extreme(
-                    float(table[top, column[top]]), int(entries[top]), float(instants.times[spot])
-                )
+                best = Extreme(highest, int(entries[top]), float(instants.times[spot]))
             low = tau[peaks, np.maximum(column - 1, 0)]
             high = tau[peaks, np.minimum(column + 1, SPREAD - 1)]
         return best._replace(time=float(best.time))

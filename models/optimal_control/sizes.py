@@ -8,7 +8,7 @@ the dynamics: a control is as large as necessary to move the states by their own
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -23,6 +23,7 @@ from .definition import Definition, Quantity, Restriction
 __all__ = ["PhaseSizes", "Sizes", "along", "of_phase", "sizes_at"]
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 #: Phase of a plan with its declaration (:class:`~.sampling.Course`, which imports this module).
 Course = Any
 
@@ -46,15 +47,7 @@ RISE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class PhaseSizes:
-    """Sizes of the quantities of one phase, all positive.
-
-    Parameters
-    ----------
-    time : float
-        Duration of the phase.
-    states, controls, paths, integrals : ndarray
-        Sizes per entry, in the order of the declaration.
-    """
+    """Sizes of the quantities of one phase, all positive, per entry; `time` is the duration."""
 
     time: float
     states: Floats
@@ -67,16 +60,8 @@ class PhaseSizes:
 class Sizes:
     """Sizes of all quantities of a problem.
 
-    Parameters
-    ----------
-    phases : tuple of PhaseSizes
-        Sizes per phase.
-    parameters, boundaries : ndarray
-        Sizes per entry, in the order of the declaration.
-    objective : float
-        Size of the objective, or of its terms if they cancel.
-    variation : float
-        Change of the objective if everything changes by up to its size.
+    `objective` is the size of the objective, or of its terms if they cancel; `variation` is its change
+    if everything changes by up to its size.
     """
 
     phases: tuple[PhaseSizes, ...]
@@ -107,19 +92,10 @@ def along(quantities: Iterable[Quantity], values: Floats) -> Floats:
 def sizes_at(
     definition: Definition, courses: Sequence[Course], ends: Floats, *, guessed: bool
 ) -> Sizes:
-    """Return the sizes of a problem along a plan or a guess.
+    """Return the sizes of a problem along a plan with the endpoint vector `ends`.
 
-    Parameters
-    ----------
-    definition : Definition
-        Problem.
-    courses : sequence of Course
-        Phases of the plan with their declarations.
-    ends : ndarray
-        Endpoint vector of the plan.
-    guessed : bool
-        Whether the plan is a guess. Sizes known from bounds and ends then take precedence, and
-        unknown sizes follow from the dynamics.
+    If the plan is `guessed`, sizes known from bounds and ends take precedence, and unknown sizes
+    follow from the dynamics.
     """
     parameters = definition.stacked("parameters", "scale")
     if not guessed and courses[0].parameters.size:
@@ -130,12 +106,17 @@ def sizes_at(
     return _at_ends(definition, ends, courses[0].parameters, phases, parameters)
 
 
-def _has_declared_scale(item: Quantity | Restriction) -> NDArray[np.bool_]:
+def _has_declared_scale(item: Quantity | Restriction) -> Bools:
     """Return which entries have a declared scale: a finite bound other than 0, or a scale other than 1."""
     edges = [getattr(item, side) for side in _SIDES if hasattr(item, side)]
     table = np.abs(np.array(edges))
     bounded = (np.isfinite(table) & (table > 0)).any(axis=0)
     return np.asarray(bounded | (item.scale != 1.0), bool)
+
+
+def _each(condition: Callable[[Any], Bools], items: Iterable[Quantity | Restriction]) -> Bools:
+    """Return a condition for the entries of all items."""
+    return np.concatenate([*map(condition, items), np.empty(0, bool)])
 
 
 _SIDES = ("lower", "upper", "initial_lower", "initial_upper", "final_lower", "final_upper")
@@ -166,11 +147,10 @@ def of_phase(course: Course, *, guessed: bool = False) -> PhaseSizes:
     near = []
     for values, sizes, what in ((x, states, "states"), (u, controls, "controls")):
         change = draw.choice([-1.0, 1.0], (DRAWS, *values.shape)) * sizes
-        low, high = phase.bounds(what)
-        near.append(np.clip(values + change, low, high).reshape(DRAWS * rows.size, -1))
-    results = _call(phase.function, np.tile(t, DRAWS), near[0], near[1], course.parameters)
-    integrand_sizes = _mean(np.abs(results[2]))
-    integrals = integrand_sizes * time
+        change = np.clip(values + change, *phase.bounds(what))
+        near.append(change.reshape(DRAWS * rows.size, -1).T)
+    results: Any = phase.function(np.tile(t, DRAWS)[None, :], *near, course.parameters)
+    integrals = _mean(np.abs(results[2].full().T)) * time
     if not guessed:
         integrals = np.maximum(course.magnitudes, VANISHING * integrals)
     paths = _path_sizes(course, states, controls)
@@ -181,7 +161,7 @@ def _path_sizes(course: Course, states: Floats, controls: Floats) -> Floats:
     """Return the sizes of the path constraints; undeclared ones are evaluated where the slack is smallest."""
     phase, grid = course.phase, course.dense
     declared: Floats = phase.stacked("paths", "scale")
-    own_scale = np.concatenate([*(_has_own_scale(path) for path in phase.paths), np.empty(0, bool)])
+    own_scale = _each(_has_own_scale, phase.paths)
     if own_scale.all():
         return declared
     low, high = phase.bounds("paths")
@@ -197,7 +177,7 @@ def _path_sizes(course: Course, states: Floats, controls: Floats) -> Floats:
     return result
 
 
-def _has_own_scale(item: Restriction) -> NDArray[np.bool_]:
+def _has_own_scale(item: Restriction) -> Bools:
     """Return which entries have a declared scale that differs from the size of the bounds."""
     table = np.abs(np.array([item.lower, item.upper]))
     largest = np.where(np.isfinite(table), table, 0.0).max(axis=0)
@@ -206,9 +186,7 @@ def _has_own_scale(item: Restriction) -> NDArray[np.bool_]:
 
 def _nearest(restrictions: Sequence[Restriction], declared: Floats, moved: Floats) -> Floats:
     """Return the bounds as sizes, or the movements of expressions with zero or relatively small bounds."""
-    known = np.concatenate(
-        [*(_has_declared_scale(item) for item in restrictions), np.empty(0, bool)]
-    )
+    known = _each(_has_declared_scale, restrictions)
     moved = np.where(np.isfinite(moved), moved, 0.0)
     return np.where((known & (declared >= NEAR * moved)) | (moved == 0.0), declared, moved)
 
@@ -226,24 +204,17 @@ def _mean(table: Floats) -> Floats:
     return result
 
 
-def _call(function: casadi.Function, t: Floats, x: Floats, u: Floats, p: Floats) -> list[Floats]:
-    with np.errstate(all="ignore"):
-        results: Any = function(t[None, :], x.T, u.T, p)
-    return [part.full().T for part in results]
-
-
 def _slopes_at(
     function: casadi.Function, t: Floats, x: Floats, u: Floats, p: Floats
 ) -> tuple[Floats, ...]:
     """Return rates and the Jacobians of rates and paths by states, then by controls, at instants."""
     results = _slopes(function)(t[None, :], x.T, u.T, p)
     rate, count = results[0].full().T, t.size
-    shapes = [(table.size1(), table.size2() // count) for table in results[1:]]
-    tables = [
-        table.full().reshape(rows, count, columns).transpose(1, 0, 2)
-        for table, (rows, columns) in zip(results[1:], shapes, strict=True)
-    ]
-    return rate, tables[0], tables[1], tables[2], tables[3]
+    tables = (
+        table.full().reshape(table.size1(), count, table.size2() // count).transpose(1, 0, 2)
+        for table in results[1:]
+    )
+    return rate, *tables
 
 
 def _sizes_of_guess(
@@ -254,9 +225,7 @@ def _sizes_of_guess(
     sizes, known = [], []
     for quantities, values in ((phase.states, x), (phase.controls, u)):
         largest = np.abs(values).max(axis=0, initial=0.0)
-        is_known = np.concatenate(
-            [*(_has_declared_scale(quantity) for quantity in quantities), np.empty(0, bool)]
-        )
+        is_known = _each(_has_declared_scale, quantities)
         declared = np.concatenate([*(quantity.scale for quantity in quantities), np.empty(0)])
         sizes.append(np.where(is_known | (largest == 0.0), declared, largest))
         known.append(is_known | (largest > 0.0))
@@ -271,7 +240,7 @@ def _sizes_of_guess(
 def _propagate(
     course: Course,
     instants: tuple[Floats, Floats, Floats],
-    sizes: tuple[Floats, NDArray[np.bool_], Floats],
+    sizes: tuple[Floats, Bools, Floats],
     time: float,
 ) -> Floats:
     """Return the sizes of all states and controls: the known (marked) ones and those that follow.
@@ -293,9 +262,7 @@ def _propagate(
     slope = time * np.sqrt(_mean(np.concatenate([by_x, by_u], axis=2) ** 2))
     rise = time * _mean(np.abs(rate))
     # A control with a bounded path constraint is as large as the constraint allows.
-    bounded = np.concatenate(
-        [*(_has_declared_scale(path) for path in phase.paths), np.empty(0, bool)]
-    )
+    bounded = _each(_has_declared_scale, phase.paths)
     limits = np.full(vector.size, np.inf)
     limits[nx:] = _driving(
         np.sqrt(_mean(path_by_u**2))[bounded], phase.stacked("paths", "scale")[bounded]
@@ -339,9 +306,7 @@ def _at_ends(
     values, slopes = value.full().ravel(), np.abs(slope.full())
     slopes = np.where(np.isfinite(slopes), slopes, 0.0)
     boundaries = definition.stacked("boundaries", "scale")
-    own_scale = np.concatenate(
-        [*(_has_own_scale(item) for item in definition.boundaries), np.empty(0, bool)]
-    )
+    own_scale = _each(_has_own_scale, definition.boundaries)
     moved = _nearest(definition.boundaries, boundaries, slopes[1:] @ movement)
     boundaries = np.where(own_scale, boundaries, moved)
     objective = variation = definition.objective_scale

@@ -18,7 +18,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from ...fields import frozen
-from ..lagrange import barycentric_weights, differentiation, interpolation
+from ..lagrange import differentiation, interpolation
 
 __all__ = [
     "Scheme",
@@ -40,8 +40,6 @@ class Scheme:
 
     Parameters
     ----------
-    name : str
-        Name of the scheme.
     points : ndarray, shape (points,)
         Positions of the states, from -1 to 1 inclusive.
     collocated : ndarray of int, shape (collocated,)
@@ -63,7 +61,6 @@ class Scheme:
         Whether the ends of intervals are collocated, so that neighbours share their control.
     """
 
-    name: str
     points: Floats
     collocated: NDArray[np.int64]
     left: Floats
@@ -153,7 +150,7 @@ def gauss(count: int) -> Scheme:
     left[count, 0], left[count, -1] = -1.0, 1.0
     right = np.vstack([np.eye(count), weights])
     onto = np.eye(count + 2), np.zeros((count + 2, count))
-    return _Gauss("gauss", points, np.arange(1, count + 1), left, right, weights, points, *onto)
+    return _Gauss(points, np.arange(1, count + 1), left, right, weights, points, *onto)
 
 
 @cache
@@ -167,9 +164,7 @@ def radau(count: int) -> Scheme:
     nodes, weights = radau_points(count)
     points = np.concatenate([[-1.0], nodes])
     left, onto = differentiation(points)[1:], (np.eye(count + 1), np.zeros((count + 1, count)))
-    return _Radau(
-        "radau", points, np.arange(1, count + 1), left, np.eye(count), weights, points, *onto
-    )
+    return _Radau(points, np.arange(1, count + 1), left, np.eye(count), weights, points, *onto)
 
 
 @cache
@@ -187,9 +182,7 @@ def hermite_simpson(count: int = 3) -> Scheme:
     rates[:, 0] = 2.0 * (s - 2.0 * s**2 + s**3)
     rates[:, 2] = 2.0 * (s**3 - s**2)
     points, weights = np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 3.0
-    return Scheme(
-        "hermite-simpson", points, np.arange(3), left, right, weights, t, states, rates, shared=True
-    )
+    return Scheme(points, np.arange(3), left, right, weights, t, states, rates, shared=True)
 
 
 @cache
@@ -200,9 +193,7 @@ def trapezoid(count: int = 2) -> Scheme:
     rates = np.array([[0.0, 0.0], [0.25, -0.25], [0.0, 0.0]])
     points, nodes = np.array([-1.0, 1.0]), np.array([-1.0, 0.0, 1.0])
     left, right, weights = np.array([[-1.0, 1.0]]), np.ones((1, 2)), np.ones(2)
-    return Scheme(
-        "trapezoid", points, np.arange(2), left, right, weights, nodes, states, rates, shared=True
-    )
+    return Scheme(points, np.arange(2), left, right, weights, nodes, states, rates, shared=True)
 
 
 @cache
@@ -213,11 +204,7 @@ def integration(count: int) -> tuple[Floats, Floats]:
     the nodes.
     """
     nodes, weights = gauss_points(count)
-    matrix = np.empty((count + 1, count))
-    barycentric = barycentric_weights(nodes)
-    for row, end in enumerate(np.append(nodes, 1.0)):
-        half = 0.5 * (end + 1.0)
-        matrix[row] = (
-            half * weights @ interpolation(nodes, -1.0 + half * (nodes + 1.0), barycentric)
-        )
+    half = 0.5 * (np.append(nodes, 1.0)[:, None] + 1.0)
+    onto = interpolation(nodes, (half * (nodes + 1.0) - 1.0).ravel())
+    matrix = half * (weights @ onto.reshape(count + 1, count, count))
     return frozen(nodes), frozen(matrix)
