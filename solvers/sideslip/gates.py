@@ -16,7 +16,10 @@ is explained, or if a sensor bias that began during the drive may be the reason:
 differed from the reference by less than a bias does, and ``|d| <= 1.5 s_k + 3.5 √(v + p₀ T²)``.
 
 The training-range gate compares the inputs with those of the training drives. At a standardised distance D outside of
-their range the deviation becomes ``√(s_k² + (D σ)²)``, and σ is the deviation of what was learned.
+their range the deviation becomes ``√(s_k² + (D σ)²)``, and σ is the deviation of what was learned. For kernel
+regression it is at least ``R σ`` with the distance R of the recent inputs: tyres that slide change the relation between steering, yaw rate and
+acceleration long before one of them leaves its range, and the distances within the kernel, which mix units, do not show
+it. The deviation of linear regression grows with the leverage of the recent inputs by itself.
 """
 
 from __future__ import annotations
@@ -31,11 +34,13 @@ from ...jit import kernel
 from ...models.sideslip.checks import kinematic_rate
 from ...models.sideslip.data import UNKNOWN, Recording
 from ...models.sideslip.model import SideslipEstimation
+from .learning import Window, training_set
 
 __all__ = [
     "Gated",
     "apply_gates",
     "find_contradictions",
+    "measure_history_distance",
     "measure_training_distance",
     "time_ranges",
 ]
@@ -62,6 +67,8 @@ HOLD, RATE = 8.0, 2
 UPDATE = 1.0
 #: Inputs whose range is compared with the training drives.
 INPUTS = ("speed", "steering", "yaw_rate", "lateral_acceleration")
+#: Name of what leaves its range if no single input does.
+COMBINED = "combinations of inputs"
 #: Smallest unit of a standardised distance, as a share of the largest input: speeds are often constant.
 LEAST_UNIT = 0.1
 #: Tolerance of the range: share of the largest input, and deviations of its noise.
@@ -90,7 +97,12 @@ class Gated(NamedTuple):
 
 
 def apply_gates(
-    problem: SideslipEstimation, sideslip: Floats, deviation: Floats, spread: float = 0.0
+    problem: SideslipEstimation,
+    sideslip: Floats,
+    deviation: Floats,
+    spread: float = 0.0,
+    *,
+    history: bool = False,
 ) -> Gated:
     """Return the deviation that an estimate may claim, and why it is wider.
 
@@ -103,6 +115,8 @@ def apply_gates(
     spread : float
         Deviation of the angles, or of the errors of a filter, that were learned, rad. With 0 nothing was learned and
         the training range is not compared.
+    history : bool
+        If True, recent inputs are compared too. False, the default, if `deviation` accounts for them.
 
     Returns
     -------
@@ -122,8 +136,12 @@ def apply_gates(
         )
     if spread > 0.0 and problem.training:
         distance, names = measure_training_distance(problem)
-        outside = distance > 0.0
-        variance = variance + (distance * spread) ** 2
+        recent = measure_history_distance(problem) if history else np.zeros(len(drive))
+        if ((recent > 0.0) & (distance == 0.0)).any() and COMBINED not in names:
+            names = *names, COMBINED
+        outside = (distance > 0.0) | (recent > 0.0)
+        # Both the deviation so far and the recent inputs estimate the same error: the larger one counts.
+        variance = np.maximum(variance + (distance * spread) ** 2, (recent * spread) ** 2)
         if outside.any():
             share = float(outside.sum() / drive.moving.sum())
             messages.append(
@@ -332,7 +350,41 @@ def measure_training_distance(problem: SideslipEstimation) -> tuple[Floats, tupl
     across[~drive.moving] = 0.0
     distance = np.maximum(np.linalg.norm(beyond, axis=1), np.linalg.norm(across, axis=1))
     names = tuple(name for name, far in zip(INPUTS, beyond.T, strict=True) if far.any())
-    return distance, names or ("combinations of inputs",)
+    return distance, names or (COMBINED,)
+
+
+def measure_history_distance(problem: SideslipEstimation) -> Floats:
+    """Return the distance of each sample's recent inputs from those of the training drives.
+
+    The recent inputs are those of the sample and of the four periods before it. Their Mahalanobis distance M is in units
+    of the root mean square distance on the training drives, with q as the largest one there. The result is
+    ``√(M² - q²)`` beyond q and 0 otherwise. A linear function of the recent inputs with the deviation σ over the training
+    drives changes by ``σ √(M² - q²)`` in the root mean square over all directions of the excess. The tolerances
+    of the inputs' ranges are added to the covariance as noise.
+
+    Parameters
+    ----------
+    problem : SideslipEstimation
+        The model, with training drives.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Standardised distance, 0 below 1 m/s.
+    """
+    window = Window(float(np.median([drive.period for drive in problem.training])))
+    known = training_set(problem.training, window).features
+    here = window.features(problem.recording)
+    middle, largest = known.mean(axis=0), np.abs(known).max(axis=0)
+    largest = np.where(largest > 0.0, largest, 1.0)
+    noise = np.repeat([problem.yaw_rate_noise, problem.acceleration_noise, 0.0, 0.0], window.lags)
+    known, here = (known - middle) / largest, (here - middle) / largest
+    tolerance = SLACK**2 + (noise / largest) ** 2
+    inverse = np.linalg.inv(known.T @ known / len(known) + np.diag(tolerance))
+    usual, squares = (np.einsum("ij,jk,ik->i", part, inverse, part) for part in (known, here))
+    beyond = np.where(problem.recording.moving, squares - usual.max(), 0.0)
+    distance: Floats = np.sqrt(np.maximum(beyond, 0.0) / usual.mean())
+    return distance
 
 
 def _beyond(known: Floats, here: Floats, slack: Floats) -> Floats:

@@ -36,6 +36,8 @@ class Estimate(NamedTuple):
         Warning for the user; empty by default.
     spread : float
         Standard deviation of the training targets, rad; 0, the default, for estimators that do not learn.
+    history : bool
+        True if the deviation does not account for recent inputs that differ from the training drives; False by default.
     """
 
     sideslip: Floats
@@ -43,6 +45,7 @@ class Estimate(NamedTuple):
     statistics: Mapping[str, Any] = {}
     message: str = ""
     spread: float = 0.0
+    history: bool = False
 
 
 class SideslipBackend(Backend):
@@ -95,7 +98,7 @@ class SideslipBackend(Backend):
         angle = np.where(known, np.clip(found.sideslip, -math.pi / 2, math.pi / 2), 0.0)
         claimed = np.clip(np.where(known, found.deviation, UNKNOWN), 0.0, UNKNOWN)
         with np.errstate(all="ignore"):
-            gated = apply_gates(problem, angle, claimed, found.spread)
+            gated = apply_gates(problem, angle, claimed, found.spread, history=found.history)
         deviation = np.where(problem.recording.moving, gated.deviation, UNKNOWN)
         plan = SideslipEstimate(angle, deviation)
         counts = {

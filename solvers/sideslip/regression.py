@@ -150,6 +150,7 @@ class KalmanGrnn(_Learning):
             describe_learning(learned),
             here.message,
             learned.spread,
+            history=True,
         )
 
 
@@ -209,7 +210,12 @@ def widen_by_kinematics(
     )
     wider = np.sqrt(deviation**2 + missing)
     return Estimate(
-        angle, wider, describe_learning(learned), message if missing else "", learned.spread
+        angle,
+        wider,
+        describe_learning(learned),
+        message if missing else "",
+        learned.spread,
+        history=isinstance(learned, KernelRegression),
     )
 
 

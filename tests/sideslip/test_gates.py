@@ -15,6 +15,7 @@ from crosstrack.solvers.contract.registry import recommended
 from crosstrack.solvers.sideslip.gates import (
     apply_gates,
     find_contradictions,
+    measure_history_distance,
     measure_training_distance,
     time_ranges,
 )
@@ -25,12 +26,16 @@ CONTRADICTED = "samples contradicted by kinematics"
 OUTSIDE = "samples outside of the training range"
 
 
+#: Seed, speed and friction of spins that no constant was chosen on.
+HELD_OUT = [(205, 17.0, 0.31), (204, 16.0, 0.41), (206, 16.0, 0.44), (207, 16.0, 0.44)]
+
+
 @cache
-def spin(seed=0, drivers=15):
-    """Return a drive that spins, with a true friction of 0.35 and an assumed one of 0.95."""
+def spin(seed=0, speed=18.0, friction=0.35, drivers=15):
+    """Return a drive that spins, with an assumed friction of 0.95."""
     return generate(
-        "serpentine", seed=seed, speed=18.0, samples=268, tyre="saturating", friction=0.35,
-        training_friction=0.95, mismatch={"friction": 0.95 / 0.35}, drivers=drivers,
+        "serpentine", seed=seed, speed=speed, samples=268, tyre="saturating", friction=friction,
+        training_friction=0.95, mismatch={"friction": 0.95 / friction}, drivers=drivers,
     )  # fmt: skip
 
 
@@ -69,6 +74,13 @@ def test_samples_outside_of_the_training_range_are_named(name):
     answer = run(name, spin())
     assert "outside of the training range of steering" in answer.message
     assert 0.4 < answer.statistics[OUTSIDE] / len(answer.point.sideslip) < 0.8
+
+
+@pytest.mark.parametrize("name", LEARNING)
+def test_two_deviations_cover_held_out_spins(name):
+    shares = [model.coverage(run(name, model).point) for model in (spin(*key) for key in HELD_OUT)]
+    assert 0.9 <= np.mean(shares) <= 0.98
+    assert min(shares) >= (0.9 if name == "grnn" else 0.85)
 
 
 # -- calm drives -------------------------------------------------------------------------------------
@@ -185,6 +197,21 @@ def test_new_combinations_of_inputs_are_outside():
     )
     assert (distance > 0).mean() > 0.1
     assert names
+
+
+def test_recent_inputs_of_training_are_near_and_a_new_relation_is_far():
+    model = generate("serpentine", drivers=4)
+    drive = dataclasses.replace(model.training[0], sideslip=None)
+    model = dataclasses.replace(model, recording=drive, truth=None)
+    assert not measure_history_distance(model).any()
+    late = dataclasses.replace(drive, steering=np.roll(drive.steering, 10))
+    late = dataclasses.replace(model, recording=late)
+    assert (measure_history_distance(late) > 1.0).mean() > 0.3
+    given = late, np.zeros(len(drive)), np.full(len(drive), 0.01), 0.1
+    gated, alone = apply_gates(*given, history=True), apply_gates(*given)
+    assert (gated.deviation >= alone.deviation).all()
+    assert gated.outside.sum() > alone.outside.sum()
+    assert "combinations of inputs" in gated.messages[-1]
 
 
 @pytest.mark.parametrize("name", LEARNING)

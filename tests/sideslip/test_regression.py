@@ -278,9 +278,10 @@ def test_the_residual_is_what_the_filter_leaves(fields):
     assert found.sideslip == pytest.approx(here.sideslip + near * error, abs=1e-12)
     usual = np.median(np.concatenate([one.deviation for one in there]))
     unsure = np.maximum(here.deviation / usual, 1)
-    gated = apply_gates(model, found.sideslip, deviation * unsure, learned.spread)
+    claim = deviation * unsure
+    gated = apply_gates(model, found.sideslip, claim, learned.spread, history=True)
     assert found.deviation == pytest.approx(gated.deviation, rel=1e-9)
-    assert gated.deviation[~gated.outside] == pytest.approx((deviation * unsure)[~gated.outside])
+    assert gated.deviation[~gated.outside] == pytest.approx(claim[~gated.outside])
 
 
 @pytest.mark.parametrize(
@@ -461,7 +462,7 @@ def test_claims_are_wider_where_kinematics_contradicts(name):
         assert model.coverage(answer.point) >= 0.9
         if wider:
             off = np.abs(answer.point.sideslip - model.truth)
-            assert off.mean() <= answer.point.deviation.mean() <= 5 * off.mean()
+            assert off.mean() <= answer.point.deviation.mean() <= 5.5 * off.mean()
 
 
 @pytest.mark.parametrize("name", LEARNING)
