@@ -6,7 +6,7 @@ from ..paper import Paper, ResultTable, corrected, different, printed
 
 __all__ = ["PAPER", "POLICIES"]
 
-_MCGN, _GMGN = "solvers.unknown_grid.mcgn", "solvers.unknown_grid.gmgn"
+_MCGN, _GMGN = "solvers.unknown_grid.macn", "solvers.unknown_grid.gmgn"
 _VALUES = "solvers.unknown_grid.value_iteration:build_planner"
 _MEMORY = "solvers.unknown_grid.dnc:build_computer"
 _EPISODES = "solvers.unknown_grid.episodes"
@@ -109,7 +109,7 @@ PAPER = Paper(
                   "minutes without a graphics card. The paper does not describe PPN: ours averages the map over cells and "
                   "has three convolutions. Before, the decoder ended at a quarter of the resolution with 16 channels."),
         printed("Section IV.A.2, training of GMGN", "ENet alone, PPN alone, then both together",
-                f"{_GMGN}:TRAINING.run",
+                f"{_GMGN}:GmgnTrainer",
                 "Images and labels are rendered from scenes instead of labelled by hand. Before, all was trained "
                 "jointly from the start."),
         printed("eq. 1-2", "value iteration: Q = R + gamma P V, V = max Q, K = 30", _VALUES,

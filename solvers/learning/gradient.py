@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["GradientTrainer", "arrays_of", "fill"]
 
+#: Largest norm of a gradient; longer ones are scaled down.
+_LONGEST = 1.0
+
 
 def arrays_of(network: torch.nn.Module) -> dict[str, NDArray[Any]]:
     """Return copies of the parameters and buffers of a network, by name.
@@ -67,7 +70,8 @@ class GradientTrainer(Trainer):
     Parameters
     ----------
     course : Course
-        Settings of the training.
+        Settings of the training. Its options contain ``batches``, the steps per epoch, and ``rate``, the
+        initial learning rate, which decreases along half a cosine to 2 % of this value.
     kind : str
         Name of the network's kind of weights.
     network : torch.nn.Module
@@ -75,23 +79,17 @@ class GradientTrainer(Trainer):
         seed. All parameters must be float32.
     architecture : mapping of str to int
         Sizes from which the network was built.
-    batches : int
-        Steps per epoch.
-    rate : float
-        Initial learning rate. It decreases along half a cosine to 2 % of this value.
-    clip : float
-        Largest norm of a gradient; longer ones are scaled down.
     """
 
     def __init__(
-        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int],
-        *, batches: int, rate: float, clip: float = 1.0,
-    ) -> None:  # fmt: skip
+        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int]
+    ) -> None:
         import torch
 
-        self.course, self.kind, self.network = course, kind, network
-        self.architecture, self.batches, self.rate, self.clip = architecture, batches, rate, clip
-        self.optimiser = torch.optim.Adam(network.parameters(), lr=rate)
+        self.course, self.kind = course, kind
+        self.network, self.architecture = network, architecture
+        self.batches, self.rate = course.options["batches"], course.options["rate"]
+        self.optimiser = torch.optim.Adam(network.parameters(), lr=self.rate)
 
     def prepare(self, number: int, generator: np.random.Generator) -> None:
         """Prepare an epoch, for example by drawing its examples. Longer work belongs to `loss`."""
@@ -121,7 +119,7 @@ class GradientTrainer(Trainer):
             self.optimiser.zero_grad()
             loss = self.loss(batch, generator)
             loss.backward()
-            norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), self.clip)
+            norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), _LONGEST)
             if not bool(torch.isfinite(norm)):
                 skipped += 1
                 continue

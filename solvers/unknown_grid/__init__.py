@@ -16,10 +16,10 @@ BACKENDS = {
 }
 DIAGNOSES = {"unknown-grid": ".diagnosis:diagnose_unknown_grid"}
 TRAININGS = {
-    "small-vin": ".small_vin:TRAINING",
-    "vin": ".vin:TRAINING",
-    "macn": ".macn:TRAINING",
-    "mcgn-1": ".mcgn:TRAINING_1",
-    "mcgn-2": ".mcgn:TRAINING_2",
-    "gmgn": ".gmgn:TRAINING",
+    "small-vin": ".networks:SMALL_VIN",
+    "vin": ".networks:VIN",
+    "macn": ".networks:MACN",
+    "mcgn-1": ".networks:MCGN_1",
+    "mcgn-2": ".networks:MCGN_2",
+    "gmgn": ".networks:GMGN",
 }

@@ -16,6 +16,7 @@ from ..learning.weights import Weights
 from .imitation import (
     IMITATION,
     TASKS,
+    Recurrence,
     Scenes,
     Task,
     Walk,
@@ -108,11 +109,8 @@ class _EpisodeTrainer(GradientTrainer):
         self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int],
         *, part: int = 0,
     ) -> None:  # fmt: skip
+        super().__init__(course, kind, network, architecture)
         self.part = part
-        options = course.options
-        super().__init__(
-            course, kind, network, architecture, batches=options["batches"], rate=options["rate"]
-        )
 
     def draw(self, batch: int, generator: np.random.Generator) -> Episodes:
         """Return the training steps of a batch; each episode has at least one step."""
@@ -177,16 +175,8 @@ class RunTrainer(_EpisodeTrainer):
 
         episodes = self.draw(batch, generator)
         inputs = self.network.read(episodes.observed.tensors())
-        state: Any = None
-        before: Ints = np.zeros(0, np.int64)
-        logits = []
+        decide, logits = Recurrence(self.network.decide), []
         for step in range(int(episodes.steps.max()) + 1):
             rows = np.flatnonzero(episodes.steps == step)
-            runs = episodes.runs[rows]
-            if state is not None:
-                active = torch.from_numpy(np.searchsorted(before, runs))
-                state = tuple(part[active] for part in state)
-            out, state = self.network.decide(inputs[torch.from_numpy(rows)], state)
-            before = runs
-            logits.append(out)
+            logits.append(decide(inputs[torch.from_numpy(rows)], episodes.runs[rows]))
         return functional.cross_entropy(torch.cat(logits), torch.from_numpy(episodes.actions))

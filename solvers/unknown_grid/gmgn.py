@@ -24,15 +24,13 @@ from numpy.typing import NDArray
 
 from ...models.unknown_grid.camera import PIXELS, Rendering, overlaps
 from ...models.unknown_grid.rendering import render
-from ..contract.option import Option
 from ..learning.gradient import GradientTrainer
-from ..learning.trainer import Course, Trainer, Training
 from .imitation import Scenes, draw_scenes
 
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["ARCHITECTURE", "TRAINING", "build_network", "draw_images", "to_tensor"]
+__all__ = ["ARCHITECTURE", "GmgnTrainer", "build_network", "draw_images", "to_tensor"]
 
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
@@ -215,7 +213,7 @@ def _tensors(images: Floats, cells: Truths) -> tuple[torch.Tensor, torch.Tensor]
     return to_tensor(images), torch.from_numpy(cells.astype(np.float32))
 
 
-class _GmgnTrainer(GradientTrainer):
+class GmgnTrainer(GradientTrainer):
     """Trainer on new images in each batch."""
 
     _scenes: Scenes
@@ -282,29 +280,3 @@ class _GmgnTrainer(GradientTrainer):
                 images = draw_images(scenes, view, float(law is Rendering.HARD), generator)
                 batches[view, law] = _tensors(*images)
         return batches
-
-
-def _trainer(course: Course) -> Trainer:
-    import torch
-
-    torch.manual_seed(course.seed)
-    return _GmgnTrainer(
-        course, "gmgn", build_network(**ARCHITECTURE), ARCHITECTURE,
-        batches=course.options["batches"], rate=course.options["rate"],
-    )  # fmt: skip
-
-
-TRAINING = Training(
-    "gmgn",
-    "cells of a view from its image, by drawn images of scenes",
-    _trainer,
-    epochs=10,
-    minutes=3,
-    options={
-        "images": Option(4, "images of a batch", int, lower=1),
-        "batches": Option(40, "batches of an epoch", int, lower=1),
-        "rate": Option(3e-3, "first rate of Adam", lower=0.0),
-    },
-    dtype="float16",
-    use="--option perception=gmgn --option perception_weights={path}",
-)

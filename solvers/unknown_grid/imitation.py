@@ -13,7 +13,6 @@ from ...errors import InvalidData
 from ...models.unknown_grid.plan import STEPS
 from ..contract.option import Option
 from ..learning.gradient import GradientTrainer
-from ..learning.trainer import Course
 from .memory import Memory, Observation
 
 if TYPE_CHECKING:
@@ -23,6 +22,7 @@ __all__ = [
     "IMITATION",
     "TASKS",
     "Examples",
+    "Recurrence",
     "Scenes",
     "StepTrainer",
     "Task",
@@ -244,6 +244,31 @@ def walk_through(walk: Walk, choose: Callable[[Observation, Ints], Any]) -> None
         walk.act(rows, np.asarray(choose(walk.look(rows), rows)))
 
 
+class Recurrence:
+    """Network with the states of the active scenes.
+
+    A call takes the inputs of the active scenes and their ascending indices, which are among those of the
+    previous call. It returns the logits.
+
+    Parameters
+    ----------
+    network : callable
+        Function of inputs and state that returns logits and the new state, see :mod:`~.networks`.
+    """
+
+    def __init__(self, network: Callable[[Any, Any], tuple[torch.Tensor, Any]]) -> None:
+        self._network, self._state = network, None
+        self._rows: Ints = np.zeros(0, np.int64)
+
+    def __call__(self, inputs: Any, rows: Ints) -> torch.Tensor:
+        if self._state is not None:
+            active = np.searchsorted(self._rows, rows)
+            self._state = tuple(array[active] for array in self._state)
+        logits, self._state = self._network(inputs, self._state)
+        self._rows = rows
+        return logits
+
+
 def choose_actions(logits: Any) -> tuple[Ints, Ints]:
     """Return the best actions, shape (n,), and the number of non-finite logits per scene, shape (n,).
 
@@ -305,19 +330,17 @@ def judge_network(
         generator = np.random.default_rng([seed, 2**32 - 1, number])
         scenes = draw_scenes(examples, law, task.shape, (2, 5), count, generator)
         walk = Walk(scenes, task.view)
-        state: Any = None
-        before = walk.going
-
         ways = shortest_ways(scenes.blocked, scenes.targets)
+        recurrence = Recurrence(network)
 
-        def choose(observed: Observation, rows: Ints, ways: Lengths = ways) -> Ints:
-            nonlocal state, before
-            if state is not None:
-                active = np.searchsorted(before, rows)
-                state = tuple(array[active] for array in state)
+        def choose(
+            observed: Observation,
+            rows: Ints,
+            ways: Lengths = ways,
+            network: Recurrence = recurrence,
+        ) -> Ints:
             inputs = observed.tensors()
-            logits, state = network(inputs.in_view() if part == 2 else inputs, state)
-            before = rows
+            logits = network(inputs.in_view() if part == 2 else inputs, rows)
             actions = choose_actions(logits.numpy())[0]
             if not part:
                 return actions
@@ -357,14 +380,6 @@ class StepTrainer(GradientTrainer):
     """
 
     _groups: list[tuple[Observation, torch.Tensor]]
-
-    def __init__(
-        self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int]
-    ) -> None:
-        options = course.options
-        super().__init__(
-            course, kind, network, architecture, batches=options["batches"], rate=options["rate"]
-        )
 
     def prepare(self, number: int, generator: np.random.Generator) -> None:
         import torch

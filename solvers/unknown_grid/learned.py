@@ -6,10 +6,9 @@ See :mod:`~.networks` for the interface of a network.
 from __future__ import annotations
 
 import copy
-import importlib
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,8 @@ from ...models.unknown_grid.world import Looks
 from ..contract.backend import Answer, Request
 from ..contract.option import Option
 from ..learning.trainer import one_thread
-from .imitation import choose_actions
+from . import macn
+from .imitation import Recurrence, choose_actions
 from .memory import Memory
 from .native import PERCEPTION, NavigationBackend
 from .networks import load_network
@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 __all__ = ["LearnedPolicy", "Macn", "Mcgn", "SmallVin", "Vin"]
 
 Ints = NDArray[np.int64]
-State = tuple[Any, ...] | None
 
+#: Largest number of cells of a map. An iteration sweeps over all cells, and a path may visit half of them.
+LARGEST = 256 * 256
 _FILE = Option(
     None, "a file of weights from 'crosstrack train'; those that are shipped", str, file=True
 )
@@ -60,24 +61,17 @@ class LearnedPolicy:
     def __init__(
         self, problem: UnknownGridNavigation, scenes: Ints, network: torch.nn.Module
     ) -> None:
-        self.network = network
+        self.network = Recurrence(network)
         self.first = int(scenes[0])
         self.memory = Memory(problem.shape, problem.view, problem.targets[scenes])
         #: Number of decisions with a non-finite logit.
         self.faults = 0
-        self._state: State = None
-        self._rows = scenes - self.first
 
     def decide(self, looks: Looks) -> Ints:
         """Return the best action in each scene."""
         rows = looks.scenes - self.first
         observed = self.memory.look(rows, looks.positions, looks.corners, looks.view)
-        state = self._state
-        if state is not None:  # only the scenes that are still active
-            active = np.searchsorted(self._rows, rows)
-            state = tuple(array[active] for array in state)
-        logits, self._state = self.network(observed.tensors(), state)
-        self._rows = rows
+        logits = self.network(observed.tensors(), rows)
         actions, wrong = choose_actions(logits.numpy())
         self.faults += int((wrong > 0).sum())
         self.memory.act(rows, actions)
@@ -85,19 +79,20 @@ class LearnedPolicy:
 
 
 class _Learned(NavigationBackend):
-    """Base of the learned policies. A subclass names the module of its network."""
+    """Base of the learned policies."""
 
     requires = ("torch",)
     extra = "learn"
     options = {**PERCEPTION, "weights": _FILE}
     together = 256
-    module: ClassVar[str]
 
     _policies: list[LearnedPolicy]
 
-    def refuses(self, problem: Any) -> str:
-        shape, view = tuple(problem.shape.tolist()), tuple(problem.view.tolist())
-        return str(self._load().refuse_size(shape, view))
+    def refuses(self, problem: UnknownGridNavigation) -> str:
+        rows, columns = problem.shape.tolist()
+        if rows * columns > LARGEST:
+            return f"maps must have at most {LARGEST} cells, got {rows} × {columns}"
+        return ""
 
     def policy(
         self, problem: UnknownGridNavigation, scenes: Ints, request: Request
@@ -107,7 +102,7 @@ class _Learned(NavigationBackend):
 
     def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
         """Return the network with the weights that `options` selects."""
-        return load_network(self.name, self._load(), options["weights"])
+        return load_network(self.name, options["weights"])
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
         """Run the policy and count the decisions with non-finite logits."""
@@ -124,15 +119,11 @@ class _Learned(NavigationBackend):
             return answer
         return replace(answer, statistics={**answer.statistics, "decisions not finite": faults})
 
-    def _load(self) -> Any:
-        return importlib.import_module(f".{self.module}", __package__)
-
 
 class SmallVin(_Learned):
     """Value iteration on the remembered map with learned costs of cells."""
 
     name = "small-vin"
-    module = "small_vin"
     summary = (
         "a small value iteration network on the remembered map, begun as value iteration itself"
     )
@@ -142,7 +133,6 @@ class Vin(_Learned):
     """The paper's value iteration network without memory, applied in every step."""
 
     name = "vin"
-    module = "vin"
     summary = "the paper's value iteration network on the masked map of the current view"
 
 
@@ -150,9 +140,15 @@ class Macn(_Learned):
     """MACN: a value iteration network and a differentiable memory."""
 
     name = "macn"
-    module = "macn"
     summary = "memory augmented control network of Khan et al. (2018) on the masked map"
     options = {**_Learned.options, "without": _WITHOUT}
+
+    def refuses(self, problem: UnknownGridNavigation) -> str:
+        """Return the reason to refuse maps that are larger than the canvas, or ``""``."""
+        side, (rows, columns) = macn.ARCHITECTURE["side"], problem.shape.tolist()
+        if max(rows, columns) > side:
+            return f"maps must have at most {side} × {side} cells, got {rows} × {columns}"
+        return ""
 
     def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
         network = super().network(options)
@@ -160,16 +156,14 @@ class Macn(_Learned):
         return network
 
 
-class Mcgn(_Learned):
+class Mcgn(Macn):
     """The paper's network: MCGN-I until the target is in the view, then MCGN-II."""
 
     name = "mcgn"
-    module = "mcgn"
     summary = "the paper's network: MCGN-I until the target is in the view, then MCGN-II"
-    options = {**_Learned.options, "weights_2": _FILE, "without": _WITHOUT}
+    options = {**Macn.options, "weights_2": _FILE}
 
     def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
-        module = self._load()
-        first = load_network("mcgn-1", module.First, options["weights"])
+        first = load_network("mcgn-1", options["weights"])
         first.without = options["without"]
-        return module.combine(first, load_network("mcgn-2", module.Second, options["weights_2"]))
+        return macn.combine(first, load_network("mcgn-2", options["weights_2"]))

@@ -1,7 +1,9 @@
-"""MACN: value iteration and a differentiable memory. MCGN-I is the same network with another input.
+"""MACN: value iteration and a differentiable memory, and MCGN, the paper's Motion Command Generation Network.
 
 A ConvNet and 30 iterations plan on the masked map O_g. The controller of a neural computer reads two maps, and
-its output is linear in output vector and read vectors. MACN reads R and V, MCGN-I reads O_g and V.
+its output is linear in output vector and read vectors. MACN reads R and V. MCGN-I is the same network, but reads O_g
+and V. MCGN applies MCGN-I until the target is in the view, then MCGN-II, the network of :mod:`~.value_iteration` on the
+partial map O_p. As in the paper, both parts are trained separately and used in parallel.
 
 Source: A. Khan, C. Zhang, N. Atanasov, K. Karydis, V. Kumar, D. D. Lee, "Memory Augmented Control Networks",
 ICLR 2018, arXiv 1709.05706. The paper on unknown grids names MACN as its baseline without describing it. Its Table II
@@ -14,37 +16,23 @@ controller has one input per cell.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ...models.unknown_grid.world import BLOCKED
-from ..learning.trainer import Course, Trainer, Training
-from .episodes import EPISODES, RunTrainer
+from . import value_iteration
 
 if TYPE_CHECKING:
     import torch
 
     from .memory import Observation
 
-__all__ = ["ARCHITECTURE", "TRAINING", "build_network", "refuse_size"]
+__all__ = ["ARCHITECTURE", "First", "Second", "build_network", "combine"]
 
 #: Side of the canvas in cells, and the sizes of Table II.
 ARCHITECTURE: dict[str, Any] = {
     "side": 17, "hidden": 150, "iterations": 30, "units": 256, "words": 32, "width": 8, "heads": 4,
 }  # fmt: skip
-
-
-def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
-    """Return the reason to refuse maps of a shape, or ``""``.
-
-    Parameters
-    ----------
-    shape, view : tuple of int
-        Numbers of rows and columns of the maps and of the view.
-    """
-    side = ARCHITECTURE["side"]
-    if max(shape) > side:
-        return f"maps must have at most {side} × {side} cells, got {shape[0]} × {shape[1]}"
-    return ""
 
 
 def build_network(
@@ -66,12 +54,11 @@ def build_network(
     from torch.nn import functional
 
     from .dnc import Record, build_computer
-    from .value_iteration import build_planner
 
     class Macn(nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            self.planner = build_planner(hidden, iterations)
+            self.planner = value_iteration.build_planner(hidden, iterations)
             self.computer = build_computer(
                 2 * side * side, 4, units=units, words=words, width=width, heads=heads
             )
@@ -108,14 +95,39 @@ def build_network(
     return Macn()
 
 
-def _trainer(course: Course) -> Trainer:
+class First:
+    """MCGN-I."""
+
+    ARCHITECTURE = ARCHITECTURE
+    build_network = staticmethod(partial(build_network, reads_map=True))
+
+
+class Second:
+    """MCGN-II."""
+
+    ARCHITECTURE = value_iteration.ARCHITECTURE
+    build_network = staticmethod(value_iteration.build_network)
+
+
+def combine(first: torch.nn.Module, second: torch.nn.Module) -> torch.nn.Module:
+    """Return the network that uses `first` until the target was seen, and `second` afterwards.
+
+    Parameters
+    ----------
+    first, second : torch.nn.Module
+        MCGN-I and MCGN-II with their weights.
+    """
     import torch
+    from torch import nn
 
-    torch.manual_seed(course.seed)
-    return RunTrainer(course, "macn", build_network(**ARCHITECTURE), ARCHITECTURE)
+    class Mcgn(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.first, self.second = first, second
 
+        def forward(self, observed: Observation, state: Any) -> tuple[torch.Tensor, Any]:
+            before, state = self.first(observed, state)
+            after, _ = self.second(observed.in_view(), None)
+            return torch.where(observed.seen[:, None], after, before), state
 
-TRAINING = Training(
-    "macn", "MACN on the masked map, by imitation of A*", _trainer, epochs=120, minutes=240,
-    options=EPISODES, dtype="float16",
-)  # fmt: skip
+    return Mcgn().eval()

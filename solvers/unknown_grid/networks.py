@@ -1,6 +1,6 @@
-"""Networks and their weights.
+"""Kinds of networks, their weights and their trainings.
 
-A network is a module of this package with the following names:
+A network is a module or class with the following names:
 
 ``ARCHITECTURE``
     Default sizes as a mapping of names to integers.
@@ -11,48 +11,59 @@ A network is a module of this package with the following names:
     `observed` is an :class:`~.memory.Observation` of tensors for n scenes. `state` is None at the first
     step, and the state of the previous step afterwards: a tuple of tensors whose first axis is the
     scenes, or None for networks without memory. It returns logits, shape (n, 4), and the new state.
-``refuse_size(shape, view)``
-    Function that returns the reason to refuse maps or views of a size, or ``""``. It is cheap and does
-    not import PyTorch.
-``TRAINING``
-    Training that ``crosstrack train`` runs.
+    (The network ``gmgn`` reads images instead.)
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidData
+from ..contract.option import Option
 from ..learning.gradient import fill
+from ..learning.trainer import Course, Trainer, Training
 from ..learning.weights import read_weights
+from . import gmgn, macn, small_vin, value_iteration
+from .episodes import EPISODES, DecisionTrainer, RunTrainer
+from .imitation import IMITATION, StepTrainer
 
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["load_network", "shipped_weights"]
+__all__ = ["NETWORKS", "load_network", "shipped_weights"]
+
+#: Networks by the kind of their weights.
+NETWORKS: dict[str, Any] = {
+    "small-vin": small_vin,
+    "vin": value_iteration,
+    "macn": macn,
+    "mcgn-1": macn.First,
+    "mcgn-2": macn.Second,
+    "gmgn": gmgn,
+}
 
 
-def shipped_weights(name: str) -> Path:
+def shipped_weights(kind: str) -> Path:
     """Return the path of the shipped weights of a network.
 
     Parameters
     ----------
-    name : str
-        Kind of the weights, such as "macn".
+    kind : str
+        Kind of the weights, a key of :data:`NETWORKS`.
     """
-    return Path(__file__).parent / "weights" / f"{name}.npz"
+    return Path(__file__).parent / "weights" / f"{kind}.npz"
 
 
-def load_network(name: str, module: Any, path: str | Path | None = None) -> torch.nn.Module:
+def load_network(kind: str, path: str | Path | None = None) -> torch.nn.Module:
     """Return a network with the weights of a file, in evaluation mode.
 
     Parameters
     ----------
-    name : str
-        Kind of the weights.
-    module : module
-        Network, with the interface in the docstring of this module.
+    kind : str
+        Kind of the weights, a key of :data:`NETWORKS`.
     path : path-like, optional
         File of weights, by default the shipped weights.
 
@@ -61,8 +72,8 @@ def load_network(name: str, module: Any, path: str | Path | None = None) -> torc
     InvalidData
         The file does not fit the network. The message names the file and the error.
     """
-    file = shipped_weights(name) if path is None else path
-    weights = read_weights(file, name)
+    file = shipped_weights(kind) if path is None else path
+    weights, module = read_weights(file, kind), NETWORKS[kind]
     if set(weights.architecture) != set(module.ARCHITECTURE):
         raise InvalidData(
             f"{file}: architecture must name {', '.join(sorted(module.ARCHITECTURE)) or 'nothing'}, got "
@@ -71,3 +82,51 @@ def load_network(name: str, module: Any, path: str | Path | None = None) -> torc
     network: torch.nn.Module = module.build_network(**weights.architecture)
     fill(network, weights)
     return network.eval()
+
+
+def _training(kind: str, summary: str, trainer: Callable[..., Trainer], **fields: Any) -> Training:
+    """Return the training of a kind of networks whose initial weights follow from the course's seed."""
+
+    def run(course: Course) -> Trainer:
+        import torch
+
+        torch.manual_seed(course.seed)
+        sizes = NETWORKS[kind].ARCHITECTURE
+        return trainer(course, kind, NETWORKS[kind].build_network(**sizes), sizes)
+
+    return Training(kind, summary, run, **fields)
+
+
+_PAPER: dict[str, Any] = {"epochs": 120, "options": EPISODES}
+SMALL_VIN = _training(
+    "small-vin", "value iteration on the remembered map with learned costs, by imitation of the shortest way",
+    StepTrainer, epochs=12, minutes=3, options=IMITATION,
+)  # fmt: skip
+VIN = _training(
+    "vin", "the paper's value iteration network on the masked map, by imitation of A*",
+    DecisionTrainer, minutes=60, **_PAPER,
+)  # fmt: skip
+MACN = _training(
+    "macn", "MACN on the masked map, by imitation of A*",
+    RunTrainer, minutes=240, dtype="float16", **_PAPER,
+)  # fmt: skip
+MCGN_1 = _training(
+    "mcgn-1", "MCGN-I, before the target is in the view, by imitation of A*",
+    partial(RunTrainer, part=1), minutes=120, dtype="float16",
+    use="--backend mcgn --option weights={path}", **_PAPER,
+)  # fmt: skip
+MCGN_2 = _training(
+    "mcgn-2", "MCGN-II, once the target is in the view, by imitation of A*",
+    partial(DecisionTrainer, part=2), minutes=30,
+    use="--backend mcgn --option weights_2={path}", **_PAPER,
+)  # fmt: skip
+GMGN = _training(
+    "gmgn", "cells of a view from its image, by drawn images of scenes",
+    gmgn.GmgnTrainer, epochs=10, minutes=3, dtype="float16",
+    use="--option perception=gmgn --option perception_weights={path}",
+    options={
+        "images": Option(4, "images of a batch", int, lower=1),
+        "batches": Option(40, "batches of an epoch", int, lower=1),
+        "rate": Option(3e-3, "first rate of Adam", lower=0.0),
+    },
+)  # fmt: skip

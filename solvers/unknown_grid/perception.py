@@ -149,10 +149,9 @@ _shares = cache(overlaps)
 @cache
 def _network(weights: str | None, written: int) -> Any:
     """Return the network of a file. The time of its last change, `written`, is part of the cache key."""
-    from . import gmgn
     from .networks import load_network
 
-    return load_network("gmgn", gmgn, weights)
+    return load_network("gmgn", weights)
 
 
 def _classify(colours: Floats, view: tuple[int, int], weights: str | None) -> Truths:

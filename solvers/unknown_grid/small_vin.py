@@ -16,37 +16,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...models.unknown_grid.world import BLOCKED, FREE, TARGET, UNKNOWN
-from ..learning.trainer import Course, Trainer, Training
-from .imitation import IMITATION, StepTrainer
 
 if TYPE_CHECKING:
     import torch
 
     from .memory import Observation
 
-__all__ = ["ARCHITECTURE", "TRAINING", "build_network", "refuse_size"]
+__all__ = ["ARCHITECTURE", "build_network"]
 
 #: Channels and side of the kernel of the first layer.
 ARCHITECTURE = {"channels": 12, "window": 5}
-#: Maximum number of cells of a map. An iteration sweeps over all cells, and a path may visit half of them.
-LARGEST = 256 * 256
 #: Value below that of any cell with a path.
 _LOWEST = -1e9
 #: Number of sweeps between two tests of convergence.
 _ROUND = 8
-
-
-def refuse_size(shape: tuple[int, int], view: tuple[int, int]) -> str:
-    """Return the reason to refuse maps of a shape, or ``""``.
-
-    Parameters
-    ----------
-    shape, view : tuple of int
-        Numbers of rows and columns of the maps and of the view.
-    """
-    if shape[0] * shape[1] > LARGEST:
-        return f"maps must have at most {LARGEST} cells, got {shape[0]} × {shape[1]}"
-    return ""
 
 
 def build_network(channels: int = 12, window: int = 5) -> torch.nn.Module:
@@ -105,20 +88,3 @@ def build_network(channels: int = 12, window: int = 5) -> torch.nn.Module:
         return values
 
     return SmallVin()
-
-
-def _trainer(course: Course) -> Trainer:
-    import torch
-
-    torch.manual_seed(course.seed)
-    return StepTrainer(course, "small-vin", build_network(**ARCHITECTURE), ARCHITECTURE)
-
-
-TRAINING = Training(
-    "small-vin",
-    "value iteration on the remembered map with learned costs, by imitation of the shortest way",
-    _trainer,
-    epochs=12,
-    minutes=3,
-    options=IMITATION,
-)

@@ -1,4 +1,12 @@
-"""Planner of the paper's networks: ConvNet of Table I and the value iteration module of equations 1-2."""
+"""Planner of the paper's networks: ConvNet of Table I and the value iteration module of equations 1-2.
+
+With attention to the vehicle's cell the planner is a network of its own. As MCGN-II it plans on the partial map O_p once
+the target is in the view. As the policy ``vin`` it plans on the masked map O_g in every step without memory, which
+isolates the contribution of the values.
+
+Source: A. Tamar, Y. Wu, G. Thomas, S. Levine, P. Abbeel, "Value Iteration Networks", NeurIPS 2016,
+arXiv 1602.02867: attention takes the four action values at the vehicle's cell, a linear layer turns them into logits.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +19,12 @@ from .value_kernels import iterate, pass_back
 if TYPE_CHECKING:
     from torch import Tensor, nn
 
-__all__ = ["GOAL", "build_planner"]
+    from .memory import Observation
 
+__all__ = ["ARCHITECTURE", "GOAL", "build_network", "build_planner"]
+
+#: Channels of the first layer and iterations (Table II).
+ARCHITECTURE = {"hidden": 150, "iterations": 30}
 #: Value of the target's cell in the initial reward map. The other cells are 0.
 GOAL = 10.0
 #: Standard deviation of the initial weights, which the paper omits. The value is from the implementation of MACN
@@ -92,3 +104,30 @@ def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
             return rewards, values, fixed + self.moving(values)
 
     return Planner()
+
+
+def build_network(hidden: int = 150, iterations: int = 30) -> nn.Module:
+    """Return the planner with attention to the vehicle's cell, and its initial weights.
+
+    Parameters
+    ----------
+    hidden, iterations : int, default 150 and 30
+        Channels of the first layer, and number of iterations.
+    """
+    import torch
+    from torch import nn
+
+    class Vin(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.planner = build_planner(hidden, iterations)
+            self.output = nn.Linear(4, 4, bias=False)
+
+        def forward(self, observed: Observation, state: None = None) -> tuple[Tensor, None]:
+            _, _, worth = self.planner(observed.current, observed.targets)
+            limits = torch.tensor(worth.shape[2:]) - 1
+            # A vehicle outside the view is moved to the nearest cell of the view.
+            rows, columns = torch.minimum(observed.positions.clamp(min=0), limits).T
+            return self.output(worth[torch.arange(len(worth)), :, rows, columns]), None
+
+    return Vin()

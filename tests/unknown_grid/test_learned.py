@@ -19,9 +19,10 @@ from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.learning.trainer import Course
 from crosstrack.solvers.learning.training import find_training, train
 from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights
-from crosstrack.solvers.unknown_grid import small_vin, vin
+from crosstrack.solvers.unknown_grid import small_vin
 from crosstrack.solvers.unknown_grid.imitation import (
     NEVER,
+    Recurrence,
     Scenes,
     Walk,
     best_actions,
@@ -34,7 +35,7 @@ from crosstrack.solvers.unknown_grid.learned import LearnedPolicy, SmallVin, Vin
 from crosstrack.solvers.unknown_grid.memory import Memory
 from crosstrack.solvers.unknown_grid.networks import load_network, shipped_weights
 
-BACKENDS = {"small-vin": (SmallVin, small_vin), "vin": (Vin, vin)}
+BACKENDS = {"small-vin": SmallVin, "vin": Vin}
 #: Options of a training of a few seconds.
 TINY = {"scenes": 2, "batches": 9, "batch": 24, "judged": 1, "rate": 0.02}
 
@@ -146,6 +147,18 @@ def test_logits_that_are_not_finite_are_never_chosen():
     assert wrong.tolist() == [2, 4, 1, 3]
 
 
+def test_states_follow_the_active_scenes():
+    def network(inputs, state):
+        marks, counts = (inputs, np.zeros(len(inputs))) if state is None else state
+        assert (marks == inputs).all()
+        return counts, (marks, counts + 1)
+
+    recurrence, marks = Recurrence(network), np.array([5, 6, 7])
+    for step, rows in enumerate([[0, 1, 2], [0, 2], [0, 2], [2]]):
+        counts = recurrence(marks[rows], np.array(rows))
+        assert counts.tolist() == [step] * len(rows)
+
+
 def test_without_pytorch_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "torch", None)
     with pytest.raises(BackendMissing, match=r"crosstrack\[learn\]"):
@@ -156,7 +169,7 @@ def test_without_pytorch_the_extra_is_named(monkeypatch):
 
 @pytest.mark.parametrize("name", BACKENDS)
 def test_maps_that_are_too_large_are_refused(name):
-    cls, _ = BACKENDS[name]
+    cls = BACKENDS[name]
     shape = (300, 300)
     model = UnknownGridNavigation(
         np.zeros((1, *shape), bool), np.array([[0, 0]]), np.array([[9, 9]]), np.array(shape)
@@ -254,7 +267,7 @@ def test_the_state_of_a_scene_stays_with_it(torch):
 @pytest.mark.parametrize("name", BACKENDS)
 @pytest.mark.parametrize("wild", ["no-way", "beside-in-the-dark", "one-row", "wide-view"])
 def test_every_run_ends_and_repeats(name, wild, torch):
-    backend, model = BACKENDS[name][0](), dataclasses.replace(WILD[wild](), steps=25)
+    backend, model = BACKENDS[name](), dataclasses.replace(WILD[wild](), steps=25)
     answer = run(backend, model)
     assert model.verify(answer.point).ok
     assert run(backend, model).point == answer.point
@@ -271,7 +284,7 @@ def test_weights_that_diverged_end_within_the_steps(name, torch, tmp_path):
     file = tmp_path / "wild.npz"
     write_weights(file, Weights(name, wild, shipped.architecture))
     model = draw_scenes(scenes=4, seed=3, steps=12)
-    backend = BACKENDS[name][0]()
+    backend = BACKENDS[name]()
     answer = run(backend, model, weights=str(file))
     assert model.verify(answer.point).ok
     assert run(backend, model, weights=str(file)).point == answer.point
@@ -287,10 +300,10 @@ def test_weights_of_another_network_are_refused(torch, tmp_path):
     file = tmp_path / "vin.npz"
     write_weights(file, Weights("vin", shipped.arrays, {"hidden": 150}))
     with pytest.raises(InvalidData, match="architecture must name hidden, iterations"):
-        load_network("vin", vin, file)
+        load_network("vin", file)
     write_weights(file, Weights("vin", shipped.arrays, {"hidden": 7, "iterations": 30}))
     with pytest.raises(InvalidData, match="must have shape"):
-        load_network("vin", vin, file)
+        load_network("vin", file)
 
 
 def test_the_small_network_stays_near_the_planner(torch):

@@ -16,7 +16,7 @@ from crosstrack.solvers.learning.gradient import arrays_of  # noqa: E402
 from crosstrack.solvers.learning.trainer import Course, one_thread  # noqa: E402
 from crosstrack.solvers.learning.training import find_training  # noqa: E402
 from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights  # noqa: E402
-from crosstrack.solvers.unknown_grid import gmgn, macn, mcgn, vin  # noqa: E402
+from crosstrack.solvers.unknown_grid import macn  # noqa: E402
 from crosstrack.solvers.unknown_grid.dnc import (  # noqa: E402
     Interface,
     Record,
@@ -37,7 +37,7 @@ from crosstrack.solvers.unknown_grid.networks import shipped_weights  # noqa: E4
 from crosstrack.solvers.unknown_grid.value_iteration import build_planner  # noqa: E402
 
 #: Networks with a memory: module, and the part of the run for the training.
-NETWORKS = {"macn": (macn, 0), "mcgn-1": (mcgn.First, 1)}
+NETWORKS = {"macn": (macn, 0), "mcgn-1": (macn.First, 1)}
 POLICIES = {"macn": Macn, "mcgn": Mcgn}
 #: Lower limits on the targets that shipped weights reach, percent, below the measured values.
 LEAST = {"macn": 10.0, "mcgn": 70.0}
@@ -294,7 +294,7 @@ def test_the_controller_reads_two_maps():
     observed = looks(["...", ".S.", "..T"], (1, 3)).tensors()
     sizes = {"side": 5, **SMALL}
     torch.manual_seed(0)
-    first = mcgn.First.build_network(**sizes)
+    first = macn.First.build_network(**sizes)
     inputs = first.read(observed)[0].detach().reshape(2, 5, 5)
     wanted = np.ones((5, 5))
     wanted[1:4, 1:4] = [[-1, -1, -1], [0, 0, 0], [-1, -1, -1]]
@@ -325,7 +325,7 @@ def test_the_second_part_decides_once_the_target_was_seen():
             ).float(), state
 
     one, two = Part(1), Part(2)
-    both = mcgn.combine(one, two)
+    both = macn.combine(one, two)
     model = drawn(["@S.T.", "....."], ["S...T", "....."], view=(1, 5))
     walk = Walk(Scenes(model.blocked, model.starts, model.targets), (1, 5))
     logits, _ = both(walk.look(walk.going).tensors(), None)
@@ -349,13 +349,13 @@ def test_the_expert_leads_and_its_first_action_is_learned():
 
 
 def trainer(name, seed):
-    module, part = NETWORKS.get(name, (vin, 2))
+    module, part = NETWORKS.get(name, (macn.Second, 2))
     asked = {key: one.default for key, one in find_training(name).options.items()}
     asked |= {"batch": 16, "batches": 8 if part < 2 else 40, "rate": 0.01}
     torch.manual_seed(seed)
     sizes = {key: SMALL.get(key, size) for key, size in module.ARCHITECTURE.items()}
     network = module.build_network(**sizes)
-    kind = DecisionTrainer if module is vin else RunTrainer
+    kind = DecisionTrainer if part == 2 else RunTrainer
     return kind(Course(seed, 2, asked, draw_scene_arrays), name, network, sizes, part=part)
 
 
@@ -392,7 +392,7 @@ def test_a_part_learns_from_its_own_steps():
 
 def test_perception_is_trained_in_three_stages():
     asked = {key: one.default for key, one in find_training("gmgn").options.items()}
-    learner = gmgn.TRAINING.run(Course(0, 10, asked, draw_scene_arrays))
+    learner = find_training("gmgn").run(Course(0, 10, asked, draw_scene_arrays))
     free = {}
     for number in (0, 6, 7):
         learner.prepare(number, np.random.default_rng(0))
@@ -413,7 +413,7 @@ def test_sizes_are_those_of_the_paper(name):
     assert shapes["computer.controller.weight_ih"] == (1024, 2 * 17 * 17 + 4 * 8)
     assert shapes["computer.interface.weight"] == (4 * 8 + 3 * 8 + 5 * 4 + 3, 256)
     assert shapes["computer.output.weight"] == (4, 256 + 4 * 8)
-    assert mcgn.First.ARCHITECTURE["iterations"] == mcgn.Second.ARCHITECTURE["iterations"] == 30
+    assert macn.First.ARCHITECTURE["iterations"] == macn.Second.ARCHITECTURE["iterations"] == 30
     assert shipped_weights(name).stat().st_size < 1_000_000
 
 

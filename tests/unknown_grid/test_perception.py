@@ -208,7 +208,7 @@ def test_a_tiny_network_learns(tmp_path, monkeypatch):
     done, again = (train("gmgn", file, examples=draw_scene_arrays, **tiny) for file in files)
     assert done.figures[1]["loss"] < 0.8 * done.figures[0]["loss"]
     assert done.figures == again.figures
-    first, second = (load_network("gmgn", gmgn, file) for file in files)
+    first, second = (load_network("gmgn", file) for file in files)
     for name, one in first.state_dict().items():
         assert (one == second.state_dict()[name]).all(), name
     with pytest.raises(InvalidData, match="examples must be a function"):
