@@ -1,4 +1,4 @@
-"""Surrogates of a series that are linear noise, and the predictability of a series.
+"""Surrogates of a series that are linear noise.
 
 Sources: T. Schreiber and A. Schmitz, "Improved surrogate data for nonlinearity tests", Physical Review Letters
 77, 1996; the same, "Surrogate time series", Physica D 142, 2000, for the choice of ends.
@@ -7,17 +7,13 @@ Sources: T. Schreiber and A. Schmitz, "Improved surrogate data for nonlinearity 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...jit import kernel
-
-__all__ = ["match_ends", "normal_scores", "prediction_error", "sampled_error", "surrogates_of"]
+__all__ = ["match_ends", "normal_scores", "surrogates_of"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Number of consecutive samples that must match at both ends, and largest shares cut at each end.
 _ALIKE, _CUTS = 3, (0.1, 0.25)
@@ -128,140 +124,3 @@ def surrogates_of(
         open_ = open_[moved]
         limit -= 1
     return found
-
-
-@kernel
-def prediction_error(
-    series: Floats, delay: int, dimension: int, ahead: int, theiler: int, count: int
-) -> Any:
-    """Return the mean square error of predictions by the mean future of the nearest states.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-    delay, dimension : int
-        The embedding.
-    ahead : int
-        Samples between the last coordinate and the predicted sample.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    count : int
-        Number of neighbours, by the largest difference of a coordinate.
-
-    Returns
-    -------
-    float
-        Squared error in the unit of the series; NaN if no state has enough neighbours.
-    """
-    span = (dimension - 1) * delay
-    last = len(series) - span - ahead
-    best = np.empty(count)
-    future = np.empty(count)
-    total, predicted = 0.0, 0
-    for i in range(last):
-        for k in range(count):
-            best[k] = np.inf
-        for j in range(last):
-            if abs(i - j) <= theiler:
-                continue
-            far = 0.0
-            limit = best[count - 1]
-            # The last coordinates diverge first.
-            for c in range(span, -1, -delay):
-                apart = abs(series[i + c] - series[j + c])
-                if apart > far:
-                    far = apart
-                    if far >= limit:
-                        break
-            if far < limit:
-                k = count - 1
-                while k > 0 and best[k - 1] > far:
-                    best[k] = best[k - 1]
-                    future[k] = future[k - 1]
-                    k -= 1
-                best[k] = far
-                future[k] = series[j + span + ahead]
-        if best[count - 1] < np.inf:
-            mean = 0.0
-            for k in range(count):
-                mean += future[k]
-            total += (series[i + span + ahead] - mean / count) ** 2
-            predicted += 1
-    return total / predicted if predicted > 0 else np.nan
-
-
-@kernel(interpretable=True)
-def sampled_error(
-    states: Floats, times: Ints, futures: Floats, places: Ints, theiler: int, count: int
-) -> float:
-    """Return the error of :func:`prediction_error` for a sample of the states.
-
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        All states, ordered by the first coordinate.
-    times : ndarray, shape (m,)
-        Sample at which each state begins.
-    futures : ndarray, shape (m,)
-        Future sample of each state.
-    places : ndarray, shape (r,)
-        Rows of the predicted states.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    count : int
-        Number of neighbours, by the largest difference of a coordinate.
-
-    Returns
-    -------
-    float
-        NaN if no state has enough neighbours.
-    """
-    m, d = states.shape
-    best, future = np.empty(count), np.empty(count)
-    total, predicted = 0.0, 0
-    for place in places:
-        best[:] = np.inf
-        left, right = place - 1, place + 1
-        backward = True
-        while left >= 0 or right < m:
-            backward = not backward
-            if (backward and left < 0) or (not backward and right >= m):
-                continue
-            if backward:
-                other = left
-                left -= 1
-            else:
-                other = right
-                right += 1
-            far = abs(states[other, 0] - states[place, 0])
-            limit = best[count - 1]
-            if far >= limit:
-                if backward:
-                    left = -1
-                else:
-                    right = m
-                continue
-            if abs(times[other] - times[place]) <= theiler:
-                continue
-            for column in range(1, d):
-                apart = abs(states[other, column] - states[place, column])
-                if apart > far:
-                    far = apart
-                    if far >= limit:
-                        break
-            if far < limit:
-                k = count - 1
-                while k > 0 and best[k - 1] > far:
-                    best[k] = best[k - 1]
-                    future[k] = future[k - 1]
-                    k -= 1
-                best[k] = far
-                future[k] = futures[other]
-        if best[count - 1] < np.inf:
-            mean = 0.0
-            for k in range(count):
-                mean += future[k]
-            total += (futures[place] - mean / count) ** 2
-            predicted += 1
-    return total / predicted if predicted > 0 else np.nan

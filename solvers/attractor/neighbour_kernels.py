@@ -22,9 +22,9 @@ Ints = NDArray[np.int64]
 
 @kernel(interpretable=True)
 def nearest_states(
-    states: Floats, times: Ints, places: Ints, theiler: int, rank: int
+    states: Floats, times: Ints, places: Ints, theiler: int, count: int, largest: bool
 ) -> tuple[Ints, Floats, int]:
-    """Return the neighbour of given rank of some states, and its squared distance.
+    """Return the nearest neighbours of some states, and their distances.
 
     Parameters
     ----------
@@ -35,27 +35,31 @@ def nearest_states(
     places : ndarray, shape (r,)
         Rows of the states whose neighbours are searched.
     theiler : int
-        States at most this number of samples apart are not neighbours, and neither are equal states.
-    rank : int
-        1 for the nearest state, 2 for the next one, and so on. Of equal distances the earlier state is first.
+        States at most this number of samples apart are not neighbours.
+    count : int
+        Number of neighbours. Of equal distances the earlier state is first.
+    largest : bool
+        True for the largest difference of a coordinate as distance. False for the square of the Euclidean distance;
+        then equal states are not neighbours.
 
     Returns
     -------
-    which : ndarray, shape (r,)
-        Time of the neighbour; -1 if there are too few.
-    squares : ndarray, shape (r,)
-        Squared distance; infinite if there are too few.
+    which : ndarray, shape (r, count)
+        Times of the neighbours, the nearest first; -1 if there are too few.
+    far : ndarray, shape (r, count)
+        Distances; infinite if there are too few.
     visits : int
         Number of visited pairs.
     """
     m, d = states.shape
-    count = len(places)
-    which, squares, visits = np.full(count, -1, np.int64), np.full(count, np.inf), 0
-    near, who = np.empty(rank), np.empty(rank, np.int64)
-    for row in range(count):
-        place = places[row]
-        near[:] = np.inf
-        who[:] = -1
+    which, nearest, visits = (
+        np.full((len(places), count), -1),
+        np.full((len(places), count), np.inf),
+        0,
+    )
+    last = count - 1
+    for row in range(len(places)):
+        place, near, who = places[row], nearest[row], which[row]
         left, right = place - 1, place + 1
         backward = True
         while left >= 0 or right < m:
@@ -69,9 +73,10 @@ def nearest_states(
                 other = right
                 right += 1
             visits += 1
-            apart = states[other, 0] - states[place, 0]
-            square = apart * apart
-            if square > near[rank - 1]:
+            far = abs(states[other, 0] - states[place, 0])
+            if not largest:
+                far *= far
+            if far > near[last]:
                 if backward:
                     left = -1
                 else:
@@ -80,22 +85,21 @@ def nearest_states(
             if abs(times[other] - times[place]) <= theiler:
                 continue
             for column in range(1, d):
-                apart = states[other, column] - states[place, column]
-                square += apart * apart
-                if square > near[rank - 1]:
+                apart = abs(states[other, column] - states[place, column])
+                far = max(far, apart) if largest else far + apart * apart
+                if far > near[last]:
                     break
             time = times[other]
-            if square == 0.0 or square > near[rank - 1]:
+            if far > near[last] or (far == 0.0 and not largest):
                 continue
-            if square == near[rank - 1] and who[rank - 1] >= 0 and time > who[rank - 1]:
+            if far == near[last] and who[last] >= 0 and time > who[last]:
                 continue
-            k = rank - 1
-            while k > 0 and (near[k - 1] > square or (near[k - 1] == square and who[k - 1] > time)):
+            k = last
+            while k > 0 and (near[k - 1] > far or (near[k - 1] == far and who[k - 1] > time)):
                 near[k], who[k] = near[k - 1], who[k - 1]
                 k -= 1
-            near[k], who[k] = square, time
-        which[row], squares[row] = who[rank - 1], near[rank - 1]
-    return which, squares, visits
+            near[k], who[k] = far, time
+    return which, nearest, visits
 
 
 @kernel(interpretable=True)

@@ -99,11 +99,11 @@ class Neighbours:
         return np.sort(np.random.default_rng(0).choice(self.last, count, replace=False))
 
     def nearest(self, some: Ints, rank: int = 1) -> tuple[Ints, Floats, int]:
-        """Return the neighbours of some states, their squared distances, and the number of visited pairs."""
-        result: tuple[Ints, Floats, int] = nearest_states(
-            self.ordered, self.times, self.places[some], self.theiler, rank
+        """Return the neighbours of given rank, their squared distances, and the number of visited pairs."""
+        which, squares, visits = nearest_states(
+            self.ordered, self.times, self.places[some], self.theiler, rank, False
         )
-        return result
+        return which[:, -1], squares[:, -1], visits
 
     def within(self, some: Ints, radius: float, ahead: int) -> tuple[Floats, Ints, int]:
         """Return sums and counts of the mean divergence of some states, and their number of neighbours."""

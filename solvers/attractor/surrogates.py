@@ -21,9 +21,10 @@ from ...models.attractor.plan import AttractorEstimate, Judgement, Slope, Surrog
 from ..contract.backend import Feature, Request
 from ..contract.option import Option
 from .exponents import Rosenstein
-from .iaaft import match_ends, normal_scores, prediction_error, sampled_error, surrogates_of
+from .iaaft import match_ends, normal_scores, surrogates_of
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 from .nearest import thin_out
+from .neighbour_kernels import nearest_states
 
 __all__ = ["RANKING", "Ranks", "Surrogates", "judge", "ranks"]
 
@@ -145,13 +146,7 @@ def ranks(
     theiler = min(embedding.theiler // step, len(part) // 10)
 
     def error(values: Floats) -> float:
-        if len(values) <= ASKED:
-            square = prediction_error(
-                values, delay, dimension, delay, theiler, options["neighbours"]
-            )
-        else:
-            square = long_error(values, delay, dimension, theiler, options["neighbours"])
-        return math.sqrt(square)
+        return math.sqrt(prediction_error(values, delay, dimension, theiler, options["neighbours"]))
 
     own_error, others = error(part), []
     drawn = surrogates_of(part, options["count"], np.random.default_rng(seed), stopped)
@@ -167,8 +162,10 @@ def ranks(
     return Ranks(options["count"], exceeded, *figures, sigmas, jump, *extent)
 
 
-def long_error(values: Floats, delay: int, dimension: int, theiler: int, count: int) -> float:
-    """Return the mean square error of predicting some states of a long series from all of its states.
+def prediction_error(values: Floats, delay: int, dimension: int, theiler: int, count: int) -> float:
+    """Return the mean square error of predictions by the mean future of the nearest states.
+
+    Up to :data:`ASKED` samples all states are predicted, otherwise a sample of them.
 
     Parameters
     ----------
@@ -179,7 +176,12 @@ def long_error(values: Floats, delay: int, dimension: int, theiler: int, count: 
     theiler : int
         States at most this number of samples apart are not neighbours.
     count : int
-        Number of neighbours.
+        Number of neighbours, by the largest difference of a coordinate.
+
+    Returns
+    -------
+    float
+        NaN if no state has enough neighbours.
     """
     last = len(values) - dimension * delay
     # The last coordinates diverge first, so the search is along the last one.
@@ -188,10 +190,14 @@ def long_error(values: Floats, delay: int, dimension: int, theiler: int, count: 
     states = np.ascontiguousarray(np.stack(columns, axis=1)[times])
     places = np.empty(last, np.int64)
     places[times] = np.arange(last)
-    futures = values[dimension * delay :][times]
-    asked = places[thin_out(last, ASKED if dimension <= HIGH else ASKED_HIGH)]
-    found = sampled_error(states, times, futures, asked, theiler, count)
-    return float(found)
+    asked = thin_out(last, ASKED if dimension <= HIGH or len(values) <= ASKED else ASKED_HIGH)
+    which, _, _ = nearest_states(states, times, places[asked], theiler, count, True)
+    complete = which[:, -1] >= 0
+    if not complete.any():
+        return math.nan
+    futures = values[dimension * delay :]
+    errors = futures[asked[complete]] - futures[which[complete]].mean(axis=1)
+    return float((errors**2).mean())
 
 
 def judge(

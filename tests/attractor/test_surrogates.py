@@ -12,14 +12,10 @@ from crosstrack.errors import UnsupportedOption
 from crosstrack.models import AttractorAnalysis
 from crosstrack.models.attractor import Judgement
 from crosstrack.solvers import Control, Limit, Termination
-from crosstrack.solvers.attractor.iaaft import (
-    match_ends,
-    normal_scores,
-    prediction_error,
-    surrogates_of,
-)
+from crosstrack.solvers.attractor.iaaft import match_ends, normal_scores, surrogates_of
 from crosstrack.solvers.attractor.native import Embedding, embed
-from crosstrack.solvers.attractor.surrogates import RANKING, ranks
+from crosstrack.solvers.attractor.neighbour_kernels import nearest_states
+from crosstrack.solvers.attractor.surrogates import RANKING, prediction_error, ranks
 
 OPTIONS = {name: option.default for name, option in RANKING.items()}
 
@@ -90,33 +86,38 @@ def test_the_ends_that_match_best_are_taken(n, cut, monkeypatch):
 @settings(max_examples=60)
 def test_the_prediction_error_is_that_of_plain_loops(n, delay, d, theiler, count, seed, values):
     x = np.random.default_rng(seed).integers(values, size=n) / values
-    ahead, span = 2, (d - 1) * delay
+    ahead, span = delay, (d - 1) * delay
     errors = []
     for i in range(n - span - ahead):
         near = []
         for j in range(n - span - ahead):
             if abs(i - j) > theiler:
                 near.append((max(abs(x[i + c * delay] - x[j + c * delay]) for c in range(d)), j))
-        near.sort()
-        # Where more are equally near than are asked for, any of them will do: leave those cases.
-        if len(near) > count and values == 4:
-            return
+        near.sort()  # of equally near states the earlier ones
         if len(near) >= count:
             mean = np.mean([x[j + span + ahead] for _, j in near[:count]])
             errors.append((x[i + span + ahead] - mean) ** 2)
-    found = prediction_error.py_func(x, delay, d, ahead, theiler, count)
+    found = prediction_error(x, delay, d, theiler, count)
     if errors:
         assert found == pytest.approx(np.mean(errors), rel=1e-9)
     else:
         assert np.isnan(found)
 
 
-def test_the_compiled_prediction_error_is_that_of_the_plain_meaning():
+@pytest.mark.parametrize(
+    ("count", "theiler", "largest"), [(5, 0, True), (1, 10, True), (2, 3, False)]
+)
+def test_compiled_nearest_states_are_those_of_the_plain_meaning(count, theiler, largest):
+    x = np.sort(henon(150))
+    states, times = np.stack([x, x[::-1]], axis=1), np.random.default_rng(0).permutation(150)
+    given = states, times, np.arange(0, 150, 7), theiler, count, largest
+    for found, wanted in zip(nearest_states(*given), nearest_states.py_func(*given), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-12)
+
+
+def test_a_map_is_predicted_by_its_nearest_states():
     x = henon(150)
-    for arguments in ((1, 2, 1, 0, 5), (3, 2, 3, 10, 1)):
-        wanted = prediction_error.py_func(x, *arguments)
-        assert prediction_error(x, *arguments) == pytest.approx(wanted, rel=1e-12)
-    assert prediction_error(x, 1, 2, 1, 0, 3) < 0.01 * x.var()
+    assert prediction_error(x, 1, 2, 0, 3) < 0.01 * x.var()
 
 
 def noisy(x, share=0.1, seed=0):
