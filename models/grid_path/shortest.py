@@ -43,7 +43,7 @@ def distances(grid: GridMap, cells: ArrayLike, *, diagonal: bool = True) -> NDAr
     left = np.full((places.size, places.size), CEILING)
     for k in range(places.size - 1):
         others = places[k + 1 :]
-        _, remainders, _ = sweep(
+        _, remainders, _, _ = sweep(
             grid.walls, grid.shape[1] + 2, places[k], others, True, diagonal, False,
             np.zeros(1, np.int8),
         )  # fmt: skip
@@ -81,7 +81,7 @@ def path_between(
     ends = [_free(grid, name, [cell])[0] for name, cell in (("start", start), ("goal", goal))]
     first, last = grid.numbers_of(ends)
     width = grid.shape[1] + 2
-    _, left, _ = sweep(
+    _, left, _, _ = sweep(
         grid.walls, width, first, np.array([last]), False, diagonal, True, np.zeros(1, np.int8)
     )
     if left[last] == 0:

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from ..contract.backend import Feature, Guarantee, Request
 from .free_paths import AnyDirection, Ground, Leg
+from .native import LARGE
 from .smoothing import without_collinear
 
 __all__ = ["AnyAngle"]
 
 Floats = NDArray[np.float64]
-
-#: Number of cells above which a run with a time limit starts from a shortened path along neighbours.
-LARGE = 40_000
 
 
 class AnyAngle(AnyDirection):

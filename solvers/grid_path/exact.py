@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.grid_path.model import Connectivity, GridPath
-from .native import Field, Found, Ints, NeighbourSearch
+from .native import Field, Ints, NeighbourSearch, Search
 
 __all__ = ["AStar", "Dijkstra", "JumpPoint"]
 
@@ -25,25 +25,24 @@ class AStar(NeighbourSearch):
     summary = "A* with octile or Manhattan distance, exact"
     guided = True
 
-    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
+    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Search:
         """Search with buckets, or with a heap if cells have weights."""
         from ...models.grid_path.search_kernels import CEILING, STOPPED, STRAIGHT, sweep, trace
-        from .weighted_kernels import back, weighted
+        from .heap_kernels import back, weighted
 
-        how = (field.start, goals, every, field.diagonal, self.guided)
+        walls, width, diagonal = field.walls, field.width, field.diagonal
+        how = (width, field.start, goals, every, diagonal, self.guided, flag)
         if field.problem.weights is not None:
-            status, costs, parents, expanded = weighted(
-                field.walls, field.weights, field.width, *how, flag
+            status, costs, parents, expanded, bound = weighted(walls, field.weights, *how)
+            return Search(
+                status == STOPPED, costs[goals], bound, lambda goal: back(parents, goal), expanded
             )
-            return Found(
-                status == STOPPED, costs[goals], lambda goal: back(parents, goal), expanded
-            )
-        status, left, expanded = sweep(field.walls, field.width, *how, flag)
-        spent = np.where(left[goals] > 0, (CEILING - left[goals]) / STRAIGHT, np.inf)
-        return Found(
+        status, left, expanded, least = sweep(walls, *how)
+        return Search(
             status == STOPPED,
-            spent,
-            lambda goal: trace(field.walls, field.width, left, goal, field.diagonal),
+            np.where(left[goals] > 0, (CEILING - left[goals]) / STRAIGHT, np.inf),
+            least / STRAIGHT,
+            lambda goal: trace(walls, width, left, goal, diagonal),
             expanded,
         )
 
@@ -71,7 +70,7 @@ class JumpPoint(NeighbourSearch):
             return "weights: its runs take all cells for equal"
         return super().refuses(problem)
 
-    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
+    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Search:
         """Search for the nearest goal. If `every`, `goals` has one entry, because `shared` is False."""
         from ...models.grid_path.search_kernels import STOPPED, STRAIGHT
         from .jump_kernels import jump, unroll
@@ -79,7 +78,10 @@ class JumpPoint(NeighbourSearch):
         status, goal, cost, parents, expanded = jump(
             field.walls, field.width, field.start, goals, flag
         )
-        spent = np.where(goals == goal, cost / STRAIGHT, np.inf)
-        return Found(
-            status == STOPPED, spent, lambda end: unroll(parents, field.width, end), expanded
+        return Search(
+            status == STOPPED,
+            np.where(goals == goal, cost / STRAIGHT, np.inf),
+            cost / STRAIGHT,
+            lambda end: unroll(parents, field.width, end),
+            expanded,
         )

@@ -118,7 +118,7 @@ def jump(
     goal : int
         Number of the nearest goal, -1 if no goal is reachable.
     cost : int
-        Cost of the path to it.
+        Cost of the path to it; if stopped, a lower bound on it.
     parents : ndarray of int64, shape (cells,)
         Previous jump point of each cell. The start is its own parent.
     expanded : int
@@ -142,7 +142,7 @@ def jump(
     expanded = 0
     while len(heap) > 0:
         if flag[0] != 0:
-            return STOPPED, -1, 0, parents, expanded
+            return STOPPED, -1, heap[0][0], parents, expanded
         _, here, cell = heappop(heap)
         if here < left[cell] or waiting[cell] == 0:
             continue

@@ -1,25 +1,31 @@
-"""Base of the exact searches along neighbours: the map as arrays, and the answer."""
+"""Base of the exact searches along neighbours: the map as arrays, a first plan, and the answer."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...jit import clock
+from ...jit import OutOfTime, clock
 from ...models.grid_path.model import Connectivity, GridPath, Reach
 from ...models.grid_path.plan import GridPlan
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
-__all__ = ["Field", "Found", "NeighbourSearch"]
+__all__ = ["LARGE", "Field", "NeighbourSearch", "Search"]
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
+
+#: Number of cells above which a run with a time limit starts with a quick search for a first plan, and
+#: the largest share of the time for it. The exact searches take about 2 ms at this size.
+LARGE, FIRST = 40_000, 0.3
 
 
 @dataclass(frozen=True)
@@ -72,18 +78,57 @@ class Field:
         """Whether steps may be diagonal."""
         return self.problem.connectivity is Connectivity.EIGHT
 
+    def straight(self) -> Floats:
+        """Lower bounds on the costs of the goals from their distances, shape (goals,)."""
+        apart = np.abs(self.problem.goals - self.problem.start)
+        low, high = apart.min(axis=1), apart.max(axis=1)
+        cells = high + (np.sqrt(2.0) - 1.0) * low if self.diagonal else high + low
+        if self.problem.weights is None:
+            return np.asarray(cells, float)
+        return np.asarray(cells * self.weights[self.walls == 0].min())
+
+    def plan(self, paths: list[Ints]) -> GridPlan:
+        """Return the plan of paths of cell numbers."""
+        grid = self.problem.map
+        return GridPlan(tuple(grid.centres(grid.cells_at(path)) for path in paths))
+
+    def first_plan(self, request: Request) -> tuple[float, GridPlan] | None:
+        """Return the cost and a plan by greedy searches and report it, or None if the share of the time ends.
+
+        An unreachable goal also gives None, because the exact search proves it.
+        """
+        from .heap_kernels import back, greedy
+
+        every = self.problem.reach is Reach.EACH
+        assert request.time_limit is not None
+        paths = []
+        with request.control.stage(FIRST * request.time_limit) as stage:
+            for goals in np.split(self.goals, len(self.goals)) if every else [self.goals]:
+                _, goal, parents = greedy(
+                    self.walls, self.width, self.start, goals, self.diagonal, stage.flag
+                )
+                if goal < 0:
+                    return None
+                paths.append(back(parents, goal))
+        plan = self.plan(paths)
+        cost = self.problem.verify(plan).objective
+        request.control.incumbent(cost, plan)
+        return cost, plan
+
 
 @dataclass(frozen=True)
-class Found:
+class Search:
     """Result of one search.
 
     Parameters
     ----------
     stopped : bool
-        Whether the flag stopped the search. The other fields are then undefined.
+        Whether the flag stopped the search. Its paths are then undefined.
     costs : ndarray, shape (goals,)
         Costs in cells, infinite without a path. If the search was for the nearest goal, only the
-        smallest cost is exact.
+        smallest cost is exact. If stopped, costs below `bound` are exact.
+    bound : float
+        If stopped, lower bound in cells on the other costs.
     path : callable
         Function that returns the cells of the path to a goal; goals and cells are numbers.
     expanded : int
@@ -92,6 +137,7 @@ class Found:
 
     stopped: bool
     costs: Floats
+    bound: float
     path: Callable[[int], Ints]
     expanded: int
 
@@ -99,7 +145,8 @@ class Found:
 class NeighbourSearch(Backend):
     """Base of the exact searches. A subclass implements :meth:`search`.
 
-    The searches are deterministic and solve to a gap of zero.
+    The searches are deterministic and solve to a gap of zero. On large maps, a run with a time limit begins
+    with greedy searches, whose plan is the answer if the limit stops the exact search.
     """
 
     accepts = GridPath
@@ -111,7 +158,7 @@ class NeighbourSearch(Backend):
     shared = False
 
     @abstractmethod
-    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Found:
+    def search(self, field: Field, goals: Ints, every: bool, flag: NDArray[np.int8]) -> Search:
         """Return shortest paths to all of `goals` if `every`, otherwise to the nearest."""
 
     def refuses(self, problem: GridPath) -> str:
@@ -127,32 +174,40 @@ class NeighbourSearch(Backend):
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
         field = Field(problem)
+        first = None
+        if request.time_limit is not None and field.walls.size > LARGE:
+            # The exact search may be compiled or interpreted in time if the greedy one is not.
+            with suppress(OutOfTime):
+                first = field.first_plan(request)
         every = problem.reach is Reach.EACH
-        groups = np.split(field.goals, len(field.goals)) if every and not self.shared else None
-        costs: list[float] = []
+        groups = np.split(np.arange(len(field.goals)), len(field.goals) if every else 1)
+        if self.shared:
+            groups = [np.arange(len(field.goals))]
+        bounds = field.straight()
         paths: list[Ints] = []
         expanded = 0
-        for goals in groups or [field.goals]:
-            result = self.search(field, goals, every, request.control.flag)
+        for group in groups:
+            result = self.search(field, field.goals[group], every, request.control.flag)
             expanded += result.expanded
             if result.stopped:
+                open_bounds = np.minimum(result.costs, result.bound)
+                bounds[group] = np.maximum(bounds[group], open_bounds)
                 break
-            for k in range(len(goals)) if every else [int(np.argmin(result.costs))]:
-                costs.append(float(result.costs[k]))
-                if np.isfinite(costs[-1]):
-                    paths.append(result.path(int(goals[k])))
-            if len(paths) < len(costs):
+            bounds[group] = result.costs
+            ends = group if every else group[[np.argmin(result.costs)]]
+            if not np.isfinite(bounds[ends]).all():
                 break
-        seconds = {"solve": clock() - begin}
-        statistics = {"cells expanded": expanded}
-        if len(paths) < len(costs):
-            return Answer(Termination.INFEASIBLE, seconds=seconds, statistics=statistics)
+            paths += [result.path(int(field.goals[k])) for k in ends]
+        bound = float(bounds.sum() if every else bounds.min()) * problem.map.cell * field.heaviest
+        common: dict[str, Any] = {
+            "seconds": {"solve": clock() - begin}, "statistics": {"cells expanded": expanded},
+        }  # fmt: skip
         if result.stopped:
             limit = request.control.reason or Limit.INTERRUPTED
-            return Answer(Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics)
-        grid = problem.map
-        plan = GridPlan(tuple(grid.centres(grid.cells_at(path)) for path in paths))
-        cost = sum(costs) * grid.cell * field.heaviest
-        return Answer(
-            Termination.OPTIMAL, None, plan, cost, cost, seconds=seconds, statistics=statistics
-        )
+            if first is None:
+                return Answer(Termination.NO_SOLUTION, limit, dual_bound=bound, **common)
+            cost, plan = first
+            return Answer(Termination.FEASIBLE, limit, plan, cost, bound, **common)
+        if not np.isfinite(bound):
+            return Answer(Termination.INFEASIBLE, **common)
+        return Answer(Termination.OPTIMAL, None, field.plan(paths), bound, bound, **common)

@@ -12,12 +12,14 @@ from scipy.sparse.csgraph import dijkstra
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import GridPath
-from crosstrack.models.grid_path import GridMap, distances, path_between
+from crosstrack.models.grid_path import GridMap, distances, path_between, search_kernels
 from crosstrack.models.grid_path.search_kernels import DIAGONAL, STOPPED, STRAIGHT, sweep, trace
 from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.grid_path import heap_kernels, jump_kernels, native
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
+from crosstrack.solvers.grid_path.heap_kernels import weighted
 from crosstrack.solvers.grid_path.jump_kernels import jump, unroll
-from crosstrack.solvers.grid_path.weighted_kernels import weighted
 
 EXACT = ["a-star", "dijkstra", "jump-point"]
 
@@ -258,7 +260,7 @@ def test_interpreted_kernels_equal_compiled():
         for loop, maps in ((sweep, (grid.walls,)), (weighted, (grid.walls, weights))):
             for mine, theirs in zip(loop(*maps, *how), loop.py_func(*maps, *how), strict=True):
                 np.testing.assert_array_equal(mine, theirs)
-    _, left, _ = sweep(grid.walls, 33, start, goals, True, True, False, flag)
+    _, left, _, _ = sweep(grid.walls, 33, start, goals, True, True, False, flag)
     path = trace.py_func(grid.walls, 33, left, goals[0], True)
     np.testing.assert_array_equal(path, trace(grid.walls, 33, left, goals[0], True))
     near = jump(grid.walls, 33, start, goals, flag)
@@ -282,3 +284,53 @@ def test_threads_search_at_once():
     for one in threads:
         one.join()
     assert found == pytest.approx([best] * 4, rel=1e-12)
+
+
+class Countdown:
+    """Stop flag that is set after a number of polls."""
+
+    def __init__(self, polls):
+        self.polls = polls
+
+    def __getitem__(self, _):
+        self.polls -= 1
+        return self.polls < 0
+
+
+@pytest.mark.parametrize("case", range(6))
+def test_stopped_searches_return_a_first_path_and_a_bound(case, monkeypatch):
+    """Whenever the search stops, the path is valid and the bound holds."""
+    rng = np.random.default_rng(case)
+    grid = GridMap(maze(41, case, 0.1), cell=0.5)
+    free = np.argwhere(~grid.blocked)
+    model = GridPath(
+        grid,
+        free[0],
+        free[rng.integers(len(free) // 2, len(free), size=3)],
+        connectivity="8" if case % 2 else "4",
+        reach="each" if case % 3 == 0 else "nearest",
+        weights=rng.uniform(1.0, 3.0, grid.shape) if case < 2 else None,
+    )
+    best = optimum(model)
+    monkeypatch.setattr(native, "LARGE", 0)
+    kernels = (
+        (search_kernels, "sweep", sweep),
+        (heap_kernels, "weighted", weighted),
+        (jump_kernels, "jump", jump),
+    )
+    for name in backends_for(model):
+        bounds = []
+        for polls in (0, 1, 8, 60, 700):
+            for module, name_of_kernel, kernel in kernels:
+
+                def stopping(*arguments, kernel=kernel, polls=polls):
+                    return kernel.py_func(*arguments[:-1], Countdown(polls))
+
+                monkeypatch.setattr(module, name_of_kernel, stopping)
+            answer = find_backend(name, model).run(model, Request(time_limit=60.0))
+            bounds.append(answer.dual_bound)
+            assert answer.dual_bound <= best * (1 + 1e-12) <= answer.primal_bound * (1 + 2e-12)
+            assert model.verify(answer.point).ok
+            assert polls > 0 or answer.termination == "feasible"
+        assert bounds == sorted(bounds)
+        assert bounds[-1] > bounds[0] or bounds[0] == pytest.approx(best)

@@ -1,4 +1,4 @@
-"""Shortest paths along neighbouring cells with weights."""
+"""Searches along neighbouring cells with a heap: shortest paths with weights, and a quick first path."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.grid_path.search_kernels import DONE, STOPPED, box_around
+from ...models.grid_path.search_kernels import DONE, STOPPED, ahead, box_around, steps_of
 
-__all__ = ["back", "weighted"]
+__all__ = ["back", "greedy", "weighted"]
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -21,7 +21,7 @@ _DIAGONAL = math.sqrt(2.0)
 
 
 @kernel
-def bound(row: int, column: int, box: Ints, diagonal: bool) -> float:
+def remaining(row: int, column: int, box: Ints, diagonal: bool) -> float:
     """Return the distance, in cells, to the rectangle `box` on a map without blocked cells."""
     down = max(box[0] - row, row - box[1], 0)
     across = max(box[2] - column, column - box[3], 0)
@@ -41,7 +41,7 @@ def weighted(
     diagonal: bool,
     guided: bool,
     flag: NDArray[np.int8],
-) -> tuple[int, Floats, Ints, int]:
+) -> tuple[int, Floats, Ints, int, float]:
     """Return the cost of each cell, exact at the goals, and its predecessor.
 
     Ties go to the cell with the greater cost, then to the lower number.
@@ -77,6 +77,8 @@ def weighted(
         Predecessor of each cell, -1 for unreached cells. The start is its own parent.
     expanded : int
         Number of expansions; a cell may be expanded more than once.
+    bound : float
+        If stopped, lower bound on the cost of every goal whose cost may decrease.
     """
     costs = np.full(walls.size, np.inf)
     parents = np.full(walls.size, -1)
@@ -99,9 +101,11 @@ def weighted(
     parents[start] = start
     heap = [(0.0, 0.0, start)]
     expanded = 0
+    bound = 0.0
     while len(heap) > 0:
+        bound = heap[0][0]
         if flag[0] != 0:
-            return STOPPED, costs, parents, expanded
+            return STOPPED, costs, parents, expanded, bound
         _, minus, cell = heappop(heap)
         here = costs[cell]
         if done[cell] != 0 or -minus > here:
@@ -132,9 +136,61 @@ def weighted(
                 done[neighbour] = 0  # rounding may make the bound a little inconsistent
                 order = total
                 if guided:
-                    order += lightest * bound(row + down, column + across, box, diagonal)
+                    order += lightest * remaining(row + down, column + across, box, diagonal)
                 heappush(heap, (order, -total, neighbour))
-    return DONE, costs, parents, expanded
+    return DONE, costs, parents, expanded, bound
+
+
+@kernel(interpretable=True)
+def greedy(
+    walls: Bytes, width: int, start: int, goals: Ints, diagonal: bool, flag: NDArray[np.int8]
+) -> tuple[int, int, Ints]:
+    """Return a path to one of the goals, by greedy best-first search.
+
+    The search expands the cell with the lowest bound on the remaining cost, and each cell once. Its path
+    is the first plan of an exact search with a time limit.
+
+    Parameters
+    ----------
+    walls, width, start, goals, diagonal, flag
+        See :func:`weighted`.
+
+    Returns
+    -------
+    status : int
+        ``DONE`` or ``STOPPED``.
+    goal : int
+        Number of a goal that the search reached, -1 if it reached none.
+    parents : ndarray of int64, shape (cells,)
+        Predecessors of the visited cells. The start is its own parent.
+    """
+    steps = steps_of(width, diagonal)
+    box = box_around(goals, width)
+    parents = np.empty(walls.size, np.int64)
+    seen = walls.copy()
+    is_goal = np.zeros(walls.size, np.uint8)
+    for goal in goals:
+        is_goal[goal] = 1
+    seen[start] = 1
+    parents[start] = start
+    heap = [(0, start)]
+    while len(heap) > 0:
+        if flag[0] != 0:
+            return STOPPED, -1, parents
+        _, cell = heappop(heap)
+        if is_goal[cell] != 0:
+            return DONE, cell, parents
+        row = cell // width
+        column = cell - row * width
+        for turn in range(len(steps)):
+            down, across = steps[turn, 2], steps[turn, 3]
+            to = cell + steps[turn, 0]
+            if seen[to] != 0 or (walls[cell + down * width] | walls[cell + across]) != 0:
+                continue
+            seen[to] = 1
+            parents[to] = cell
+            heappush(heap, (ahead(row + down, column + across, box, diagonal), to))
+    return DONE, -1, parents
 
 
 @kernel(interpretable=True)
@@ -144,7 +200,7 @@ def back(parents: Ints, goal: int) -> Ints:
     Parameters
     ----------
     parents : ndarray of int64, shape (cells,)
-        Predecessors that :func:`weighted` returned.
+        Predecessors that :func:`weighted` or :func:`greedy` returned.
     goal : int
         Number of a cell that the search reached.
     """
