@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +27,12 @@ from ..contract.backend import (
     Termination,
 )
 from .bound import lower_bound, trip_bound
-from .search_kernels import anneal, measure
+from .search_kernels import Fleet, Routes, anneal, measure
 from .start import first_routes, repair
 
 __all__ = ["FleetSearch"]
 
 Floats = NDArray[np.float64]
-Whole = NDArray[np.int64]
 
 #: Number of nearest nodes next to which a node may be inserted.
 NEIGHBOURS = 20
@@ -59,55 +58,6 @@ ROUNDING = 1e-12
 BETTER = 1e-9
 
 
-@dataclass
-class _Data:
-    """Instance data in the form required by the kernels."""
-
-    nodes: Whole
-    near: Whole
-    distances: Floats
-    place: Whole
-    demands: Floats
-    capacity: Floats
-    battery: Floats
-    rules: Floats
-    use_all: bool
-
-    @classmethod
-    def of(cls, model: FleetRouting) -> Self:
-        """Return the data of `model`, scaled so that its longest distance is 1."""
-        n, m = model.size, model.vehicles
-        nodes = model.customers
-        unit = float(model.distances.max()) or 1.0
-        distances = np.ascontiguousarray(model.distances / unit)
-        both = distances + distances.T
-        near = np.full((n, max(1, min(NEIGHBOURS, len(nodes) - 1))), -1, np.int64)
-        for i in nodes:
-            others = nodes[nodes != i]
-            order = others[np.argsort(both[i, others], kind="stable")][: near.shape[1]]
-            near[i, : order.size] = order
-        none = math.inf
-        divisor = m - 1 if model.deviation is Deviation.SAMPLE else m
-        # The variance is in squared units.
-        scale = unit if model.objective is Objective.VARIANCE else 1.0
-        weight = 1e-6 if model.objective is Objective.LEXICOGRAPHIC else model.q * scale
-        flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
-        limits = (model.budget, model.deviation_limit, model.range_limit)
-        rules = [
-            float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
-            *(none if limit is None else limit / unit for limit in limits), PENALTY, -none,
-        ]  # fmt: skip
-
-        def each(limit: Floats | None, scale: float) -> Floats:
-            return np.full(m, none) if limit is None else np.array(limit) / scale
-
-        return cls(
-            nodes, near, distances, np.concatenate([np.arange(n), model.homes]),
-            np.zeros(n) if model.demands is None else np.array(model.demands),
-            each(model.capacity, 1.0), each(model.battery, unit), np.array(rules), model.use_all,
-        )  # fmt: skip
-
-
 #: Codes of the objectives in the kernels.
 CODES = {
     Objective.SUM: 0, Objective.MAX: 1, Objective.DEVIATION: 2, Objective.RANGE: 3,
@@ -115,64 +65,94 @@ CODES = {
 }  # fmt: skip
 
 
-@dataclass
-class _Routes:
-    """Routes as linked lists, modified in place by the kernels."""
+def _scaled(model: FleetRouting) -> Fleet:
+    """Return the data of `model` for the kernels."""
+    n, m = model.size, model.vehicles
+    nodes = model.customers
+    unit = float(model.distances.max()) or 1.0
+    distances = np.ascontiguousarray(model.distances / unit)
+    both = distances + distances.T
+    near = np.full((n, max(1, min(NEIGHBOURS, len(nodes) - 1))), -1, np.int64)
+    for i in nodes:
+        others = nodes[nodes != i]
+        order = others[np.argsort(both[i, others], kind="stable")][: near.shape[1]]
+        near[i, : order.size] = order
+    none = math.inf
+    divisor = m - 1 if model.deviation is Deviation.SAMPLE else m
+    # The variance is in squared units.
+    scale = unit if model.objective is Objective.VARIANCE else 1.0
+    weight = 1e-6 if model.objective is Objective.LEXICOGRAPHIC else model.q * scale
+    flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
+    limits = (model.budget, model.deviation_limit, model.range_limit)
+    rules = [
+        float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
+        *(none if limit is None else limit / unit for limit in limits), PENALTY, -none,
+    ]  # fmt: skip
 
-    after: Whole
-    before: Whole
-    route: Whole
-    loads: Floats
-    carried: Floats
-    counts: Whole
-    key: tuple[float, float] = (math.inf, math.inf)
+    def each(limit: Floats | None, scale: float) -> Floats:
+        return np.full(m, none) if limit is None else np.array(limit) / scale
 
-    @classmethod
-    def empty(cls, data: _Data) -> Self:
-        """Return empty routes for all vehicles."""
-        m = data.battery.size
-        n = data.place.size - m
+    return Fleet(
+        nodes, near, distances, np.concatenate([np.arange(n), model.homes]),
+        np.zeros(n) if model.demands is None else np.array(model.demands),
+        each(model.capacity, 1.0), each(model.battery, unit), np.array(rules), model.use_all,
+    )  # fmt: skip
+
+
+class _Candidate:
+    """Routes with their key, the violation of limits and the objective; infinite if nodes are missing.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        Data of the model.
+    stops : list of lists of int
+        Stops of each vehicle. Annealing inserts the missing nodes.
+    """
+
+    def __init__(self, fleet: Fleet, stops: list[list[int]]) -> None:
+        self.fleet, m = fleet, len(fleet.battery)
+        n = len(fleet.place) - m
         marks = np.concatenate([np.zeros(n, np.int64), n + np.arange(m)])
         none = np.full(n + m, -1, np.int64)
-        return cls(marks, marks.copy(), none, np.zeros(m), np.zeros(m), np.zeros(m, np.int64))
+        self.routes = routes = Routes(
+            marks, marks.copy(), none, np.zeros(m), np.zeros(m), np.zeros(m, np.int64)
+        )
+        self.key = (math.inf, math.inf)
+        for k, nodes in enumerate(stops):
+            for a, b in itertools.pairwise([n + k, *nodes, n + k]):
+                routes.after[a], routes.before[b] = b, a
+                if nodes:
+                    routes.loads[k] += fleet.distances[fleet.place[a], fleet.place[b]]
+            routes.route[nodes] = k
+            routes.counts[k] = len(nodes)
+            routes.carried[k] = fleet.demands[nodes].sum()
+        if (routes.route[fleet.nodes] >= 0).all():
+            self._measure()
 
-    def link(self, data: _Data, k: int, stops: list[int]) -> None:
-        """Set the route of vehicle `k`, empty so far, to `stops`."""
-        mark = data.place.size - data.battery.size + k
-        chain = [mark, *stops, mark]
-        for a, b in itertools.pairwise(chain):
-            self.after[a], self.before[b] = b, a
-            self.loads[k] += data.distances[data.place[a], data.place[b]] if stops else 0.0
-        self.route[stops] = k
-        self.counts[k] = len(stops)
-        self.carried[k] = data.demands[stops].sum()
+    def _measure(self) -> None:
+        _, objective, broken = measure(self.fleet, self.routes)
+        self.key = (float(broken), float(objective))
 
-    def lists(self, data: _Data) -> list[list[int]]:
+    def stops(self) -> list[list[int]]:
         """Return the stops of each vehicle."""
-        m = data.battery.size
-        n = data.place.size - m
+        after, m = self.routes.after.tolist(), len(self.fleet.battery)
+        n = len(after) - m
         routes = []
         for k in range(m):
-            stops, node = [], int(self.after[n + k])
+            stops, node = [], after[n + k]
             while node < n:
                 stops.append(node)
-                node = int(self.after[node])
+                node = after[node]
             routes.append(stops)
         return routes
 
     def anneal(
-        self, data: _Data, hot: float, steps: int, flag: NDArray[np.int8], draw: np.random.Generator
+        self, hot: float, steps: int, flag: NDArray[np.int8], draw: np.random.Generator
     ) -> int:
         """Anneal the routes, set them to the best ones found and return the number of steps."""
-        done = anneal(
-            data.nodes, data.near, data.distances, data.place, self.after, self.before, self.route,
-            self.loads, data.demands, self.carried, self.counts, data.capacity, data.battery,
-            data.rules, data.use_all, hot, COLD, steps, flag, draw,
-        )  # fmt: skip
-        _, objective, broken = measure(
-            self.loads, self.carried, data.capacity, data.battery, data.rules
-        )
-        self.key = (float(broken), float(objective))
+        done = anneal(self.fleet, self.routes, hot, COLD, steps, flag, draw)
+        self._measure()
         return int(done)
 
 
@@ -218,7 +198,7 @@ class _Search:
 
     model: FleetRouting
     request: Request
-    pool: list[_Routes] = field(default_factory=list)
+    pool: list[_Candidate] = field(default_factory=list)
     best: FleetPlan | None = None
     objective: float = math.inf
     packing: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
@@ -233,7 +213,7 @@ class _Search:
         """Run the search and return its answer."""
         model, request = self.model, self.request
         begin = clock()
-        self.data = _Data.of(model)
+        self.fleet = _scaled(model)
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
         self.begin()
@@ -275,7 +255,7 @@ class _Search:
             self.prove(trip_bound(model))
         self.packing = np.random.default_rng(np.random.SeedSequence([request.seed or 0, 1]))
         if request.warm_start is not None:
-            self.offer(self.routes_of([list(route) for route in request.warm_start.routes]))
+            self.offer(_Candidate(self.fleet, [list(route) for route in request.warm_start.routes]))
             return
         routes = first_routes(model, self.packing, lambda: self.must_stop)
         if routes is not None:
@@ -287,15 +267,15 @@ class _Search:
     def search(self, threads: ThreadPoolExecutor) -> None:
         """Anneal in rounds: each generation starts from scratch, then recombines its pool."""
         request, options = self.request, self.request.options
-        count = len(self.data.nodes)
+        count = len(self.fleet.nodes)
         steps = options["steps"] or min(max(STEPS * count, LEAST), MOST)
         idle = stale = 0
         improved = False
         flag = request.control.flag
 
-        def work(job: tuple[_Routes, float, np.random.Generator]) -> int:
-            routes, hot, draw = job
-            return routes.anneal(self.data, hot, steps, flag, draw)
+        def work(job: tuple[_Candidate, float, np.random.Generator]) -> int:
+            candidate, hot, draw = job
+            return candidate.anneal(hot, steps, flag, draw)
 
         while idle < options["patience"] and not self.within_gap:
             if self.must_stop:
@@ -304,10 +284,10 @@ class _Search:
             self.steps += sum(threads.map(work, jobs))
             self.rounds += 1
             before = self.pool[0].key if self.pool else None
-            better = [self.offer(routes) for routes, _, _ in jobs]
-            better += [self.repair(routes) for routes, _, _ in jobs]
+            better = [self.offer(candidate) for candidate, _, _ in jobs]
+            better += [self.repair(candidate) for candidate, _, _ in jobs]
             improved |= any(better)
-            self.weigh([routes.key[0] > 0.0 for routes, _, _ in jobs])
+            self.weigh([candidate.key[0] > 0.0 for candidate, _, _ in jobs])
             stale = 0 if self.pool[0].key != before else stale + 1
             if self.rounds == 1 and options["bound"] and not self.within_gap:
                 begin = clock()
@@ -320,41 +300,43 @@ class _Search:
 
     def prove(self, bound: float) -> None:
         """Report a lower bound and set the objective at which annealing ends."""
-        control, data = self.request.control, self.data
+        control = self.request.control
         control.prove(bound)
         self.bound = max(bound, self.bound or 0.0)
         unit = float(self.model.distances.max()) or 1.0
-        data.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit
+        self.fleet.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit
 
     def weigh(self, broken: list[bool]) -> None:
         """Increase the penalty if all annealings ended with violations, decrease it if none did."""
         if all(broken):
-            self.data.rules[7] = min(self.data.rules[7] * STRICTER, STRICTEST)
+            self.fleet.rules[7] = min(self.fleet.rules[7] * STRICTER, STRICTEST)
         elif not any(broken):
-            self.data.rules[7] = max(self.data.rules[7] / STRICTER, PENALTY)
+            self.fleet.rules[7] = max(self.fleet.rules[7] / STRICTER, PENALTY)
 
-    def repair(self, routes: _Routes) -> bool:
+    def repair(self, candidate: _Candidate) -> bool:
         """Remove the overload of annealed routes and offer them; return whether they are the best."""
-        if not (routes.carried > self.data.capacity).any():
+        if not (candidate.routes.carried > self.fleet.capacity).any():
             return False
-        fixed = repair(self.model, routes.lists(self.data), self.packing, lambda: self.must_stop)
-        return fixed is not None and self.offer(self.routes_of(fixed))
+        fixed = repair(self.model, candidate.stops(), self.packing, lambda: self.must_stop)
+        return fixed is not None and self.offer(_Candidate(self.fleet, fixed))
 
-    def select_start(self, draw: np.random.Generator) -> tuple[_Routes, float, np.random.Generator]:
+    def select_start(
+        self, draw: np.random.Generator
+    ) -> tuple[_Candidate, float, np.random.Generator]:
         """Return routes to anneal, empty or recombined from the pool, and their temperature."""
         if self.born < BORN:
             self.born += 1
-            return _Routes.empty(self.data), HOT, draw
+            return _Candidate(self.fleet, []), HOT, draw
         a, b = (int(k) for k in draw.integers(0, len(self.pool), 2))
         return self.cross(self.pool[a], self.pool[b], draw), WARM, draw
 
-    def cross(self, one: _Routes, other: _Routes, draw: np.random.Generator) -> _Routes:
+    def cross(self, one: _Candidate, other: _Candidate, draw: np.random.Generator) -> _Candidate:
         """Return the crossover of two fleets: random routes of `one`, completed from `other`."""
-        first, second = one.lists(self.data), other.lists(self.data)
+        first, second = one.stops(), other.stops()
         m = len(first)
         chosen = [k for k in range(m) if draw.random() < 0.5]
         if one is other or not chosen:
-            return self.routes_of(first)
+            return _Candidate(self.fleet, first)
         taken = {node for k in chosen for node in first[k]}
         routes: list[list[int]] = [[] for _ in range(m)]
         free = [k for k in range(m) if k not in chosen]
@@ -368,34 +350,20 @@ class _Search:
             rest = [second[k] for k in free]
         for k, stops in zip(free, rest, strict=True):
             routes[k] = [node for node in stops if node not in taken]
-        return self.routes_of(routes)
+        return _Candidate(self.fleet, routes)
 
-    def routes_of(self, lists: list[list[int]]) -> _Routes:
-        """Return routes with the given stops; annealing inserts the missing nodes."""
-        routes = _Routes.empty(self.data)
-        for k, stops in enumerate(lists):
-            routes.link(self.data, k, stops)
-        if (routes.route[self.data.nodes] >= 0).all():
-            _, objective, broken = measure(
-                routes.loads, routes.carried, self.data.capacity, self.data.battery, self.data.rules
-            )
-            routes.key = (float(broken), float(objective))
-        return routes
-
-    def offer(self, routes: _Routes) -> bool:
+    def offer(self, candidate: _Candidate) -> bool:
         """Add new routes to the pool if they are good enough; return whether they are the best."""
-        plan = FleetPlan(tuple(tuple(stops) for stops in routes.lists(self.data)))
-        keys = [kept.key for kept in self.pool]
-        if routes.key not in keys:
-            self.pool.append(routes)
-            self.pool.sort(key=lambda one: one.key)
+        if candidate.key not in [member.key for member in self.pool]:
+            self.pool.append(candidate)
+            self.pool.sort(key=lambda member: member.key)
             del self.pool[KEPT:]
-        first = routes.key < self.key
-        self.key = min(self.key, routes.key)
-        if routes.key[0] > 0.0:
+        first = candidate.key < self.key
+        self.key = min(self.key, candidate.key)
+        if candidate.key[0] > 0.0:
             return first
-        objective = objective_of(self.model, loads_of(self.model, plan))
-        return self.keep(plan, objective)
+        plan = FleetPlan(tuple(map(tuple, candidate.stops())))
+        return self.keep(plan, objective_of(self.model, loads_of(self.model, plan)))
 
     def keep(self, plan: FleetPlan, objective: float) -> bool:
         """Make `plan` the incumbent if it is better; return whether it is."""

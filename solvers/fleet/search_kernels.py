@@ -12,14 +12,17 @@ k starts and ends at the mark ``n + k``, which represents its depot.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["SUM", "anneal", "measure"]
+__all__ = ["Fleet", "Routes", "anneal", "measure"]
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
 
 #: Codes of the objectives.
 SUM, MAX, DEVIATION, RANGE, VARIANCE = 0, 1, 2, 3, 5
@@ -33,17 +36,64 @@ REMOVED, LONGEST = 10.0, 10
 WIDE, FAR = 0.1, 40.0
 
 
-@kernel
-def measure(
-    loads: NDArray[np.float64], carried: NDArray[np.float64], capacity: NDArray[np.float64],
-    battery: NDArray[np.float64], rules: NDArray[np.float64],
-) -> tuple[float, float, float]:  # fmt: skip
-    """Return the energy, the objective and the relative violation of limits.
+class Fleet(NamedTuple):
+    """Data of a fleet of m vehicles and n nodes, scaled so that the longest distance is 1.
 
-    `rules` holds the objective's code, q, the divisor in the deviation, the weight of the mean load in
-    the energy, the limits on sum, deviation and range, the penalty for a violation as large as its
-    limit in units of mean plus longest load, and the objective at which annealing ends.
+    Attributes
+    ----------
+    nodes : ndarray of int
+        Nodes to visit.
+    near : ndarray of int, shape (n, k)
+        Nearest other nodes of each node, -1 beyond the last.
+    distances : ndarray, shape (n, n)
+        Distances.
+    place : ndarray of int, shape (n + m,)
+        Node of each node and mark.
+    demands, capacity, battery : ndarray
+        Demand of each node; largest load and length of each route.
+    rules : ndarray, shape (9,)
+        Code of the objective, q, divisor in the deviation, weight of the mean load in the energy, limits on
+        sum, deviation and range, penalty for a violation as large as its limit in units of mean plus longest
+        load, and objective at which annealing ends.
+    use_all : bool
+        Whether every vehicle must have a node.
     """
+
+    nodes: Whole
+    near: Whole
+    distances: Floats
+    place: Whole
+    demands: Floats
+    capacity: Floats
+    battery: Floats
+    rules: Floats
+    use_all: bool
+
+
+class Routes(NamedTuple):
+    """Routes as linked lists, modified in place.
+
+    Attributes
+    ----------
+    after, before, route : ndarray of int, shape (n + m,)
+        Next and previous entry of each node and mark, and vehicle of each node, -1 without one.
+    loads, carried, counts : ndarray, shape (m,)
+        Length, demand and number of nodes of each route.
+    """
+
+    after: Whole
+    before: Whole
+    route: Whole
+    loads: Floats
+    carried: Floats
+    counts: Whole
+
+
+@kernel
+def measure(fleet: Fleet, routes: Routes) -> tuple[float, float, float]:
+    """Return the energy, the objective and the relative violation of limits."""
+    loads, carried, capacity = routes.loads, routes.carried, fleet.capacity
+    battery, rules = fleet.battery, fleet.rules
     m = loads.size
     total, longest, shortest = 0.0, -math.inf, math.inf
     broken = 0.0
@@ -82,50 +132,46 @@ def measure(
 
 
 @kernel
-def _take(
-    node: int, distances: NDArray[np.float64], place: NDArray[np.int64], after: NDArray[np.int64],
-    before: NDArray[np.int64], route: NDArray[np.int64], loads: NDArray[np.float64],
-    demands: NDArray[np.float64], carried: NDArray[np.float64], counts: NDArray[np.int64],
-) -> None:  # fmt: skip
+def _detour(fleet: Fleet, here: int, start: int, end: int) -> float:
+    """Return the additional length of a route that visits node `here` between two nodes."""
+    distances = fleet.distances
+    return distances[start, here] + distances[here, end] - distances[start, end]
+
+
+@kernel
+def _take(fleet: Fleet, routes: Routes, node: int) -> None:
     """Remove `node` from its route."""
-    a, b, k = before[node], after[node], route[node]
-    here, start, end = place[node], place[a], place[b]
-    loads[k] += distances[start, end] - distances[start, here] - distances[here, end]
-    carried[k] -= demands[here]
-    counts[k] -= 1
-    if counts[k] == 0:
-        loads[k] = carried[k] = 0.0
-    after[a], before[b] = b, a
-    route[node] = -1
+    a, b, k = routes.before[node], routes.after[node], routes.route[node]
+    here, start, end = fleet.place[node], fleet.place[a], fleet.place[b]
+    distances = fleet.distances
+    routes.loads[k] += distances[start, end] - distances[start, here] - distances[here, end]
+    routes.carried[k] -= fleet.demands[here]
+    routes.counts[k] -= 1
+    if routes.counts[k] == 0:
+        routes.loads[k] = routes.carried[k] = 0.0
+    routes.after[a], routes.before[b] = b, a
+    routes.route[node] = -1
 
 
 @kernel
-def _put(
-    node: int, behind: int, k: int, distances: NDArray[np.float64], place: NDArray[np.int64],
-    after: NDArray[np.int64], before: NDArray[np.int64], route: NDArray[np.int64],
-    loads: NDArray[np.float64], demands: NDArray[np.float64], carried: NDArray[np.float64],
-    counts: NDArray[np.int64],
-) -> None:  # fmt: skip
+def _put(fleet: Fleet, routes: Routes, node: int, behind: int, k: int) -> None:
     """Insert `node` into the route of vehicle `k`, behind a node or the mark of the depot."""
-    next_ = after[behind]
-    here, start, end = place[node], place[behind], place[next_]
-    loads[k] += distances[start, here] + distances[here, end] - distances[start, end]
-    carried[k] += demands[here]
-    counts[k] += 1
-    after[behind], before[node] = node, behind
-    after[node], before[next_] = next_, node
-    route[node] = k
+    next_ = routes.after[behind]
+    here = fleet.place[node]
+    routes.loads[k] += _detour(fleet, here, fleet.place[behind], fleet.place[next_])
+    routes.carried[k] += fleet.demands[here]
+    routes.counts[k] += 1
+    routes.after[behind], routes.before[node] = node, behind
+    routes.after[node], routes.before[next_] = next_, node
+    routes.route[node] = k
 
 
 @kernel
-def _ruin(
-    nodes: NDArray[np.int64], near: NDArray[np.int64], distances: NDArray[np.float64],
-    place: NDArray[np.int64], after: NDArray[np.int64], before: NDArray[np.int64],
-    route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
-    carried: NDArray[np.float64], counts: NDArray[np.int64], removed: NDArray[np.int64], draw: Any,
-) -> int:  # fmt: skip
+def _ruin(fleet: Fleet, routes: Routes, removed: Whole, draw: Any) -> int:
     """Remove adjacent strings of nodes from the routes; return the number of nodes."""
-    n = place.size - counts.size
+    nodes, near, after, before = fleet.nodes, fleet.near, routes.after, routes.before
+    counts = routes.counts
+    n = after.size - counts.size
     mean = nodes.size / counts.size
     wide = draw.random() < WIDE
     longest = min(float(FAR if wide else LONGEST), mean)
@@ -137,9 +183,9 @@ def _ruin(
         node = seed if i == 0 else near[seed, i - 1]
         if node < 0 or taken >= strings:
             break
-        if route[node] < 0:
+        if routes.route[node] < 0:
             continue
-        k = route[node]
+        k = routes.route[node]
         length = int(draw.random() * min(longest, float(counts[k])) + 1.0)
         length = min(length, counts[k])
         # The string starts up to its length before the node and may skip nodes (split string).
@@ -158,9 +204,7 @@ def _ruin(
             if dropped >= skip and passed < preserved:
                 passed += 1
             else:
-                _take(
-                    current, distances, place, after, before, route, loads, demands, carried, counts
-                )
+                _take(fleet, routes, current)
                 removed[count] = current
                 count += 1
                 dropped += 1
@@ -170,18 +214,14 @@ def _ruin(
 
 
 @kernel
-def _recreate(
-    count: int, near: NDArray[np.int64], distances: NDArray[np.float64],
-    place: NDArray[np.int64], after: NDArray[np.int64], before: NDArray[np.int64],
-    route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
-    carried: NDArray[np.float64], counts: NDArray[np.int64], removed: NDArray[np.int64],
-    capacity: NDArray[np.float64], battery: NDArray[np.float64], rules: NDArray[np.float64],
-    use_all: bool, least: NDArray[np.float64], spot: NDArray[np.int64], keys: NDArray[np.float64],
-    draw: Any,
-) -> None:  # fmt: skip
+def _recreate(fleet: Fleet, routes: Routes, count: int, removed: Whole, draw: Any) -> None:
     """Reinsert the removed nodes one by one, each at the position of least energy."""
+    near, distances, place, after = fleet.near, fleet.distances, fleet.place, routes.after
+    before, loads, carried, counts = routes.before, routes.loads, routes.carried, routes.counts
+    demands, rules = fleet.demands, fleet.rules
     m = counts.size
     n = place.size - m
+    least, spot, keys = np.empty(m), np.empty(m, np.int64), np.empty(count)
     how = draw.integers(0, 8)
     for i in range(count):
         # Insertion sort: there are few nodes.
@@ -213,7 +253,7 @@ def _recreate(
             if counts[k] == 0:
                 empty += 1
         # The remaining nodes may be just enough for the idle vehicles.
-        only_empty = use_all and empty >= left
+        only_empty = fleet.use_all and empty >= left
         left -= 1
         for k in range(m):
             if only_empty and counts[k] > 0:
@@ -222,8 +262,7 @@ def _recreate(
                 if counts[k] > 0 and rules[0] == RANGE and draw.random() < LOOSE:
                     continue
                 behind = n + k if side == 0 else before[n + k]
-                start, end = place[behind], place[after[behind]]
-                cost = distances[start, here] + distances[here, end] - distances[start, end]
+                cost = _detour(fleet, here, place[behind], place[after[behind]])
                 if cost < least[k]:
                     least[k] = cost
                     spot[k] = behind
@@ -232,7 +271,7 @@ def _recreate(
                 other = near[node, j]
                 if other < 0:
                     break
-                k = route[other]
+                k = routes.route[other]
                 if k < 0:
                     continue
                 for side in range(2):
@@ -241,8 +280,7 @@ def _recreate(
                         passing = math.log(1.0 - draw.random()) / rate
                         continue
                     behind = other if side == 0 else before[other]
-                    start, end = place[behind], place[after[behind]]
-                    cost = distances[start, here] + distances[here, end] - distances[start, end]
+                    cost = _detour(fleet, here, place[behind], place[after[behind]])
                     if cost < least[k]:
                         least[k] = cost
                         spot[k] = behind
@@ -252,7 +290,7 @@ def _recreate(
                 continue
             loads[k] += least[k]
             carried[k] += demands[here]
-            energy = measure(loads, carried, capacity, battery, rules)[0]
+            energy = measure(fleet, routes)[0]
             loads[k] -= least[k]
             carried[k] -= demands[here]
             # Ties go to the shorter detour.
@@ -262,84 +300,68 @@ def _recreate(
             # Every position was skipped.
             chosen = draw.integers(0, m)
             spot[chosen] = n + chosen
-        _put(
-            node, spot[chosen], chosen, distances, place, after, before, route, loads, demands,
-            carried, counts,
-        )  # fmt: skip
+        _put(fleet, routes, node, spot[chosen], chosen)
 
 
 @kernel
-def _copy(
-    after: NDArray[np.int64], before: NDArray[np.int64], route: NDArray[np.int64],
-    loads: NDArray[np.float64], carried: NDArray[np.float64], counts: NDArray[np.int64],
-    whole: NDArray[np.int64], parts: NDArray[np.float64], back: bool,
-) -> None:  # fmt: skip
-    """Save the routes in two tables, or restore them if `back` is true."""
-    for i in range(after.size):
-        if back:
-            after[i], before[i], route[i] = whole[0, i], whole[1, i], whole[2, i]
-        else:
-            whole[0, i], whole[1, i], whole[2, i] = after[i], before[i], route[i]
-    for k in range(loads.size):
-        if back:
-            loads[k], carried[k], counts[k] = parts[0, k], parts[1, k], whole[3, k]
-        else:
-            parts[0, k], parts[1, k], whole[3, k] = loads[k], carried[k], counts[k]
+def _copy(source: Routes, target: Routes) -> None:
+    """Copy the routes in `source` to `target`."""
+    for i in range(source.after.size):
+        target.after[i], target.before[i] = source.after[i], source.before[i]
+        target.route[i] = source.route[i]
+    for k in range(source.loads.size):
+        target.loads[k], target.carried[k] = source.loads[k], source.carried[k]
+        target.counts[k] = source.counts[k]
+
+
+@kernel
+def _copied(routes: Routes) -> Routes:
+    return Routes(
+        routes.after.copy(), routes.before.copy(), routes.route.copy(), routes.loads.copy(),
+        routes.carried.copy(), routes.counts.copy(),
+    )  # fmt: skip
 
 
 @kernel
 def anneal(
-    nodes: NDArray[np.int64], near: NDArray[np.int64], distances: NDArray[np.float64],
-    place: NDArray[np.int64], after: NDArray[np.int64], before: NDArray[np.int64],
-    route: NDArray[np.int64], loads: NDArray[np.float64], demands: NDArray[np.float64],
-    carried: NDArray[np.float64], counts: NDArray[np.int64],
-    capacity: NDArray[np.float64], battery: NDArray[np.float64], rules: NDArray[np.float64],
-    use_all: bool, hot: float, cold: float, steps: int, flag: NDArray[np.int8], draw: Any,
-) -> int:  # fmt: skip
+    fleet: Fleet,
+    routes: Routes,
+    hot: float,
+    cold: float,
+    steps: int,
+    flag: NDArray[np.int8],
+    draw: Any,
+) -> int:
     """Anneal the routes in place, set them to the best ones found and return the number of steps."""
-    m = counts.size
-    removed = np.empty(nodes.size, np.int64)
-    least, spot, keys = np.empty(m), np.empty(m, np.int64), np.empty(nodes.size)
+    removed = np.empty(fleet.nodes.size, np.int64)
     # Insert the nodes without a route: all of them in a start from scratch.
     count = 0
-    for node in nodes:
-        if route[node] < 0:
+    for node in fleet.nodes:
+        if routes.route[node] < 0:
             removed[count] = node
             count += 1
     if count:
-        _recreate(
-            count, near, distances, place, after, before, route, loads, demands, carried, counts,
-            removed, capacity, battery, rules, use_all, least, spot, keys, draw,
-        )  # fmt: skip
-    energy, objective, broken = measure(loads, carried, capacity, battery, rules)
-    now, now_parts = np.empty((4, after.size), np.int64), np.empty((2, m))
-    top, top_parts = np.empty((4, after.size), np.int64), np.empty((2, m))
-    _copy(after, before, route, loads, carried, counts, now, now_parts, False)
-    _copy(after, before, route, loads, carried, counts, top, top_parts, False)
+        _recreate(fleet, routes, count, removed, draw)
+    energy, objective, broken = measure(fleet, routes)
+    now, top = _copied(routes), _copied(routes)
     best, best_broken, best_energy = objective, broken, energy
     cooling = (cold / hot) ** (1.0 / max(steps, 1))
     heat = hot * energy
     done = 0
-    while done < steps and not flag[0] and not (best_broken == 0.0 and best <= rules[8]):
+    while done < steps and not flag[0] and not (best_broken == 0.0 and best <= fleet.rules[8]):
         done += 1
         heat *= cooling
-        count = _ruin(
-            nodes, near, distances, place, after, before, route, loads, demands, carried, counts,
-            removed, draw,
-        )  # fmt: skip
-        _recreate(
-            count, near, distances, place, after, before, route, loads, demands, carried, counts,
-            removed, capacity, battery, rules, use_all, least, spot, keys, draw,
-        )  # fmt: skip
-        candidate, objective, broken = measure(loads, carried, capacity, battery, rules)
+        count = _ruin(fleet, routes, removed, draw)
+        _recreate(fleet, routes, count, removed, draw)
+        candidate, objective, broken = measure(fleet, routes)
         if candidate < energy - heat * math.log(1.0 - draw.random()):
             energy = candidate
-            _copy(after, before, route, loads, carried, counts, now, now_parts, False)
+            _copy(routes, now)
             less = objective < best or (objective == best and candidate < best_energy)
             if broken < best_broken or (broken == best_broken and less):
                 best, best_broken, best_energy = objective, broken, candidate
-                _copy(after, before, route, loads, carried, counts, top, top_parts, False)
+                _copy(routes, top)
         else:
-            _copy(after, before, route, loads, carried, counts, now, now_parts, True)
-    _copy(after, before, route, loads, carried, counts, top, top_parts, True)
+            _copy(now, routes)
+    _copy(top, routes)
     return done
