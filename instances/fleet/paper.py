@@ -10,7 +10,7 @@ __all__ = ["PAPER"]
 
 _ROUTES = "solvers.fleet.two_phases"
 _SWARM = "solvers.fleet.swarm"
-_KERNELS = "solvers.fleet.clustering_kernels"
+_KERNELS = "solvers.fleet.clustering"
 
 PAPER = Paper(
     "fleet-mission",

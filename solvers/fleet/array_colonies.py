@@ -10,8 +10,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ...errors import BackendMissing, UnsupportedOption
-from .colony_kernels import FAINT, NEAR
 from .swarm import Colonies
+from .tour_kernels import FAINT, NEAR
 
 __all__ = ["ArrayColonies", "array_tours", "torch_colonies"]
 
@@ -24,7 +24,7 @@ def array_tours(
 ) -> tuple[Any, Any]:
     """Return the lengths and orders of tours of a batch of clusters, by ant colonies.
 
-    The same array code runs on NumPy and on PyTorch. It follows :func:`.colony_kernels.colony` without
+    The same array code runs on NumPy and on PyTorch. It follows :func:`.tour_kernels.colony` without
     an initial tour.
 
     Parameters

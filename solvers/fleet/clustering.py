@@ -7,9 +7,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ...models.fleet import FleetRouting, Metric
-from .clustering_kernels import reclassify
 
-__all__ = ["assign_vehicles", "k_means", "move_centres", "positions"]
+__all__ = ["assign_vehicles", "k_means", "move_centres", "positions", "reclassify"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -18,6 +17,8 @@ Ints = NDArray[np.int64]
 DIMENSIONS = 2
 #: Largest number of nodes for a dense eigenvalue solver; above, Lanczos's method is used.
 DENSE = 500
+#: Relative excess over the share due to rounding.
+ROUNDING = 1e-12
 
 
 def positions(model: FleetRouting) -> Floats:
@@ -64,9 +65,8 @@ def k_means(
 ) -> Ints:
     """Return the cluster of each point by k-means with bounded clusters, shape (points,).
 
-    The initial centres are `m` random points. Each round reclassifies the points
-    (:func:`.clustering_kernels.reclassify`) and moves the centres to the means. It ends if no label
-    changes.
+    The initial centres are `m` random points. Each round reclassifies the points and moves the centres to
+    the means. It ends if no label changes.
     """
     n = len(points)
     centres = points[rng.choice(n, m, replace=False)].copy()
@@ -78,6 +78,42 @@ def k_means(
         previous = labels.copy()
         centres = move_centres(points, labels, centres)
     return labels
+
+
+def reclassify(
+    points: Floats, centres: Floats, weights: Floats, share: float, labels: Ints
+) -> None:
+    """Fill `labels` with the cluster of each sample (Algorithm 3, lines 6-10; eq. 20).
+
+    Each centre in turn takes the nearest unassigned samples while the sum of their weights is at most
+    `share`. The last centre takes the rest. If there are enough samples, a centre takes at least one
+    and leaves one for each later centre.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, dims)
+        The samples, n >= 1.
+    centres : ndarray, shape (m, dims)
+        Cluster centres.
+    weights : ndarray, shape (n,)
+        Weight of each sample, R_i of eq. 18.
+    share : float
+        Largest sum of the weights of a cluster, R / m.
+    labels : ndarray of int, shape (n,)
+        Output: the cluster of each sample.
+    """
+    free = np.arange(len(points))
+    for k, centre in enumerate(centres):
+        later = len(centres) - 1 - k
+        gaps = ((points[free] - centre) ** 2).sum(axis=1)
+        order = free[np.argsort(gaps, kind="stable")]
+        sums = np.cumsum(weights[order])
+        within = (
+            np.searchsorted(sums, share * (1.0 + ROUNDING), side="right") if later else free.size
+        )
+        count = max(min(int(within), free.size - later), 1)
+        labels[order[:count]] = k
+        free = np.sort(order[count:])
 
 
 def move_centres(points: Floats, labels: Ints, centres: Floats) -> Floats:

@@ -116,26 +116,21 @@ def repair(
             if over.size:
                 return None
             left = 0
-        if not over.size and left:
-            left -= 1
-            k, other = draw.choice(m, 2, replace=False).tolist()
-            split = _redistribute(model, sets[k], sets[other], most[[k, other]], draw, 1.0)
-            if split is not None:
-                sets[k], sets[other] = split
-                loads[k], loads[other] = (demands[stops].sum() for stops in split)
-                changed |= {k, other}
-            continue
-        if not over.size:
+        if not over.size and not left:
             result = [list(stops) for stops in routes]
             for k in changed:
                 result[k] = _reorder(model, k, sets[k])
             return result
         if m == 1:
             return None
-        k = int(over[draw.integers(0, over.size)])
-        other = int(draw.integers(0, m - 1))
-        other += other >= k
-        split = _redistribute(model, sets[k], sets[other], most[[k, other]], draw)
+        if over.size:
+            k, compact = int(over[draw.integers(0, over.size)]), COMPACT
+            other = int(draw.integers(0, m - 1))
+            other += other >= k
+        else:
+            left, compact = left - 1, 1.0
+            k, other = draw.choice(m, 2, replace=False).tolist()
+        split = _redistribute(model, sets[k], sets[other], most[[k, other]], draw, compact)
         if split is not None:
             sets[k], sets[other] = split
             loads[k], loads[other] = (demands[stops].sum() for stops in split)
@@ -149,7 +144,7 @@ def _redistribute(
     other: list[int],
     most: Floats,
     draw: np.random.Generator,
-    compact: float = COMPACT,
+    compact: float,
 ) -> tuple[list[int], list[int]] | None:
     """Redistribute the nodes of two routes with the least overload; None for the same split."""
     assert model.demands is not None

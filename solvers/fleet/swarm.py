@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...models.fleet import FleetRouting
 
-__all__ = ["Colonies", "Found", "energies", "swarm"]
+__all__ = ["Colonies", "SwarmResult", "energies", "swarm"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -107,7 +107,7 @@ class Colonies:
         iterations : int
             Total number of ant iterations.
         """
-        from .colony_kernels import colony
+        from .tour_kernels import colony
 
         ants, iterations, alpha, beta, evaporation = self.settings.tolist()
         loads = np.zeros((len(labels), self.model.vehicles))
@@ -129,7 +129,7 @@ class Colonies:
 
     def part(self, labels: Ints, k: int) -> tuple[Ints, Floats, Ints]:
         """Return depot and nodes of cluster `k`, their distances, and a nearest-neighbour tour."""
-        from .colony_kernels import nearest
+        from .tour_kernels import nearest
 
         model = self.model
         nodes = np.concatenate([model.homes[k : k + 1], model.customers[labels == k]])
@@ -140,7 +140,7 @@ class Colonies:
 
 
 @dataclass
-class Found:
+class SwarmResult:
     """Best plan of a swarm, and the counts of iterations and evaluations."""
 
     fitness: float
@@ -154,7 +154,7 @@ def swarm(
     points: Floats, clusters: int, particles: int, iterations: int, learning: float, share: float,
     weights: Floats, colonies: Colonies, fitness: Callable[[Floats], float],
     offer: Callable[[Routes], Any], seeds: np.random.SeedSequence,
-) -> Found:  # fmt: skip
+) -> SwarmResult:  # fmt: skip
     """Optimise cluster centres by a particle swarm and return the best plan (Algorithm 3).
 
     A particle starts at random samples. In each iteration it moves, its centres take their samples
@@ -165,37 +165,31 @@ def swarm(
 
     Parameters
     ----------
-    points : ndarray, shape (n, dims)
-        Samples in the unit square.
+    points, weights : ndarray, shape (n, dims) and (n,)
+        Samples in the unit square, and their weights.
     clusters, particles, iterations : int
         Numbers of clusters, particles and iterations.
     learning : float
         Both acceleration coefficients.
     share : float
         Largest sum of weights of a cluster; the last cluster may exceed it.
-    weights : ndarray, shape (n,)
-        Weights of the samples.
-    colonies : Colonies
-        Ant colonies that find the tours.
-    fitness : callable
-        Returns the fitness for the lengths of all routes.
-    offer : callable
-        Called with the routes of each new best particle.
+    colonies, fitness, offer
+        Finds the tours; returns the fitness for the lengths of all routes; is called with the routes of each
+        new best particle.
     seeds : SeedSequence
         Source of the random number generators.
     """
-    from .clustering import move_centres
-    from .clustering_kernels import reclassify
+    from .clustering import move_centres, reclassify
 
-    own_seed, *each_seed = seeds.spawn(1 + particles)
-    rng = np.random.default_rng(own_seed)
-    draws = [np.random.default_rng(one) for one in each_seed]
+    swarm_seed, *particle_seeds = seeds.spawn(1 + particles)
+    rng = np.random.default_rng(swarm_seed)
+    draws = [np.random.default_rng(seed) for seed in particle_seeds]
     n = len(points)
     place = np.stack([points[rng.choice(n, clusters, replace=False)] for _ in range(particles)])
     speed = rng.uniform(-STRIDE, STRIDE, place.shape)
     own, own_worth = place.copy(), np.full(particles, np.inf)
     labels = np.zeros((particles, n), np.int64)
-    best, found = place[0].copy(), Found(np.inf, [], 0, 0, 0)
+    best, result = place[0].copy(), SwarmResult(np.inf, [], 0, 0, 0)
 
     def classify(p: int) -> None:
         reclassify(points, place[p], weights, share, labels[p])
@@ -212,13 +206,17 @@ def swarm(
             place = np.clip(place + speed, 0.0, 1.0)
         colonies.each(classify, particles)
         loads, routes, done = colonies.tours(labels, draws)
-        worth = np.array([fitness(one) for one in loads])
+        worth = np.array([fitness(lengths) for lengths in loads])
         better = worth < own_worth
         own[better], own_worth[better] = place[better], worth[better]
         lead = int(worth.argmin())
-        if worth[lead] < found.fitness or not found.routes:
-            best, found.fitness, found.routes = place[lead].copy(), float(worth[lead]), routes[lead]
-            offer(found.routes)
-        found.iterations, found.evaluations = step, found.evaluations + particles
-        found.ant_iterations += done
-    return found
+        if worth[lead] < result.fitness or not result.routes:
+            best, result.fitness, result.routes = (
+                place[lead].copy(),
+                float(worth[lead]),
+                routes[lead],
+            )
+            offer(result.routes)
+        result.iterations, result.evaluations = step, result.evaluations + particles
+        result.ant_iterations += done
+    return result

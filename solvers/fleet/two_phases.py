@@ -145,16 +145,13 @@ class PsoAntColony(TwoPhases):
         """Run the swarm and offer the plan of each improving particle."""
         model, own = stage.problem, stage.request.options
         weights = energies(model)
-        found = swarm(
+        result = swarm(
             stage.points, stage.clusters, own["swarm"], own["iterations"], own["learning"],
             float(weights.sum()) / stage.clusters, weights, stage.colonies,
             lambda loads: objective_of(model, loads), best.offer_filled, seeds,
         )  # fmt: skip
-        stage.count(
-            iterations=found.iterations,
-            evaluations=found.evaluations,
-            ant_iterations=found.ant_iterations,
-        )
+        for name in ("iterations", "evaluations", "ant_iterations"):
+            stage.count(**{name: getattr(result, name)})
 
 
 class PsoAntColonySerial(PsoAntColony):
@@ -172,9 +169,9 @@ class PsoAntColonySerial(PsoAntColony):
 class ClusterFirst(TwoPhases):
     """Base class of the paper's competitors: bounded k-means, then one tour per cluster."""
 
-    @abstractmethod
     def weights(self, stage: Stage) -> Floats:
-        """Return the weights of the nodes; a cluster takes at most 1 / m of their sum."""
+        """Return the weights of the nodes, R_i of eq. 18; a cluster takes at most 1 / m of their sum."""
+        return energies(stage.problem)
 
     @abstractmethod
     def tours(
@@ -210,10 +207,6 @@ class KMeansAntColony(ClusterFirst):
         "restarts": _RESTARTS,
     }  # fmt: skip
     summary = "k-means, and an ant colony for each cluster"
-
-    def weights(self, stage: Stage) -> Floats:
-        """Return the energies of eq. 18."""
-        return energies(stage.problem)
 
     def tours(
         self, stage: Stage, labels: Ints, rng: Generator
@@ -251,7 +244,7 @@ class TwoPhase(ClusterFirst):
         self, stage: Stage, labels: Ints, rng: Generator
     ) -> tuple[list[list[int]], dict[str, int]]:
         """Return tours by a genetic algorithm, with the clusters distributed over threads."""
-        from .breeding_kernels import breed
+        from .tour_kernels import breed
 
         model, own = stage.problem, stage.request.options
         draws, routes = rng.spawn(model.vehicles), [list[int]()] * model.vehicles

@@ -18,12 +18,25 @@ from crosstrack.models.fleet import FleetPlan
 from crosstrack.models.fleet.checks import objective_of
 from crosstrack.solvers import Request
 from crosstrack.solvers.fleet.array_colonies import ArrayColonies, torch_colonies
-from crosstrack.solvers.fleet.breeding_kernels import _cross, _move, breed, polish
-from crosstrack.solvers.fleet.clustering import assign_vehicles, k_means, move_centres, positions
-from crosstrack.solvers.fleet.clustering_kernels import reclassify
-from crosstrack.solvers.fleet.colony_kernels import _mark, colony, measure, nearest
+from crosstrack.solvers.fleet.clustering import (
+    assign_vehicles,
+    k_means,
+    move_centres,
+    positions,
+    reclassify,
+)
 from crosstrack.solvers.fleet.rivals import Best
 from crosstrack.solvers.fleet.swarm import Colonies, energies, swarm
+from crosstrack.solvers.fleet.tour_kernels import (
+    _cross,
+    _mark,
+    _move,
+    breed,
+    colony,
+    measure,
+    nearest,
+    polish,
+)
 
 GO = np.zeros(1, np.int8)
 #: Colonies as loops, and as array code on NumPy and on PyTorch if it is installed.
