@@ -8,9 +8,11 @@ A point violates one of these cuts if the minimum cut between the depot and j is
 from __future__ import annotations
 
 import itertools
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import ClassVar, Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,13 +20,17 @@ from numpy.typing import NDArray
 from scipy.sparse import csgraph
 
 from ...errors import InvalidData, UnsupportedOption, show
+from ..fields import required
+from ..formulation import Formulation
 from ..programs.linear import MixedIntegerProgram
+from .model import FleetRouting
+from .plan import FleetPlan
 
 __all__ = [
     "Cut",
+    "CutFormulation",
     "Edges",
     "add_root_cuts",
-    "check_rounds",
     "find_isolated_sets",
     "find_weak_sets",
     "merge_cuts",
@@ -262,9 +268,58 @@ def merge_cuts(cuts: tuple[Cut, ...], more: Iterable[Cut]) -> tuple[Cut, ...]:
     return tuple(dict.fromkeys((*cuts, *more)))
 
 
-def check_rounds(formulation: str, value: object) -> None:
-    """Raise :class:`UnsupportedOption` unless `value` is a whole number, 0 or more."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise UnsupportedOption(
-            f"formulation {formulation!r}: root_rounds must be a whole number >= 0, got {show(value)}"
-        )
+@dataclass(frozen=True, eq=False)
+class CutFormulation(Formulation[FleetRouting, FleetPlan]):
+    """Base of the programs with subtour cuts, which are added at the root and lazily.
+
+    A subclass builds the program for given cuts and finds the cuts that a point violates.
+    """
+
+    root_rounds: int = 30
+    _added: tuple[Cut, ...] | None = field(default=None, init=False, repr=False)
+
+    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    #: Columns of the linear programs at the root together: a few seconds.
+    work: ClassVar[int]
+
+    def __post_init__(self) -> None:
+        value = self.root_rounds
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise UnsupportedOption(
+                f"formulation {self.name!r}: root_rounds must be a whole number >= 0, got {show(value)}"
+            )
+
+    @abstractmethod
+    def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram: ...
+
+    @abstractmethod
+    def _separate(self, point: Floats) -> Iterable[Cut]: ...
+
+    @cached_property
+    def cuts(self) -> tuple[Cut, ...]:
+        """Subtour cuts of the program."""
+        if self._added is not None:
+            return self._added
+        return add_root_cuts(self._build, self._separate, self.root_rounds, self.work)
+
+    def build(self) -> MixedIntegerProgram:
+        """Return the program described in the module's docstring."""
+        return self._build(self.cuts)
+
+    def _extended(self, cuts: tuple[Cut, ...]) -> Self:
+        """Return the formulation with `cuts`."""
+        refinement = replace(self)
+        object.__setattr__(refinement, "_added", cuts)
+        return refinement
+
+    def _positions(self, plan: FleetPlan) -> list[list[int]]:
+        """Return the places of the stops of each route among the customers; raise for other nodes."""
+        required("plan", plan, FleetPlan)
+        place = {node: k for k, node in enumerate(self.model.customers.tolist())}
+        for k, route in enumerate(plan.routes):
+            for stop, node in enumerate(route):
+                if node not in place:
+                    raise InvalidData(
+                        f"routes[{k}][{stop}] must be a node to visit, got {node}", field="routes"
+                    )
+        return [[place[node] for node in route] for route in plan.routes]

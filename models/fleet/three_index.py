@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -25,21 +25,11 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, required
-from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
 from .checks import deviation_of, variance_of
-from .cuts import (
-    Cut,
-    Edges,
-    add_root_cuts,
-    check_rounds,
-    find_isolated_sets,
-    find_weak_sets,
-    merge_cuts,
-)
+from .cuts import Cut, CutFormulation, Edges, find_isolated_sets, find_weak_sets, merge_cuts
 from .data import LEXICOGRAPHIC, Deviation, Objective
-from .model import FleetRouting
 from .plan import FleetPlan
 
 __all__ = ["ThreeIndexFormulation"]
@@ -51,8 +41,6 @@ Indices = NDArray[np.int64]
 _FEW = 6
 #: Violation of a tangent attributed to rounding, relative to the objective and to the lengths.
 _EXACT, _ROUNDING = 1e-8, 1e-12
-#: Columns of the linear programs at the root together: a few seconds.
-_WORK = 60_000
 #: Weight of each route length in objectives.
 _WEIGHTS = {
     Objective.SUM: 1.0,
@@ -65,7 +53,7 @@ _LONGEST = (Objective.MAX, Objective.LEXICOGRAPHIC, Objective.RANGE)
 
 
 @dataclass(frozen=True, eq=False)
-class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
+class ThreeIndexFormulation(CutFormulation):
     """Program of edges per vehicle, with subtour cuts and tangents added at the root and lazily.
 
     Parameters
@@ -82,16 +70,11 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         `root_rounds` is not a whole number >= 0.
     """
 
-    root_rounds: int = 30
-    _added: tuple[Cut, ...] | None = field(default=None, init=False, repr=False)
     _more: tuple[tuple[float, ...], ...] = field(default=(), init=False, repr=False)
 
     name: ClassVar[str] = "three-index"
-    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    work: ClassVar[int] = 60_000
     summary: ClassVar[str] = "edges per vehicle, lazy subtour cuts and tangents"
-
-    def __post_init__(self) -> None:
-        check_rounds(self.name, self.root_rounds)
 
     @cached_property
     def _edges(self) -> Edges:
@@ -139,13 +122,6 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         return spreads
 
     @cached_property
-    def cuts(self) -> tuple[Cut, ...]:
-        """Subtour cuts of the program."""
-        if self._added is not None:
-            return self._added
-        return add_root_cuts(self._build, self._separate, self.root_rounds, _WORK)
-
-    @cached_property
     def tangents(self) -> tuple[tuple[float, ...], ...]:
         """Vectors of route lengths at which the deviation or variance has a tangent row."""
         m = self.model.vehicles
@@ -156,10 +132,6 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         else:
             ways = [tuple(sign * row) for sign in (1.0, -1.0) for row in np.eye(m)]
         return (*ways, *self._more)
-
-    def build(self) -> MixedIntegerProgram:
-        """Return the program described in the module's docstring."""
-        return self._build(self.cuts)
 
     def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
         model, b = self.model, ProgramBuilder()
@@ -355,8 +327,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
                 more = (*more, way)
         if len(cuts) == len(self.cuts) and len(more) == len(self._more):
             return None
-        refinement = replace(self)
-        object.__setattr__(refinement, "_added", cuts)
+        refinement = self._extended(cuts)
         object.__setattr__(refinement, "_more", more)
         return refinement
 
@@ -367,14 +338,7 @@ class ThreeIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         m, n = model.vehicles, edges.customers
         if len(plan.routes) != m:
             raise InvalidData(f"routes must be {m}, got {len(plan.routes)}", field="routes")
-        place = {node: k for k, node in enumerate(model.customers.tolist())}
-        for k, route in enumerate(plan.routes):
-            for stop, node in enumerate(route):
-                if node not in place:
-                    raise InvalidData(
-                        f"routes[{k}][{stop}] must be a node to visit, got {node}", field="routes"
-                    )
-        positions = [[place[node] for node in route] for route in plan.routes]
+        positions = self._positions(plan)
         routes: list[list[int]] = [[]] * m
         for group in self._groups:
             ranked = sorted(

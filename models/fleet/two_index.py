@@ -10,41 +10,28 @@ m-salesmen problem", Journal of the Operational Research Society 31, 1980; eq. 1
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedFormulation
-from ..fields import Array, required
-from ..formulation import Formulation
+from ...errors import UnsupportedFormulation
+from ..fields import Array
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
-from .cuts import (
-    Cut,
-    Edges,
-    add_root_cuts,
-    check_rounds,
-    find_isolated_sets,
-    find_weak_sets,
-    merge_cuts,
-)
+from .cuts import Cut, CutFormulation, Edges, find_isolated_sets, find_weak_sets, merge_cuts
 from .data import Objective
-from .model import FleetRouting
 from .plan import FleetPlan
 
 __all__ = ["TwoIndexFormulation"]
 
 Floats = NDArray[np.float64]
 
-#: Columns of the linear programs at the root together: a few seconds.
-_WORK = 1_000_000
-
 
 @dataclass(frozen=True, eq=False)
-class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
+class TwoIndexFormulation(CutFormulation):
     """Program of edges without vehicles, with subtour cuts added at the root and lazily.
 
     Parameters
@@ -65,14 +52,13 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
     """
 
     root_rounds: int = 100
-    _added: tuple[Cut, ...] | None = field(default=None, init=False, repr=False)
 
     name: ClassVar[str] = "two-index"
-    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
+    work: ClassVar[int] = 1_000_000
     summary: ClassVar[str] = "edges without vehicles, lazy subtour cuts; the sum only"
 
     def __post_init__(self) -> None:
-        check_rounds(self.name, self.root_rounds)
+        super().__post_init__()
         model = self.model
         reasons = {
             f"the objective {str(model.objective)!r}": model.objective is not Objective.SUM,
@@ -97,17 +83,6 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
     @cached_property
     def _edges(self) -> Edges:
         return Edges(len(self.model.customers), directed=False)
-
-    @cached_property
-    def cuts(self) -> tuple[Cut, ...]:
-        """Subtour cuts of the program."""
-        if self._added is not None:
-            return self._added
-        return add_root_cuts(self._build, self._separate, self.root_rounds, _WORK)
-
-    def build(self) -> MixedIntegerProgram:
-        """Return the program described in the module's docstring."""
-        return self._build(self.cuts)
 
     def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram:
         model, edges = self.model, self._edges
@@ -159,21 +134,11 @@ class TwoIndexFormulation(Formulation[FleetRouting, FleetPlan]):
         cuts = merge_cuts(self.cuts, map(Cut, subtours))
         if len(cuts) == len(self.cuts):
             return None
-        refinement = replace(self)
-        object.__setattr__(refinement, "_added", cuts)
-        return refinement
+        return self._extended(cuts)
 
     def encode(self, plan: FleetPlan) -> Floats:
         """Return how often `plan` uses each edge, followed by the number of routes."""
-        required("plan", plan, FleetPlan)
-        place = {node: k for k, node in enumerate(self._nodes[:-1].tolist())}
-        for k, route in enumerate(plan.routes):
-            for stop, node in enumerate(route):
-                if node not in place:
-                    raise InvalidData(
-                        f"routes[{k}][{stop}] must be a node to visit, got {node}", field="routes"
-                    )
-        used = self._edges.of_routes([place[node] for node in route] for route in plan.routes)
+        used = self._edges.of_routes(self._positions(plan))
         return np.append(used, sum(bool(route) for route in plan.routes))
 
     def decode(self, point: Floats) -> FleetPlan:
