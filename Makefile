@@ -7,7 +7,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 INSTALL := PYTHONWARNINGS=ignore $(PIP) install --no-build-isolation -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test bare lint types check docs pages links bench slow format pins clean
+.PHONY: help demo test bare lint types check docs pages links bench slow format readme pins clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*  ## /\1\t/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
@@ -80,6 +80,9 @@ links: .venv/docs.stamp  ## Links of the site that lead elsewhere; wants a netwo
 format: .venv/test.stamp  ## Format the code and apply the linter's safe fixes
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+readme: .venv/test.stamp  ## Write the table of the problems in README.md
+	$(BIN)/python docs/_ext/crosstrack_readme.py
 
 pins:  ## Renew constraints.txt from the newest versions that fit
 	rm -rf build/pins

@@ -11,7 +11,8 @@ from typing import Any, Self
 import numpy as np
 
 from ..errors import InvalidData, suggestion
-from .fields import Several, Spec, show
+from .fields import Spec, show
+from .records import Several
 
 __all__ = ["Declared", "Listed", "Nested", "Plan"]
 

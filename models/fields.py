@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -28,7 +28,6 @@ __all__ = [
     "NumberTuple",
     "Optional",
     "Real",
-    "Several",
     "Spec",
     "Text",
     "Whole",
@@ -424,41 +423,6 @@ class NumberTuple(Array):
 
     def refreeze(self, value: Any) -> Any:
         return value
-
-
-@dataclass(frozen=True)
-class Several(Spec):
-    """Tuple of values with one specification; the dimensions of an entry are its own.
-
-    Parameters
-    ----------
-    spec : Spec
-        Specification of each entry.
-    rows : str
-        Name of the dimension that the entries count; empty if no other field counts them.
-    """
-
-    spec: Spec
-    rows: str = ""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[Any, ...]:
-        if isinstance(value, str | Mapping) or not isinstance(value, Sequence):
-            raise InvalidData(f"{name} must be a list, got {show(value)}", field=name)
-        entries = tuple(self.spec.coerce(f"{name}[{k}]", v, {}) for k, v in enumerate(value))
-        if self.rows:
-            count_rows(name, len(entries), self.rows, sizes)
-        return entries
-
-    def encode(self, value: tuple[Any, ...]) -> Any:
-        return [self.spec.encode(entry) for entry in value]
-
-    def feed(self, value: tuple[Any, ...]) -> Iterable[bytes]:
-        yield repr(len(value)).encode()
-        for entry in value:
-            yield from self.spec.feed(entry)
-
-    def refreeze(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
-        return tuple(map(self.spec.refreeze, value))
 
 
 def count_rows(name: str, actual: int, rows: str, sizes: dict[str, tuple[int, str]]) -> None:

@@ -1,16 +1,17 @@
-"""Specifications for reading stored records, such as solutions and verifications."""
+"""Specifications of composite values: lists, tables and members, for plans and stored records."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import abc
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
 from ..errors import InvalidData
-from .fields import Spec, show
+from .fields import Spec, count_rows, show
 
-__all__ = ["Anything", "Member", "Sequence", "Table", "given", "recorded"]
+__all__ = ["Anything", "Member", "Sequence", "Several", "Table", "given", "recorded"]
 
 
 @dataclass(frozen=True)
@@ -22,13 +23,45 @@ class Anything(Spec):
 
 
 @dataclass(frozen=True)
-class Sequence(Spec):
-    """List of any values, read as a tuple."""
+class Several(Spec):
+    """Tuple of values with one specification; the dimensions of an entry are its own.
+
+    Parameters
+    ----------
+    spec : Spec
+        Specification of each entry.
+    rows : str
+        Name of the dimension that the entries count; empty if no other field counts them.
+    """
+
+    spec: Spec
+    rows: str = ""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> tuple[Any, ...]:
-        if not isinstance(value, list | tuple):
+        if isinstance(value, str | bytes | Mapping) or not isinstance(value, abc.Sequence):
             raise InvalidData(f"{name} must be a list, got {show(value)}", field=name)
-        return tuple(value)
+        entries = tuple(self.spec.coerce(f"{name}[{k}]", v, {}) for k, v in enumerate(value))
+        if self.rows:
+            count_rows(name, len(entries), self.rows, sizes)
+        return entries
+
+    def encode(self, value: tuple[Any, ...]) -> Any:
+        return [self.spec.encode(entry) for entry in value]
+
+    def feed(self, value: tuple[Any, ...]) -> Iterable[bytes]:
+        yield repr(len(value)).encode()
+        for entry in value:
+            yield from self.spec.feed(entry)
+
+    def refreeze(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(map(self.spec.refreeze, value))
+
+
+class Sequence(Several):
+    """List of any values, read as a tuple."""
+
+    def __init__(self) -> None:
+        super().__init__(Anything())
 
 
 @dataclass(frozen=True)

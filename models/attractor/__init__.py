@@ -1,4 +1,4 @@
-"""Analysis of a measured series as the motion on an attractor."""
+"""Reconstruction of the attractor behind a measured time series, such as pursuing robots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Black-box minimisation: functions known only by their values."""
+"""Minimum of a function that can only be evaluated, such as the cost of a path."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shortest route of a UAV whose positioning errors must be corrected on the way."""
+"""Shortest route of a UAV whose positioning errors must be corrected on the way."""
 
 from __future__ import annotations
 

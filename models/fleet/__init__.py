@@ -1,4 +1,4 @@
-"""Routes of several robots that share out the nodes, and the balance between them."""
+"""Routes of several robots, with a balanced workload."""
 
 from __future__ import annotations
 

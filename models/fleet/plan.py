@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..declaration import Plan
-from ..fields import NumberTuple, Several, declared
+from ..fields import NumberTuple, declared
+from ..records import Several
 
 __all__ = ["FleetPlan"]
 

@@ -1,4 +1,4 @@
-"""A mission of several robots on a map, from polygons to trajectories."""
+"""Fleet routing on a map with obstacles, from polygons to trajectories."""
 
 from __future__ import annotations
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Declared, Nested, Plan
-from ..fields import Array, NumberTuple, Optional, Several, declared
+from ..fields import Array, NumberTuple, Optional, declared
 from ..minimum_snap.trajectory import Trajectory
+from ..records import Several
 
 __all__ = ["MissionPlan"]
 

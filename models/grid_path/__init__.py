@@ -1,4 +1,4 @@
-"""Shortest paths on a grid of free and blocked cells."""
+"""Shortest path on a grid map."""
 
 from __future__ import annotations
 

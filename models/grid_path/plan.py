@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Plan
-from ..fields import Array, Several, declared
+from ..fields import Array, declared
+from ..records import Several
 
 __all__ = ["GridPlan"]
 

@@ -1,4 +1,4 @@
-"""Tours of a vehicle guided along a path, with precedence constraints between customers."""
+"""Tour of a guided vehicle along a path, with precedence between customers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tour of a messenger UAV over moving ground vehicles."""
+"""Tour of a UAV that delivers messages to moving vehicles."""
 
 from __future__ import annotations
 

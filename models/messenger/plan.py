@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Plan
-from ..fields import Array, NumberTuple, Real, Several, Spec, Whole, declared, show
+from ..fields import Array, NumberTuple, Real, Spec, Whole, declared, show
+from ..records import Several
 
 __all__ = ["Primitive", "TourPlan"]
 

@@ -1,4 +1,4 @@
-"""Smoothest trajectory through waypoints: minimum snap or any other derivative."""
+"""Smoothest trajectory through waypoints, with corridors, limits and free times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Optimal control problems: states and controls over time, in one or several phases."""
+"""Optimal control problems that you declare: states and controls over time, in phases."""
 
 from __future__ import annotations
 

@@ -14,7 +14,6 @@ from ..declaration import Nested, Plan
 from ..fields import (
     Array,
     Optional,
-    Several,
     Spec,
     Text,
     Whole,
@@ -23,7 +22,7 @@ from ..fields import (
     required,
     show,
 )
-from ..records import Table
+from ..records import Several, Table
 from .piecewise import Piecewise
 
 if TYPE_CHECKING:

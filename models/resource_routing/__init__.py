@@ -1,4 +1,4 @@
-"""The shortest route on which resources are used up and reset."""
+"""Shortest route with any number of resources that are consumed and reset."""
 
 from __future__ import annotations
 

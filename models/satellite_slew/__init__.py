@@ -1,4 +1,4 @@
-"""Rapid slew of a satellite with control moment gyros."""
+"""Minimum-time slew of a satellite with control moment gyros."""
 
 from __future__ import annotations
 

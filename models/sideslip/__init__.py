@@ -1,4 +1,4 @@
-"""Estimation of a vehicle's sideslip angle from its yaw rate and lateral acceleration."""
+"""Estimate of a vehicle's sideslip angle from its standard sensors."""
 
 from __future__ import annotations
 

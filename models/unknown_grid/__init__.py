@@ -1,4 +1,4 @@
-"""Navigation of a ground vehicle on a grid that is visible only in a window around the vehicle."""
+"""Navigation of a vehicle on a partially observed map."""
 
 from __future__ import annotations
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from ...errors import InvalidData
 from ..declaration import Plan
-from ..fields import Several, Spec, declared, show
-from ..records import Member
+from ..fields import Spec, declared, show
+from ..records import Member, Several
 
 __all__ = ["ACTIONS", "STEPS", "NavigationRuns", "Outcome"]
 

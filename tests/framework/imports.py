@@ -9,7 +9,7 @@ TOP = ("cli", "instances", "models", "solvers")
 @cache
 def modules(checkout):
     """Return the dotted name, the package and the syntax tree of every module of the package."""
-    files = [*checkout.glob("*.py")]
+    files = [path for path in checkout.glob("*.py") if path.name != "setup.py"]
     for room in TOP:
         files += sorted((checkout / room).rglob("*.py"))
     found = []

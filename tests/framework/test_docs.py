@@ -1,12 +1,14 @@
 """The code in the documentation runs, and its links lead to existing targets."""
 
 import re
+import runpy
 from pathlib import Path
 
 import click
 import pytest
 
 from crosstrack.__main__ import cli
+from crosstrack.models.problems import PROBLEMS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
@@ -41,6 +43,14 @@ SLOW = {
     ),
     *("cluster.md", "messenger.md", "optimal-control.md", "satellite-slew.md", "sideslip.md"),
 }
+
+
+def test_readme_lists_every_problem():
+    """Run ``python docs/_ext/crosstrack_readme.py`` after a change of a problem's docstring."""
+    written = runpy.run_path(str(ROOT / "docs" / "_ext" / "crosstrack_readme.py"))["written"]
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert len(re.findall(r"^\| \[[a-z-]+\]\(docs/problems/", text, re.M)) == len(PROBLEMS)
+    assert written(text) == text
 
 
 def named(page):

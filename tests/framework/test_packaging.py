@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -38,8 +39,9 @@ def packages_of(root):
     ]
 
 
-def test_pyproject_lists_every_package(project, checkout):
-    assert project["tool"]["setuptools"]["packages"] == packages_of(checkout)
+def test_every_package_of_the_tree_is_built(checkout, monkeypatch):
+    monkeypatch.chdir(checkout)
+    assert runpy.run_path("setup.py")["packages"]() == packages_of(checkout)
 
 
 def test_every_package_has_an_init(checkout):
