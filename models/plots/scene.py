@@ -69,15 +69,18 @@ class Scene(Frame):
         Option `size` of the picture: width and height (inch).
     default : (float, float)
         Size without this option.
+    wrong : bool
+        Whether the plan is not valid for another reason.
     """
 
     figure: Figure
 
     def __init__(
-        self, text: str, found: Verification | None, size: Any, default: tuple[float, float]
-    ) -> None:
+        self, text: str, found: Verification | None, size: Any, default: tuple[float, float], *,
+        wrong: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(sheet(size, default))
-        self.title, self.wrong = text, is_wrong(found)
+        self.title, self.wrong = text, wrong or is_wrong(found)
         #: Height of the space for the title (inch).
         self.head = _HEAD + LINE * text.count("\n")
         headline(self.figure, text, wrong=self.wrong)
