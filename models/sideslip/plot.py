@@ -4,34 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import required
-from ..plots.curves import Curve, Panel, Span
-from ..plots.options import check_option
-from ..plots.panels import draw_panel, keys_of
-from ..plots.style import (
-    DARK,
-    axis_style,
-    headline,
-    inches,
-    key,
-    legend_row,
-    number,
-    sheet,
-    title_of,
-)
-from ..verification import TOLERANCE, Verification, check_tolerance
+from ..plots import kit
 from .data import LOW_SPEED, Recording
 from .model import SideslipEstimation
 from .plan import SideslipEstimate
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 __all__ = ["draw"]
 
@@ -47,9 +28,8 @@ _BEYOND = 1e9
 _REACH = (1.0, 5.0)
 _BAND = "± 2 deviations"
 _STILL = f"below {LOW_SPEED:g} m/s, no meaning"
-#: Inches: height of a tall and of a low panel with the gap below, gap at the left, line of text.
-#: The last entry is the number of letters per inch.
-_TALL, _LOW, _GAP, _LINE, _LETTERS = 1.7, 1.0, 0.85, 0.17, 13.0
+#: Height of a tall and of a low panel with the gap below, and gap at the left (inch).
+_TALL, _LOW, _GAP = 1.7, 1.0, 0.85
 
 
 class _Named(NamedTuple):
@@ -60,7 +40,7 @@ class _Named(NamedTuple):
     plan: SideslipEstimate
 
 
-class _Drawn:
+class _Samples:
     """Samples to draw: all of a short recording, or the extremes of equal parts of a long one."""
 
     def __init__(self, recording: Recording) -> None:
@@ -75,26 +55,23 @@ class _Drawn:
         """Return the minimum of `low` and the maximum of `high` in each part."""
         return np.fmin.reduceat(low, self.first), np.fmax.reduceat(high, self.first)
 
-    def curve(self, name: str, colour: int, values: Floats, width: float = 1.2) -> Curve:
+    def curve(self, name: str, colour: int, values: Floats, width: float = 1.2) -> kit.Curve:
         """Return a curve through the extremes of each part."""
         if self.first.size == self.size:
-            return Curve(name, colour, self.times, values, width)
+            return kit.Curve(name, colour, self.times, values, width)
         both = np.column_stack(self.extremes(values, values)).ravel()
-        return Curve(name, colour, np.repeat(self.times, 2), both, width)
+        return kit.Curve(name, colour, np.repeat(self.times, 2), both, width)
 
     def degrees(self, values: Floats) -> Floats:
         """Return angles (rad) in degrees, NaN for samples below 1 m/s."""
-        held = np.clip(values, -_BEYOND, _BEYOND)
-        return np.clip(np.where(self.moving, np.degrees(held), np.nan), -_BEYOND, _BEYOND)
+        bounded = np.clip(values, -_BEYOND, _BEYOND)
+        return np.clip(np.where(self.moving, np.degrees(bounded), np.nan), -_BEYOND, _BEYOND)
 
     def rests(self) -> list[tuple[float, float]]:
         """Return the intervals (s) at rest. A part is at rest if more than half of its samples are."""
         count = np.diff(self.first, append=self.size)
         still = 2 * np.add.reduceat((~self.moving).astype(np.int64), self.first) > count
-        edges = np.diff(np.concatenate([[False], still, [False]]).astype(np.int8))
-        times = np.append(self.times, self.end)
-        begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        return [(float(times[a]), float(times[b])) for a, b in zip(begins, ends, strict=True)]
+        return kit.true_intervals(still, np.append(self.times, self.end))
 
 
 def draw(
@@ -102,10 +79,10 @@ def draw(
     plan: SideslipEstimate | None = None,
     *,
     others: Mapping[str, Any] | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the estimate `plan` over time, with the truth, if it is known, and the measurements.
 
     The angle is undefined below 1 m/s: its curves have gaps there, and the time is
@@ -138,130 +115,110 @@ def draw(
     UnsupportedOption
         An option has a value that is not allowed.
     """
-    check_tolerance(tolerance)
-    named = {} if others is None else others
-    good = isinstance(named, Mapping) and all(isinstance(name, str) for name in named)
-    few = good and len(named) <= _MOST_OTHERS
-    check_option("others", others, few, f"be at most {_MOST_OTHERS} plans by their names")
-    model = _visible(model)
-    given = {} if plan is None else {"estimate": plan}
-    estimates: list[_Named] = []
-    found = None
-    for name, value in [*given.items(), *named.items()]:
-        one = required("plan", model.as_plan(value), SideslipEstimate)
-        checked = model.verify(one, tolerance=tolerance)
-        label = _label(name, checked) if named else name
-        # The first colour is reserved for `plan`, even if it is None.
-        estimates.append(_Named(label, len(estimates) + (plan is None), one))
-        found = checked if estimates[-1].colour == 0 else found
-    text = _title(model, plan, found) if title is None else title
-    figure = _figure(model, estimates, text, size)
-    headline(figure, text, wrong=found is not None and not found.ok)
-    return figure
+    if model.is_blinded:
+        # Replace the hidden truth by None.
+        hidden = model.hidden_fields()
+        names = [field.name for field in fields(model) if field.name not in hidden]
+        model = SideslipEstimation(**{name: getattr(model, name) for name in names})
+    plans = kit.name_plans(
+        model, plan, others, SideslipEstimate, name="estimate", most=_MOST_OTHERS,
+        tolerance=tolerance,
+    )  # fmt: skip
+    labels = kit.label_plans(plans, plan if not others else None, unit="°", digits=3)
+    # The first colour is reserved for `plan`, even if it is None.
+    estimates = [
+        _Named(label, k + (plan is None), entry.plan)
+        for k, (label, entry) in enumerate(zip(labels, plans, strict=True))
+    ]
+    found = None if plan is None else plans[0].found
+    parts = [model.describe()]
+    if plan is not None and found is not None:
+        times = model.recording.times
+        parts = [f"{kit.number(float(times[-1] - times[0]), 4)} s"]
+        if found.objective is not None:
+            error = f"{kit.number(found.objective, 3)}°"
+            known = model.truth is not None
+            parts.append(f"mean error {error}" if known else f"changes in a second off by {error}")
+        if model.truth is not None:
+            parts.append(f"{kit.number(100 * model.coverage(plan), 3)} % within 2 deviations")
+    text = kit.title_of(model, parts, found, title)
+    samples = _Samples(model.recording)
+    rests = samples.rests()
+    upper = _upper(model, samples, estimates, rests)
+    tall = 0.73 + kit.LINE * (2 + text.count("\n")) + len(upper) * _TALL + 2 * _LOW
+    scene = kit.Scene(text, found, size, (7.2, tall))
+    _draw_panels(scene, model, samples, estimates, upper, rests)
+    return scene.figure
 
 
-def _visible(model: SideslipEstimation) -> SideslipEstimation:
-    """Return the model, with a hidden truth replaced by None."""
-    if not model.is_blinded:
-        return model
-    hidden = model.hidden_fields()
-    names = [field.name for field in fields(model) if field.name not in hidden]
-    return SideslipEstimation(**{name: getattr(model, name) for name in names})
-
-
-def _label(name: str, checked: Verification) -> str:
-    value = "" if checked.objective is None else f", {number(checked.objective, 3)}°"
-    return name + value + ("" if checked.ok else ", NOT VALID")
-
-
-def _title(
-    model: SideslipEstimation, plan: SideslipEstimate | None, found: Verification | None
-) -> str:
-    if plan is None or found is None:
-        return title_of(model.name, [model.describe()], None)
-    times = model.recording.times
-    parts = [f"{number(float(times[-1] - times[0]), 4)} s"]
-    if found.objective is not None:
-        error = f"{number(found.objective, 3)}°"
-        known = model.truth is not None
-        parts.append(f"mean error {error}" if known else f"changes in a second off by {error}")
-    if model.truth is not None:
-        parts.append(f"{number(100 * model.coverage(plan), 3)} % within 2 deviations")
-    return title_of(model.name, parts, found)
-
-
-def _figure(model: SideslipEstimation, estimates: Sequence[_Named], text: str, size: Any) -> Figure:
+def _draw_panels(
+    scene: kit.Scene, model: SideslipEstimation, samples: _Samples, estimates: Sequence[_Named],
+    upper: Sequence[kit.Panel], rests: Any,
+) -> None:  # fmt: skip
     """Draw the panels below one legend: angle and error in full width, measurements in pairs."""
     from matplotlib.patches import Patch
 
-    drawn = _Drawn(model.recording)
-    rests = drawn.rests()
-    upper = _upper(model, drawn, estimates, rests)
-    lower = _lower(model.recording, drawn, rests)
-    count, lines = len(upper), text.count("\n")
-    figure = sheet(size, (7.2, 0.9 + _LINE * (lines + 1) + count * _TALL + 2 * _LOW))
-    broad, tall = inches(figure)
-    gap = _GAP / max(0.5 * (broad - 2 * _GAP), 0.1)
+    lower = _lower(model.recording, samples, rests)
+    count, figure = len(upper), scene.figure
+    gap = _GAP / max(0.5 * (scene.broad - 2 * _GAP), 0.1)
     heights = [_TALL] * count + [_LOW] * 2
     grid = figure.add_gridspec(count + 2, 2, height_ratios=heights, hspace=0.2, wspace=gap)
     places = [figure.add_subplot(grid[row, :]) for row in range(count)]
     places += [figure.add_subplot(grid[count + k // 2, k % 2]) for k in range(4)]
-    span = [Span("", float(drawn.times[0]), drawn.end, np.empty(0))]
+    span = [kit.Span("", float(samples.times[0]), samples.end)]
     for panel, axes in zip([*upper, *lower], places, strict=True):
-        draw_panel(panel, axes, span, wrong=False, mesh=False)
+        kit.draw_panel(panel, axes, span, wrong=False, mesh=False)
         axes.tick_params(labelbottom=axes in places[-2:])
     for axes in places[-2:]:
-        axes.set_xlabel("time (s)", fontsize=8.5)
-    main = next((one for one in estimates if one.colour == 0), None)
-    keys = [key(one.label, lw=1.6, **axis_style(one.colour)) for one in estimates]
+        kit.label_axes(axes, "time (s)")
+    main = next((entry for entry in estimates if entry.colour == 0), None)
+    keys = [kit.key(entry.label, lw=1.6, **kit.axis_style(entry.colour)) for entry in estimates]
     if model.truth is not None:
-        keys.append(key("truth", lw=2.2, **axis_style(_TRUTH)))
+        keys.append(kit.key("truth", lw=2.2, **kit.axis_style(_TRUTH)))
     if main is not None:
         for k, panel in enumerate(upper):
-            _draw_band(places[k], panel, drawn, main, k)
-        keys.append(Patch(facecolor=axis_style(0)["color"], alpha=0.2, label=_BAND))
-    keys += keys_of(lower[:1], places) if rests else []
-    letters = sum(8 + len(one.get_label()) for one in keys)
-    rows = min(len(keys), 1 + int(letters / (_LETTERS * broad)))
-    top = 0.34 + _LINE * lines
-    legend_row(figure, keys, "upper center", (0.5, 1 - top / tall), rows=rows)
+            _draw_band(places[k], panel, samples, main, k)
+        keys.append(Patch(facecolor=kit.colour_of(0), alpha=0.2, label=_BAND))
+    keys += kit.keys_of(lower[:1], places) if rests else []
+    rows, top, broad, tall = (
+        kit.legend_rows(keys, scene.broad),
+        scene.head - 0.12,
+        scene.broad,
+        scene.tall,
+    )
+    kit.legend_row(figure, keys, "upper center", (0.5, 1 - top / tall), rows=rows)
     figure.subplots_adjust(
         left=min(_GAP / broad, 0.25), right=max(1 - 0.15 / broad, 0.8), bottom=min(0.5 / tall, 0.25),
-        top=max(1 - (top + 0.16 + _LINE * rows) / tall, 0.6),
+        top=max(1 - (top + 0.16 + kit.LINE * rows) / tall, 0.6),
     )  # fmt: skip
     figure.align_ylabels([*places[:count], *places[-4::2]])
     figure.align_ylabels(places[-3::2])
-    return figure
 
 
 # -- panels --------------------------------------------------------------------------------------
 
 
 def _upper(
-    model: SideslipEstimation, drawn: _Drawn, estimates: Sequence[_Named], rests: Any
-) -> list[Panel]:
+    model: SideslipEstimation, samples: _Samples, estimates: Sequence[_Named], rests: Any
+) -> list[kit.Panel]:
     """Return the panels of the angle and, if the truth is known, of its error."""
-    truth, shades = model.truth, {_STILL: rests}
-    # Draw the first estimate last, on top of all other curves.
-    angles = [
-        drawn.curve(label, colour, drawn.degrees(plan.sideslip))
-        for label, colour, plan in reversed(estimates)
-    ]
-    if truth is None:
-        return [Panel("sideslip angle", "°", angles, shades=shades)] if angles else []
-    angles.insert(0, drawn.curve("truth", _TRUTH, drawn.degrees(truth), 2.4))
-    errors = [
-        drawn.curve(label, colour, drawn.degrees(plan.sideslip - truth))
-        for label, colour, plan in reversed(estimates)
-    ]
-    panels = [
-        Panel("sideslip angle", "°", angles, shades=shades),
-        Panel("error", "°", errors, shades=shades),
-    ]
-    return panels if errors else panels[:1]
+
+    def panel(name: str, zero: Any, *first: kit.Curve) -> kit.Panel:
+        # Draw the first estimate last, on top of all other curves.
+        curves = [
+            samples.curve(label, colour, samples.degrees(plan.sideslip - zero))
+            for label, colour, plan in reversed(estimates)
+        ]
+        return kit.Panel(name, "°", [*first, *curves], shades={_STILL: rests})
+
+    if model.truth is None:
+        return [panel("sideslip angle", 0.0)] if estimates else []
+    truth = samples.curve("truth", _TRUTH, samples.degrees(model.truth), 2.4)
+    panels = [panel("sideslip angle", 0.0, truth), panel("error", model.truth)]
+    return panels if estimates else panels[:1]
 
 
-def _lower(recording: Recording, drawn: _Drawn, rests: Any) -> list[Panel]:
+def _lower(recording: Recording, samples: _Samples, rests: Any) -> list[kit.Panel]:
     """Return the panels of the measurements."""
     measured = (
         ("yaw rate", "°/s", np.degrees(recording.yaw_rate)),
@@ -270,19 +227,18 @@ def _lower(recording: Recording, drawn: _Drawn, rests: Any) -> list[Panel]:
         ("speed", "m/s", recording.speed),
     )
     return [
-        Panel(name, unit, [drawn.curve(name, _TRUTH, values, 0.8)], shades={_STILL: rests})
+        kit.Panel(name, unit, [samples.curve(name, _TRUTH, values, 0.8)], shades={_STILL: rests})
         for name, unit, values in measured
     ]
 
 
-def _draw_band(axes: Axes, panel: Panel, drawn: _Drawn, main: _Named, row: int) -> None:
+def _draw_band(axes: Any, panel: kit.Panel, samples: _Samples, main: _Named, row: int) -> None:
     """Fill the band of the first estimate: about the angle in row 0, about zero error in row 1."""
-    wide = 2 * drawn.degrees(main.plan.deviation)
-    middle = drawn.degrees(main.plan.sideslip) if row == 0 else np.zeros(drawn.size)
-    lower, upper = drawn.extremes(middle - wide, middle + wide)
-    held = np.concatenate([curve.values for curve in panel.curves])
-    held = held[np.isfinite(held)]
-    least, most = float(held.min()), float(held.max())
+    wide = 2 * samples.degrees(main.plan.deviation)
+    middle = samples.degrees(main.plan.sideslip) if row == 0 else np.zeros(samples.size)
+    lower, upper = samples.extremes(middle - wide, middle + wide)
+    values = np.concatenate([curve.values for curve in panel.curves])
+    least, most = float(np.nanmin(values)), float(np.nanmax(values))
     height = most - least
     reach = _REACH[row] * height if height > 0 else np.inf
     # Use quantiles of the band: a few samples with an unknown angle would stretch the axis.
@@ -290,7 +246,7 @@ def _draw_band(axes: Axes, panel: Panel, drawn: _Drawn, main: _Named, row: int) 
     high = min(max(most, float(np.nanquantile(upper, 0.98))), most + reach)
     if high > low:
         axes.set_ylim(low - 0.08 * (high - low), high + 0.08 * (high - low))
-    look: dict[str, Any] = {"color": axis_style(0)["color"], "alpha": 0.2, "lw": 0, "zorder": 1.5}
-    axes.fill_between(drawn.times, lower, upper, gid="band", **look)
+    look: dict[str, Any] = {"color": kit.colour_of(0), "alpha": 0.2, "lw": 0, "zorder": 1.5}
+    axes.fill_between(samples.times, lower, upper, gid="band", **look)
     for edge in (lower, upper) if row else ():  # visible if curves fill the panel
-        axes.plot(drawn.times, edge, color=DARK, lw=0.5, zorder=3.5, gid="edge of the band")
+        axes.plot(samples.times, edge, color=kit.DARK, lw=0.5, zorder=3.5, gid="edge of the band")
