@@ -12,35 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import required
-from ..plots.options import check_option
-from ..plots.space import dress_space
-from ..plots.style import (
-    axis_style,
-    headline,
-    inches,
-    legend_below,
-    number,
-    sheet,
-    title_of,
-)
-from ..verification import TOLERANCE, Verification, check_tolerance
+from ..plots import kit
+from ..verification import Verification
 from .model import AttractorAnalysis
 from .plan import AttractorEstimate, Judgement
-from .plot_curves import (
-    Curve,
-    curve_keys,
-    curves_of,
-    draw_curve,
-    draw_slopes,
-    label_axes,
-    told,
-    with_unit,
-)
+from .plot_curves import Curve, curve_keys, curves_of, draw_curve, draw_slopes, dress, slope_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 __all__ = ["draw"]
 
@@ -71,10 +50,10 @@ def draw(
     plan: AttractorEstimate | None = None,
     *,
     view: str = "curves",
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the series of `model`, and the claims of `plan`.
 
     The series is drawn from its beginning, over the duration that is legible. The attractor has the first
@@ -109,60 +88,49 @@ def draw(
     UnsupportedOption
         The value of an option is not allowed.
     """
-    check_tolerance(tolerance)
-    allowed = "be 'curves', 'slopes' or 'attractor'"
-    check_option("view", view, view in ("curves", "slopes", "attractor"), allowed)
-    found = None
+    kit.check_choice("view", view, "curves", "slopes", "attractor")
+    found = kit.verified_plan(model, plan, AttractorEstimate, tolerance)
     curves: list[Curve] = []
     delay, dimension = 1, 2
     if plan is not None:
-        required("plan", plan, AttractorEstimate)
-        found = model.verify(plan, tolerance=tolerance)
         delay, dimension = plan.delay, plan.dimension
         if view != "attractor":
             curves = curves_of(model, plan)
-    text = _title(model, plan, found) if title is None else title
-    words = _verdict(plan)
-    figure = sheet(size, (5.2, 5.2) if view == "attractor" else (9.6, 5.4 if curves else 3.9))
-    broad, tall = inches(figure)
-    lines = textwrap.wrap(words, max(int((broad - 0.2) / _LETTER), 20))
+    text = kit.title_of(model, _parts(model, plan, found), found, title)
+    default = (5.2, 5.2) if view == "attractor" else (9.6, 5.4 if curves else 3.9)
+    scene = kit.Scene(text, found, size, default)
+    lines = textwrap.wrap(_verdict(plan), max(int((scene.broad - 0.2) / _LETTER), 20))
     foot = 0.25 * bool(curves)
-    below = foot + 0.15 * len(lines)
-    places = _places(figure, view, len(curves), dimension, head=text.count("\n"), below=below)
+    places = _places(scene, view, len(curves), dimension, below=foot + 0.15 * len(lines))
     _draw_states(model, places[0], delay)
     if view != "attractor":
         _draw_series(model, places[1])
     for curve, axes in zip(curves, places[2:], strict=True):
         (draw_slopes if view == "slopes" else draw_curve)(curve, axes)
     if lines:
-        figure.text(
-            0.5, (0.08 + foot) / tall, "\n".join(lines), ha="center", va="bottom", fontsize=8
-        )
-    if curves:
-        legend_below(figure, curve_keys(view))
-    headline(figure, text, wrong=found is not None and not found.ok)
-    return figure
+        place = (0.5, (0.08 + foot) / scene.tall)
+        scene.figure.text(*place, "\n".join(lines), ha="center", va="bottom", fontsize=8)
+    scene.legend(curve_keys(view) if curves else [], 1)
+    return scene.figure
 
 
-def _title(
+def _parts(
     model: AttractorAnalysis, plan: AttractorEstimate | None, found: Verification | None
-) -> str:
+) -> list[str]:
+    """Return the parts of the title."""
     if plan is None or found is None:
-        return title_of(model.name, [model.describe()], None)
+        return [model.describe()]
     parts = [f"delay {plan.delay}, dimension {plan.dimension}"]
     if plan.exponent is not None:
-        parts.append(f"λ = {told(plan.exponent)} nats/s")
+        parts.append(f"λ = {slope_text(plan.exponent)} nats/s")
     if plan.correlation is not None:
-        parts.append(f"D = {told(plan.correlation)}")
+        parts.append(f"D = {slope_text(plan.correlation)}")
     if found.objective is not None:
-        known = any(
-            figure is not None
-            for figure in (model.true_exponent, model.true_dimension, model.chaotic)
-        )
-        parts.append(
-            f"{'relative error' if known else 'error of prediction'} {number(found.objective, 3)}"
-        )
-    return title_of(model.name, parts, found)
+        truth = (model.true_exponent, model.true_dimension, model.chaotic)
+        known = any(value is not None for value in truth)
+        what = "relative error" if known else "error of prediction"
+        parts.append(f"{what} {kit.number(found.objective, 3)}")
+    return parts
 
 
 def _verdict(plan: AttractorEstimate | None) -> str:
@@ -171,18 +139,19 @@ def _verdict(plan: AttractorEstimate | None) -> str:
     test = plan.surrogates
     few = "none" if not test.exceeded else str(test.exceeded)
     return (
-        f"{_WORDS[test.judgement]} (p\u00a0=\u00a0{number(test.p_value, 3)}: {few} of {test.count} surrogates "
+        f"{_WORDS[test.judgement]} (p\u00a0=\u00a0{kit.number(test.p_value, 3)}: {few} of {test.count} surrogates "
         "at least as predictable)"
     )
 
 
 def _places(
-    figure: Any, view: str, curves: int, dimension: int, *, head: int, below: float
+    scene: kit.Scene, view: str, curves: int, dimension: int, *, below: float
 ) -> list[Axes]:
     """Return the axes of the attractor, the series and the curves."""
-    broad, tall = inches(figure)
+    figure, broad, tall = scene.figure, scene.broad, scene.tall
+    head = _HEAD + kit.LINE * scene.title.count("\n")
     left, right = min(_LEFT / broad, 0.2), max(1 - _RIGHT / broad, 0.85)
-    bottom, top = min((_FOOT + below) / tall, 0.4), max(1 - (_HEAD + 0.17 * head) / tall, 0.6)
+    bottom, top = min((_FOOT + below) / tall, 0.4), max(1 - head / tall, 0.6)
     edges: dict[str, Any] = {"left": left, "right": right, "bottom": bottom, "top": top}
     narrow = broad < _NARROW and curves > 0
     space: dict[str, Any] = {}
@@ -193,13 +162,14 @@ def _places(
     columns = 2 if narrow or not curves else curves + 1
     rows = 2 if curves else 1
     # Gaps are given as shares of the mean width and height of the cells.
-    gaps = [_GAP * (columns - 1), _ROW_GAP * (rows - 1)]
-    wide, high = (right - left) * broad - gaps[0], (top - bottom) * tall - gaps[1]
+    wide = (right - left) * broad - _GAP * (columns - 1)
+    high = (top - bottom) * tall - _ROW_GAP * (rows - 1)
     edges["wspace"] = _GAP * columns / max(wide, 0.5)
     edges["hspace"] = _ROW_GAP * rows / max(high, 0.5)
+    others: list[Any] = []
     if not curves:
         grid = figure.add_gridspec(1, 2, width_ratios=(1.8, 1.1), **edges)
-        first, series, others = grid[1], grid[0], []
+        first, series = grid[1], grid[0]
     elif narrow:
         grid = figure.add_gridspec(2, 2, **edges)
         first, series = grid[0, 1], grid[0, 0]
@@ -208,21 +178,14 @@ def _places(
         grid = figure.add_gridspec(2, columns, height_ratios=(1, 1.8), **edges)
         first, series = grid[1, 0], grid[0, :]
         others = [grid[1, k + 1] for k in range(curves)]
-    found = [figure.add_subplot(first, **space)]
-    found += [figure.add_subplot(place) for place in (series, *others)]
+    states = figure.add_subplot(first, **space)
     if space:
         # The labels of 3D axes are inside of their area, so it can extend into the margins of others.
-        box = found[0].get_position()
-        more = (0.5 if first.colspan.start else 0.65) / broad, 0.3 / tall
-        found[0].set_position(
-            (
-                box.x0 - more[0],
-                box.y0 - more[1],
-                box.width + more[0] - 0.1 / broad,
-                box.height + 1.6 * more[1],
-            )
-        )
-    return found
+        box = states.get_position()
+        x, y = (0.5 if first.colspan.start else 0.65) / broad, 0.3 / tall
+        wide, high = box.width + x - 0.1 / broad, box.height + 1.6 * y
+        states.set_position((box.x0 - x, box.y0 - y, wide, high))
+    return [states, *(figure.add_subplot(place) for place in (series, *others))]
 
 
 # -- series and states ---------------------------------------------------------------------------
@@ -235,20 +198,14 @@ def _draw_series(model: AttractorAnalysis, axes: Axes) -> None:
     crossings = max(int(np.count_nonzero(above[1:] != above[:-1])), 1)
     shown = min(int(np.clip(_CROSSINGS * count / crossings, _LEAST, _MOST)), count)
     times = np.arange(shown) * model.period
-    few = shown <= _LEAST
-    look: dict[str, Any] = {"marker": "o", "ms": 2.0, "mew": 0} if few else {}
-    axes.plot(times, model.series[:shown], lw=0.9, gid="series", **axis_style(0), **look)
+    look: dict[str, Any] = {"marker": "o", "ms": 2.0, "mew": 0} if shown <= _LEAST else {}
+    axes.plot(times, model.series[:shown], lw=0.9, gid="series", **kit.axis_style(0), **look)
     edge = 0.01 * times[-1]
     axes.set_xlim(-edge, times[-1] + edge)
-    label_axes(axes, "time (s)", with_unit("value", model.unit))
+    dress(axes, "time (s)", kit.with_unit("value", model.unit))
     if shown < count:
-        axes.set_title(
-            f"the first {shown} of {count} samples",
-            fontsize=7.5,
-            color="#505050",
-            loc="left",
-            pad=3,
-        )
+        words = f"the first {shown} of {count} samples"
+        axes.set_title(words, fontsize=7.5, color="#505050", loc="left", pad=3)
 
 
 def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
@@ -258,22 +215,22 @@ def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
     if len(series) <= (shown - 1) * delay + 1:
         delay = 1
     states = model.states(delay, shown)
-    smooth = float(np.sqrt((np.diff(series / model.deviation) ** 2).mean())) < _SMOOTH
-    if smooth:
-        axes.plot(*states[:_JOINED].T, lw=0.5, alpha=0.8, gid="states", color="#0072B2")
+    look: dict[str, Any] = {"color": kit.colour_of(0), "gid": "states"}
+    if float(np.sqrt((np.diff(series / model.deviation) ** 2).mean())) < _SMOOTH:
+        axes.plot(*states[:_JOINED].T, lw=0.5, alpha=0.8, **look)
     else:
         step = max(-(-len(states) // _DOTS), 1)
         large = 2.4 if len(states) > _FEW else 4.5
-        axes.plot(
-            *states[::step].T, ls="", marker=".", ms=large, mew=0, alpha=0.7, gid="states",
-            color="#0072B2",
-        )  # fmt: skip
-    names = ["x(t)", *(f"x(t + {number(k * delay * model.period, 4)} s)" for k in range(1, shown))]
-    names = [with_unit(name, model.unit) for name in names]
+        axes.plot(*states[::step].T, ls="", marker=".", ms=large, mew=0, alpha=0.7, **look)
+    names = [
+        "x(t)",
+        *(f"x(t + {kit.number(k * delay * model.period, 4)} s)" for k in range(1, shown)),
+    ]
+    names = [kit.with_unit(name, model.unit) for name in names]
     if shown == 2:
-        label_axes(axes, names[0], names[1])
+        dress(axes, *names)
         return
-    dress_space(axes)
-    for name, label in zip(names, (axes.set_xlabel, axes.set_ylabel, axes.set_zlabel), strict=True):
-        label(name, fontsize=7.5, labelpad=1)
+    kit.dress_space(axes)
+    for name, axis in zip(names, "xyz", strict=True):
+        getattr(axes, f"set_{axis}label")(name, fontsize=7.5, labelpad=1)
     axes.tick_params(labelsize=6.5)

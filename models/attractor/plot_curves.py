@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plots.style import BLACK, axis_style, bare, inches, key, number, pretty_unit
+from ..plots import kit
 from .checks import SOME, Sample
 from .model import AttractorAnalysis
 from .plan import AttractorEstimate, Slope
@@ -15,16 +15,7 @@ from .plan import AttractorEstimate, Slope
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "Curve",
-    "curve_keys",
-    "curves_of",
-    "draw_curve",
-    "draw_slopes",
-    "label_axes",
-    "told",
-    "with_unit",
-]
+__all__ = ["Curve", "curve_keys", "curves_of", "draw_curve", "draw_slopes", "dress", "slope_text"]
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +23,9 @@ Floats = NDArray[np.float64]
 _STEPS, _RADII = 60, 48
 #: Length of a divergence curve beyond its region, in widths of the region.
 _BEYOND = 1.5
-_SHADE, _LINE = "#E69F00", "#C8102E"
+#: Colour of the scaling region, and line of the claimed slope.
+_SHADE = "#E69F00"
+_CLAIM: dict[str, Any] = {"color": kit.RED, "lw": 1.4, "ls": "--"}
 
 
 class Curve(NamedTuple):
@@ -69,24 +62,18 @@ class Curve(NamedTuple):
         return np.log(x) if self.log else x
 
 
-def told(slope: Slope) -> str:
+def slope_text(slope: Slope) -> str:
     """Return a slope with its deviation as text."""
-    return f"{number(slope.value, 4)} ± {number(slope.deviation, 2)}"
+    return f"{kit.number(slope.value, 4)} ± {kit.number(slope.deviation, 2)}"
 
 
-def with_unit(name: str, unit: str) -> str:
-    """Return a label with its unit, if there is one."""
-    return f"{name} ({pretty_unit(unit)})" if unit else name
-
-
-def label_axes(axes: Axes, x: str, y: str) -> None:
+def dress(axes: Axes, x: str, y: str) -> None:
     """Write the labels of a panel, and remove superfluous frames."""
     from matplotlib.ticker import MaxNLocator
 
-    axes.set_xlabel(x, fontsize=8.5)
-    axes.set_ylabel(y, fontsize=8.5)
-    bare(axes)
-    broad = float(axes.get_position().width) * inches(axes.figure)[0]
+    kit.label_axes(axes, x, y)
+    kit.bare(axes)
+    broad = float(axes.get_position().width) * kit.inches(axes.figure)[0]
     axes.xaxis.set_major_locator(MaxNLocator(nbins=int(np.clip(2 * broad, 3, 9))))
 
 
@@ -94,11 +81,10 @@ def curve_keys(view: str) -> list[Any]:
     """Return the entries of the legend of curves, or of their slopes."""
     from matplotlib.patches import Patch
 
-    line = "claimed" if view == "slopes" else "slope as claimed"
     return [
-        key("computed again", lw=1.4, **axis_style(0)),
+        kit.key("computed again", lw=1.4, **kit.axis_style(0)),
         Patch(facecolor=_SHADE, alpha=0.25, label="scaling region"),
-        key(line, color=_LINE, lw=1.4, ls="--"),
+        kit.key("claimed" if view == "slopes" else "slope as claimed", **_CLAIM),
     ]
 
 
@@ -106,15 +92,15 @@ def curves_of(model: AttractorAnalysis, plan: AttractorEstimate) -> list[Curve]:
     """Return the curves of the claimed slopes, recomputed on up to 500 states."""
     states = model.states(plan.delay, plan.dimension)
     sample = Sample(states, plan.theiler, model.scene_seeds(1)[0], SOME)
-    unit = pretty_unit(model.unit)
-    found = []
+    unit = kit.pretty_unit(model.unit)
+    curves = []
     slope = plan.exponent
     if slope is not None:
         low, high = int(slope.low), int(slope.high)
         last = min(high + int(_BEYOND * (high - low)) + 2, max(high, len(states) // 2))
         steps = np.linspace(0, last, _STEPS).round().astype(np.int64)
         ahead = np.unique(np.concatenate([steps, [low, high]]))
-        found.append(
+        curves.append(
             Curve(
                 "divergence", "λ", "nats/s", slope, ahead * model.period, sample.divergence(slope, ahead),
                 (low * model.period, high * model.period),
@@ -123,43 +109,21 @@ def curves_of(model: AttractorAnalysis, plan: AttractorEstimate) -> list[Curve]:
         )  # fmt: skip
     slope = plan.correlation
     if slope is not None:
-        low_, high_ = sample.reach()
-        low_, high_ = min(low_, slope.low), max(high_, slope.high)
-        radii = np.geomspace(low_, high_, _RADII)
+        least, most = sample.reach()
+        radii = np.geomspace(min(least, slope.low), max(most, slope.high), _RADII)
         sums = sample.sums(radii)
-        found.append(
+        curves.append(
             Curve(
                 "correlation", "D", "", slope, radii, np.where(sums > 0, np.log(sums), np.nan),
-                (slope.low, slope.high), (with_unit("radius r", model.unit), "ln C(r)"), True,
+                (slope.low, slope.high), (kit.with_unit("radius r", model.unit), "ln C(r)"), True,
             )
         )  # fmt: skip
-    return found
-
-
-def _region(curve: Curve, axes: Axes, words: str) -> None:
-    """Shade the scaling region, and write the slope above the panel."""
-    axes.axvspan(*curve.region, color=_SHADE, alpha=0.25, lw=0, zorder=0.7, gid="region")
-    axes.set_title(words, fontsize=8.5, color=BLACK, loc="left", pad=3)
-    label_axes(axes, curve.labels[0], axes.get_ylabel())
-    if curve.log:
-        _decades(axes, curve.x)
-
-
-def _decades(axes: Axes, radii: Floats) -> None:
-    """Make the radii logarithmic, with a legible number of ticks."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    few = bool(radii[-1] < 30 * radii[0])
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=5))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    if few:
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 3)))
+    return curves
 
 
 def draw_curve(curve: Curve, axes: Axes) -> None:
     """Draw the curve, and the line with the claimed slope through its mean in the region."""
-    axes.plot(curve.x, curve.y, lw=1.4, zorder=3, gid=f"curve {curve.name}", **axis_style(0))
+    axes.plot(curve.x, curve.y, lw=1.4, zorder=3, gid=f"curve {curve.name}", **kit.axis_style(0))
     low, high = curve.region
     x = curve.read(curve.x)
     inside = (curve.x >= low) & (curve.x <= high) & np.isfinite(curve.y)
@@ -167,25 +131,40 @@ def draw_curve(curve: Curve, axes: Axes) -> None:
         ends = np.array([low, high])
         middle, height = x[inside].mean(), curve.y[inside].mean()
         line = height + curve.slope.value * (curve.read(ends) - middle)
-        look: dict[str, Any] = {"color": _LINE, "lw": 1.4, "ls": "--", "zorder": 4}
-        axes.plot(ends, line, gid=f"line {curve.name}", **look)
-    axes.set_ylabel(curve.labels[1])
-    _region(curve, axes, f"{curve.symbol} = {told(curve.slope)} {curve.unit}".rstrip())
+        axes.plot(ends, line, gid=f"line {curve.name}", zorder=4, **_CLAIM)
+    _finish(curve, axes, curve.labels[1])
 
 
 def draw_slopes(curve: Curve, axes: Axes) -> None:
     """Draw the local slopes of the curve, and the claimed slope."""
     local = np.gradient(curve.y, curve.read(curve.x))
-    axes.plot(curve.x, local, lw=1.4, zorder=3, gid=f"slopes {curve.name}", **axis_style(0))
+    axes.plot(curve.x, local, lw=1.4, zorder=3, gid=f"slopes {curve.name}", **kit.axis_style(0))
     value, spread = curve.slope.value, curve.slope.deviation
-    axes.plot(curve.region, [value] * 2, color=_LINE, lw=1.4, ls="--", gid=f"line {curve.name}")
+    axes.plot(curve.region, [value] * 2, gid=f"line {curve.name}", **_CLAIM)
     known = local[np.isfinite(local)]
     if known.size:
         # The slopes of the first steps and the smallest radii would flatten all others.
         ends = [*np.quantile(known, [0.1, 0.9]).tolist(), 0.0, value - spread, value + spread]
         margin = 0.15 * (max(ends) - min(ends)) or 1.0
         axes.set_ylim(min(ends) - margin, max(ends) + margin)
-    axes.set_ylabel(
-        with_unit("slope of ln distance" if curve.unit else "slope of ln C(r)", curve.unit)
-    )
-    _region(curve, axes, f"{curve.symbol} = {told(curve.slope)} {curve.unit}".rstrip())
+    label = "slope of ln distance" if curve.unit else "slope of ln C(r)"
+    _finish(curve, axes, kit.with_unit(label, curve.unit))
+
+
+def _finish(curve: Curve, axes: Axes, label: str) -> None:
+    """Shade the scaling region, and write the slope above the panel."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.axvspan(*curve.region, color=_SHADE, alpha=0.25, lw=0, zorder=0.7, gid="region")
+    words = f"{curve.symbol} = {slope_text(curve.slope)} {curve.unit}".rstrip()
+    axes.set_title(words, fontsize=8.5, color=kit.BLACK, loc="left", pad=3)
+    dress(axes, curve.labels[0], label)
+    if not curve.log:
+        return
+    # Logarithmic radii, with a legible number of ticks.
+    axes.set_xscale("log")
+    few = bool(curve.x[-1] < 30 * curve.x[0])
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=5))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    if few:
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: kit.number(value, 3)))
