@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnsupportedOption
 from ..optimal_control.plan import ControlPlan
 from ..optimal_control.plot import curves_of, guessed, nodes_of, sampled
-from ..plots.curves import Curve, Limit, Panel, Span
-from ..plots.options import check_flags, check_option
-from ..plots.panels import panel_sheet
-from ..plots.style import number, title_of
-from ..verification import TOLERANCE, Verification, check_tolerance
+from ..plots import kit
 from .checks import slew_phase
 from .data import VectorLimits
 from .dynamics import SlewMotion
@@ -29,9 +24,6 @@ from .flight import Tracking
 from .gyros import singularity_measure
 from .model import SatelliteSlew
 from .plot_axes import animate_slew, draw_axes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["PAPER_QUATERNION_ERROR", "PAPER_RATE_ERROR", "animate_slew", "draw"]
 
@@ -53,10 +45,10 @@ def draw(
     view: str = "time",
     tracking: Tracking | None = None,
     mesh: bool = True,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the slew of `plan` over time, or the paths of the body axes.
 
     Parameters
@@ -99,27 +91,35 @@ def draw(
     --------
     animate_slew : Animation of the body axes.
     """
-    check_option("view", view, view in ("time", "axis"), "be 'time' or 'axis'")
-    check_flags(mesh=mesh)
-    check_tolerance(tolerance)
+    kit.check_choice("view", view, "time", "axis")
+    kit.check_flags(mesh=mesh)
     tracked = tracking is None or isinstance(tracking, Tracking)
-    check_option("tracking", tracking, tracked, "be a Tracking")
+    kit.check_option("tracking", tracking, tracked, "be a Tracking")
     if tracking is not None and (view == "axis" or plan is None):
         raise UnsupportedOption("tracking is drawn over time, beside a plan")
-    verification = None
     if plan is not None:
         slew_phase(plan)
-        verification = model.verify(plan, tolerance=tolerance)
-    text = _title(model, plan, verification) if title is None else title
-    wrong = verification is not None and not verification.ok
+    found = kit.verified_plan(model, plan, ControlPlan, tolerance)
+    axis, angle = model.turn
+    around = ", ".join(kit.number(float(x), 3) for x in axis)
+    parts = [f"{kit.number(float(np.rad2deg(angle)), 5)}° about ({around})"]
+    if model.margin:
+        parts.append(f"{kit.number(100 * model.margin, 4)} % in reserve")
+    if found is not None and found.objective is not None:
+        parts.append(f"J = {kit.number(found.objective)} s")
+    if plan is not None:
+        parts.append(f"tf = {kit.number(plan.end, 5)} s")
+    text = kit.title_of(model, parts, found, title)
     if view == "axis":
-        return draw_axes(model, plan, title=text, wrong=wrong, size=size)
+        scene = kit.Scene(text, found, size, (6.4, 6.0))
+        draw_axes(model, plan, scene)
+        return scene.figure
     drawn = _guessed(model) if plan is None else plan
     panels = _panels(model, drawn, tolerance)
     if tracking is not None:
         attitude, bound = tracking.quaternion_errors[:, 1:], PAPER_QUATERNION_ERROR
         rates = tracking.rate_errors
-        flown = Curve("flown", 1, tracking.times, tracking.measures)
+        flown = kit.Curve("flown", 1, tracking.times, tracking.measures)
         panels[4] = replace(panels[4], curves=[*panels[4].curves, flown])
         panels.insert(
             3, _errors("quaternion\nerrors", "", _ATTITUDE[1:], attitude, bound, tracking)
@@ -127,9 +127,9 @@ def draw(
         panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
     part = slew_phase(drawn)
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
-    return panel_sheet(
-        panels, [Span("slew", part.start, end, part.states.knots)], columns=2, title=text,
-        wrong=wrong, label="time (s)", size=size, mesh=mesh, guess=plan is None,
+    return kit.panel_sheet(
+        panels, [kit.Span("slew", part.start, end, part.states.knots)], columns=2, title=text,
+        wrong=kit.is_wrong(found), label="time (s)", size=size, mesh=mesh, guess=plan is None,
     )  # fmt: skip
 
 
@@ -140,25 +140,10 @@ def _guessed(model: SatelliteSlew) -> ControlPlan:
     return guessed(problem.definition)
 
 
-def _title(
-    model: SatelliteSlew, plan: ControlPlan | None, verification: Verification | None
-) -> str:
-    axis, angle = model.turn
-    around = ", ".join(number(float(x), 3) for x in axis)
-    parts = [f"{number(float(np.rad2deg(angle)), 5)}° about ({around})"]
-    if model.margin:
-        parts.append(f"{number(100 * model.margin, 4)} % in reserve")
-    if verification is not None and verification.objective is not None:
-        parts.append(f"J = {number(verification.objective)} s")
-    if plan is not None:
-        parts.append(f"tf = {number(plan.end, 5)} s")
-    return title_of(model.name, parts, verification)
-
-
 # -- the panels ----------------------------------------------------------------------------------
 
 
-def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[Panel]:
+def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[kit.Panel]:
     """Return the paper's six panels: attitude, rates, angles, gimbal rates, singularity and torque."""
     part = slew_phase(plan)
     times, states, controls = sampled(part)
@@ -169,10 +154,10 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
 
     def panel(
         title: str, unit: str, names: Sequence[str], values: Floats,
-        dots: tuple[Floats, Floats] | None, limits: Sequence[Limit] = (),
-    ) -> Panel:  # fmt: skip
+        dots: tuple[Floats, Floats] | None, limits: Sequence[kit.Limit] = (),
+    ) -> kit.Panel:  # fmt: skip
         curves, marks = curves_of(names, times, values, dots)
-        return Panel(title, unit, curves, limits, marks, whole=True)
+        return kit.Panel(title, unit, curves, limits, marks, whole=True)
 
     def with_norm(
         names: Sequence[str], values: Floats, norm: str
@@ -181,18 +166,18 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
             return tuple(names), values
         return (*names, norm), np.hstack([values, model.magnitudes(values)])
 
-    def within(upper: float, full: float | None = None) -> list[Limit]:
-        limits_drawn = [Limit(ends, -upper, upper, (), tolerance * upper)]
+    def within(upper: float, full: float | None = None) -> list[kit.Limit]:
+        limits_drawn = [kit.Limit(ends, -upper, upper, (), tolerance * upper)]
         if full is not None and full > upper:
             label = "limit, nothing in reserve"
-            limits_drawn.append(Limit(ends, -full, full, label=label, dashes=":", shaded=False))
+            limits_drawn.append(kit.Limit(ends, -full, full, label=label, dashes=":", shaded=False))
         return limits_drawn
 
     rate_names, rates = with_norm(_RATES, states[:, 4:7], "|ω|")
     _, rate_nodes = with_norm(_RATES, at_nodes[:, 4:7], "|ω|")
     torque_names, torque = with_norm(_TORQUES, torque, "|T|")
     smallest = model.singularity_limit
-    safe = Limit(ends, smallest, np.inf, (), tolerance)
+    safe = kit.Limit(ends, smallest, np.inf, (), tolerance)
     return [
         panel("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4])),
         panel(
@@ -212,21 +197,13 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[P
     ]  # fmt: skip
 
 
-def _saturated_intervals(tracking: Tracking) -> list[tuple[float, float]]:
-    """Return the intervals of time with a saturated command."""
-    cut = np.concatenate([[False], tracking.saturated, [False]]).astype(np.int8)
-    starts, ends = np.flatnonzero(np.diff(cut) == 1), np.flatnonzero(np.diff(cut) == -1)
-    times = tracking.times
-    return [(float(times[a]), float(times[b])) for a, b in zip(starts, ends, strict=True)]
-
-
 def _errors(
     title: str, unit: str, names: Sequence[str], values: Floats, bound: float, tracking: Tracking
-) -> Panel:
+) -> kit.Panel:
     """Return the panel of the flight's errors, with the bounds of the paper's controller."""
     times, label = tracking.times, "kept by the paper's controller"
     # The paper's bounds are results and not limits, so nothing is shaded.
-    paper = Limit(times[[0, -1]], -bound, bound, label=label, dashes="-.", shaded=False)
+    paper = kit.Limit(times[[0, -1]], -bound, bound, label=label, dashes="-.", shaded=False)
     curves, _ = curves_of(names, times, values)
-    shades = {"saturated": _saturated_intervals(tracking)}
-    return Panel(title, unit, curves, [paper], whole=True, shades=shades)
+    shades = {"saturated": kit.true_intervals(tracking.saturated, times)}
+    return kit.Panel(title, unit, curves, [paper], whole=True, shades=shades)

@@ -110,7 +110,7 @@ def _places(scene: Scene, chosen: list[int]) -> tuple[Floats, NDArray[np.bool_]]
     if scene.plan is not None:
         # Free coordinates follow the plan. Knots without a fixed coordinate are not drawn.
         at = scene.plan(np.clip(scene.times, scene.plan.times[0], scene.plan.times[-1]))
-        places = np.where(known.any(axis=1)[:, None] & ~known, at[:, chosen], places)
+        places = np.where(known.any(axis=1, keepdims=True) & ~known, at[:, chosen], places)
     return places, np.asarray(known.all(axis=1), bool)
 
 
