@@ -9,24 +9,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
-from ..plots.curves import Curve, Limit, Mark, Panel, Span
-from ..plots.options import check_flags, check_list, check_option, is_whole
-from ..plots.panels import panel_sheet
-from ..plots.style import number, pretty_unit, title_of
-from ..verification import TOLERANCE, Verification, check_tolerance
-from .definition import Definition, Guess, Phase, Quantity, Restriction, entry_names
+from ..plots import kit
+from ..verification import Verification
+from .definition import Definition, Guess, Quantity, Restriction, entry_names
 from .plan import ControlPlan, PhasePlan, Piecewise
 from .sampling import Course, courses
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from .model import OptimalControlProblem
 
 __all__ = ["curves_of", "draw", "guessed", "nodes_of", "sampled"]
@@ -48,11 +43,11 @@ def draw(
     costates: bool = False,
     deviation: bool = False,
     mesh: bool = True,
-    tolerance: float = TOLERANCE,
+    tolerance: float = kit.TOLERANCE,
     columns: int | None = None,
     title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw states, controls and path constraints of `plan` over time.
 
     Parameters
@@ -97,40 +92,48 @@ def draw(
         The value of an option is not allowed, or the plan lacks the requested data.
     """
     definition = model.definition
-    check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)
-    check_tolerance(tolerance)
+    kit.check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)
+    found = kit.verified_plan(model, plan, ControlPlan, tolerance)
     drawn = guessed(definition) if plan is None else plan
     phases = courses(definition, drawn)
     panels = list(_panels(phases, paths and plan is not None, tolerance))
     if only is not None:
         known = {panel.title: panel for panel in panels}
-        names = check_list(
-            "only", only, lambda item: isinstance(item, str) and item in known,
-            f"hold some of {', '.join(map(repr, known))}",
-        )  # fmt: skip
-        panels = [known[name] for name in names]
+        panels = [known[name] for name in kit.check_words("only", only, tuple(known))]
     if plan is None and (costates or deviation):
         raise UnsupportedOption("costates and deviation need a plan, got None")
     if costates:
         panels += _costates(phases)
     if deviation:
         panels.append(_deviation(model, drawn, phases, tolerance))
-    verification = None if plan is None else model.verify(drawn, tolerance=tolerance)
-    text = _title(model, drawn, verification) if title is None else title
-    unit = pretty_unit(definition.phases[0].time_unit)
-    return panel_sheet(
-        panels, [Span(part.name, part.start, part.end, part.states.knots) for part in drawn],
-        title=text, wrong=verification is not None and not verification.ok, size=size, mesh=mesh,
-        columns=_columns(columns, len(panels)), label=f"time ({unit})" if unit else "time",
-        guess=plan is None,
+    if columns is None:
+        columns = 1 if len(panels) <= _ONE else 2 if len(panels) <= _TWO else 3
+    kit.check_option(
+        "columns", columns, kit.is_whole(columns, 1, 6), "be a whole number from 1 to 6"
+    )
+    return kit.panel_sheet(
+        panels, [kit.Span(part.name, part.start, part.end, part.states.knots) for part in drawn],
+        title=kit.title_of(model, _parts(model, drawn, found), found, title), wrong=kit.is_wrong(found),
+        columns=min(int(columns), len(panels)), mesh=mesh, guess=plan is None, size=size,
+        label=kit.with_unit("time", definition.phases[0].time_unit),
     )  # fmt: skip
 
 
-def _columns(columns: Any, panels: int) -> int:
-    if columns is None:
-        return 1 if panels <= _ONE else 2 if panels <= _TWO else 3
-    check_option("columns", columns, is_whole(columns, 1, 6), "be a whole number from 1 to 6")
-    return min(int(columns), panels)
+def _parts(
+    model: OptimalControlProblem, plan: ControlPlan, found: Verification | None
+) -> list[str]:
+    """Return the parts of the title."""
+    definition = model.definition
+    parts = ["guess"] if found is None else []
+    if found is not None and found.objective is not None:
+        unit = kit.pretty_unit(definition.objective_unit)
+        parts.append(f"objective = {kit.number(found.objective)} {unit}".rstrip())
+    unit = kit.pretty_unit(definition.phases[-1].time_unit)
+    parts.append(f"{kit.number(plan.phases[-1].end, 5)} {unit}".rstrip())
+    for name, value in list(plan.parameters.items())[:3]:
+        if value.size == 1:
+            parts.append(f"{name} = {kit.number(float(value[0]), 5)}")
+    return parts
 
 
 # -- what is drawn -------------------------------------------------------------------------------
@@ -159,43 +162,37 @@ def guessed(definition: Definition) -> ControlPlan:
 def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
     """Return times, states and controls of a phase for its curves; knots appear twice."""
     even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // part.states.intervals))
-    rows = []
-    for k in range(part.states.intervals):
-        positions = np.unique(np.concatenate([even, part.states.nodes[k], part.controls.nodes[k]]))
-        rows.append(
-            (
-                _times(part.states, k, positions),
-                part.states.on(k, positions),
-                part.controls.on(k, positions),
-            )
-        )
-    times, states, controls = (np.concatenate(column) for column in zip(*rows, strict=True))
-    return times, states, controls
+    at = [
+        np.unique(np.concatenate([even, *nodes]))
+        for nodes in zip(part.states.nodes, part.controls.nodes, strict=True)
+    ]
+    times, states = _evaluated(part.states, at)
+    return times, states, _evaluated(part.controls, at)[1]
 
 
 def nodes_of(part: Piecewise) -> tuple[Floats, Floats]:
     """Return times and values of the nodes of a plan's functions, shapes (nodes,) and (nodes, size)."""
-    times = [_times(part, k, positions) for k, positions in enumerate(part.nodes)]
-    values = [part.on(k, positions) for k, positions in enumerate(part.nodes)]
+    return _evaluated(part, part.nodes)
+
+
+def _evaluated(part: Piecewise, positions: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Return times and values at positions from -1 to 1 in each interval."""
+    ends = itertools.pairwise(part.knots)
+    times = [a + 0.5 * (at + 1.0) * (b - a) for (a, b), at in zip(ends, positions, strict=True)]
+    values = [part.on(k, at) for k, at in enumerate(positions)]
     return np.concatenate(times), np.concatenate(values)
-
-
-def _times(part: Piecewise, interval: int, at: Floats) -> Floats:
-    begin, end = part.knots[interval : interval + 2]
-    result: Floats = begin + 0.5 * (at + 1.0) * (end - begin)
-    return result
 
 
 def curves_of(
     names: Sequence[str], times: Floats, values: Floats, nodes: tuple[Floats, Floats] | None = None
-) -> tuple[list[Curve], list[Mark]]:
+) -> tuple[list[kit.Curve], list[kit.Mark]]:
     """Return the curves of a table, one per column, and the marks of their nodes (times and table)."""
-    curves = [Curve(name, k, times, values[:, k]) for k, name in enumerate(names)]
+    curves = [kit.Curve(name, k, times, values[:, k]) for k, name in enumerate(names)]
     dots = [] if nodes is None else list(nodes[1].T)
-    return curves, [Mark("node", nodes[0], dot, k) for k, dot in enumerate(dots) if nodes]
+    return curves, [kit.Mark("node", nodes[0], dot, k) for k, dot in enumerate(dots) if nodes]
 
 
-def _panels(phases: Sequence[Course], paths: bool, tolerance: float) -> Iterator[Panel]:
+def _panels(phases: Sequence[Course], paths: bool, tolerance: float) -> Iterator[kit.Panel]:
     """Yield the panels of states, controls and path constraints; equal names of phases share a panel."""
     samples = [sampled(course.plan) for course in phases]
     for k, what in enumerate(("states", "controls"), 1):
@@ -212,10 +209,10 @@ def _panels(phases: Sequence[Course], paths: bool, tolerance: float) -> Iterator
 def _of_kind(
     phases: Sequence[Course], what: str, tables: Sequence[tuple[Floats, Floats]],
     dots: Sequence[tuple[Floats, Floats]] | None, tolerance: float | None, title: str = "{}",
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[kit.Panel]:  # fmt: skip
     """Yield one panel per name; without a tolerance, it has neither unit nor limits."""
     units: dict[str, str] = {}
-    gathered: dict[str, tuple[list[Curve], list[Mark], list[Limit]]] = {}
+    gathered: dict[str, tuple[list[kit.Curve], list[kit.Mark], list[kit.Limit]]] = {}
     for k, course in enumerate(phases):
         start = 0
         for item in getattr(course.phase, what):
@@ -231,10 +228,10 @@ def _of_kind(
             bounds += [] if tolerance is None else _limits(item, course, tolerance)
             units[item.name] = units.get(item.name) or ("" if tolerance is None else item.unit)
     for name, (curves, marks, bounds) in gathered.items():
-        yield Panel(title.format(name), units[name], curves, bounds, marks)
+        yield kit.Panel(title.format(name), units[name], curves, bounds, marks)
 
 
-def _limits(item: Quantity | Restriction, course: Course, tolerance: float) -> Iterator[Limit]:
+def _limits(item: Quantity | Restriction, course: Course, tolerance: float) -> Iterator[kit.Limit]:
     """Yield the bounds over a phase; entries with equal bounds share them."""
     groups: dict[tuple[float, float], list[int]] = {}
     for entry, pair in enumerate(zip(item.lower.tolist(), item.upper.tolist(), strict=True)):
@@ -247,10 +244,10 @@ def _limits(item: Quantity | Restriction, course: Course, tolerance: float) -> I
         typical = typical if isinstance(item, Restriction) else min(typical, 1.0)
         colours = () if len(members) == item.size else tuple(members)
         if edges:
-            yield Limit(times, lower, upper, colours, tolerance * max(typical, *edges))
+            yield kit.Limit(times, lower, upper, colours, tolerance * max(typical, *edges))
 
 
-def _costates(phases: Sequence[Course]) -> Iterator[Panel]:
+def _costates(phases: Sequence[Course]) -> Iterator[kit.Panel]:
     tables, dots = [], []
     for course in phases:
         name, part = course.plan.name, course.plan.costates
@@ -267,11 +264,11 @@ def _costates(phases: Sequence[Course]) -> Iterator[Panel]:
 
 def _deviation(
     model: OptimalControlProblem, plan: ControlPlan, phases: Sequence[Course], tolerance: float
-) -> Panel:
+) -> kit.Panel:
     """Return the panel of the deviation of the plan from its re-integrated motion."""
     from .checks import motion
 
-    curves: list[Curve] = []
+    curves: list[kit.Curve] = []
     order = list(dict.fromkeys(item.name for course in phases for item in course.phase.states))
     for k, course in enumerate(phases):
         reintegrated = motion(model, plan, k)
@@ -282,23 +279,6 @@ def _deviation(
             start += item.size
             # Zeros, such as the deviation at the start, have no logarithm.
             largest = np.where(largest > 0.0, largest, np.nan)
-            curves.append(Curve(item.name, order.index(item.name), reintegrated.times, largest))
-    limit = Limit(np.array([plan.start, plan.end]), -np.inf, tolerance)
-    return Panel("deviation", "relative", curves, [limit], log=True)
-
-
-def _title(
-    model: OptimalControlProblem, plan: ControlPlan, verification: Verification | None
-) -> str:
-    definition = model.definition
-    parts = ["guess"] if verification is None else []
-    if verification is not None and verification.objective is not None:
-        unit = pretty_unit(definition.objective_unit)
-        parts.append(f"objective = {number(verification.objective)} {unit}".rstrip())
-    end: Phase = definition.phases[-1]
-    unit = pretty_unit(end.time_unit)
-    parts.append(f"{number(plan.phases[-1].end, 5)} {unit}".rstrip())
-    for name, value in list(plan.parameters.items())[:3]:
-        if value.size == 1:
-            parts.append(f"{name} = {number(float(value[0]), 5)}")
-    return title_of(model.name, parts, verification)
+            curves.append(kit.Curve(item.name, order.index(item.name), reintegrated.times, largest))
+    limit = kit.Limit(np.array([plan.start, plan.end]), -np.inf, tolerance)
+    return kit.Panel("deviation", "relative", curves, [limit], log=True)
