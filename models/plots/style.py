@@ -64,8 +64,7 @@ def title_of(
     """Return `title`, or the name with `parts`, and a second line with the violations of the plan."""
     if title is not None:
         return title
-    name = model if isinstance(model, str) else getattr(model, "name", "")
-    text = ", ".join(parts)
+    name, text = getattr(model, "name", ""), ", ".join(parts)
     text = f"{name}  ·  {text}" if name else text
     if found is None or found.ok:
         return text
@@ -129,11 +128,6 @@ def legend_rows(keys: Sequence[Any], broad: float) -> int:
     """Return the number of rows of a legend in a figure `broad` inches wide."""
     letters = sum(6 + len(entry.get_label()) for entry in keys)
     return min(len(keys), 1 + int(letters / (_LETTERS * broad)))
-
-
-def legend_below(figure: Any, keys: Sequence[Any], middle: float = 0.5, rows: int = 1) -> None:
-    """Write a legend at the foot of a figure or of a part of one."""
-    legend_row(figure, keys, "lower center", (middle, 0.08 / inches(figure)[1]), rows=rows)
 
 
 def number(value: float, digits: int = 6) -> str:
