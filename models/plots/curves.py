@@ -22,19 +22,7 @@ _DECADES = 12
 
 
 class Curve(NamedTuple):
-    """Function of time.
-
-    Parameters
-    ----------
-    name : str
-        Label in the legend.
-    colour : int
-        Index of the colour, see :func:`.style.axis_style`.
-    times, values : ndarray, shape (points,)
-        Points of the curve.
-    width : float
-        Line width (point).
-    """
+    """Function of time: label, index of the colour (:func:`.style.axis_style`), points and width (point)."""
 
     name: str
     colour: int
@@ -44,26 +32,11 @@ class Curve(NamedTuple):
 
 
 class Limit(NamedTuple):
-    """Bound on curves during some time, constant or changing in steps.
+    """Bounds on curves at ascending `times`, constant or changing in steps; infinite for none.
 
-    Parameters
-    ----------
-    times : ndarray, shape (points,)
-        Times at which the bound holds, ascending; a time of a step appears twice.
-    lower, upper : float or ndarray, shape (points,)
-        Bounds; infinite for none.
-    colours : tuple of int
-        Colours of the bounded curves; empty for all curves of the panel.
-    tolerance : float
-        Excess above which the worst place is ringed.
-    label : str
-        Label of the line in the legend.
-    dashes : str
-        Dashes of the line.
-    shaded : bool
-        Whether the region beyond the bound is shaded, if it applies to all curves of the panel.
-    band : str
-        Label of the filled region inside the bounds; empty to leave it unfilled.
+    A time of a step appears twice. `colours` are those of the bounded curves, empty for all of the panel;
+    `tolerance` is the excess above which the worst place is ringed. `label` and `dashes` describe the line.
+    The region beyond a bound on all curves is `shaded`; that inside is filled if it has a label, `band`.
     """
 
     times: Floats
@@ -84,21 +57,10 @@ class Limit(NamedTuple):
 
 
 class Mark(NamedTuple):
-    """Marked places on or beside a curve.
+    """Places marked in the colour of a curve, with a label in the legend.
 
-    Parameters
-    ----------
-    label : str
-        Label in the legend. ``"node"``, ``"fixed value"``, ``"waypoint"`` and ``"worst
-        violation"`` have predefined markers.
-    times, values : ndarray, shape (points,)
-        Places.
-    colour : int
-        Index of the colour, that of the curve.
-    look : mapping
-        Options of a matplotlib line for the markers, such as ``{"marker": "^"}``.
-    note : str
-        Text above the panel, in red.
+    The labels ``"node"``, ``"fixed value"``, ``"waypoint"`` and ``"worst violation"`` have predefined markers;
+    `look` are options of a matplotlib line, such as ``{"marker": "^"}``. A `note` is written above the panel.
     """
 
     label: str
@@ -111,24 +73,10 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Content of one panel.
+    """Content of one panel: label and unit of its axis, curves, bounds and marks.
 
-    Parameters
-    ----------
-    title, unit : str
-        Label of the axis.
-    curves : sequence of Curve
-        Curves.
-    limits : sequence of Limit
-        Bounds of the curves.
-    marks : sequence of Mark
-        Marked places.
-    log : bool
-        Whether the axis is logarithmic; it then shows absolute values.
-    whole : bool
-        Whether every limit is in the visible range, however far from the curves.
-    shades : mapping of str to a sequence of (float, float)
-        Shaded intervals of time, by their label in the legend.
+    A `log` panel has a logarithmic axis and shows absolute values. In a `whole` panel, every limit is visible,
+    however far from the curves. `shades` are shaded intervals of time by their label in the legend.
     """
 
     title: str

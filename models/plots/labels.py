@@ -25,22 +25,10 @@ _CHARACTER, _LINE = 0.62, 1.07
 def write_names(
     axes: Any, places: Floats, names: Sequence[str], *, size: float, colour: str, route: bool = True
 ) -> None:
-    """Write names beside places of a plane or of space, with the least overlap.
+    """Write names beside places, (k, 2) or (k, 3), with the least overlap.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Axes with final limits and position.
-    places : ndarray, shape (k, 2) or (k, 3)
-        Places, in the order of the route.
-    names : sequence of str, length k
-        Names; empty for places that only define the route.
-    size : float
-        Font size (point).
-    colour : str
-        Colour of the names.
-    route : bool
-        Whether a line runs through the places, which names should not hide.
+    The axes must have their final limits. Empty names belong to places that only define the `route`, a line
+    through the places in this order, which names should not hide. `size` is in points.
     """
     from matplotlib.patheffects import withStroke
 
@@ -70,23 +58,10 @@ def place_labels(
     height: float = 8.0,
     route: bool = True,
 ) -> NDArray[np.float64]:
-    """Return the offset of each label's centre from its point, chosen greedily.
+    """Return the offset of each label's centre from its point, shape (k, 2), chosen greedily.
 
-    Parameters
-    ----------
-    points : ndarray, shape (k, 2)
-        Points in the plane of the paper, in the order of the route.
-    widths : list of float, length k
-        Widths of the labels, in the unit of `points`; 0 for no label.
-    height : float
-        Height of a label.
-    route : bool
-        Whether a line runs through the points, which labels should not hide.
-
-    Returns
-    -------
-    ndarray, shape (k, 2)
-        Offsets; deterministic.
+    `points` have the shape (k, 2) in the plane of the paper, in the order of the route; `widths` are those of the
+    labels in the same unit, 0 for no label. A line through the points should not be hidden if it is a `route`.
     """
     obstacles = _along(points, height / 2) if route else points
     directions = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])

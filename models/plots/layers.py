@@ -45,21 +45,10 @@ def length_unit(extent: float) -> tuple[float, str]:
 def dress_map(
     axes: Any, low: NDArray[Any], high: NDArray[Any], labels: tuple[str, str] | None = None
 ) -> float:
-    """Set the limits of a map, with equal scales that fill the axes.
+    """Set the limits of a map of a box (m), with equal scales that fill the axes.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Axes.
-    low, high : ndarray, shape (2,)
-        Bounding box of the content (m).
-    labels : (str, str), optional
-        Labels of axes whose unit is that of the box; by default x and y in a suitable unit.
-
-    Returns
-    -------
-    float
-        Factor from metres to the unit of the axes.
+    Returns the factor from metres to the unit of the axes. If the box has another unit, `labels` are the labels
+    of the axes, and the factor is 1.
     """
     scale = 1.0
     if labels is None:
@@ -91,19 +80,7 @@ def draw_cells(
     axes: Any, blocked: NDArray[np.bool_], low: NDArray[Any], high: NDArray[Any], *,
     colour: str = BLOCKED,
 ) -> None:  # fmt: skip
-    """Draw the blocked cells of a map as one image, and its edge.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Axes.
-    blocked : ndarray of bool, shape (rows, columns)
-        Blocked cells; row 0 is at ``low[1]``.
-    low, high : ndarray, shape (2,)
-        Corners of the map.
-    colour : str
-        Colour of blocked cells.
-    """
+    """Draw the blocked cells of a map from corner `low`, at row 0, to `high` as one image, and its edge."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Rectangle
 
@@ -176,25 +153,9 @@ def draw_ends(axes: Any, start: Floats, goals: Floats) -> list[Any]:
 def draw_stops(
     axes: Any, nodes: Floats, owners: NDArray[np.int64], depots: Floats, missed: Floats
 ) -> list[Any]:
-    """Draw nodes in the colours of their vehicles, depots, and rings around missed nodes.
+    """Draw nodes in the colours of their vehicles (-1: none), depots, and rings around missed nodes.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Axes.
-    nodes : ndarray, shape (n, 2)
-        Places to visit.
-    owners : ndarray of int, shape (n,)
-        Vehicle that visits each node; -1 for none.
-    depots : ndarray, shape (d, 2)
-        Starts and ends of routes.
-    missed : ndarray, shape (k, 2)
-        Places that are not visited exactly once.
-
-    Returns
-    -------
-    list
-        Entries of a legend.
+    Returns the entries of a legend.
     """
     faces = [DARK if owner < 0 else colour_of(owner) for owner in owners.tolist()]
     dots(
@@ -246,18 +207,9 @@ def draw_routes(axes: Any, lines: Sequence[Floats], *, gid: str, **look: Any) ->
 
 
 def draw_shaded_line(axes: Any, line: Floats, values: Floats | None, **look: Any) -> Any:
-    """Draw a polyline of a plane or of space, and return it.
+    """Draw a polyline of a plane or of space, coloured by the value of each segment, and return it.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Axes.
-    line : ndarray, shape (points, 2) or (points, 3)
-        Polyline.
-    values : ndarray, shape (points - 1,), optional
-        Value of each segment, which determines its colour.
-    **look
-        Options of a matplotlib collection.
+    `look` are options of a matplotlib collection.
     """
     from matplotlib import colormaps
     from matplotlib.collections import LineCollection

@@ -21,22 +21,10 @@ _HALF = 0.011
 
 
 class Level(NamedTuple):
-    """Level of one quantity at the stops of a route.
+    """Level of a quantity at the stops of a route; arrays have the shape (stops,).
 
-    Parameters
-    ----------
-    name, unit : str
-        Label of the axis.
-    colour : int
-        Index of the colour.
-    arrive, leave : ndarray, shape (stops,)
-        Levels before and after each stop.
-    limits : ndarray, shape (stops,)
-        Largest level on arrival, infinite for none.
-    wrong : ndarray of bool, shape (stops,)
-        Whether the level exceeds a limit.
-    marks : sequence of Mark
-        Marks of the stops.
+    `arrive` and `leave` are the levels before and after each stop, `limits` the largest ones on arrival, infinite
+    for none, and `wrong` marks those that are exceeded.
     """
 
     name: str
@@ -53,24 +41,10 @@ def draw_levels(
     figure: Any, distance: Floats, levels: Sequence[Level], *, label: str, limit: str, broken: str,
     title: str, wrong: bool,
 ) -> None:  # fmt: skip
-    """Draw a panel per level over the distance from the start, with bars at the limits.
+    """Draw a panel per level over the distance of the stops from the start, with bars at the limits.
 
-    Parameters
-    ----------
-    figure : Figure or SubFigure
-        Figure to draw in.
-    distance : ndarray, shape (stops,)
-        Distance of each stop from the start.
-    levels : sequence of Level
-        Levels.
-    label : str
-        Label of the distance, with its unit.
-    limit, broken : str
-        Legend entries of limits and of exceeded limits.
-    title : str
-        Title, for which space is reserved.
-    wrong : bool
-        Whether the plan violates a constraint.
+    `label` is that of the distance, `limit` and `broken` are legend entries of limits and of exceeded ones.
+    `title` and `wrong` are those of :func:`.panels.draw_panels`.
     """
     flown = np.repeat(distance, 2)
     panels, curves = [], []

@@ -27,27 +27,9 @@ def draw_loads(
 ) -> list[Any]:  # fmt: skip
     """Draw a bar for each of `loads` from the top, in the colour of the vehicle's route on the map.
 
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Axes.
-    loads : ndarray, shape (vehicles,)
-        Lengths of the bars; values that are not finite are omitted.
-    label : str
-        Label of the axis, with its unit.
-    names : sequence of str, length vehicles
-        Names of the bars.
-    deviation : float, optional
-        Half the width of a band around the line at the mean.
-    limits : ndarray, shape (vehicles,), optional
-        Upper limit of each bar.
-    wrong : sequence of int
-        Bars framed in red because they violate a limit.
-
-    Returns
-    -------
-    list
-        Entries of a legend.
+    Loads that are not finite are omitted. `label` is that of the axis, with its unit; `deviation` is half the width
+    of a band around the line at the mean; `limits` are upper limits of the bars, and `wrong` are the indices of
+    bars that violate one, which are framed in red. Returns the entries of a legend.
     """
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba

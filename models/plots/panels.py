@@ -85,7 +85,7 @@ def draw_panels(
     label: str, columns: int = 1, mesh: bool = True, ruled: bool = False, guess: bool = False,
     keys: Sequence[Any] = (),
 ) -> list[Axes]:  # fmt: skip
-    """Draw panels with a common time axis, column by column, below a legend.
+    """Draw panels with a common time axis, column by column, below a legend, and return their axes.
 
     Parameters
     ----------
@@ -111,11 +111,6 @@ def draw_panels(
         Whether the curves are a guess and not a plan.
     keys : sequence
         Additional entries of the legend, see :func:`.style.key`.
-
-    Returns
-    -------
-    list of Axes
-        One entry per panel.
     """
     rows = -(-len(panels) // columns)
     broad, tall = inches(figure)

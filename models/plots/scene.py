@@ -59,18 +59,8 @@ class Frame:
 class Scene(Frame):
     """Figure with a title, which is red if the plan is not valid.
 
-    Parameters
-    ----------
-    text : str
-        Title, see :func:`.style.title_of`.
-    found : Verification or None
-        Verification of the plan.
-    size : (float, float) or None
-        Option `size` of the picture: width and height (inch).
-    default : (float, float)
-        Size without this option.
-    wrong : bool
-        Whether the plan is not valid for another reason.
+    `text` is the title, see :func:`.style.title_of`; `found` the verification of the plan; `size` the option of the
+    picture, and `default` the size without it (inch). `wrong` states that the plan is not valid for another reason.
     """
 
     figure: Figure
@@ -94,18 +84,8 @@ class Scene(Frame):
 class Stage(Scene):
     """Animation: a figure with a clock at its foot.
 
-    Parameters
-    ----------
-    model : Model
-        Model, whose name is the default title.
-    title, size
-        Options of the animation.
-    frames, interval
-        Number of frames, and duration of a frame (ms).
-    default : (float, float)
-        Size without the option.
-    clock : float
-        Height of the clock above the foot (inch).
+    The default title is the name of `model`. `title`, `size`, `frames` and `interval` are options of the animation;
+    `clock` is the height of the clock above the foot (inch).
     """
 
     def __init__(
@@ -181,22 +161,7 @@ def name_plans(
 ) -> list[Named]:  # fmt: skip
     """Return `plan`, if there is one, under `name`, and then the plans of the option `others`.
 
-    Parameters
-    ----------
-    model : Model
-        Model.
-    plan : object or None
-        Plan of the picture.
-    others : mapping of str to plan, or None
-        Further plans, their JSON data or solutions.
-    kind : type
-        Type of a plan.
-    name : str
-        Name of `plan`.
-    most : int
-        Largest number of further plans.
-    tolerance : float
-        Tolerance of the verification.
+    The option holds at most `most` plans, their JSON data or solutions by name, all of the type `kind`.
     """
     check_tolerance(tolerance)
     named = {} if others is None else others
