@@ -29,22 +29,10 @@ _CLAIM: dict[str, Any] = {"color": kit.RED, "lw": 1.4, "ls": "--"}
 
 
 class Curve(NamedTuple):
-    """Curve with its claimed slope.
+    """Curve with its claimed slope: name, symbol and unit of the slope, and the slope.
 
-    Parameters
-    ----------
-    name, symbol, unit : str
-        Name of the curve, symbol of its slope, and unit of the slope.
-    slope : Slope
-        Claimed slope.
-    x, y : ndarray, shape (k,)
-        Seconds ahead or radii, and mean logarithms.
-    region : (float, float)
-        Scaling region in the unit of `x`.
-    labels : (str, str)
-        Labels of the axes.
-    log : bool
-        Whether the slope is relative to the logarithm of `x`.
+    `x` are seconds ahead or radii, `y` mean logarithms, both of shape (k,), and `region` is the scaling region in
+    the unit of `x`. The slope is relative to the logarithm of `x` if `log`.
     """
 
     name: str

@@ -40,20 +40,11 @@ _PART = 41
 
 
 class Walk(NamedTuple):
-    """Run of one scene on its true map; all positions are rows and columns.
+    """Run of n actions of one scene on its true map; all positions are rows and columns.
 
-    Parameters
-    ----------
-    positions, uav : ndarray of int, shape (n + 1, 2)
-        Positions of the vehicle and of the UAV before and after each of n actions.
-    hits : ndarray, shape (h, 2)
-        Edges that the vehicle ran into, in the order of the actions.
-    hit_after : ndarray of int, shape (h,)
-        Number of each of these actions, counted from 1.
-    seen : ndarray of int, shape (rows, columns)
-        Number of actions before each cell was first seen; n + 1 if it was never seen.
-    outcome : Outcome
-        Outcome that the plan states.
+    `positions` and `uav` have the shape (n + 1, 2), `hits` are the edges that the vehicle ran into in the actions
+    `hit_after`, counted from 1, and `seen` is the number of actions before each cell was first seen; n + 1 if it
+    was never seen. `outcome` is that of the plan.
     """
 
     positions: Ints
@@ -173,21 +164,7 @@ def draw_collisions(axes: Any, hits: Floats, size: float, **look: Any) -> Any:
 
 
 class Moment:
-    """Drawing of one moment of a run: cells seen, path, vehicle and UAV.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-        Axes to draw on.
-    model : UnknownGridNavigation
-        Model with its true maps.
-    scene : int
-        Index of the scene.
-    walk : Walk
-        Run of the scene.
-    size : float
-        Size of the markers, points.
-    """
+    """Drawing of one moment of a run: cells seen, path, vehicle and UAV, with markers of `size` points."""
 
     def __init__(
         self, axes: Any, model: UnknownGridNavigation, scene: int, walk: Walk, size: float

@@ -55,20 +55,10 @@ def arrange(
     size: tuple[float, float | None], whole: Box, part: Box, count: int, *, head: int, foot: int,
     panel: bool,
 ) -> Layout:  # fmt: skip
-    """Return the layout of the map, its moments and the panel of scenes.
+    """Return the layout of the map, its `count` moments and the panel of scenes.
 
-    Parameters
-    ----------
-    size : (float, float or None)
-        Width and height of the sheet, inches. None computes the height.
-    whole, part : Box
-        Parts that the map and each moment show.
-    count : int
-        Number of moments.
-    head, foot : int
-        Numbers of lines of the title and of the legend.
-    panel : bool
-        Whether the sheet has a panel of scenes.
+    `size` is width and height of the sheet, None computes the height. The map shows the part `whole`, each moment
+    `part`. `head` and `foot` are the numbers of lines of the title and of the legend.
     """
     broad, limit = size
     words = (broad, head, foot)

@@ -53,28 +53,9 @@ def given_times(model: Any) -> Any:
 class Scene:
     """Model and plan for a figure. A model without times uses those of the plan.
 
-    Parameters
-    ----------
-    model : Model
-        Model with ``waypoints``; its times, bounds and half-spaces are optional.
-    plan : Trajectory, optional
-        Plan to draw.
-    names : tuple of str
-        Names of the axes.
-    waypoints : ndarray, shape (knots, dimensions)
-        Positions at the knots (m); free components are infinite.
-    conditions : ndarray, shape (knots, orders, dimensions)
-        Fixed values at the knots; free components are infinite.
-    timed : bool
-        Whether the knots have times from the model or the plan.
-    times : ndarray, shape (knots,)
-        Times of the knots (s), or their indices without times.
-    bounds : tuple of Bound
-        Corridor boxes and limits.
-    halfspaces : Halfspaces, optional
-        Half-spaces of the polytopes.
-    verification : Verification, optional
-        The model's verification of the plan.
+    The model has ``waypoints``; its times, bounds and half-spaces are optional. Waypoints (m), shape (knots,
+    dimensions), and conditions, shape (knots, orders, dimensions), are infinite if free. Without a time for each
+    knot (s), the knots are not `timed`, and `times` are their indices.
     """
 
     model: Any

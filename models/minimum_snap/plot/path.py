@@ -36,27 +36,10 @@ _FLATTEST = 0.3
 def draw_path(
     scene: Scene, shown: tuple[int, ...], axes: Any, *, labels: bool | None = None
 ) -> tuple[Collection | None, list[Any], list[str]]:
-    """Draw the path along two or three axes.
+    """Draw the path along two axes on a plane, or along three in space.
 
-    Parameters
-    ----------
-    scene : Scene
-        Model and plan.
-    shown : tuple of int
-        Indices of the axes, two for a plane and three for space.
-    axes : matplotlib axes
-        2-D or 3-D axes.
-    labels : bool, optional
-        Whether to number the waypoints, by default if they are few.
-
-    Returns
-    -------
-    Collection or None
-        Path coloured by speed.
-    list of artists
-        Handles for a legend.
-    list of str
-        Notes on omitted elements.
+    Returns the path coloured by speed, None without a plan, the entries of a legend, and notes on omitted
+    elements. By default, the waypoints are numbered if they are few.
     """
     low, high = _extent(scene)
     chosen = list(shown)

@@ -19,18 +19,9 @@ _TILT = 1e-9
 def regions(
     scene: Scene, shown: tuple[int, ...], low: Floats, high: Floats, most: int | None = None
 ) -> tuple[list[list[Floats]], int, bool]:
-    """Return the regions of the corridor, clipped at a box, in two or three shown axes.
+    """Return the regions of the corridor in two or three axes, clipped at a box over all axes.
 
-    Parameters
-    ----------
-    scene : Scene
-        Model of the figure.
-    shown : tuple of int
-        Indices of the axes.
-    low, high : ndarray, shape (dimensions,)
-        Box that clips unbounded regions, m.
-    most : int, optional
-        Largest number of regions, selected at equal steps. All by default.
+    `most` is the largest number of regions, selected at equal steps; all by default.
 
     Returns
     -------
