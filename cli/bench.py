@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import INTERRUPTED, NO_ANSWER, VERIFIED, VIOLATED, as_json
+from .options import as_json, options, verdict_code
 
 if TYPE_CHECKING:
     from ..models.model import Model
@@ -25,9 +25,9 @@ __all__ = ["bench", "report"]
     metavar="FILE",
     help="Append each answer to FILE when it arrives, one JSON line per answer.",
 )
-@click.option("--resume", is_flag=True, help="Continue FILE and run only the missing jobs.")
+@options("resume")
 @click.option("--retry", is_flag=True, help="With --resume, run failed jobs again.")
-@click.option("--workers", type=int, default=1, show_default=True, help="Number of parallel jobs.")
+@options("workers")
 @click.option("--cluster", metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786.")
 @click.option("--report", "page", metavar="FILE", help="Write a page of the records (html).")
 @as_json
@@ -109,6 +109,4 @@ def _print_records(records: Records, as_json: bool) -> int:
         emit(records.to_dict())
     else:
         show(*records.parts())
-    if records.interrupted:
-        return INTERRUPTED
-    return {"AGREED": VERIFIED, "CONTRADICTION": VIOLATED}.get(str(records.outcome), NO_ANSWER)
+    return verdict_code(records.outcome, records.interrupted)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import BackendMissing
-from .options import as_json, compare_code, draw, picture_path
+from .options import as_json, compare_code, draw, options, picture_path
 
 if TYPE_CHECKING:
     from ..models.model import Model
@@ -51,10 +51,10 @@ class _DemoCommand(click.Command):
 
 @click.command(cls=_DemoCommand, short_help="Show a problem with every backend.")
 @click.argument("problem", default="error-correction")
-@click.option(
-    "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
+@options(
+    time_limit={"default": 60.0, "show_default": True, "help": "Seconds for each run."},
+    plot=f"File of the picture.  [default: {_PICTURE}]",
 )
-@click.option("--plot", metavar="FILE", help=f"File of the picture.  [default: {_PICTURE}]")
 @as_json
 def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **data: Any) -> int:
     """Solve an instance of PROBLEM with every backend, print the verdict and draw the plan.

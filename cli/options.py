@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,20 +20,26 @@ __all__ = [
     "INFEASIBLE",
     "INTERNAL",
     "INTERRUPTED",
+    "LIMITS",
     "MISSING",
     "NO_ANSWER",
     "USAGE",
     "VERIFIED",
     "VIOLATED",
-    "common",
+    "as_json",
     "compare_code",
     "draw",
     "numbers",
     "only",
+    "options",
     "pairs",
     "picture_path",
     "reading",
+    "verdict_code",
 ]
+
+#: Function of a command.
+Command = Callable[..., Any]
 
 #: Exit codes, explained in ``crosstrack.__main__``.
 VERIFIED, INTERNAL, USAGE, INFEASIBLE, NO_ANSWER, MISSING, VIOLATED = range(7)
@@ -42,97 +48,133 @@ INTERRUPTED = 130
 _PLOT_SUFFIXES = (".png", ".pdf", ".svg")
 
 
-#: Options shared by several commands.
-def as_json(command: Callable[..., Any]) -> Callable[..., Any]:
+def _pairs(context: click.Context, parameter: click.Parameter, value: Sequence[str]) -> Any:
+    return pairs(value, parameter.opts[0])
+
+
+#: Options shared by several commands, by the names of the parameters that receive them.
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "backend": {
+        "default": "auto",
+        "show_default": True,
+        "help": "A name from 'crosstrack backends'.",
+    },
+    "formulation": {"help": "Formulation for backends that take programs."},
+    "time_limit": {
+        "type": float,
+        "help": "Wall-clock seconds for a run, with building and compiling.",
+    },
+    "memory_limit": {"type": float, "help": "Memory limit of a run in MiB, at least 64 (Linux)."},
+    "gap": {"type": float, "help": "Relative gap at which an exact backend may stop."},
+    "tolerance": {
+        "type": float,
+        "help": "Largest violation accepted, relative to each constraint's scale (default: 1e-6).",
+    },
+    "seed": {"type": int, "help": "Seed of backends that use random numbers."},
+    "threads": {"type": int, "help": "Number of threads, for backends that use several."},
+    "evaluations": {"type": int, "help": "Limit of evaluations, for backends that count them."},
+    "target": {"type": float, "help": "Stop at a plan with this objective or a better one."},
+    "warm_start": {"metavar": "PLAN.json", "help": "A plan to start from; verified first."},
+    "backend_options": {
+        "flag": "--option",
+        "multiple": True,
+        "metavar": "KEY=VALUE",
+        "callback": _pairs,
+        "help": "An option of the backend.",
+    },
+    "formulation_options": {
+        "flag": "--formulation-option",
+        "multiple": True,
+        "metavar": "KEY=VALUE",
+        "callback": _pairs,
+        "help": "An option of the formulation.",
+    },
+    "workers": {
+        "type": int,
+        "default": 1,
+        "show_default": True,
+        "help": "Number of parallel jobs.",
+    },
+    "jsonl": {
+        "metavar": "FILE",
+        "help": "Append each answer to FILE when it arrives, one JSON line per answer.",
+    },
+    "resume": {"is_flag": True, "help": "Continue FILE and run only the missing jobs."},
+    "in_process": {
+        "is_flag": True,
+        "help": "Run solvers in this process; a solver that crashes then ends the command.",
+    },
+    "plot": {"metavar": "FILE", "help": "Write a picture of the plan (png, pdf, svg)."},
+    "details": {
+        "is_flag": True,
+        "help": "Show the details of the plan row by row, such as the errors at each stop, if the "
+        "model provides them, and the refinement of its program.",
+    },
+    "data": {
+        "multiple": True,
+        "metavar": "KEY=VALUE",
+        "callback": _pairs,
+        "help": "A value that a CSV or Excel file lacks, such as alpha1=25.",
+    },
+    "model": {"metavar": "KIND", "help": "Model kind of a CSV or Excel file, if several fit."},
+    "trusted": {
+        "is_flag": True,
+        "help": "Trust the author of INSTANCE: read functions in CasADi's text format, which can run "
+        "code.",
+    },
+    "folder": {
+        "metavar": "FOLDER",
+        "help": "Folder of files that INSTANCE refers to, in addition to its own folder.",
+    },
+}
+#: Limits of one run, under the names that the verbs use.
+LIMITS = (
+    *("formulation", "time_limit", "memory_limit", "gap", "tolerance", "seed", "threads"),
+    *("evaluations", "target"),
+)
+
+
+def options(*names: str, **changes: Mapping[str, Any] | str) -> Callable[[Command], Command]:
+    """Return a decorator that adds shared options to a command.
+
+    Parameters
+    ----------
+    *names : str
+        Options as declared.
+    **changes : str or mapping
+        Options with another help, or with other parameters of :func:`click.option`.
+    """
+
+    def decorate(command: Command) -> Command:
+        for name in reversed([*names, *changes]):
+            change = changes.get(name, {})
+            settings = {
+                "flag": f"--{name.replace('_', '-')}",
+                **_OPTIONS[name],
+                **({"help": change} if isinstance(change, str) else change),
+            }
+            command = click.option(settings.pop("flag"), name, **settings)(command)
+        return command
+
+    return decorate
+
+
+def as_json(command: Command) -> Command:
     """Add ``--json``, which reserves standard output for the JSON document."""
     option = click.option("--json", "as_json", is_flag=True, help="Only JSON on standard output.")
-    result: Callable[..., Any] = option(reserved()(command))
+    result: Command = option(reserved()(command))
     return result
 
 
-in_process = click.option(
-    "--in-process",
-    is_flag=True,
-    help="Run solvers in this process; a solver that crashes then ends the command.",
-)
-plot = click.option("--plot", metavar="FILE", help="Write a picture of the plan (png, pdf, svg).")
-details = click.option(
-    "--details",
-    is_flag=True,
-    help="Show the details of the plan row by row, such as the errors at each stop, if the model provides "
-    "them, and the refinement of its program.",
-)
-tolerance = click.option(
-    "--tolerance",
-    type=float,
-    help="Largest violation accepted, relative to each constraint's scale (default: 1e-6).",
-)
-memory_limit = click.option(
-    "--memory-limit", type=float, help="Memory limit of a run in MiB, at least 64 (Linux)."
-)
-_READING: list[Callable[..., Any]] = [
-    click.option(
-        "--data",
-        multiple=True,
-        metavar="KEY=VALUE",
-        help="A value that a CSV or Excel file lacks, such as alpha1=25.",
-    ),
-    click.option(
-        "--model", metavar="KIND", help="Model kind of a CSV or Excel file, if several fit."
-    ),
-    click.option(
-        "--trusted",
-        is_flag=True,
-        help="Trust the author of INSTANCE: read functions in CasADi's text format, which can run code.",
-    ),
-    click.option(
-        "--folder",
-        metavar="FOLDER",
-        help="Folder of files that INSTANCE refers to, in addition to its own folder.",
-    ),
-]
-_COMMON: list[Callable[..., Any]] = [
-    click.option("--formulation", help="Formulation for backends that take programs."),
-    click.option(
-        "--time-limit",
-        type=float,
-        help="Wall-clock seconds for a run, with building and compiling.",
-    ),
-    memory_limit,
-    click.option("--gap", type=float, help="Relative gap at which an exact backend may stop."),
-    tolerance,
-    click.option("--seed", type=int, help="Seed of backends that use random numbers."),
-    click.option("--threads", type=int, help="Number of threads, for backends that use several."),
-    click.option(
-        "--evaluations", type=int, help="Limit of evaluations, for backends that count them."
-    ),
-    click.option(
-        "--target", type=float, help="Stop at a plan with this objective or a better one."
-    ),
-    click.option("--warm-start", metavar="PLAN.json", help="A plan to start from; verified first."),
-    as_json,
-]
-
-
-def reading(command: Callable[..., Any]) -> Callable[..., Any]:
+def reading(command: Command) -> Command:
     """Add the options for reading an instance file; the command receives them as ``reading``."""
+    names = ("data", "model", "trusted", "folder")
 
     @functools.wraps(command)
-    def wrapper(*, data: Sequence[str], **arguments: Any) -> Any:
-        options = {name: arguments.pop(name) for name in ("model", "trusted", "folder")}
-        return command(reading={"data": pairs(data, "--data"), **options}, **arguments)
+    def wrapper(**arguments: Any) -> Any:
+        return command(reading={name: arguments.pop(name) for name in names}, **arguments)
 
-    result: Callable[..., Any] = wrapper
-    for option in reversed(_READING):
-        result = option(result)
-    return result
-
-
-def common(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that ``solve`` and ``compare`` share."""
-    for option in reversed(_COMMON):
-        command = option(command)
-    return command
+    return options(*names)(wrapper)
 
 
 def pairs(values: Sequence[str], option: str) -> dict[str, Any]:
@@ -198,6 +240,11 @@ def draw(model: Any, plan: Any, path: Path, tolerance: float | None = None) -> N
 
 def compare_code(result: Comparison) -> int:
     """Return the exit code for a comparison."""
-    if result.interrupted:
+    return verdict_code(result.outcome, result.interrupted)
+
+
+def verdict_code(outcome: Any, interrupted: bool) -> int:
+    """Return the exit code for the outcome of a comparison or of the records of a campaign."""
+    if interrupted:
         return INTERRUPTED
-    return {"AGREED": VERIFIED, "CONTRADICTION": VIOLATED}.get(str(result.outcome), NO_ANSWER)
+    return {"AGREED": VERIFIED, "CONTRADICTION": VIOLATED}.get(str(outcome), NO_ANSWER)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -15,16 +14,11 @@ from .options import (
     VERIFIED,
     VIOLATED,
     as_json,
-    details,
     draw,
-    in_process,
-    memory_limit,
     only,
-    pairs,
+    options,
     picture_path,
-    plot,
     reading,
-    tolerance,
 )
 
 __all__ = ["check", "diagnose", "export"]
@@ -34,11 +28,9 @@ __all__ = ["check", "diagnose", "export"]
 @click.argument("instance")
 @click.argument("plan", metavar="PLAN.json")
 @reading
-@click.option("--formulation", help="Check every row of this formulation, too.")
-@tolerance
-@details
+@options(formulation="Check every row of this formulation, too.")
+@options("tolerance", "details", "plot")
 @as_json
-@plot
 def check(
     instance: str,
     plan: str,
@@ -90,10 +82,7 @@ def check(
     type=click.Choice(["float32", "float64"]),
     help="Precision of the numbers in poly7: that of the firmware (default: float32) or float64.",
 )
-@click.option(
-    "--option", "options", multiple=True, metavar="KEY=VALUE", help="An option of the format."
-)
-@click.option("--tolerance", type=float, help="Largest violation accepted (default 1e-6).")
+@options("tolerance", backend_options="An option of the format.")
 @as_json
 def export(
     instance: str,
@@ -103,7 +92,7 @@ def export(
     output: str,
     rate: float | None,
     precision: str | None,
-    options: Sequence[str],
+    backend_options: dict[str, Any],
     tolerance: float | None,
     as_json: bool,
 ) -> int:
@@ -120,7 +109,7 @@ def export(
     from ..solvers.report.terminal import emit, say, show, write
     from ..solvers.run.dispatch import verify
 
-    arguments = only(rate=rate, precision=precision) | pairs(options, "--option")
+    arguments = only(rate=rate, precision=precision) | backend_options
     model = load(instance, **reading)
     name, writer = choose_format(model, form, arguments)
     streamed = output == "-"
@@ -158,17 +147,19 @@ def export(
 @click.command(short_help="Explain why an instance has no plan.")
 @click.argument("instance")
 @reading
-@click.option("--backend", help="Find conflicting blocks of a program with this backend instead.")
-@click.option("--formulation", help="Program whose blocks are examined (default: paper).")
-@click.option(
-    "--time-limit",
-    type=float,
-    default=60.0,
-    show_default=True,
-    help="Seconds for each program that is solved.",
+@options(
+    backend={
+        "default": None,
+        "help": "Find conflicting blocks of a program with this backend instead.",
+    },
+    formulation="Program whose blocks are examined (default: paper).",
+    time_limit={
+        "default": 60.0,
+        "show_default": True,
+        "help": "Seconds for each program that is solved.",
+    },
 )
-@memory_limit
-@in_process
+@options("memory_limit", "in_process")
 @as_json
 def diagnose(
     instance: str,

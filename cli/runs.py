@@ -11,23 +11,19 @@ from .options import (
     INFEASIBLE,
     INTERNAL,
     INTERRUPTED,
+    LIMITS,
     NO_ANSWER,
     VERIFIED,
     VIOLATED,
     as_json,
-    common,
     compare_code,
-    details,
     draw,
-    in_process,
-    memory_limit,
     numbers,
     only,
+    options,
     pairs,
     picture_path,
-    plot,
     reading,
-    tolerance,
 )
 
 if TYPE_CHECKING:
@@ -40,10 +36,8 @@ __all__ = ["compare", "front", "reproduce", "solve"]
 @click.command(short_help="Solve an instance and verify the answer.")
 @click.argument("instance")
 @reading
-@click.option(
-    "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
-)
-@common
+@options("backend", *LIMITS, "warm_start")
+@as_json
 @click.option(
     "--starts",
     type=int,
@@ -51,32 +45,17 @@ __all__ = ["compare", "front", "reproduce", "solve"]
     show_default=True,
     help="Number of starts with different seeds.",
 )
-@click.option(
-    "--option",
-    "options",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="An option of the backend.",
-)
-@click.option(
-    "--formulation-option",
-    "formulation_options",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="An option of the formulation.",
-)
-@in_process
+@options("backend_options", "formulation_options", "in_process")
 @click.option("--verbose", is_flag=True, help="Show the solver's own log on standard error.")
-@details
-@plot
+@options("details", "plot")
 @click.option(
     "--output",
     metavar="FILE",
     help="Write the solution as JSON; - for standard output, which then receives nothing else.",
 )
 def solve(
-    instance: str, reading: dict[str, Any], backend: str, options: Sequence[str], formulation_options: Sequence[str], as_json: bool,
-    plot: str | None, output: str | None, warm_start: str | None, starts: int, in_process: bool, verbose: bool, details: bool, **limits: Any,
+    instance: str, reading: dict[str, Any], backend: str, as_json: bool, plot: str | None, output: str | None,
+    warm_start: str | None, in_process: bool, details: bool, **limits: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE and verify the answer."""
     from ..files import writable
@@ -105,12 +84,8 @@ def solve(
             model,
             "auto" if auto else chosen,
             warm_start=start,
-            starts=starts,
             isolate=False if in_process else None if is_plain(chosen) else True,
-            verbose=verbose,
             on_event=on_event,
-            backend_options=pairs(options, "--option"),
-            formulation_options=pairs(formulation_options, "--formulation-option"),
             **only(**limits),
         )
     # Files first: a closed pipe must not lose the answer.
@@ -158,7 +133,8 @@ def _solve_code(solution: Solution[Any]) -> int:
     "names",
     help="Names separated by commas, each with an optional :formulation (default: all installed backends that accept the first instance).",
 )
-@common
+@options(*LIMITS, "warm_start")
+@as_json
 @click.option(
     "--grace",
     type=float,
@@ -166,19 +142,14 @@ def _solve_code(solution: Solution[Any]) -> int:
     show_default=True,
     help="Seconds past the time limit before a worker is killed.",
 )
-@click.option("--workers", type=int, default=1, show_default=True, help="Number of parallel jobs.")
+@options("workers")
 @click.option(
     "--repeats", type=int, default=1, show_default=True, help="Runs of each randomised backend."
 )
-@click.option(
-    "--jsonl",
-    metavar="FILE",
-    help="Append each answer to FILE when it arrives, one JSON line per answer.",
-)
-@click.option("--resume", is_flag=True, help="Continue FILE and run only the missing jobs.")
+@options("formulation_options", "jsonl", "resume")
 def compare(
     instances: Sequence[str], reading: dict[str, Any], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
-    warm_start: str | None, grace: float, workers: int, repeats: int, **limits: Any,
+    warm_start: str | None, **limits: Any,
 ) -> int:  # fmt: skip
     """Solve every INSTANCE with several backends in worker processes and compare the answers."""
     from ..instances.catalogue import load
@@ -210,8 +181,8 @@ def compare(
             )
 
         result = crosscheck.compare(
-            models, chosen, record=jsonl, resume=resume, warm_start=start, grace=grace,
-            workers=workers, repeats=repeats, on_event=on_event, **only(**limits),
+            models, chosen, record=jsonl, resume=resume, warm_start=start, on_event=on_event,
+            **only(**limits),
         )  # fmt: skip
     if as_json:
         emit(result.to_dict())
@@ -224,9 +195,7 @@ def compare(
 @click.argument("instance")
 @click.argument("second")
 @reading
-@click.option(
-    "--backend", default="auto", show_default=True, help="A name from 'crosstrack backends'."
-)
+@options("backend")
 @click.option(
     "--limits", metavar="A,B,…", help="Limits on SECOND (default: chosen during the run)."
 )
@@ -246,27 +215,13 @@ def compare(
     help="Vary a field of the model instead, such as q=0,0.2,0.4, and compare FIRST and SECOND.",
 )
 @click.option("--first", help="The first objective of a sweep, such as sum.")
-@click.option("--time-limit", type=float, help="Seconds for each run (default: 60).")
-@memory_limit
-@click.option("--formulation", help="Formulation for backends that take programs.")
-@click.option("--gap", type=float, help="Relative gap at which an exact backend may stop.")
-@click.option("--seed", type=int, help="Seed of backends that use random numbers.")
-@click.option("--threads", type=int, help="Number of threads, for backends that use several.")
-@tolerance
-@click.option(
-    "--option",
-    "options",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="An option of the backend.",
-)
-@click.option("--jsonl", metavar="FILE", help="Append each answer to FILE when it arrives.")
-@click.option("--resume", is_flag=True, help="Continue FILE and run only the missing jobs.")
-@plot
+@options(time_limit="Seconds for each run (default: 60).")
+@options("memory_limit", "formulation", "gap", "seed", "threads", "tolerance", "backend_options")
+@options("jsonl", "resume", "plot")
 @as_json
 def front(
-    instance: str, second: str, reading: dict[str, Any], backend: str, limits: str | None, points: int | None, step: float | None, sweep: str | None,
-    first: str | None, options: Sequence[str], jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **settings: Any,
+    instance: str, second: str, reading: dict[str, Any], limits: str | None, points: int | None, step: float | None,
+    sweep: str | None, first: str | None, jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **settings: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE under limits on its SECOND objective, such as max, and print the Pareto front."""
     from ..instances.catalogue import load
@@ -283,8 +238,7 @@ def front(
     model = load(instance, **reading)
     with progress(f"{instance}: {second}") as status:
         common: dict[str, Any] = {
-            "backend": backend, "record": jsonl, "resume": resume, **only(**settings),
-            "backend_options": pairs(options, "--option"),
+            "record": jsonl, "resume": resume, **only(**settings),
             "on_event": lambda e: status(f"{e.instance} {e.solution.termination}"),
         }  # fmt: skip
         if sweep is not None and first is not None:
@@ -331,9 +285,7 @@ def _parse_numbers(text: str) -> list[float]:
     show_default=True,
     help="Runs per cell, from different seeds.",
 )
-@click.option(
-    "--time-limit", type=float, default=60.0, show_default=True, help="Seconds for each run."
-)
+@options(time_limit={"default": 60.0, "show_default": True, "help": "Seconds for each run."})
 @as_json
 def reproduce(
     problem: str,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from typing import Any
 
 import click
 
-from .options import INTERRUPTED, NO_ANSWER, VERIFIED, as_json, only, pairs
+from .options import INTERRUPTED, NO_ANSWER, VERIFIED, as_json, only, options
 
 __all__ = ["train"]
 
@@ -17,20 +16,16 @@ __all__ = ["train"]
 @click.argument("name", required=False)
 @click.option("--list", "listed", is_flag=True, help="List the available trainings.")
 @click.option("--output", metavar="FILE", help="File of the weights, which ends in .npz.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
 @click.option("--epochs", type=int, help="Number of epochs (default: that of the training).")
-@click.option("--time-limit", type=float, help="Time limit in seconds; the best weights are kept.")
-@click.option("--resume", is_flag=True, help="Continue from the checkpoint next to FILE.")
-@click.option(
-    "--option",
-    "options",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="An option of the training; 'crosstrack train --list' shows them.",
+@options(
+    seed={"default": 0, "show_default": True, "help": "Seed of the random numbers."},
+    time_limit="Time limit in seconds; the best weights are kept.",
+    resume="Continue from the checkpoint next to FILE.",
+    backend_options="An option of the training; 'crosstrack train --list' shows them.",
 )
 @as_json
 def train(
-    name: str | None, listed: bool, output: str | None, options: Sequence[str], resume: bool, as_json: bool, **limits: Any
+    name: str | None, listed: bool, output: str | None, backend_options: dict[str, Any], as_json: bool, **limits: Any
 ) -> int:  # fmt: skip
     """Train the backend NAME and write its weights to FILE.
 
@@ -53,8 +48,8 @@ def train(
             status(f"epoch {epoch.number} of {epoch.epochs}, {_format_figures(epoch.figures)}")
 
         result = run(
-            training, output, examples=_examples(name), resume=resume, on_progress=on_progress,
-            options=pairs(options, "--option"), **only(**limits),
+            training, output, examples=_examples(name), on_progress=on_progress,
+            options=backend_options, **only(**limits),
         )  # fmt: skip
     if as_json:
         emit(result.to_dict())
