@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from ...lazy import attach
 
 if TYPE_CHECKING:
-    from .examples import example_1 as example_1
     from .files import (
         PointTable as PointTable,
         read_csv as read_csv,
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
         uniform_slab as uniform_slab,
         with_suspects as with_suspects,
     )
-    from .listing import setting_model as setting_model
+    from .listing import example_1 as example_1, setting_model as setting_model
     from .settings import (
         SETTINGS as SETTINGS,
         TABLE_2 as TABLE_2,
@@ -41,7 +40,6 @@ DEMOS = {"error-correction": ".demo:DEMO"}
 __getattr__, __dir__, __all__ = attach(
     __name__,
     {
-        "examples": ("example_1",),
         "files": (
             "PointTable",
             "read_csv",
@@ -56,7 +54,7 @@ __getattr__, __dir__, __all__ = attach(
             "uniform_slab",
             "with_suspects",
         ),
-        "listing": ("setting_model",),
+        "listing": ("example_1", "setting_model"),
         "settings": (
             "SETTINGS",
             "TABLE_2",

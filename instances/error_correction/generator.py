@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.error_correction.model import ErrorCorrectionRouting, Route
 from ...models.fields import Real, Whole, show
+from ..seeds import seeded
 from .settings import BOX, DELTA, Thresholds
 
 __all__ = ["generate", "generate_with_route", "random_small", "uniform_slab", "with_suspects"]
@@ -40,15 +42,30 @@ def generate(
     thresholds: Sequence[float],
     *,
     seed: int,
+    **options: Any,
+) -> ErrorCorrectionRouting:
+    """Return a feasible instance with A and B on opposite faces of a box.
+
+    Parameters and errors are those of :func:`generate_with_route`.
+    """
+    return generate_with_route(n_horizontal, n_vertical, thresholds, seed=seed, **options)[0]
+
+
+def generate_with_route(
+    n_horizontal: int,
+    n_vertical: int,
+    thresholds: Sequence[float],
+    *,
+    seed: int,
     delta: float = DELTA,
     box: float | Sequence[float] = BOX,
     planted_under: Sequence[float] | None = None,
     name: str = "",
-) -> ErrorCorrectionRouting:
-    """Return a feasible instance with A and B on opposite faces of a box.
+) -> tuple[ErrorCorrectionRouting, Route]:
+    """Return a feasible instance and its planted route, which is rarely optimal.
 
-    A (first) is on the face x = 0 and B (last) on the opposite one. A planted route of both kinds of
-    points has a margin to every threshold; the other points are uniform.
+    A (first) is on the face x = 0 of a box and B (last) on the opposite one. The planted route of both
+    kinds of points has a margin to every threshold; the other points are uniform.
 
     Parameters
     ----------
@@ -70,46 +87,6 @@ def generate(
 
     Returns
     -------
-    ErrorCorrectionRouting
-        The instance.
-
-    Raises
-    ------
-    InvalidData
-        An argument is invalid, or no route can be planted under these thresholds.
-    """
-    return generate_with_route(
-        n_horizontal,
-        n_vertical,
-        thresholds,
-        seed=seed,
-        delta=delta,
-        box=box,
-        planted_under=planted_under,
-        name=name,
-    )[0]
-
-
-def generate_with_route(
-    n_horizontal: int,
-    n_vertical: int,
-    thresholds: Sequence[float],
-    *,
-    seed: int,
-    delta: float = DELTA,
-    box: float | Sequence[float] = BOX,
-    planted_under: Sequence[float] | None = None,
-    name: str = "",
-) -> tuple[ErrorCorrectionRouting, Route]:
-    """Return the instance of :func:`generate` and its planted route, which is rarely optimal.
-
-    Parameters
-    ----------
-    n_horizontal, n_vertical, thresholds, seed, delta, box, planted_under, name
-        As for :func:`generate`.
-
-    Returns
-    -------
     model : ErrorCorrectionRouting
         The instance.
     route : Route
@@ -118,7 +95,7 @@ def generate_with_route(
     Raises
     ------
     InvalidData
-        As for :func:`generate`.
+        An argument is invalid, or no route can be planted under these thresholds.
     """
     limits = _thresholds("thresholds", thresholds)
     planted_limits = (
@@ -134,7 +111,7 @@ def generate_with_route(
     counts = [_count("n_horizontal", n_horizontal), _count("n_vertical", n_vertical)]
     rate = Real(lower=0).coerce("delta", delta, {})
     edges = _edges("box", (box, box, box) if isinstance(box, int | float) else box)
-    rng = _generator(seed)
+    rng = seeded(seed)
 
     planted = _plant(counts, planted_limits, rate, edges, rng)
     if planted is None:
@@ -250,7 +227,7 @@ def uniform_slab(
     """
     if _count("n", n) < 2:
         raise InvalidData(f"n must be at least 2, for A and B, got {n}", field="n")
-    edges, rng = _edges("size", size), _generator(seed)
+    edges, rng = _edges("size", size), seeded(seed)
     points = rng.random((n, 3)) * edges
     points[0], points[-1] = edges * (0.0, 0.5, 0.5), edges * (1.0, 0.5, 0.5)
     kinds = np.where(rng.random(n) < 0.5, "horizontal", "vertical")
@@ -278,7 +255,7 @@ def with_suspects(
         The model's name.
     """
     part = Real(lower=0, upper=1).coerce("share", share, {})
-    suspect = _generator(seed).random(len(model.points)) < part
+    suspect = seeded(seed).random(len(model.points)) < part
     suspect[[model.start, model.end]] = False
     return replace(model, suspect=suspect, residual=residual, name=name)
 
@@ -304,7 +281,7 @@ def random_small(
     """
     if not 2 <= _count("n", n) <= 9:
         raise InvalidData(f"n must be in 2 … 9, got {n}", field="n")
-    rng = _generator(seed)
+    rng = seeded(seed)
     points = rng.random((n, 3)) * (1.0, 0.6, 0.6)
     kinds = ["horizontal" if draw < 0.5 else "vertical" for draw in rng.random(n)]
     order = np.argsort(rng.random(n), kind="stable").tolist()
@@ -338,16 +315,6 @@ _LEVELS = {2: 1.89, 3: 1.9, 4: 1.71, 5: 1.56, 6: 1.43, 7: 1.36, 8: 1.28, 9: 1.2}
 def _round(points: _Point) -> _Point:
     """Return `points` rounded to the centimetre."""
     return np.round(points, 2)
-
-
-def _generator(seed: int) -> np.random.Generator:
-    if (
-        isinstance(seed, bool | np.timedelta64)
-        or not isinstance(seed, int | np.integer)
-        or seed < 0
-    ):
-        raise InvalidData(f"seed must be a whole number >= 0, got {show(seed)}", field="seed")
-    return np.random.Generator(np.random.PCG64(int(seed)))
 
 
 def _count(name: str, value: int) -> int:

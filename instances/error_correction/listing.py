@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
+
+import numpy as np
 
 from ...errors import UnknownName
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ..catalogue import CatalogueEntry, Provenance, Row, listed
-from .examples import example_1
 from .generator import generate, with_suspects
-from .settings import BOX, DELTA, EXAMPLE_1_OPTIMUM, PAPER, SETTINGS, TIGHT, Setting, published
+from .settings import (
+    BOX,
+    DELTA,
+    EXAMPLE_1_OPTIMUM,
+    PAPER,
+    SETTINGS,
+    TIGHT,
+    Setting,
+    Thresholds,
+    published,
+)
 
-__all__ = ["catalogue_entries", "setting_model"]
+__all__ = ["catalogue_entries", "example_1", "setting_model"]
 
 _OURS = (
     "The paper's coordinates are not published: ours are seeded and share sizes and thresholds, "
@@ -98,4 +110,28 @@ def _table_row(setting: Setting) -> Row:
         partial(setting_model, setting.row),
         " ".join(notes),
         published=published(setting.row),
+    )
+
+
+def example_1() -> ErrorCorrectionRouting:
+    """Return the paper's example 1: the shorter path to a point may be a dead end.
+
+    Points 1 (A) to 5 (B); 2 and 4 are horizontal and 3 is vertical. Point 3 is 2 m from point 1, or
+    2.5 m via point 2. Only the longer path arrives with a horizontal error small enough to reach B.
+    The optimal route is 1-2-3-5 of length 4.5.
+
+    The paper publishes d12 = 2, d13 = 2, d23 = 0.5, d35 = 2, δ = 0.1 and thresholds of 0.3. The
+    coordinates with these distances and the position of point 4 are ours. The route via point 4 is
+    feasible and longer.
+    """
+    # Points 2 and 4 are 2 m from point 1, and 0.5 m and 0.8 m from point 3, on opposite sides.
+    x2, x4 = (8 - 0.5**2) / 4, (8 - 0.8**2) / 4
+    places = [(0, 0), (x2, math.sqrt(4 - x2**2)), (2, 0), (x4, -math.sqrt(4 - x4**2)), (4, 0)]
+    return ErrorCorrectionRouting(
+        points=np.array([(x, y, 0.0) for x, y in places]),
+        kinds=np.array(["A", "horizontal", "vertical", "horizontal", "B"]),
+        **Thresholds(0.3, 0.3, 0.3, 0.3, 0.3)._asdict(),
+        delta=0.1,
+        ids=(1, 2, 3, 4, 5),
+        name="error-correction/example-1",
     )

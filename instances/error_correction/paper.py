@@ -55,7 +55,7 @@ _ITEMS = (
     ),
     different(
         "Example 1, Fig. 2", "five points on which the shorter way to a point leads nowhere",
-        "instances.error_correction.examples:example_1",
+        "instances.error_correction.listing:example_1",
         "The text gives four distances; the other edges are in the figure only. Coordinates with these distances are "
         "ours. The optimum 4.5, its route, and both errors at B (0.25 and 0.2) are the paper's.",
     ),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ...lazy import attach
 
 if TYPE_CHECKING:
-    from .exports import (
+    from .files import (
         write_mission_geojson as write_mission_geojson,
         write_mission_poly7 as write_mission_poly7,
         write_mission_samples as write_mission_samples,
@@ -21,15 +21,15 @@ PAPER_TABLES = {"fleet-mission/table-3": ".table_3:measure_table_3"}
 REFERENCES = {"fleet-mission": ".files:resolve_references"}
 DEMOS = {"fleet-mission": "fleet-mission/example"}
 EXPORTS = {
-    "samples": ".exports:SAMPLES",
-    "poly7": ".exports:POLY7",
-    "geojson": ".exports:GEOJSON",
+    "samples": ".files:SAMPLES",
+    "poly7": ".files:POLY7",
+    "geojson": ".files:GEOJSON",
 }
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
     {
-        "exports": ("write_mission_geojson", "write_mission_poly7", "write_mission_samples"),
+        "files": ("write_mission_geojson", "write_mission_poly7", "write_mission_samples"),
         "generator": ("random_mission",),
         "table_3": ("table_3_mission",),
     },

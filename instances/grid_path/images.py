@@ -6,14 +6,13 @@ import io
 import os
 import warnings
 from enum import StrEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import BackendMissing, InvalidData
-from ...files import LARGEST_FILE, as_path
+from ...files import LARGEST_FILE, as_path, read_bytes
 from ...models.fields import Real
 from ...models.grid_path.gridmap import MOST, GridMap
 from ...models.records import Member
@@ -86,7 +85,9 @@ def read_image(
     file = as_path(path)
     bound = Real(0, 1).coerce("threshold", threshold, {})
     state = Member(Unknown).coerce("unknown", unknown, {})
-    raw = _bytes(file)
+    raw = read_bytes(file)
+    if len(raw) > LARGEST_FILE:
+        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
     try:
         with warnings.catch_warnings():
             # Pillow warns about sizes that are rejected below, and about harmless damage.
@@ -126,17 +127,3 @@ def _brightness(image: Any) -> NDArray[np.float64]:
         above = image.convert("RGBA")
         image = Image.alpha_composite(Image.new("RGBA", above.size, "white"), above)
     return np.asarray(image.convert("L"), float) / 255
-
-
-def _bytes(file: Path) -> bytes:
-    try:
-        with file.open("rb") as stream:
-            raw = stream.read(LARGEST_FILE + 1)
-    except FileNotFoundError:
-        raise InvalidData(f"{file}: no such file") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidData(f"{file}: cannot be read: {reason}") from None
-    if len(raw) > LARGEST_FILE:
-        raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
-    return raw

@@ -54,11 +54,7 @@ TABLE_FILES = {
 }
 HINTS = {"trajectory": ".tables:describe_table"}
 DEMOS = {"minimum-snap": "minimum-snap/square"}
-EXPORTS = {
-    "poly7": ".exports:POLY7",
-    "samples": ".exports:SAMPLES",
-    "bezier": ".exports:BEZIER",
-}
+EXPORTS = {"poly7": ".poly7:POLY7", "samples": ".tables:SAMPLES", "bezier": ".bezier:BEZIER"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

@@ -12,8 +12,9 @@ from ...files import as_path, read_text, write_text
 from ...models.fields import required
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import parse_json
+from ..exports import ExportFormat
 
-__all__ = ["read_bezier", "write_bezier"]
+__all__ = ["BEZIER", "read_bezier", "write_bezier"]
 
 _KEYS = ("times", "points")
 
@@ -74,3 +75,6 @@ def read_bezier(path: str | os.PathLike[str]) -> Trajectory:
         if str(error).startswith(str(path)):
             raise
         raise InvalidData(f"{path}: {error}", field=error.field) from None
+
+
+BEZIER = ExportFormat("Bézier points (JSON)", ".json", write_bezier)

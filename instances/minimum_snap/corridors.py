@@ -15,7 +15,8 @@ from ...errors import InvalidData
 from ...models.fields import Real, Whole
 from ...models.minimum_snap import FREE, MinimumSnap
 from ...models.minimum_snap.trajectory import Trajectory
-from .paths import MOST, generator, random_waypoints, times_by_distance
+from ..seeds import seeded
+from .paths import MOST, random_waypoints, times_by_distance
 
 __all__ = ["corridor", "corridor_with_way", "gates", "hurried"]
 
@@ -27,7 +28,16 @@ _RAMP = np.array([0.0, 0.0, 3.0, -2.0])
 _REST_PEAK = 35 / 16
 
 
-def corridor(
+def corridor(segments: int, seed: int = 0, dimensions: int = 3, **options: Any) -> MinimumSnap:
+    """Return a chain of overlapping boxes with limits, from rest to rest, inner waypoints free.
+
+    Boxes bound the position, and limits bound velocity and acceleration, all at every instant. The
+    instance is feasible. Parameters are those of :func:`corridor_with_way`.
+    """
+    return corridor_with_way(segments, seed, dimensions, **options)[0]
+
+
+def corridor_with_way(
     segments: int,
     seed: int = 0,
     dimensions: int = 3,
@@ -37,11 +47,12 @@ def corridor(
     width: float = 0.4,
     slack: float = 0.05,
     name: str = "",
-) -> MinimumSnap:
-    """Return a chain of overlapping boxes with limits, from rest to rest, inner waypoints free.
+) -> tuple[MinimumSnap, Trajectory]:
+    """Return the model of :func:`corridor` and the path it was drawn around, which is not optimal.
 
-    Boxes bound the position, and limits bound velocity and acceleration, all at every instant. The
-    instance is feasible: see :func:`corridor_with_way`.
+    The path follows the axes at about `cruise`, turns occasionally, and changes its velocity over two
+    to five segments. It satisfies every box with a margin of half of `width` and every limit with
+    `slack`, so the instance is strictly feasible.
 
     Parameters
     ----------
@@ -67,36 +78,13 @@ def corridor(
     InvalidData
         A size or the seed is not an integer or is too small, or a length or speed is not positive.
     """
-    return corridor_with_way(
-        segments, seed, dimensions, cruise=cruise, acceleration=acceleration, width=width,
-        slack=slack, name=name,
-    )[0]  # fmt: skip
-
-
-def corridor_with_way(
-    segments: int,
-    seed: int = 0,
-    dimensions: int = 3,
-    *,
-    cruise: float = 2.0,
-    acceleration: float = 1.2,
-    width: float = 0.4,
-    slack: float = 0.05,
-    name: str = "",
-) -> tuple[MinimumSnap, Trajectory]:
-    """Return the model of :func:`corridor` and the path it was drawn around, which is not optimal.
-
-    The path follows the axes at about `cruise`, turns occasionally, and changes its velocity over two
-    to five segments. It satisfies every box with a margin of half of `width` and every limit with
-    `slack`, so the instance is strictly feasible. Parameters are those of :func:`corridor`.
-    """
     count = Whole(4, MOST).coerce("segments", segments, {})
     axes = Whole(1, 1000).coerce("dimensions", dimensions, {})
     pace = Real(lower=0.1, unit="m/s").coerce("cruise", cruise, {})
     strength = Real(lower=0.01, unit="m/s²").coerce("acceleration", acceleration, {})
     room = Real(lower=0.02, unit="m").coerce("width", width, {})
     spare = Real(lower=0).coerce("slack", slack, {})
-    rng = generator(seed)
+    rng = seeded(seed)
 
     spans = _spans(count, rng)
     velocities = _velocities(len(spans), axes, pace, rng)

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
-from ...models.fields import Array, Real, Whole, show
+from ...models.fields import Array, Real, Whole
 from ...models.minimum_snap.model import MinimumSnap
+from ..seeds import seeded
 
 __all__ = [
     "figure_eight",
-    "generator",
     "helix",
     "random_walk",
     "random_waypoints",
@@ -230,7 +230,7 @@ def random_waypoints(
     count = Whole(1, MOST).coerce("segments", segments, {})
     width = Whole(1, 1000).coerce("dimensions", dimensions, {})
     mean = Real(lower=0.01, unit="m").coerce("step", step, {})
-    rng = generator(seed)
+    rng = seeded(seed)
     heading = rng.random((count, width)) - 0.5
     length = mean * (0.5 + rng.random(count))
     size = np.linalg.norm(heading, axis=1)
@@ -239,17 +239,6 @@ def random_waypoints(
     heading /= np.linalg.norm(heading, axis=1)[:, None]
     walk = np.cumsum(np.round(heading * length[:, None], 3), axis=0)
     return np.concatenate([np.zeros((1, width)), np.round(walk, 3)])
-
-
-def generator(seed: int) -> np.random.Generator:
-    """Return the random generator of a non-negative integer seed, or raise InvalidData."""
-    if (
-        isinstance(seed, bool | np.timedelta64)
-        or not isinstance(seed, int | np.integer)
-        or seed < 0
-    ):
-        raise InvalidData(f"seed must be a whole number >= 0, got {show(seed)}", field="seed")
-    return np.random.Generator(np.random.PCG64(int(seed)))
 
 
 @np.errstate(over="ignore", invalid="ignore")

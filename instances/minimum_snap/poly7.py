@@ -24,12 +24,14 @@ from ...files import as_path, write_text
 from ...models.fields import Flag
 from ...models.minimum_snap.bounds import derivative_name, derivative_unit
 from ...models.minimum_snap.trajectory import Trajectory
+from ..exports import ExportFormat
 from .pieces import Poly7, Precision
 
 __all__ = [
     "MEMORY_BYTES",
     "PIECES_THAT_FIT",
     "PIECE_BYTES",
+    "POLY7",
     "Poly7Report",
     "read_poly7",
     "write_poly7",
@@ -226,3 +228,6 @@ def _report(exact: Poly7, stored: Poly7, path: str) -> Poly7Report:
         # Sum the differences. The difference of the sums would lose their digits.
         time_drift=float((stored.durations - exact.durations).sum()),
     )
+
+
+POLY7 = ExportFormat("pieces of degree 7 as a Crazyflie flies them (CSV)", ".csv", write_poly7)

@@ -15,10 +15,12 @@ from ...errors import InvalidData
 from ...files import as_path
 from ...models.fields import Whole, required, show
 from ...models.minimum_snap.trajectory import Trajectory
+from ..exports import ExportFormat
 from ..storage import reference
 from ..tables import NUMBER, numbers, table_rows, write_rows
 
 __all__ = [
+    "SAMPLES",
     "Samples",
     "numeric_rows",
     "read_samples",
@@ -265,3 +267,6 @@ def waypoints_of_table(file: Path) -> dict[str, Any]:
 
 #: Replaces ``"waypoints": "file.csv"`` in an instance by the waypoints in the file.
 resolve_references = reference("waypoints", waypoints_of_table)
+
+
+SAMPLES = ExportFormat("samples of all derivatives (CSV)", ".csv", write_samples)

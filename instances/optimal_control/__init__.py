@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         brachistochrone as brachistochrone,
         brockett as brockett,
         bryson_denham as bryson_denham,
+        decay_fit as decay_fit,
         dido as dido,
         double_integrator_energy as double_integrator_energy,
         hanging_chain as hanging_chain,
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
         maximal_range as maximal_range,
         zermelo as zermelo,
     )
-    from .estimation import decay_fit as decay_fit
     from .flight import (
         hang_glider as hang_glider,
         minimum_time_to_climb as minimum_time_to_climb,
@@ -74,6 +74,7 @@ __getattr__, __dir__, __all__ = attach(
             "brachistochrone",
             "brockett",
             "bryson_denham",
+            "decay_fit",
             "dido",
             "double_integrator_energy",
             "hanging_chain",
@@ -82,7 +83,6 @@ __getattr__, __dir__, __all__ = attach(
             "maximal_range",
             "zermelo",
         ),
-        "estimation": ("decay_fit",),
         "flight": (
             "hang_glider",
             "minimum_time_to_climb",

@@ -11,6 +11,7 @@ __all__ = [
     "brachistochrone",
     "brockett",
     "bryson_denham",
+    "decay_fit",
     "dido",
     "double_integrator_energy",
     "hanging_chain",
@@ -222,3 +223,19 @@ def maximal_range(ocp: OptimalControlProblem) -> None:
     phase.dynamics({x: v * along, y: v * up, v: 0.5 - up})
     phase.path(along**2 + up**2, equals=1)
     ocp.minimise(-phase.final(x))
+
+
+@benchmark
+def decay_fit(ocp: OptimalControlProblem) -> None:
+    """Return the fit of the rate p of ẋ = -p x to 1 / (1 + t) over 4 s.
+
+    The problem has a parameter and no control. No p fits exactly, so the smallest
+    ∫ (x - 1 / (1 + t))² dt is positive. It is the minimum of a function of one variable.
+    """
+    rate = ocp.parameter("rate", lower=0, upper=5, guess=1, unit="1/s")
+    phase = ocp.phase(time=(0, 4))
+    x = phase.state("x", initial=1, lower=0, upper=1)
+    phase.dynamics({x: -rate * x})
+    measured = 1 / (1 + phase.time)
+    phase.guess(x=lambda t: 1 / (1 + t))
+    ocp.minimise(phase.integral((x - measured) ** 2), unit="s")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ..catalogue import CatalogueEntry, Provenance
-from . import classic, estimation, oscillators, switching
+from . import classic, oscillators, switching
 from .entry import ATHANS, BETTS, BRYSON, COPS, MAURER, MAXIMUM, RAO, SHOOTING, VASSILIADIS, entry
 from .listing_vehicles import vehicle_entries
 
@@ -114,7 +114,7 @@ def _smooth() -> tuple[CatalogueEntry, ...]:
             printed="5.46",
         ),
         entry(
-            estimation.decay_fit,
+            classic.decay_fit,
             "The rate p at which exp(-p t) follows 1 / (1 + t) best: a parameter, and no control",
             "Ours, in the manner of parameter estimation in " + BETTS,
             0.015326220637722,
