@@ -8,14 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .chain_kernels import (
-    bound_gradient,
-    multiply,
-    row_values,
-    solve_factors,
-    transposed,
-)
-from .interior_state import State
+from .chain_kernels import bound_gradient, multiply, row_values, solve_factors, transposed
+from .interior_state import State, factorised, sides
 
 __all__ = ["find_contradiction", "prove_bound"]
 
@@ -27,6 +21,23 @@ REACH = 1e4
 EIGHT_ULPS = 8 * np.finfo(float).eps
 
 
+def _gradient(state: State, z: Floats, dual: Floats | None = None) -> tuple[Floats, Floats]:
+    """Return ``C'dual - G'z`` by the free coordinates of knots and interiors."""
+    posed = state.posed
+    knots, inner = np.zeros_like(state.now.knots), np.zeros_like(state.now.inner)
+    if dual is not None:
+        transposed(posed.cost, dual, knots, inner)
+    bound_gradient(posed.rows, posed.start, z[1] - z[0], knots, inner)
+    knots[posed.fixed] = 0.0
+    return knots, inner
+
+
+def _slack_cost(state: State, z: Floats) -> float:
+    """Return Σ z times the distance inside the bounds, which is negative for violations."""
+    bounded = np.isfinite(state.posed.edge)
+    return float(np.sum(z[bounded] * sides(state.posed, state.now)[bounded]))
+
+
 def prove_bound(state: State) -> tuple[float, float, float]:
     """Return objective, lower bound and dual residual, in the model's units.
 
@@ -35,88 +46,72 @@ def prove_bound(state: State) -> tuple[float, float, float]:
     λ = Cy leaves a residual as large as the rounding error of y times C'C. Therefore λ and z are
     refined separately: they are small even if y is a position far from the origin.
     """
-    low, high = np.isfinite(state.lower), np.isfinite(state.upper)
-    z_below, z_above = state.z_below.copy(), state.z_above.copy()
-    d_below = np.where(low, z_below / state.below, 0.0)
-    d_above = np.where(high, z_above / state.above, 0.0)
-    factors, last = state.factorised(np.sqrt(d_below + d_above), state.cost)
-    value = multiply(state.cost, state.knots, state.inner)
+    posed, now = state.posed, state.now
+    z, rate = now.z, now.z / now.slack
+    factors, last = factorised(posed, np.sqrt(rate.sum(axis=0)), posed.cost)
+    value = multiply(posed.cost, now.knots, now.inner)
     dual = value.copy()
-    for turn in range(4):
-        knots, inner = np.zeros_like(state.knots), np.zeros_like(state.inner)
-        transposed(state.cost, dual, knots, inner)
-        bound_gradient(state.rows, state.start, z_above - z_below, knots, inner)
-        knots[state.fixed] = 0.0
-        if turn == 3:
-            break
-        x_knots, x_inner = -knots, -inner
-        solve_factors(factors, last, state.fixed, x_knots, x_inner)
-        dual += multiply(state.cost, x_knots, x_inner)
-        step = row_values(state.rows, state.start, x_knots, x_inner)
-        z_below = np.maximum(z_below - d_below * step, 0.0)
-        z_above = np.maximum(z_above + d_above * step, 0.0)
-    reach_knots, reach_inner = _reach(state)
-    gain = float(np.sum(np.abs(knots) * reach_knots) + np.sum(np.abs(inner) * reach_inner))
-    at = row_values(state.rows, state.start, state.knots, state.inner)
-    slack = float(np.sum(z_below[low] * (at - state.lower)[low]))
-    slack += float(np.sum(z_above[high] * (state.upper - at)[high]))
-    slack += _rounding(state, z_below, z_above)
-    half = 0.5 * float(np.sum(value**2))
+    for _ in range(3):
+        knots, inner = (-part for part in _gradient(state, z, dual))
+        solve_factors(factors, last, posed.fixed, knots, inner)
+        dual += multiply(posed.cost, knots, inner)
+        step = row_values(posed.rows, posed.start, knots, inner)
+        z = np.maximum(z - rate * np.stack([step, -step]), 0.0)
+    knots, inner = (np.abs(part) for part in _gradient(state, z, dual))
+    reach = np.maximum(1.0, np.abs(now.inner))
+    gain = float(np.sum(knots * _reach(state)) + np.sum(inner * reach))
+    slack = _slack_cost(state, z) + _rounding(state, z)
     away = 0.5 * float(np.sum((value - dual) ** 2))
     unit = np.float64(2.0) / state.scale**2
-    residual = max(float(np.abs(knots).max()), float(np.abs(inner).max(initial=0.0)))
-    return half * unit, (half - away - slack - gain) * unit, residual
+    residual = max(float(knots.max()), float(inner.max(initial=0.0)))
+    return state.cost * unit, (state.cost - away - slack - gain) * unit, residual
 
 
-def _rounding(state: State, z_below: Floats, z_above: Floats) -> float:
+def _rounding(state: State, z: Floats) -> float:
     """Return a bound on the rounding error of a sum of multipliers times slacks."""
-    size = row_values(np.abs(state.rows), state.start, np.abs(state.knots), np.abs(state.inner))
-    size_below = size + np.where(np.isfinite(state.lower), np.abs(state.lower), 0.0)
-    size_above = size + np.where(np.isfinite(state.upper), np.abs(state.upper), 0.0)
-    return float(EIGHT_ULPS * (np.sum(z_below * size_below) + np.sum(z_above * size_above)))
+    posed, now = state.posed, state.now
+    size = row_values(np.abs(posed.rows), posed.start, np.abs(now.knots), np.abs(now.inner))
+    edge = np.where(np.isfinite(posed.edge), np.abs(posed.edge), 0.0)
+    return float(EIGHT_ULPS * np.sum(z * (size + edge)))
 
 
-def _reach(state: State) -> tuple[Floats, Floats]:
-    """Return the largest distance of each coordinate from the optimum.
+def _reach(state: State) -> Floats:
+    """Return the largest distance of each coordinate of the knots from the optimum.
 
     It follows from the corridor and the limits at the knot, and is ``max(1, |y|)`` without bounds.
     """
     model, chain, r = state.chain.model, state.chain, state.chain.model.order
-    knots = np.maximum(1.0, np.abs(state.knots))
+    knots = np.maximum(1.0, np.abs(state.now.knots))
     for bound in model.bounds:
         if bound.derivative >= r:
             continue
         wide = (bound.upper - bound.lower)[:, list(chain.axes)]
         wide = np.concatenate([wide, wide[-1:]])
         wide[1:-1] = np.minimum(wide[1:-1], wide[:-2])
-        wide *= (chain.knot_times**bound.derivative)[:, None]
+        wide *= chain.units(state.durations)[:, bound.derivative :: r]
         own = knots[:, bound.derivative :: r]
         knots[:, bound.derivative :: r] = np.where(np.isfinite(wide), wide, own)
-    return knots, np.maximum(1.0, np.abs(state.inner))
+    return knots
 
 
-def _refine_ray(state: State, below: Floats, above: Floats) -> tuple[Floats, Floats]:
-    """Reduce ``G'z`` to 0 by changing the ray in place, and return the remainder.
+def _refined_ray(state: State) -> Floats:
+    """Return the multipliers, with ``G'z`` reduced to 0 and a largest entry of about 1.
 
     The multipliers of the barrier problem only converge to a ray. The remainder is eliminated by the
     smallest change of the multipliers, weighted by multiplier over slack.
     """
-    d_below, d_above = below / state.below, above / state.above
-    largest = max(float((d_below + d_above).max()), 1e-300)
-    d_below, d_above = d_below / largest, d_above / largest
-    typical = max(float(np.linalg.norm(state.cost, axis=2).max()), 1e-300)
-    factors, last = state.factorised(np.sqrt(d_below + d_above), state.cost * (1e-8 / typical))
-    for turn in range(4):
-        knots, inner = np.zeros_like(state.knots), np.zeros_like(state.inner)
-        bound_gradient(state.rows, state.start, above - below, knots, inner)
-        knots[state.fixed] = 0.0
-        if turn < 3:
-            x_knots, x_inner = -knots, -inner
-            solve_factors(factors, last, state.fixed, x_knots, x_inner)
-            step = row_values(state.rows, state.start, x_knots, x_inner)
-            np.maximum(below - d_below * step, 0.0, out=below)
-            np.maximum(above + d_above * step, 0.0, out=above)
-    return knots, inner
+    posed, now = state.posed, state.now
+    z: Floats = now.z / now.z.max()
+    rate = z / now.slack
+    rate /= max(float(rate.sum(axis=0).max()), 1e-300)
+    typical = max(float(np.linalg.norm(posed.cost, axis=2).max()), 1e-300)
+    factors, last = factorised(posed, np.sqrt(rate.sum(axis=0)), posed.cost * (1e-8 / typical))
+    for _ in range(3):
+        knots, inner = (-part for part in _gradient(state, z))
+        solve_factors(factors, last, posed.fixed, knots, inner)
+        step = row_values(posed.rows, posed.start, knots, inner)
+        z = np.maximum(z - rate * np.stack([step, -step]), 0.0)
+    return z
 
 
 def find_contradiction(state: State) -> NDArray[np.int64] | None:
@@ -126,21 +121,17 @@ def find_contradiction(state: State) -> NDArray[np.int64] | None:
     weighted sum of the violations is positive, and no coordinate can reduce it. The proof is valid
     for all coordinates within :data:`REACH` times their current size.
     """
-    low, high = np.isfinite(state.lower), np.isfinite(state.upper)
-    largest = max(float(state.z_below.max(initial=0.0)), float(state.z_above.max(initial=0.0)))
+    now = state.now
+    largest = float(now.z.max(initial=0.0))
     if not largest > 1.0 or not np.isfinite(largest):
         return None
-    below, above = state.z_below / largest, state.z_above / largest
-    knots, inner = _refine_ray(state, below, above)
-    at = row_values(state.rows, state.start, state.knots, state.inner)
-    noise = _rounding(state, below, above)
-    violation = float(np.sum(below[low] * (state.lower - at)[low]))
-    violation += float(np.sum(above[high] * (at - state.upper)[high]))
-    gain = float(
-        np.sum(np.abs(knots) * np.maximum(1.0, np.abs(state.knots)))
-        + np.sum(np.abs(inner) * np.maximum(1.0, np.abs(state.inner)))
+    z = _refined_ray(state)
+    gain = sum(
+        float(np.sum(np.abs(part) * np.maximum(1.0, np.abs(at))))
+        for part, at in zip(_gradient(state, z), (now.knots, now.inner), strict=True)
     )
-    if not violation > REACH * (gain + noise):
+    if not -_slack_cost(state, z) > REACH * (gain + _rounding(state, z)):
         return None
-    found: NDArray[np.int64] = np.unique(state.held.segment[(below + above) > 1e-3])
-    return found
+    rows = state.held.row[z.sum(axis=0) > 1e-3]
+    segments: NDArray[np.int64] = np.unique(state.chain.limits.segment[rows])
+    return segments

@@ -2,29 +2,34 @@
 
 Without polytopes every axis is a separate chain. Half-spaces couple all axes. The unknowns are the
 derivatives at the knots, multiplied by the time of the knot to the power of their order, and the
-inner coefficients of a segment if the degree is above ``2 r - 1``.
+inner coefficients of a segment if the degree is above ``2 r - 1``. The durations may vary.
+
+At fixed derivatives at the knots and fixed instants s, the cost ``Σ w_j T^(1-2j) |U_j y|²`` and a
+bounded derivative ``T^-j u'y`` depend on the durations through T and ``y_i = T^i d_i``. Each row is
+therefore a scaled row of a segment of 1 s.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.minimum_snap.formulations.hermite import hermite_basis, knot_times
-from ...models.minimum_snap.formulations.instants import Instants, first_instants
+from ...models.minimum_snap.formulations.instants import Instants, Limits, first_instants
 from ...models.minimum_snap.formulations.piecewise import power_rows
 from ...models.minimum_snap.model import MinimumDerivative
-from ...models.minimum_snap.polynomials import factorials, gauss_legendre
+from ...models.minimum_snap.polynomials import gauss_legendre
+from .interior_kernels import Iterate, Posed
 
-__all__ = ["Chain", "chains", "unit_cost"]
+__all__ = ["Chain", "Imposed", "chains", "unit_cost"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-#: Lower and upper bounds, followed by the scales of violations from below and from above.
-Limits = tuple[Floats, Floats, Floats, Floats]
+Flags = NDArray[np.bool_]
 
 
 @cache
@@ -40,6 +45,27 @@ def unit_cost(order: int, degree: int, derivative: int) -> Floats:
     return unit
 
 
+class Imposed(NamedTuple):
+    """Bounds at instants, sorted by segment: the bounded value is ``T^-derivative unit'y``.
+
+    Parameters
+    ----------
+    unit : ndarray, shape (Q, width)
+        Coefficients in the local coordinates of a segment of 1 s.
+    limits : Limits
+        Bound of each instant, relative to the origin of the chain.
+    bounded : ndarray of bool, shape (2, Q)
+        Mask of the finite lower and upper bounds.
+    scale : ndarray, shape (2, Q)
+        Scales of violations from below and from above.
+    """
+
+    unit: Floats
+    limits: Limits
+    bounded: Flags
+    scale: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class Chain:
     """Group of coupled axes.
@@ -47,7 +73,7 @@ class Chain:
     Parameters
     ----------
     model : MinimumDerivative
-        Problem at given times.
+        Problem at given times; for free times, the problem with segments of 1 s.
     axes : tuple of int
         Indices of the axes in the group.
     """
@@ -66,6 +92,12 @@ class Chain:
         return (self.model.degree + 1 - 2 * self.model.order) * len(self.axes)
 
     @cached_property
+    def limits(self) -> Limits:
+        """Bounds of the group, with directions in its axes."""
+        limits = Limits.of(self.model, self.axes)
+        return limits._replace(direction=limits.direction[:, list(self.axes)])
+
+    @cached_property
     def origin(self) -> Floats:
         """Origin of the positions, in the middle of waypoints and corridor, m.
 
@@ -80,167 +112,152 @@ class Chain:
         middle: Floats = np.where(np.isfinite(low) & np.isfinite(high), 0.5 * (low + high), 0.0)
         return middle
 
-    @property
-    def knot_times(self) -> Floats:
-        """Time that scales the derivatives at each knot, shape (knots,)."""
-        return knot_times(self.model.durations)
-
-    def start(self) -> tuple[NDArray[np.bool_], Floats]:
-        """Return the mask of fixed knot coordinates, and their values (0 for free coordinates)."""
+    @cached_property
+    def _conditions(self) -> tuple[Flags, Floats]:
+        """Mask of the fixed derivatives at the knots, and their values (0 for free ones)."""
         model, r = self.model, self.model.order
-        fixed = np.full((model.times.size, r, model.dimensions), np.inf)
+        table = np.full((len(self.axes), model.times.size, r), np.inf)
         rows = min(r, model.conditions.shape[1])
-        fixed[:, :rows] = model.conditions[:, :rows]
-        fixed = fixed[:, :, list(self.axes)]
-        value = np.where(np.isfinite(fixed), fixed, 0.0)
-        value[:, 0] -= np.where(np.isfinite(fixed[:, 0]), self.origin, 0.0)
-        value *= (self.knot_times[:, None] ** np.arange(r))[:, :, None]
-        shape = (model.times.size, self.jets)
-        known = np.moveaxis(np.isfinite(fixed), 1, 2).reshape(shape)
-        return np.ascontiguousarray(known), np.ascontiguousarray(
-            np.moveaxis(value, 1, 2).reshape(shape)
+        table[..., :rows] = np.moveaxis(model.conditions[:, :rows, list(self.axes)], 2, 0)
+        table[..., 0] -= self.origin[:, None]
+        values = np.moveaxis(table, 0, 1).reshape(model.times.size, self.jets)
+        fixed = np.isfinite(values)
+        return fixed, np.where(fixed, values, 0.0)
+
+    def _spread(self, rows: Floats, mix: Floats) -> Floats:
+        """Embed rows of one axis, shape (N, degree + 1), times `mix`, shape (N, axes), in all axes."""
+        r = self.model.order
+        wide = mix[:, :, None] * rows[:, None, :]
+        parts = wide[..., :r], wide[..., r : 2 * r], wide[..., 2 * r :]
+        return np.concatenate(
+            [part.reshape(len(rows), part.shape[1] * part.shape[2]) for part in parts], axis=1
         )
 
-    def _column_scales(self) -> Floats:
-        """Return the factors from coordinates to unit derivatives, shape (segments, degree + 1)."""
-        model, r = self.model, self.model.order
-        orders = np.arange(r)
-        scales = np.ones((model.segments, model.degree + 1))
-        ratio = model.durations / self.knot_times[:-1]
-        scales[:, :r] = ratio[:, None] ** orders
-        scales[:, r : 2 * r] = (model.durations / self.knot_times[1:])[:, None] ** orders
-        return scales
+    @cached_property
+    def _orders(self) -> Floats:
+        """Order of the derivative of each coordinate of a knot, shape (n,)."""
+        return np.tile(np.arange(float(self.model.order)), len(self.axes))
 
-    def _spread(self, rows: Floats, axis: int) -> Floats:
-        """Embed rows of one axis, (…, degree + 1), in the local coordinates of the group."""
-        r = self.model.order
-        n, extra = self.jets, self.model.degree + 1 - 2 * r
-        wide = np.zeros((*rows.shape[:-1], 2 * n + self.interior))
-        wide[..., axis * r : (axis + 1) * r] = rows[..., :r]
-        wide[..., n + axis * r : n + (axis + 1) * r] = rows[..., r : 2 * r]
-        if extra:
-            wide[..., 2 * n + axis * extra : 2 * n + (axis + 1) * extra] = rows[..., 2 * r :]
-        return wide
-
-    def cost(self) -> Floats:
-        """Return rows C with J = Σ |C local|², shape (segments, c, width)."""
-        model = self.model
-        scales = self._column_scales()
-        parts = []
-        for order, weight in enumerate(model.order_weights, start=1):
+    @cached_property
+    def _cost(self) -> tuple[Floats, Floats]:
+        """Rows with J = Σ T^(1-2j) |row y|², shape (c, width), and their orders j."""
+        model, axes = self.model, np.eye(len(self.axes))
+        parts, orders = [np.empty((0, 2 * self.jets + self.interior))], [np.empty(0)]
+        for j, weight in enumerate(model.order_weights, start=1):
             if weight:
-                unit = unit_cost(model.order, model.degree, order)
-                size = np.sqrt(weight * model.durations ** (1.0 - 2 * order))
-                rows = size[:, None, None] * unit * scales[:, None, :]
-                parts += [self._spread(rows, axis) for axis in range(len(self.axes))]
-        return np.ascontiguousarray(np.concatenate(parts, axis=1))
+                rows = np.sqrt(weight) * unit_cost(model.order, model.degree, j)
+                parts += [self._spread(rows, np.tile(axis, (len(rows), 1))) for axis in axes]
+                orders.append(np.full(len(rows) * len(axes), float(j)))
+        return np.concatenate(parts), np.concatenate(orders)
 
-    def rows(self, held: Instants, *, slope: bool = False) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return normalised rows of the bounds at `held`, with lower and upper bounds and factors.
+    def imposed(self, held: Instants, *, slope: bool = False) -> Imposed:
+        """Return the bounds at instants; with `slope`, the derivatives in s of the bounded values."""
+        limits, degree = self.limits.taken(held.row), self.model.degree
+        powers = np.empty((held.s.size, degree + 1))
+        for j in np.unique(limits.derivative).tolist():
+            rows = limits.derivative == j
+            powers[rows] = power_rows(held.s[rows], j + slope, degree)
+        unit = powers @ hermite_basis(self.model.order, degree)
+        shift = np.where(limits.derivative == 0, limits.direction @ self.origin, 0.0)
+        limits = limits._replace(lower=limits.lower - shift, upper=limits.upper - shift)
+        bounded = np.isfinite(np.stack([limits.lower, limits.upper]))
+        scale = np.stack([limits.low_scale, limits.high_scale])
+        return Imposed(self._spread(unit, limits.direction), limits, bounded, scale)
 
-                The largest entry of a row is 1. The last result is the factor of each row. With `slope`, the
-        rows are the derivatives in s of the bounded values.
-        """
-        model = self.model
-        scales = self._column_scales()
-        rows = np.zeros((held.s.size, 2 * self.jets + self.interior))
-        lower, upper = np.full(held.s.size, -np.inf), np.full(held.s.size, np.inf)
-        basis = hermite_basis(model.order, model.degree)
-        position = {axis: at for at, axis in enumerate(self.axes)}
-        for number, bound in enumerate(model.bounds):
-            for axis in self.axes:
-                take = np.flatnonzero((held.bound == number) & (held.axis == axis))
-                segment = held.segment[take]
-                unit = power_rows(held.s[take], bound.derivative + slope, model.degree) @ basis
-                unit *= (
-                    scales[segment]
-                    * (model.durations[segment] ** -float(bound.derivative))[:, None]
-                )
-                rows[take] = self._spread(unit, position[axis])
-                shift = self.origin[position[axis]] if bound.derivative == 0 else 0.0
-                lower[take] = bound.lower[segment, axis] - shift
-                upper[take] = bound.upper[segment, axis] - shift
-        spaces = model.halfspaces
-        if spaces is not None:
-            take = np.flatnonzero(held.bound == len(model.bounds))
-            unit = power_rows(held.s[take], int(slope), model.degree) @ basis
-            unit *= scales[held.segment[take]]
-            for at, axis in enumerate(self.axes):
-                normal = spaces.normals[held.axis[take], axis]
-                rows[take] += self._spread(unit * normal[:, None], at)
-            normals = spaces.normals[held.axis[take]][:, list(self.axes)]
-            upper[take] = spaces.offsets[held.axis[take]] - normals @ self.origin
+    # -- at given durations ----------------------------------------------------------------------
+
+    def units(self, durations: Floats) -> Floats:
+        """Return the factors from derivatives at the knots to coordinates, shape (knots, n)."""
+        factors: Floats = knot_times(durations)[:, None] ** self._orders
+        return factors
+
+    def start(self, durations: Floats) -> tuple[Flags, Floats]:
+        """Return the mask of fixed knot coordinates, and their values (0 for free coordinates)."""
+        fixed, values = self._conditions
+        return fixed, values * self.units(durations)
+
+    def _columns(self, durations: Floats) -> Floats:
+        """Return the factors from local coordinates to y, shape (segments, width)."""
+        knots = knot_times(durations)
+        ends = [(durations / at)[:, None] ** self._orders for at in (knots[:-1], knots[1:])]
+        return np.concatenate([*ends, np.ones((durations.size, self.interior))], axis=1)
+
+    def cost(self, durations: Floats) -> Floats:
+        """Return rows C with J = Σ |C local|², shape (segments, c, width)."""
+        unit, orders = self._cost
+        rows: Floats = (durations[:, None] ** (0.5 - orders))[:, :, None] * unit
+        rows *= self._columns(durations)[:, None]
+        return rows
+
+    def rows(self, durations: Floats, imposed: Imposed) -> tuple[Floats, Floats]:
+        """Return the bound rows, normalised to a largest entry of 1, and their factors."""
+        segment, derivative = imposed.limits.segment, imposed.limits.derivative
+        rows = imposed.unit * self._columns(durations)[segment]
+        rows *= (durations[segment] ** -derivative.astype(float))[:, None]
         largest = np.abs(rows).max(axis=1, initial=0.0)
         share = 1.0 / np.where(largest > 0, largest, 1.0)
-        return rows * share[:, None], lower * share, upper * share, share
+        return rows * share[:, None], share
 
-    def powers(self, knots: Floats, inner: Floats) -> Floats:
+    def posed(self, durations: Floats, imposed: Imposed) -> Posed:
+        """Return the program with the bounds `imposed`. The objective J is twice its cost."""
+        rows, share = self.rows(durations, imposed)
+        limits = imposed.limits
+        start = np.searchsorted(limits.segment, np.arange(durations.size + 1)).astype(np.int64)
+        edge = np.stack([limits.lower, -limits.upper]) * share
+        return Posed(self.cost(durations), rows, start, edge, self._conditions[0], share)
+
+    def _local(self, durations: Floats, knots: Floats, inner: Floats) -> Floats:
+        """Return y, shape (segments, width)."""
+        local = np.concatenate([knots[:-1], knots[1:], inner], axis=1)
+        local *= self._columns(durations)
+        return local
+
+    def powers(self, durations: Floats, knots: Floats, inner: Floats) -> Floats:
         """Return ascending powers of s, shape (segments, degree + 1, axes of the group)."""
-        model, r = self.model, self.model.order
-        basis = hermite_basis(r, model.degree)
-        scales = self._column_scales()
-        group = len(self.axes)
-        extra = model.degree + 1 - 2 * r
-        jets = knots.reshape(-1, group, r)
+        n, r, shape = self.jets, self.model.order, (durations.size, len(self.axes), -1)
+        local = self._local(durations, knots, inner)
+        before, after = local[:, :n].reshape(shape), local[:, n : 2 * n].reshape(shape)
         # Positions are relative to the segment's start. Far from the origin, the Hermite functions
         # would otherwise subtract large numbers.
-        start = jets[:-1, :, 0].copy()
-        before, after = jets[:-1].copy(), jets[1:].copy()
-        before[:, :, 0] = 0.0
+        start = before[:, :, 0].copy()
         after[:, :, 0] -= start
-        local = np.concatenate([before, after, inner.reshape(len(start), group, extra)], axis=2)
-        powers = np.moveaxis((local * scales[:, None, :]) @ basis.T, 1, 2)
+        before[:, :, 0] = 0.0
+        wide = np.concatenate([before, after, local[:, 2 * n :].reshape(shape)], axis=2)
+        powers = np.moveaxis(wide @ hermite_basis(r, self.model.degree).T, 1, 2)
         powers[:, 0] += start + self.origin
         return powers
 
+    def slope(
+        self, durations: Floats, imposed: Imposed, now: Iterate, pull: Floats
+    ) -> tuple[float, Floats]:
+        """Return J and the derivatives of the Lagrangian by the durations at fixed derivatives.
+
+        At optimal derivatives, they are the slope of the optimal value (envelope theorem).
+
+        Parameters
+        ----------
+        pull : ndarray, shape (Q,)
+            Multiplier of the upper bound less that of the lower one, in units of J per unit.
+        """
+        unit, orders = self._cost
+        y = self._local(durations, now.knots, now.inner)
+        # T dy_i/dT = i y_i at a fixed derivative, and 0 for inner coordinates.
+        moved = y * np.concatenate([self._orders, self._orders, np.zeros(self.interior)])
+        value, rate = y @ unit.T, moved @ unit.T
+        power = 1.0 - 2.0 * orders
+        weighted = durations[:, None] ** power * value
+        slope = (weighted * (power * value + 2.0 * rate)).sum(axis=1)
+        segment, derivative = imposed.limits.segment, imposed.limits.derivative.astype(float)
+        change = (imposed.unit * (moved[segment] - derivative[:, None] * y[segment])).sum(axis=1)
+        force = pull * durations[segment] ** -derivative * change
+        slope += np.bincount(segment, force, minlength=durations.size)
+        return float((weighted * value).sum()), slope / durations
+
+    # -- bounds ----------------------------------------------------------------------------------
+
     def first_instants(self, samples: int) -> Instants:
         """Return the initial instants at which bounds are imposed, sorted by segment."""
-        model = self.model
-        return first_instants(model, samples, model.order - 1, self.axes).sorted()[0]
-
-    def polynomials(self, powers: Floats) -> tuple[Floats, Limits, Instants]:
-        """Return the bounded values as polynomials in s, with bounds, scales and owners.
-
-        Derivatives have a lower degree and are padded with zeros to a common width.
-        """
-        model = self.model
-        position = {axis: at for at, axis in enumerate(self.axes)}
-        none = np.empty(0, np.int64)
-        rows: list[Floats] = [np.empty((0, model.degree + 1))]
-        limits: list[tuple[Floats, ...]] = [(np.empty(0),) * 4]
-        parts: list[tuple[Ints, ...]] = [(none, none, none)]
-        for number, bound in enumerate(model.bounds):
-            j = bound.derivative
-            if j > model.degree:
-                continue
-            factors = factorials(model.degree, j)
-            low_scale, high_scale = model.bound_scale(bound)
-            for axis in self.axes:
-                finite = np.isfinite(bound.lower[:, axis]) | np.isfinite(bound.upper[:, axis])
-                segment = np.flatnonzero(finite)
-                padded = np.zeros((segment.size, model.degree + 1))
-                inner = powers[segment, j:, position[axis]] * factors
-                scale = (model.durations[segment] ** -float(j))[:, None]
-                padded[:, : model.degree + 1 - j] = inner * scale
-                rows.append(padded)
-                tables = (bound.lower, bound.upper, low_scale, high_scale)
-                limits.append(tuple(table[segment, axis] for table in tables))
-                parts.append((np.full(segment.size, number), segment, np.full(segment.size, axis)))
-        spaces = model.halfspaces
-        if spaces is not None:
-            rows.append(np.einsum("hpd,hd->hp", powers[spaces.segments], spaces.normals))
-            size = np.full(spaces.segments.size, model.position_scale.max())
-            limits.append((np.full(size.size, -np.inf), spaces.offsets, size, size))
-            which = np.arange(spaces.segments.size)
-            parts.append((np.full(which.size, len(model.bounds)), spaces.segments, which))
-        owners = [np.concatenate(c).astype(np.int64) for c in zip(*parts, strict=True)]
-        held = Instants(owners[0], owners[1], owners[2], np.zeros(owners[0].size))
-        low, high, low_size, high_size = (np.concatenate(c) for c in zip(*limits, strict=True))
-        return (
-            np.ascontiguousarray(np.concatenate(rows)),
-            (low, high, low_size, high_size),
-            held,
-        )
+        return first_instants(self.model, self.limits, samples, self.model.order - 1)
 
 
 def chains(model: MinimumDerivative) -> tuple[Chain, ...]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.minimum_snap.formulations.instants import Instants
+from ...models.minimum_snap.formulations.instants import Instants, outside
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.polynomials import derived, horner
 from .banded import added, knot_forces
@@ -27,7 +27,6 @@ from .hermite import has_one_optimum, jets_to_coefficients
 from .interior_kernels import STOPPED
 from .interior_state import State
 from .moment_kernels import differentiate
-from .separation import outside
 from .tables import table_of
 
 __all__ = ["CERTIFIED", "Certified", "certify_chain", "uncertifiable"]
@@ -100,9 +99,7 @@ class _Contacts(NamedTuple):
 
     def owners(self) -> Ints:
         """Return a number for each contact, equal for the same bound, segment, axis and side."""
-        at = self.at
-        keys = np.column_stack([at.segment, at.bound, at.axis, self.side])
-        number: Ints = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+        number: Ints = 2 * self.at.row + (self.side > 0.0)
         return number
 
     def merged(self, reach: float) -> _Contacts:
@@ -166,14 +163,14 @@ def _deeper(state: State, depth: float) -> bool:
     fresh, _ = state.find_violations(ROUGH)
     if fresh is None:
         return True
-    state.restore(state.add(fresh, [state.copy()])[0])
+    state.now = state.add(fresh, [state.now])[0]
     return state.descend(depth)[0] != STOPPED
 
 
 @np.errstate(all="ignore")  # an overflow yields NaN, which proves nothing
 def _refined(state: State, threshold: float) -> Certified | None:
     """Solve with the contacts of the iterate. Drop those with negative force, add violated ones."""
-    path = _Path(state.chain, state.knots)
+    path = _Path(state.chain, state.now.knots)
     contacts = _flattened(_pressing(state, path.stiffness).merged(NEAR), state.chain)
     for _ in range(ROUNDS):
         contacts = path.settle(contacts, state.flag)
@@ -197,16 +194,16 @@ def _refined(state: State, threshold: float) -> Certified | None:
 
 def _pressing(state: State, stiffness: Floats) -> _Contacts:
     """Return the contacts whose force, times their compliance, exceeds their slack."""
-    give = _compliance(state.rows, state.held.segment, state.fixed, stiffness * state.scale**2)
+    posed, (slack, z) = state.posed, state.now[2:]
+    segment = state.chain.limits.segment[state.held.row]
+    give = _compliance(posed.rows, segment, posed.fixed, stiffness * state.scale**2)
     parts = []
-    for side, z, slack, bound in (
-        (-1.0, state.z_below, state.below, state.lower),
-        (1.0, state.z_above, state.above, state.upper),
-    ):
-        at = np.flatnonzero(np.isfinite(bound) & (z * give > slack))
-        force = z[at] / state.scale**2
+    for side in (0, 1):
+        at = np.flatnonzero(np.isfinite(posed.edge[side]) & (z[side] * give > slack[side]))
+        force = z[side, at] / state.scale**2
         flat = np.zeros(at.size, bool)
-        parts.append(_Contacts(state.held.taken(at), np.full(at.size, side), force, flat))
+        sign = np.full(at.size, 2.0 * side - 1.0)
+        parts.append(_Contacts(state.held.taken(at), sign, force, flat))
     return parts[0].joined(parts[1])
 
 
@@ -224,10 +221,10 @@ def _flattened(contacts: _Contacts, chain: Chain) -> _Contacts:
     """Mark the contacts of polynomials that touch a bound more often than their degree allows."""
     if not contacts.side.size:
         return contacts
-    orders = np.array([bound.derivative for bound in chain.model.bounds] + [0])
+    orders = chain.limits.derivative[contacts.at.row]
     roots = np.where((contacts.at.s > NEAR) & (contacts.at.s < 1.0 - NEAR), 2.0, 1.0)
     owners = contacts.owners()
-    flat = np.bincount(owners, roots)[owners] > chain.model.degree - orders[contacts.at.bound]
+    flat = np.bincount(owners, roots)[owners] > chain.model.degree - orders
     return contacts._replace(flat=flat)
 
 
@@ -254,9 +251,9 @@ class _Path:
         self.order, self.count = model.order, model.segments
         self.durations = np.array(model.durations)
         self.table = table_of(model.order_weights)
-        self.fixed, given = chain.start()
-        self.cost = chain.cost()
-        self.unit = np.tile(chain.knot_times[:, None] ** np.arange(self.order), self.axes)
+        self.fixed, given = chain.start(self.durations)
+        self.cost = chain.cost(self.durations)
+        self.unit = chain.units(self.durations)
         self.jets = self._jets(np.where(self.fixed, given, knots))
         self.lows = np.zeros_like(self.jets)
         squares, n = np.einsum("kcp,kcp->kp", self.cost, self.cost), chain.jets
@@ -311,14 +308,8 @@ class _Path:
     def _located(self, contacts: _Contacts) -> tuple[_Contacts, Floats]:
         """Return the contacts moved to the nearest extremes, and their curvatures (0: fixed)."""
         contacts = contacts.merged(SAME)
-        polynomials, _, owners = self.chain.polynomials(self.powers())
-        wide = int(owners.axis.max(initial=0)) + 1
-        number = [
-            (at.bound * self.count + at.segment) * wide + at.axis for at in (owners, contacts.at)
-        ]
-        place = np.argsort(number[0], kind="stable")
-        own = place[np.searchsorted(number[0][place], number[1])]
-        height = polynomials[own][:, :, None] * contacts.side[:, None, None]
+        polynomials = self.chain.limits.polynomials(self.powers(), self.durations)
+        height = polynomials[contacts.at.row][:, :, None] * contacts.side[:, None, None]
         slope, bend = derived(height, 1), derived(height, 2)
         first = s = contacts.at.s
         low, high = np.maximum(first - FAR, 0.0), np.minimum(first + FAR, 1.0)
@@ -334,26 +325,29 @@ class _Path:
         return contacts._replace(at=contacts.at._replace(s=s)), np.where(moves, sharp, 0.0)
 
     def _posed(self, contacts: _Contacts, sharp: Floats) -> _Posed:
-        rows, lower, upper, share = self.chain.rows(contacts.at)
+        chain = self.chain
+        held = chain.imposed(contacts.at)
+        rows, share = chain.rows(self.durations, held)
         moves = np.flatnonzero(sharp)
-        slopes, _, _, size = self.chain.rows(contacts.at.taken(moves), slope=True)
-        target = np.where(contacts.side > 0.0, upper, -lower)
+        moving = chain.imposed(contacts.at.taken(moves), slope=True)
+        slopes, size = chain.rows(self.durations, moving)
+        target = np.where(contacts.side > 0.0, held.limits.upper, -held.limits.lower) * share
         # Forces belong to normalised rows.
         spring = contacts.force[moves] * share[moves] / (sharp[moves] * size**2)
-        segment = np.concatenate([contacts.at.segment, contacts.at.segment[moves]])
+        segment = np.concatenate([held.limits.segment, moving.limits.segment])
         order = np.argsort(segment, kind="stable")
-        segment, n = segment[order], self.chain.jets
+        segment, n = segment[order], chain.jets
         rows = np.concatenate([rows, slopes])
         rows *= np.concatenate([contacts.side, contacts.side[moves]])[:, None]
         rows = np.ascontiguousarray(rows[order])
-        held = np.concatenate([np.zeros(contacts.side.size), spring])[order]
+        bend = np.concatenate([np.zeros(contacts.side.size), spring])[order]
         stiffness = self.stiffness.copy()
-        np.add.at(stiffness, segment, held[:, None] * rows[:, :n] ** 2)
-        np.add.at(stiffness, segment + 1, held[:, None] * rows[:, n : 2 * n] ** 2)
+        np.add.at(stiffness, segment, bend[:, None] * rows[:, :n] ** 2)
+        np.add.at(stiffness, segment + 1, bend[:, None] * rows[:, n : 2 * n] ** 2)
         give = _compliance(rows, segment, self.fixed, stiffness)
         place = np.argsort(order)
         value = place[: contacts.side.size]
-        weight = np.sqrt(held)
+        weight = np.sqrt(bend)
         weight[value] = np.sqrt(WEIGHT / np.where(give > 0.0, give, np.inf))[value]
         start = np.searchsorted(segment, np.arange(self.count + 1)).astype(np.int64)
         factors, last = np.zeros((self.count, n, 2 * n)), np.zeros((n, n))
@@ -385,9 +379,9 @@ class _Path:
 
     def violations(self, threshold: float) -> _Contacts:
         """Return contacts without force at extremes that violate bounds by more than `threshold`."""
-        polynomials, limits, owners = self.chain.polynomials(self.powers())
-        row, s, _ = outside(polynomials, *limits, threshold)
-        value = horner(polynomials[row][:, :, None], s[:, None])[:, 0]
-        side = np.where(value > limits[1][row], 1.0, -1.0)
-        fresh = owners.taken(row)._replace(s=s)
-        return _Contacts(fresh, side, np.zeros(s.size), np.zeros(s.size, bool))
+        limits = self.chain.limits
+        polynomials = limits.polynomials(self.powers(), self.durations)
+        at, _ = outside(polynomials, limits, threshold)
+        value = horner(polynomials[at.row][:, :, None], at.s[:, None])[:, 0]
+        side = np.where(value > limits.upper[at.row], 1.0, -1.0)
+        return _Contacts(at, side, np.zeros(at.s.size), np.zeros(at.s.size, bool))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...models.minimum_snap.bounds import Bound, derivative_name, derivative_unit
+from ...models.minimum_snap.bounds import derivative_name, derivative_unit
+from ...models.minimum_snap.formulations.instants import Limits
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
 from ..contract.backend import Control, Termination
@@ -20,14 +21,6 @@ __all__ = ["diagnose_trajectory"]
 
 _METHOD = "Farkas' multipliers of the interior point, then a deletion filter over its bounds"
 _FIELDS = {1: "velocity_limit", 2: "acceleration_limit", 3: "jerk_limit"}
-
-
-class _Part(NamedTuple):
-    """Bound on one segment: an axis of a box, or a half-space."""
-
-    bound: int
-    segment: int
-    which: int
 
 
 def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.0) -> Diagnosis:
@@ -58,19 +51,20 @@ def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.
         return Diagnosis(
             model.name, None, _METHOD, f"not settled: interior-point ended with {first}"
         )
-    parts = [part for part in _parts(model) if part.segment in segments]
-    if ends(_keeping(model, parts))[0] is not Termination.INFEASIBLE:
-        parts = list(_parts(model))
+    limits = Limits.of(model)
+    parts = [row for row, at in enumerate(limits.segment.tolist()) if at in segments]
+    if ends(_keeping(model, limits.taken(np.array(parts))))[0] is not Termination.INFEASIBLE:
+        parts = list(range(limits.segment.size))
     unsure = set()
     for part in list(parts):
         fewer = [other for other in parts if other != part]
-        outcome = ends(_keeping(model, fewer))[0]
+        outcome = ends(_keeping(model, limits.taken(np.array(fewer, np.int64))))[0]
         if outcome is Termination.INFEASIBLE:
             parts = fewer
         elif outcome is not Termination.OPTIMAL:
             unsure.add(part)
-    findings = tuple(_finding(model, part, part in unsure) for part in parts)
-    named = sorted({part.segment for part in parts})
+    findings = tuple(_finding(model, limits, part, part in unsure) for part in parts)
+    named = sorted({int(limits.segment[part]) for part in parts})
     place = ", ".join(map(str, named))
     summary = (
         f"no plan: on segment{'s' if len(named) > 1 else ''} {place} these bounds cannot hold "
@@ -105,27 +99,13 @@ def _ends(
     return ends
 
 
-def _parts(model: MinimumDerivative) -> tuple[_Part, ...]:
-    found = []
-    for number, bound in enumerate(model.bounds):
-        finite = np.isfinite(bound.lower) | np.isfinite(bound.upper)
-        found += [_Part(number, int(k), int(axis)) for k, axis in np.argwhere(finite)]
-    if model.halfspaces is not None:
-        found += [
-            _Part(len(model.bounds), int(k), at)
-            for at, k in enumerate(model.halfspaces.segments.tolist())
-        ]
-    return tuple(sorted(found, key=lambda part: part.segment))
-
-
-def _keeping(model: MinimumDerivative, parts: list[_Part]) -> MinimumDerivative:
+def _keeping(model: MinimumDerivative, limits: Limits) -> MinimumDerivative:
     """Return `model` restricted to these bounds."""
     changed: dict[str, Any] = {}
     for number, bound in enumerate(model.bounds):
+        mine = limits.bound == number
         kept = np.zeros(bound.lower.shape, bool)
-        for part in parts:
-            if part.bound == number:
-                kept[part.segment, part.which] = True
+        kept[limits.segment[mine], limits.axis[mine]] = True
         if bound.derivative == 0:
             changed["corridor_lower"] = np.where(kept, bound.lower, -np.inf)
             changed["corridor_upper"] = np.where(kept, bound.upper, np.inf)
@@ -133,45 +113,40 @@ def _keeping(model: MinimumDerivative, parts: list[_Part]) -> MinimumDerivative:
             changed[_FIELDS[bound.derivative]] = np.where(kept, bound.upper, np.inf)
     spaces = model.halfspaces
     if spaces is not None:
-        index = [part.which for part in parts if part.bound == len(model.bounds)]
+        index = limits.axis[limits.bound == len(model.bounds)]
         changed["polytope_segments"] = spaces.segments[index]
         changed["polytope_normals"] = spaces.normals[index]
         changed["polytope_offsets"] = spaces.offsets[index]
     return replace(model, **changed)
 
 
-def _finding(model: MinimumDerivative, part: _Part, unsure: bool) -> Finding:
+def _finding(model: MinimumDerivative, limits: Limits, part: int, unsure: bool) -> Finding:
+    segment, number, which = (int(column[part]) for column in limits[:3])
     data: dict[str, Any] = {
-        "segment": part.segment,
-        "start": float(model.times[part.segment]),
-        "end": float(model.times[part.segment + 1]),
+        "segment": segment,
+        "start": float(model.times[segment]),
+        "end": float(model.times[segment + 1]),
         "settled": not unsure,
     }
-    where = f"segment {part.segment}"
-    if part.bound == len(model.bounds):
-        assert model.halfspaces is not None
-        normal = model.halfspaces.normals[part.which]
+    where = f"segment {segment}"
+    low, high = float(limits.lower[part]), float(limits.upper[part])
+    if number == len(model.bounds):
+        normal = limits.direction[part].tolist()
         terms = " + ".join(f"{value:.4g} x{axis}" for axis, value in enumerate(normal) if value)
-        text = f"polytope on {where}: {terms} <= {model.halfspaces.offsets[part.which]:.6g} m"
-        data.update(bound="polytope", halfspace=part.which)
+        text = f"polytope on {where}: {terms} <= {high:.6g} m"
+        data.update(bound="polytope", halfspace=which)
     else:
-        bound = model.bounds[part.bound]
-        text = f"{bound.name} on {where}, axis {part.which}: {_range(bound, part)}"
-        data.update(
-            bound=bound.name,
-            axis=part.which,
-            lower=_finite(bound.lower[part.segment, part.which]),
-            upper=_finite(bound.upper[part.segment, part.which]),
-        )
+        bound = model.bounds[number]
+        text = f"{bound.name} on {where}, axis {which}: {_range(bound.derivative, low, high)}"
+        data.update(bound=bound.name, axis=which, lower=_finite(low), upper=_finite(high))
     text += f", from {data['start']:g} s to {data['end']:g} s"
     if unsure:
         text += ": whether it is needed is not settled"
     return Finding(text, "", where, data)
 
 
-def _range(bound: Bound, part: _Part) -> str:
-    low, high = bound.lower[part.segment, part.which], bound.upper[part.segment, part.which]
-    word, unit = derivative_name(bound.derivative), derivative_unit(bound.derivative)
+def _range(derivative: int, low: float, high: float) -> str:
+    word, unit = derivative_name(derivative), derivative_unit(derivative)
     if low == -high:
         return f"|{word}| <= {high:g} {unit}"
     if not np.isfinite(low):
@@ -182,4 +157,4 @@ def _range(bound: Bound, part: _Part) -> str:
 
 
 def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    return value if np.isfinite(value) else None

@@ -1,6 +1,12 @@
-"""Compiled iterations of the structured interior point, based on :mod:`.chain_kernels`."""
+"""Compiled primal-dual Newton steps on a chain of segments, based on :mod:`.chain_kernels`.
+
+Every bound is ``sign * value >= edge``: side 0 is the lower bound (sign 1), side 1 the negated upper
+bound (sign -1).
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +25,7 @@ from .chain_kernels import (
     transposed,
 )
 
-__all__ = ["CONVERGED", "STALLED", "STOPPED", "interior_point"]
+__all__ = ["CONVERGED", "STALLED", "STOPPED", "Iterate", "Posed", "centre", "interior_point"]
 
 CONVERGED, STALLED, STOPPED = 0, 1, 2
 
@@ -28,158 +34,275 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 
+class Posed(NamedTuple):
+    """Quadratic program of a chain: minimise ``|cost @ y|² / 2`` within bounds.
+
+    Parameters
+    ----------
+    cost : ndarray, shape (segments, c, width)
+        Rows of the cost.
+    rows : ndarray, shape (Q, width)
+        Rows of the bounds, with a largest entry of 1.
+    start : ndarray of int, shape (segments + 1,)
+        Index of the first bound row of each segment.
+    edge : ndarray, shape (2, Q)
+        Lower bounds, and negated upper bounds; -inf for unbounded sides.
+    fixed : ndarray of bool, shape (segments + 1, n)
+        Mask of the fixed coordinates of the knots.
+    share : ndarray, shape (Q,)
+        Factor that normalises each bound row.
+    """
+
+    cost: Floats
+    rows: Floats
+    start: Ints
+    edge: Floats
+    fixed: Flags
+    share: Floats
+
+
+class Iterate(NamedTuple):
+    """Coordinates of the knots and the interiors, then slacks and multipliers, shape (2, Q).
+
+    Slacks are positive. Slacks and multipliers of unbounded sides are 1 and 0.
+    """
+
+    knots: Floats
+    inner: Floats
+    slack: Floats
+    z: Floats
+
+    def copied(self) -> Iterate:
+        """Return a writable copy."""
+        return Iterate(*(part.copy() for part in self))
+
+    def extended(self, order: Ints, slack: Floats, bounded: Flags, mu: float) -> Iterate:
+        """Return the iterate with further rows, sorted by `order`.
+
+        The new rows have the slacks `slack`, shape (2, rows), and multipliers ``mu / slack``.
+        """
+        old = self.slack.shape[1]
+        more = np.ones((2, order.size - old))
+        new = bounded & (order >= old)
+        return self._replace(
+            slack=np.where(new, slack, np.concatenate([self.slack, more], axis=1)[:, order]),
+            z=np.where(new, mu / slack, np.concatenate([self.z, 0.0 * more], axis=1)[:, order]),
+        )
+
+
+@kernel
+def _residuals(posed: Posed, now: Iterate, rest: Floats) -> tuple[Floats, Floats, float, float]:
+    """Fill `rest` with the residuals of the bounds.
+
+    Return the gradient of the Lagrangian, the cost and the largest summand of its gradient.
+    """
+    value = multiply(posed.cost, now.knots, now.inner)
+    at = row_values(posed.rows, posed.start, now.knots, now.inner)
+    pull = np.zeros(at.size)
+    for q in range(at.size):
+        pull[q] = now.z[1, q] - now.z[0, q]
+        for side in range(2):
+            if posed.edge[side, q] > -np.inf:
+                sign = 1.0 - 2.0 * side
+                rest[side, q] = sign * at[q] - posed.edge[side, q] - now.slack[side, q]
+    g_knots, g_inner = np.zeros(now.knots.shape), np.zeros(now.inner.shape)
+    transposed(posed.cost, value, g_knots, g_inner)
+    bound_gradient(posed.rows, posed.start, pull, g_knots, g_inner)
+    hold_still(posed.fixed, g_knots)
+    cost, typical = 0.0, 0.0
+    for k in range(posed.cost.shape[0]):
+        for i in range(posed.cost.shape[1]):
+            cost += 0.5 * value[k, i] * value[k, i]
+            for j in range(posed.cost.shape[2]):
+                typical = max(typical, abs(posed.cost[k, i, j] * value[k, i]))
+    return g_knots, g_inner, cost, typical
+
+
+@kernel
+def _factorised(posed: Posed, now: Iterate, weight: Floats, factors: Floats, last: Floats) -> None:
+    """Factorise the Newton system of the iterate, and fill `weight` with its row weights."""
+    for q in range(weight.size):
+        weight[q] = np.sqrt(now.z[0, q] / now.slack[0, q] + now.z[1, q] / now.slack[1, q])
+    factorise(posed.cost, posed.rows, posed.start, weight, posed.fixed, factors, last)
+
+
+@kernel
+def _direction(
+    posed: Posed, now: Iterate, g_knots: Floats, g_inner: Floats, weight: Floats, factors: Floats,
+    last: Floats, rest: Floats, excess: Floats, d_slack: Floats, d_z: Floats, limit: float,
+) -> tuple[Floats, Floats, float]:  # fmt: skip
+    """Fill `d_slack` and `d_z` with the Newton step that removes residuals and `excess`.
+
+    `excess` is slack times multiplier less its target. Return the changes of the coordinates and
+    the step length, at most 1, that uses at most the share `limit` of any slack or multiplier.
+    """
+    size = weight.size
+    pull = np.zeros(size)
+    for q in range(size):
+        for side in range(2):
+            if posed.edge[side, q] > -np.inf:
+                push = excess[side, q] + now.z[side, q] * rest[side, q]
+                pull[q] -= (1.0 - 2.0 * side) * push / now.slack[side, q]
+    b_knots, b_inner = times(-1.0, g_knots), times(-1.0, g_inner)
+    bound_gradient(posed.rows, posed.start, pull, b_knots, b_inner)
+    hold_still(posed.fixed, b_knots)
+    x_knots, x_inner = newton_step(
+        posed.cost, posed.rows, posed.start, weight, posed.fixed, factors, last, b_knots, b_inner
+    )
+    step = row_values(posed.rows, posed.start, x_knots, x_inner)
+    alpha = 1.0
+    for q in range(size):
+        for side in range(2):
+            if posed.edge[side, q] > -np.inf:
+                slack, z = now.slack[side, q], now.z[side, q]
+                a = (1.0 - 2.0 * side) * step[q] + rest[side, q]
+                b = -(excess[side, q] + z * a) / slack
+                if a < 0.0:
+                    alpha = min(alpha, -limit * slack / a)
+                if b < 0.0:
+                    alpha = min(alpha, -limit * z / b)
+                d_slack[side, q], d_z[side, q] = a, b
+    return x_knots, x_inner, alpha
+
+
+@kernel
+def _advance(
+    now: Iterate, alpha: float, x_knots: Floats, x_inner: Floats, d_slack: Floats, d_z: Floats
+) -> None:
+    advance(now.knots, alpha, x_knots)
+    advance(now.inner, alpha, x_inner)
+    advance(now.slack, alpha, d_slack)
+    advance(now.z, alpha, d_z)
+
+
 @kernel
 def interior_point(
-    cost: Floats, rows: Floats, start: Ints, lower: Floats, upper: Floats, fixed: Flags,
-    knots: Floats, inner: Floats, below: Floats, above: Floats, z_below: Floats, z_above: Floats,
-    gap_target: float, tolerance: float, most: int, nothing: float, flag: NDArray[np.int8],
-) -> tuple[int, int, float, float, float, float]:  # fmt: skip
+    posed: Posed, now: Iterate, gap: float, tolerance: float, most: int, nothing: float,
+    flag: NDArray[np.int8],
+) -> tuple[int, int, float]:  # fmt: skip
     """Run Mehrotra's predictor-corrector method from the given iterate, which is updated in place.
 
-    Minimise ``|cost @ y|² / 2`` subject to ``lower <= rows @ y <= upper``. Slacks `below` and
-    `above` and multipliers `z_below` and `z_above` are positive on entry; those of infinite bounds
-    are 1 and 0. Gaps are relative to the objective, or to `nothing` if that is larger.
+    Gaps are relative to the objective, or to `nothing` if that is larger.
 
     Returns
     -------
     tuple
-        Status, iterations, objective, complementarity (the sum of slack times multiplier), largest
-        primal residual, largest dual residual.
+        Status, iterations, largest primal residual.
     """
-    count, _, width = cost.shape
-    n = fixed.shape[1]
-    own = width - 2 * n
-    size = rows.shape[0]
-    has_low, has_high = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
+    count, _, width = posed.cost.shape
+    n, size = posed.fixed.shape[1], posed.rows.shape[0]
+    factors, last, weight = np.zeros((count, width - n, width)), np.zeros((n, n)), np.zeros(size)
+    rest, excess = np.zeros((2, size)), np.zeros((2, size))
+    d_slack, d_z = np.zeros((2, size)), np.zeros((2, size))
     pairs = 0
     for q in range(size):
-        has_low[q], has_high[q] = lower[q] > -np.inf, upper[q] < np.inf
-        pairs += int(has_low[q]) + int(has_high[q])
-    pairs = max(pairs, 1)
-    factors = np.zeros((count, own + n, width))
-    last = np.zeros((n, n))
-    weight = np.zeros(size)
-    status, objective, comp, primal, dual = STALLED, 0.0, 0.0, 0.0, 0.0
-    best = np.inf
-    idle = 0
-    done = 0
+        pairs += int(posed.edge[0, q] > -np.inf) + int(posed.edge[1, q] > -np.inf)
+    primal, best, idle, done = 0.0, np.inf, 0, 0
     for iteration in range(most):
         done = iteration
         if flag[0] != 0:
-            status = STOPPED
-            break
-        value = multiply(cost, knots, inner)
-        objective = 0.0
-        for k in range(count):
-            for i in range(cost.shape[1]):
-                objective += value[k, i] * value[k, i]
-        objective *= 0.5
-        at = row_values(rows, start, knots, inner)
-        g_knots, g_inner = np.zeros(knots.shape), np.zeros(inner.shape)
-        transposed(cost, value, g_knots, g_inner)
-        pull = np.zeros(size)
-        for q in range(size):
-            pull[q] = z_above[q] - z_below[q]
-        bound_gradient(rows, start, pull, g_knots, g_inner)
-        hold_still(fixed, g_knots)
+            return STOPPED, done, primal
+        g_knots, g_inner, objective, _ = _residuals(posed, now, rest)
         dual = max(largest_of(g_knots), largest_of(g_inner))
-        r_low, r_high = np.zeros(size), np.zeros(size)
-        comp, primal, largest = 0.0, 0.0, 1.0
+        primal, largest = largest_of(rest), max(1.0, largest_of(now.z))
+        comp = 0.0
         for q in range(size):
-            if has_low[q]:
-                r_low[q] = at[q] - lower[q] - below[q]
-                comp += below[q] * z_below[q]
-                primal = max(primal, abs(r_low[q]))
-                largest = max(largest, z_below[q])
-            if has_high[q]:
-                r_high[q] = upper[q] - at[q] - above[q]
-                comp += above[q] * z_above[q]
-                primal = max(primal, abs(r_high[q]))
-                largest = max(largest, z_above[q])
-        mu = comp / pairs
+            for side in range(2):
+                # The predictor neither centres nor has a second-order term.
+                excess[side, q] = now.slack[side, q] * now.z[side, q]
+                comp += excess[side, q]
         if largest > 1e100:  # a ray of an infeasible problem, or no free coordinate
             break
-        size_of = max(objective, nothing)
-        merit = max(comp / size_of, primal, dual / largest)
-        if comp <= gap_target * size_of and primal <= tolerance and dual <= tolerance * largest:
-            status = CONVERGED
-            break
+        unit = max(objective, nothing)
+        if comp <= gap * unit and primal <= tolerance and dual <= tolerance * largest:
+            return CONVERGED, done, primal
+        merit = max(comp / unit, primal, dual / largest)
+        idle += 1
         if merit < 0.9 * best:
             best, idle = merit, 0
-        else:
-            idle += 1
-            if idle > 15:
-                break
+        if idle > 15:
+            break
+        _factorised(posed, now, weight, factors, last)
+        _, _, alpha = _direction(
+            posed, now, g_knots, g_inner, weight, factors, last, rest, excess, d_slack, d_z, 1.0
+        )
+        ahead = 0.0
         for q in range(size):
-            d = 0.0
-            if has_low[q]:
-                d += z_below[q] / below[q]
-            if has_high[q]:
-                d += z_above[q] / above[q]
-            weight[q] = np.sqrt(d)
-        factorise(cost, rows, start, weight, fixed, factors, last)
-        # Predictor: no centring, no second-order term.
-        c_low, c_high = np.zeros(size), np.zeros(size)
+            for side in range(2):
+                slack = now.slack[side, q] + alpha * d_slack[side, q]
+                ahead += slack * (now.z[side, q] + alpha * d_z[side, q])
+        sigma = (ahead / max(comp, 1e-300)) ** 3
         for q in range(size):
-            c_low[q], c_high[q] = below[q] * z_below[q], above[q] * z_above[q]
-        a_low, a_high = np.zeros(size), np.zeros(size)
-        b_low, b_high = np.zeros(size), np.zeros(size)
-        sigma = 0.0
-        alpha = 0.0
-        x_knots, x_inner = knots, inner
-        for phase in range(2):
-            for q in range(size):
-                pull[q] = 0.0
-                if has_low[q]:
-                    pull[q] -= (c_low[q] + z_below[q] * r_low[q]) / below[q]
-                if has_high[q]:
-                    pull[q] += (c_high[q] + z_above[q] * r_high[q]) / above[q]
-            b_knots, b_inner = times(-1.0, g_knots), times(-1.0, g_inner)
-            bound_gradient(rows, start, pull, b_knots, b_inner)
-            hold_still(fixed, b_knots)
-            x_knots, x_inner = newton_step(
-                cost, rows, start, weight, fixed, factors, last, b_knots, b_inner
-            )
-            step = row_values(rows, start, x_knots, x_inner)
-            alpha = 1.0
-            limit = 1.0 if phase == 0 else 0.995
-            for q in range(size):
-                if has_low[q]:
-                    a_low[q] = step[q] + r_low[q]
-                    b_low[q] = -(c_low[q] + z_below[q] * a_low[q]) / below[q]
-                    if a_low[q] < 0:
-                        alpha = min(alpha, -limit * below[q] / a_low[q])
-                    if b_low[q] < 0:
-                        alpha = min(alpha, -limit * z_below[q] / b_low[q])
-                if has_high[q]:
-                    a_high[q] = -step[q] + r_high[q]
-                    b_high[q] = -(c_high[q] + z_above[q] * a_high[q]) / above[q]
-                    if a_high[q] < 0:
-                        alpha = min(alpha, -limit * above[q] / a_high[q])
-                    if b_high[q] < 0:
-                        alpha = min(alpha, -limit * z_above[q] / b_high[q])
-            if phase == 0:
-                ahead = 0.0
-                for q in range(size):
-                    if has_low[q]:
-                        ahead += (below[q] + alpha * a_low[q]) * (z_below[q] + alpha * b_low[q])
-                    if has_high[q]:
-                        ahead += (above[q] + alpha * a_high[q]) * (z_above[q] + alpha * b_high[q])
-                ratio = ahead / max(comp, 1e-300)
-                sigma = ratio * ratio * ratio
-                for q in range(size):
-                    if has_low[q]:
-                        c_low[q] += a_low[q] * b_low[q] - sigma * mu
-                    if has_high[q]:
-                        c_high[q] += a_high[q] * b_high[q] - sigma * mu
-        advance(knots, alpha, x_knots)
-        advance(inner, alpha, x_inner)
-        for q in range(size):
-            if has_low[q]:
-                below[q] += alpha * a_low[q]
-                z_below[q] += alpha * b_low[q]
-            if has_high[q]:
-                above[q] += alpha * a_high[q]
-                z_above[q] += alpha * b_high[q]
+            for side in range(2):
+                if posed.edge[side, q] > -np.inf:
+                    excess[side, q] += d_slack[side, q] * d_z[side, q] - sigma * comp / pairs
+        x_knots, x_inner, alpha = _direction(
+            posed, now, g_knots, g_inner, weight, factors, last, rest, excess, d_slack, d_z, 0.995
+        )
+        _advance(now, alpha, x_knots, x_inner, d_slack, d_z)
         done = iteration + 1
-    return status, done, objective, comp, primal, dual
+    return STALLED, done, primal
+
+
+@kernel
+def centre(
+    posed: Posed, now: Iterate, room: Floats, mu: float, accuracy: float, most: int,
+    flag: NDArray[np.int8],
+) -> tuple[int, int]:  # fmt: skip
+    """Minimise ``|cost @ y|² / 2 - mu Σ log slack`` by primal-dual Newton steps, in place.
+
+    The barrier parameter `mu` is constant, so that the value is a smooth function of the durations
+    and a few steps lead to the solution for similar durations.
+
+    Parameters
+    ----------
+    room : ndarray, shape (2, Q)
+        Largest violations of the bounds, in the normalised rows.
+    accuracy : float
+        Largest relative error of slack times multiplier, and of the gradient.
+    most : int
+        Largest number of Newton steps. Without convergence, the bounds are treated as infeasible.
+
+    Returns
+    -------
+    tuple
+        Status and number of steps.
+    """
+    count, _, width = posed.cost.shape
+    n, size = posed.fixed.shape[1], posed.rows.shape[0]
+    factors, last, weight = np.zeros((count, width - n, width)), np.zeros((n, n)), np.zeros(size)
+    rest, excess = np.zeros((2, size)), np.zeros((2, size))
+    d_slack, d_z = np.zeros((2, size)), np.zeros((2, size))
+    best, idle, before = np.inf, 0, np.inf
+    for iteration in range(most):
+        if flag[0] != 0:
+            return STOPPED, iteration
+        g_knots, g_inner, _, typical = _residuals(posed, now, rest)
+        primal, off = 0.0, 0.0
+        for q in range(size):
+            for side in range(2):
+                if posed.edge[side, q] > -np.inf:
+                    excess[side, q] = now.slack[side, q] * now.z[side, q] - mu
+                    primal = max(primal, abs(rest[side, q]) / room[side, q])
+                    off = max(off, abs(excess[side, q]) / mu)
+        if primal <= 1.0 and off <= accuracy:
+            # Gradients are compared with the size of their summands.
+            ratio = max(largest_of(g_knots), largest_of(g_inner))
+            ratio /= max(typical, largest_of(now.z), 1e-300)
+            # Rounding may prevent the requested accuracy. Accept a ratio that no longer decreases.
+            if ratio <= accuracy or (ratio <= 1e-5 and ratio > 0.5 * before):
+                return CONVERGED, iteration
+            before = ratio
+        if primal > 1.0:
+            # Without a feasible path, the violation stops decreasing.
+            idle += 1
+            if primal < 0.7 * best:
+                best, idle = primal, 0
+            if idle > 12:
+                break
+        _factorised(posed, now, weight, factors, last)
+        x_knots, x_inner, alpha = _direction(
+            posed, now, g_knots, g_inner, weight, factors, last, rest, excess, d_slack, d_z, 0.99
+        )
+        _advance(now, alpha, x_knots, x_inner, d_slack, d_z)
+    return STALLED, most

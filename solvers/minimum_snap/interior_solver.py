@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from .certificates import find_contradiction, prove_bound
 from .chain import Chain
 from .contacts import certify_chain
-from .interior_kernels import CONVERGED, STOPPED
-from .interior_state import Iterate, Settings, State
+from .interior_kernels import CONVERGED, STOPPED, Iterate
+from .interior_state import Settings, State
 
 __all__ = ["ChainResult", "Settings", "solve_chain"]
 
@@ -70,12 +70,12 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
     """
     state = State(chain, settings, flag)
     gaps = [*LEVELS, settings.gap]
-    kept: list[Iterate] = [state.copy()]  # kept[i] is where the descent to gaps[i] begins
+    kept: list[Iterate] = [state.now.copied()]  # kept[i] is where the descent to gaps[i] begins
     level, iterations, rounds = 0, 0, 0
     status, primal, retreat, restarts = "stalled", 0.0, 0, 0
     enlarged = False
     while rounds < settings.rounds:
-        code, count, _, _, primal, _ = state.descend(gaps[level])
+        code, count, primal = state.descend(gaps[level])
         iterations += count
         last = level == len(gaps) - 1
         if code == STOPPED:
@@ -88,11 +88,11 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
                 break
             if spent:
                 state.begin(BOOSTS[restarts])
-                restarts, level, kept, enlarged = restarts + 1, 0, [state.copy()], True
+                restarts, level, kept, enlarged = restarts + 1, 0, [state.now.copied()], True
                 continue
             retreat = level = max(min(retreat, level) - 2, 0)
             del kept[level + 1 :]
-            state.restore(kept[level])
+            state.now = kept[level].copied()
             continue
         threshold = max(settings.between, min(1e-2 * gaps[level], 1e-2), 4.0 * primal)
         fresh, worst = state.find_violations(threshold)
@@ -101,12 +101,12 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
                 status = "solved"
                 break
             if not enlarged and state.enlarge():
-                enlarged, kept = True, [state.copy()] * len(kept)
+                enlarged, kept = True, [state.now.copied()] * len(kept)
             level += 1
-            kept.append(state.copy())
+            kept.append(state.now.copied())
             continue
         rounds += 1
-        kept = state.add(fresh, [*kept, state.copy()])
+        kept = state.add(fresh, [*kept, state.now.copied()])
         if last:
             # Smaller violations allow a start at a smaller barrier.
             wanted = 1 + int(np.searchsorted(-np.array(LEVELS), -10.0 * worst))
@@ -115,7 +115,7 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
         else:
             level += 1
             retreat = level
-        state.restore(kept[level])
+        state.now = kept[level].copied()
     conflict = np.empty(0, np.int64)
     objective, bound, dual = prove_bound(state)
     if status == "stalled":

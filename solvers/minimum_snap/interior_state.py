@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.minimum_snap.formulations.instants import Instants
+from ...models.minimum_snap.formulations.instants import Instants, outside
 from .chain import Chain
 from .chain_kernels import (
     bound_gradient,
@@ -19,10 +18,9 @@ from .chain_kernels import (
     solve_factors,
     transposed,
 )
-from .interior_kernels import interior_point
-from .separation import outside
+from .interior_kernels import Iterate, Posed, interior_point
 
-__all__ = ["Iterate", "Settings", "State"]
+__all__ = ["Settings", "State", "factorised", "sides", "smooth_start"]
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +42,7 @@ class Settings:
     tolerance : float
         Largest violation at the imposed instants, in normalised rows.
     between : float
-        Largest violation between the instants, relative to ``max(1, |bound|)``.
+        Largest violation between the instants, in the scale of the verification.
     samples : int
         Initial instants per segment.
     iterations : int
@@ -64,64 +62,78 @@ class Settings:
     certify: bool = False
 
 
-class Iterate(NamedTuple):
-    """Coordinates of the knots and the interiors, then slacks and multipliers of both sides."""
+def sides(posed: Posed, now: Iterate) -> Floats:
+    """Return how far the iterate is inside each bound, shape (2, Q); inf for unbounded sides."""
+    at = row_values(posed.rows, posed.start, now.knots, now.inner)
+    room: Floats = np.stack([at, -at]) - posed.edge
+    return room
 
-    knots: Floats
-    inner: Floats
-    below: Floats
-    above: Floats
-    z_below: Floats
-    z_above: Floats
+
+def factorised(posed: Posed, weight: Floats, cost: Floats) -> tuple[Floats, Floats]:
+    """Return the triangular factors of `cost` and the rows times `weight`."""
+    count, _, width = cost.shape
+    n = posed.fixed.shape[1]
+    factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
+    factorise(cost, posed.rows, posed.start, weight, posed.fixed, factors, last)
+    return factors, last
+
+
+def smooth_start(posed: Posed, knots: Floats, inner: Floats) -> Iterate:
+    """Return a smooth path near the middle of the bounds, with slacks and their reciprocals.
+
+    The path minimises the cost plus the squared distances from the middle of the bounds.
+    """
+    typical = max(float(np.linalg.norm(posed.cost, axis=2).max()), 1e-300)
+    cost, (low, high) = posed.cost / typical, np.isfinite(posed.edge)
+    half = np.where(low & high, 0.5 * (posed.edge[0] - posed.edge[1]), 0.0)
+    target = np.where(low & high, half, np.where(low, posed.edge[0], -posed.edge[1]))
+    factors, last = factorised(posed, np.ones(len(target)), cost)
+    for _ in range(2):
+        step = np.zeros_like(knots), np.zeros_like(inner)
+        transposed(cost, -multiply(cost, knots, inner), *step)
+        away = target - row_values(posed.rows, posed.start, knots, inner)
+        bound_gradient(posed.rows, posed.start, away, *step)
+        step[0][posed.fixed] = 0.0
+        solve_factors(factors, last, posed.fixed, *step)
+        knots, inner = knots + step[0], inner + step[1]
+    bounded = np.stack([low, high])
+    half = np.where(low & high, -0.5 * (posed.edge[0] + posed.edge[1]), 1.0)
+    least = np.maximum(0.1 * half, 1e-8)
+    now = Iterate(knots, inner, np.ones_like(posed.edge), np.zeros_like(posed.edge))
+    slack = np.where(bounded, np.maximum(sides(posed, now), least), 1.0)
+    return now._replace(slack=slack, z=np.where(bounded, 1.0 / slack, 0.0))
 
 
 class State:
-    """Iterate of one chain."""
+    """Iterate of one chain at given times."""
 
     def __init__(self, chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> None:
         self.chain, self.settings, self.flag = chain, settings, flag
-        self.fixed, self.knots = chain.start()
-        self.inner = np.zeros((chain.model.segments, chain.interior))
-        # The kernel minimises |C y|² / 2, half of J = Σ |C y|².
-        self.cost = chain.cost()
+        self.durations = np.array(chain.model.durations)
         self.held = chain.first_instants(settings.samples)
-        self._pose()
         self.scale = 1.0
+        self._pose()
+        self.now = Iterate(
+            chain.start(self.durations)[1], np.zeros((chain.model.segments, chain.interior)),
+            np.ones_like(self.posed.edge), np.zeros_like(self.posed.edge),
+        )  # fmt: skip
         self.begin()
 
     def _pose(self) -> None:
-        count = self.chain.model.segments
-        self.rows, self.lower, self.upper, share = self.chain.rows(self.held)
+        imposed = self.chain.imposed(self.held)
+        posed = self.chain.posed(self.durations, imposed)
         # A corridor without width has no interior. It is relaxed within the tolerance, so that
         # bounds and infeasibility proofs remain valid for the model.
-        size = np.maximum(share * self.chain.model.position_scale.max(), 1e-3)
-        room = 0.1 * self.settings.between * size
-        with np.errstate(invalid="ignore"):
-            narrow = self.upper - self.lower < 2.0 * room
-        self.lower = np.where(narrow, self.lower - room, self.lower)
-        self.upper = np.where(narrow, self.upper + room, self.upper)
-        self.start = np.searchsorted(self.held.segment, np.arange(count + 1)).astype(np.int64)
+        room = 0.1 * self.settings.between * np.maximum(imposed.scale * posed.share, 1e-3)
+        narrow = -posed.edge.sum(axis=0) < room.sum(axis=0)
+        # The kernel minimises |C y|² / 2, half of J = Σ |C y|².
+        self.posed = posed._replace(
+            cost=posed.cost * self.scale, edge=np.where(narrow, posed.edge - room, posed.edge)
+        )
 
-    def factorised(self, weight: Floats, cost: Floats) -> tuple[Floats, Floats]:
-        """Return the triangular factors of `cost` and the rows times `weight`."""
-        count, _, width = cost.shape
-        n = self.fixed.shape[1]
-        factors, last = np.zeros((count, width - n, width)), np.zeros((n, n))
-        factorise(cost, self.rows, self.start, weight, self.fixed, factors, last)
-        return factors, last
-
-    def newton(self, weight: Floats, target: Floats, cost: Floats) -> None:
-        """Move to the minimum of |cost y|² + |weight (rows y - target)|²."""
-        factors, last = self.factorised(weight, cost)
-        for _ in range(2):
-            knots, inner = np.zeros_like(self.knots), np.zeros_like(self.inner)
-            transposed(cost, -multiply(cost, self.knots, self.inner), knots, inner)
-            off = target - row_values(self.rows, self.start, self.knots, self.inner)
-            bound_gradient(self.rows, self.start, weight * weight * off, knots, inner)
-            knots[self.fixed] = 0.0
-            solve_factors(factors, last, self.fixed, knots, inner)
-            self.knots += knots
-            self.inner += inner
+    def _rescale(self, factor: float) -> None:
+        self.scale *= factor
+        self.posed = self.posed._replace(cost=self.posed.cost * factor)
 
     def begin(self, boost: float = 1.0) -> None:
         """Initialise a smooth path near the middle of the bounds, with slacks and multipliers.
@@ -132,49 +144,29 @@ class State:
             Factor of the barrier parameter. Narrow bounds have multipliers far above those of the
             initial guess, and a smaller barrier stalls at the boundary.
         """
-        low, high = np.isfinite(self.lower), np.isfinite(self.upper)
-        target = np.where(
-            low & high,
-            (np.where(low, self.lower, 0.0) + np.where(high, self.upper, 0.0)) / 2,
-            np.where(low, self.lower, np.where(high, self.upper, 0.0)),
-        )
-        typical = np.linalg.norm(self.cost, axis=2).max()
-        weight = np.full(self.rows.shape[0], 1.0)
-        self.newton(weight, target, self.cost / max(float(typical), 1e-300))
-        value = multiply(self.cost, self.knots, self.inner)
+        now = smooth_start(self.posed, self.now.knots, self.now.inner)
+        value = multiply(self.posed.cost, now.knots, now.inner)
         # Costs of about 1 keep multipliers, slacks and tolerances comparable.
         share = 1.0 / max(float(np.sqrt(np.sum(value**2) / max(value.shape[0], 1))), 1e-12)
-        self.scale, self.cost = self.scale * share, self.cost * share
-        at = row_values(self.rows, self.start, self.knots, self.inner)
-        wide = np.where(low & high, (self.upper - self.lower) / 2, 1.0)
-        least = np.maximum(0.1 * np.where(np.isfinite(wide), wide, 1.0), 1e-8)
-        self.below = np.where(low, np.maximum(at - self.lower, least), 1.0)
-        self.above = np.where(high, np.maximum(self.upper - at, least), 1.0)
-        pairs = max(int(low.sum() + high.sum()), 1)
-        mu = boost * max(0.5 * float(np.sum((value * share) ** 2)) / pairs, 1e-6)
-        self.z_below = np.where(low, mu / self.below, 0.0)
-        self.z_above = np.where(high, mu / self.above, 0.0)
+        self._rescale(share)
+        mu = boost * max(0.5 * float(np.sum((value * share) ** 2)) / self.pairs, 1e-6)
+        self.now = now._replace(z=mu * now.z)
 
     def enlarge(self) -> bool:
         """Rescale an objective far below its initial value to about 1. Return False otherwise."""
-        mean = float(np.sum(multiply(self.cost, self.knots, self.inner) ** 2)) / len(self.cost)
+        mean = 2.0 * self.cost / len(self.posed.cost)
         if mean >= SMALL:
             return False
         share = min(mean**-0.5, MOST) if mean > 0 else MOST
-        self.scale, self.cost = self.scale * share, self.cost * share
-        self.z_below *= share**2
-        self.z_above *= share**2
+        self._rescale(share)
+        self.now = self.now._replace(z=self.now.z * share**2)
         return True
 
-    def copy(self) -> Iterate:
-        """Return a copy of the current iterate."""
-        parts = (self.knots, self.inner, self.below, self.above, self.z_below, self.z_above)
-        return Iterate(*(part.copy() for part in parts))
-
-    def restore(self, iterate: Iterate) -> None:
-        """Restore a stored iterate."""
-        copies = [part.copy() for part in iterate]
-        self.knots, self.inner, self.below, self.above, self.z_below, self.z_above = copies
+    @property
+    def cost(self) -> float:
+        """Cost of the iterate in the units of the kernel."""
+        value = multiply(self.posed.cost, self.now.knots, self.now.inner)
+        return 0.5 * float(np.sum(value**2))
 
     @property
     def nothing(self) -> float:
@@ -184,28 +176,30 @@ class State:
     @property
     def pairs(self) -> int:
         """Number of finite bounds."""
-        return max(int(np.isfinite(self.lower).sum() + np.isfinite(self.upper).sum()), 1)
+        return max(int(np.isfinite(self.posed.edge).sum()), 1)
 
-    def descend(self, gap: float) -> tuple[int, int, float, float, float, float]:
-        """Run the kernel to a relative complementarity of `gap`, and return its result."""
-        settings = self.settings
-        outcome: tuple[int, int, float, float, float, float] = interior_point(
-            self.cost, self.rows, self.start, self.lower, self.upper, self.fixed, self.knots,
-            self.inner, self.below, self.above, self.z_below, self.z_above, gap,
-max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settings.tolerance,
-            settings.iterations, NOTHING * self.chain.model.segments, self.flag,
+    def descend(self, gap: float) -> tuple[int, int, float]:
+        """Run the kernel to a relative complementarity of `gap`.
+
+        Return status, iterations and the largest primal residual.
+        """
+        settings, tolerance = self.settings, self.settings.tolerance
+        if gap > settings.gap:
+            tolerance = max(tolerance, min(0.01 * gap, 1e-4))
+        outcome: tuple[int, int, float] = interior_point(
+            self.posed, self.now, gap, tolerance, settings.iterations,
+            NOTHING * self.chain.model.segments, self.flag,
         )  # fmt: skip
         return outcome
 
     def powers(self) -> Floats:
         """Return the coefficients of the iterate in ascending powers of s."""
-        return self.chain.powers(self.knots, self.inner)
+        return self.chain.powers(self.durations, self.now.knots, self.now.inner)
 
     def is_settled(self, primal: float) -> bool:
         """Return whether a stalled iterate has converged to the rounding error of its rows."""
-        comp = float(np.sum(self.below * self.z_below) + np.sum(self.above * self.z_above))
-        value = multiply(self.cost, self.knots, self.inner)
-        size = max(0.5 * float(np.sum(value**2)), NOTHING * self.chain.model.segments)
+        comp = float(np.sum(self.now.slack * self.now.z))
+        size = max(self.cost, NOTHING * self.chain.model.segments)
         return primal <= 1e-8 and comp <= 1e-7 * size
 
     def find_violations(self, threshold: float) -> tuple[Instants | None, float]:
@@ -216,36 +210,21 @@ max(settings.tolerance, min(0.01 * gap, 1e-4)) if gap > settings.gap else settin
         threshold : float
             Smallest violation reported, in the scale of the verification.
         """
-        polynomials, limits, owners = self.chain.polynomials(self.powers())
-        row, s, share = outside(polynomials, *limits, threshold)
-        if not row.size:
+        limits = self.chain.limits
+        at, share = outside(limits.polynomials(self.powers(), self.durations), limits, threshold)
+        if not at.s.size:
             return None, 0.0
-        fresh = self.held.fresh(owners.taken(row)._replace(s=s))
+        fresh = self.held.fresh(at)
         return (fresh if fresh.s.size else None), float(share.max())
 
     def add(self, fresh: Instants, iterates: Sequence[Iterate]) -> list[Iterate]:
         """Impose the bounds at more instants, and return `iterates` extended by their rows."""
         self.held, order = self.held.joined(fresh).sorted()
         self._pose()
-        return [self._extended(iterate, order) for iterate in iterates]
-
-    def _extended(self, iterate: Iterate, order: NDArray[np.int64]) -> Iterate:
-        """Return an iterate with slacks and multipliers for new rows at its barrier parameter."""
-        knots, inner, *old = iterate
-        at = row_values(self.rows, self.start, knots, inner)
-        before = old[0].size
-        new = np.flatnonzero(order >= before)
-        comp = float(np.sum(old[0] * old[2]) + np.sum(old[1] * old[3]))
-        mu = max(comp / self.pairs, 1e-300)
-        parts = [
-            np.concatenate([part, np.full(order.size - before, default)])[order]
-            for part, default in zip(old, (1.0, 1.0, 0.0, 0.0), strict=True)
-        ]
-        for bound, slack, z, gap in (
-            (self.lower, parts[0], parts[2], at - self.lower),
-            (self.upper, parts[1], parts[3], self.upper - at),
-        ):
-            there = new[np.isfinite(bound[new])]
-            slack[there] = np.maximum(np.abs(gap[there]), 1e-4)
-            z[there] = mu / slack[there]
-        return Iterate(knots, inner, *parts)
+        bounded = np.isfinite(self.posed.edge)
+        extended = []
+        for now in iterates:
+            slack = np.maximum(np.abs(sides(self.posed, now)), 1e-4)
+            mu = max(float(np.sum(now.slack * now.z)) / self.pairs, 1e-300)
+            extended.append(now.extended(order, np.where(bounded, slack, 1.0), bounded, mu))
+        return extended

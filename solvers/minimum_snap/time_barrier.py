@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.minimum_snap.polynomials import factorials
+from ...models.minimum_snap.formulations.instants import Instants, outside
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
-from .separation import outside
-from .time_held import Group, Iterate, forms_of, groups_of
+from .chain import Chain, Imposed, chains
+from .interior_kernels import CONVERGED, Iterate, centre
+from .interior_state import sides, smooth_start
 from .time_inner import Spline, Value
-from .time_kernels import SETTLED, evaluate
-from .time_rows import knot_scales
 
-__all__ = ["Barrier", "Inner", "inner_problem"]
+__all__ = ["Barrier", "Group", "Inner", "inner_problem"]
 
 Floats = NDArray[np.float64]
 
+#: Initial instants per segment at which bounds are imposed.
+SAMPLES = 8
+#: Initial slack of an added bound, relative to its scale.
+FRESH = 1e-3
 #: Largest number of Newton steps for one barrier problem.
 STEPS = 40
 #: Relative error of slack times multiplier, and of the gradient with respect to the coordinates.
@@ -29,6 +32,64 @@ ACCURACY = 1e-6
 FEASIBLE = 1e-10
 #: Relative complementarity of a plan, and its largest relative violation between the instants.
 SHARP, BETWEEN = 1e-9, 2e-10
+
+
+@dataclass
+class Group:
+    """Coupled axes, with the last solution of their barrier problem.
+
+    Parameters
+    ----------
+    chain : Chain
+        Problem of the axes.
+    held : Instants
+        Instants at which the bounds are imposed.
+    imposed : Imposed
+        Bounds at these instants.
+    iterate : Iterate
+        Coordinates, then slacks and multipliers in the model's units.
+    warm : bool
+        Whether the iterate solves the barrier problem.
+    """
+
+    chain: Chain
+    held: Instants
+    imposed: Imposed
+    iterate: Iterate
+    warm: bool = False
+
+    @classmethod
+    def of(cls, chain: Chain) -> Group:
+        """Return the group without a solution."""
+        held = chain.first_instants(SAMPLES)
+        imposed = chain.imposed(held)
+        knots = chain.start(np.array(chain.model.durations))[1]
+        inner = np.zeros((chain.model.segments, chain.interior))
+        slack = np.ones((2, held.s.size))
+        return cls(chain, held, imposed, Iterate(knots, inner, slack, 0.0 * slack))
+
+    @property
+    def pairs(self) -> int:
+        """Number of slacks."""
+        return int(self.imposed.bounded.sum())
+
+    def impose(self, fresh: Instants, mu: float) -> int:
+        """Impose the bounds at more instants, with slack times multiplier equal to `mu`.
+
+        Return the number of new instants.
+        """
+        fresh = self.held.fresh(fresh)
+        if fresh.s.size:
+            self.held, order = self.held.joined(fresh).sorted()
+            self.imposed = self.chain.imposed(self.held)
+            slack = FRESH * self.imposed.scale.max(axis=0)
+            bounded = self.imposed.bounded
+            self.iterate = self.iterate.extended(order, np.where(bounded, slack, 1.0), bounded, mu)
+        return int(fresh.s.size)
+
+    def powers(self, durations: Floats) -> Floats:
+        """Return the iterate as ascending powers of s, shape (M, degree + 1, axes)."""
+        return self.chain.powers(durations, self.iterate.knots, self.iterate.inner)
 
 
 class Barrier:
@@ -54,8 +115,7 @@ class Barrier:
         self.solves = self.steps = 0
         self.mu = self.unit = 1.0
         self.accuracy = ACCURACY
-        self.forms = forms_of(model)
-        self.groups = groups_of(self.forms)
+        self.groups = [Group.of(chain) for chain in chains(model.unit)]
         self._latest: tuple[Floats, float, Value] | None = None
 
     @property
@@ -84,69 +144,54 @@ class Barrier:
         # A barrier term for durations > 0 keeps free knots apart.
         slope = -self.mu / durations
         total, objective = -self.mu * float(np.log(durations).sum()), 0.0
-        found = []
+        iterates = []
         for group in self.groups:
-            trial, own = group.iterate.copied(), np.zeros(durations.size)
-            status, cost, logs = self._solved(group, durations, trial, own, warm=group.warm)
-            if status != SETTLED and afresh and group.warm:
-                trial, own = group.iterate.copied(), np.zeros(durations.size)
-                status, cost, logs = self._solved(group, durations, trial, own, warm=False)
-            if status != SETTLED:
+            result = self._solved(group, durations, warm=group.warm)
+            if result is None and afresh and group.warm:
+                result = self._solved(group, durations, warm=False)
+            if result is None:
                 return Value(np.inf, np.inf, slope)
-            slope += own
+            iterate, cost, change = result
+            iterates.append(iterate)
             objective += cost
-            total += cost - self.mu * logs
-            found.append(trial)
-        for group, trial in zip(self.groups, found, strict=True):
-            group.iterate, group.warm = trial, True
+            slope += change
+            total += cost - self.mu * float(np.log(iterate.slack[group.imposed.bounded]).sum())
+        for group, iterate in zip(self.groups, iterates, strict=True):
+            group.iterate, group.warm = iterate, True
         value = Value(total, objective, slope)
         self._latest = (durations.copy(), self.mu, value)
         return value
 
     def _solved(
-        self, group: Group, durations: Floats, trial: Iterate, slope: Floats, *, warm: bool
-    ) -> tuple[int, float, float]:
-        """Solve one group in place. Return status, J and the sum of the logarithms of the slacks."""
-        forms, rows = self.forms, group.rows
-        status, steps, cost, logs = evaluate(
-            durations, self.model.order, len(group.axes), forms.unit_cost, forms.cost_orders,
-            rows.unit, rows.mix, rows.derivative, rows.start, rows.lower, rows.upper,
-            rows.low_scale, rows.high_scale, group.fixed, group.values, trial.knots, trial.inner, trial.below, trial.above,
-            trial.z_below, trial.z_above, warm, self.unit, self.mu, FEASIBLE, self.accuracy,
-            STEPS, self.flag, slope,
-        )  # fmt: skip
+        self, group: Group, durations: Floats, *, warm: bool
+    ) -> tuple[Iterate, float, Floats] | None:
+        """Return the solution of one group with J and its slope, or None without a solution."""
+        chain, imposed, now = group.chain, group.imposed, group.iterate
+        posed = chain.posed(durations, imposed)
+        # The kernel's numbers are about 1, and its bounds are normalised rows.
+        posed.cost[...] *= np.sqrt(2.0 / self.unit)
+        units, mu = self.unit * posed.share, self.mu / self.unit
+        fixed, known = chain.start(durations)
+        trial = Iterate(
+            np.where(fixed, known, now.knots), now.inner.copy(), now.slack, now.z / units
+        )
+        if warm:
+            # Slacks at the new durations, but never far below the previous slacks.
+            room = np.maximum(sides(posed, trial), 0.3 * now.slack * posed.share)
+            trial = trial._replace(slack=np.where(imposed.bounded, room, 1.0))
+        else:
+            trial = smooth_start(posed, trial.knots, trial.inner)
+            trial.z[...] *= mu
+        allowed = FEASIBLE * imposed.scale * posed.share + 1e-14
+        status, steps = centre(posed, trial, allowed, mu, self.accuracy, STEPS, self.flag)
         self.steps += steps
-        return status, cost, logs
+        if status != CONVERGED:
+            return None
+        slack = np.where(imposed.bounded, trial.slack / posed.share, 1.0)
+        trial = Iterate(trial.knots, trial.inner, slack, trial.z * units)
+        return trial, *chain.slope(durations, imposed, trial, trial.z[1] - trial.z[0])
 
     # -- bounds between the instants -------------------------------------------------------------
-
-    def _powers(self, group: Group, durations: Floats) -> Floats:
-        """Return the iterate as ascending powers of s, shape (M, degree + 1, axes)."""
-        knots, inner = group.iterate.knots, group.iterate.inner
-        scales, order = knot_scales(durations), np.arange(self.model.order)
-        jets = knots.reshape(len(knots), -1, order.size)
-        begin = (durations / scales[:-1])[:, None, None] ** order * jets[:-1]
-        end = (durations / scales[1:])[:, None, None] ** order * jets[1:]
-        # Positions relative to the start: the Hermite functions subtract positions.
-        start = jets[:-1, :, 0]
-        begin[:, :, 0] = 0.0
-        end[:, :, 0] -= start
-        local = np.concatenate([begin, end, inner.reshape(*start.shape, -1)], axis=2)
-        powers: Floats = np.moveaxis(local @ self.forms.basis.T, 2, 1)
-        powers[:, 0] += start
-        return powers
-
-    def _bounded(self, group: Group, durations: Floats) -> Floats:
-        """Return the bounded values as polynomials in s, padded to shape (N, degree + 1)."""
-        segment, spans = group.owners.segment, group.spans
-        powers = np.einsum("npa,na->np", self._powers(group, durations)[segment], spans.mix)
-        rows = np.zeros(powers.shape)
-        for j in np.unique(spans.derivative):
-            take = np.flatnonzero(spans.derivative == j)
-            scale = durations[segment[take]] ** -float(j)
-            padded = powers[take, j:] * factorials(powers.shape[1] - 1, int(j)) * scale[:, None]
-            rows[take, : padded.shape[1]] = padded
-        return rows
 
     def exchange(self, durations: Floats, threshold: float) -> int:
         """Impose violated bounds at the instants of violation, and return their number.
@@ -160,14 +205,9 @@ class Barrier:
         """
         count = 0
         for group in self.groups:
-            spans, owners = group.spans, group.owners
-            polynomials = self._bounded(group, durations)
-            row, s, _ = outside(
-                polynomials, spans.lower, spans.upper, spans.low_scale, spans.high_scale, threshold
-            )
-            if row.size:
-                fresh = owners.taken(row)._replace(s=s)
-                count += group.hold(self.forms, fresh, self.mu)
+            limits = group.chain.limits
+            polynomials = limits.polynomials(group.powers(durations), durations)
+            count += group.impose(outside(polynomials, limits, threshold)[0], self.mu)
         if count:
             self._latest = None
         return count
@@ -176,9 +216,7 @@ class Barrier:
         """Return the value at `durations` after imposing the bounds at all violations."""
         found = self.value(durations, afresh=True)
         for _ in range(rounds):
-            if not np.isfinite(found.value):
-                break
-            if not self.exchange(durations, threshold):
+            if not np.isfinite(found.value) or not self.exchange(durations, threshold):
                 break
             found = self.value(durations, afresh=True)
         return found
@@ -189,33 +227,24 @@ class Barrier:
         The bounds hold at every instant. Instants added here are removed afterwards, so that the
         search does not depend on the times of calls.
         """
-        kept, mu = [replace(group) for group in self.groups], self.mu
-        latest = self._latest
+        kept, mu, latest = [replace(group) for group in self.groups], self.mu, self._latest
         try:
             powers = None
             found = self.settle(durations, BETWEEN)
-            least = SHARP * (
-                self.unit + self.model.time_weight * float(durations.sum())
-            ) / self.pairs  # fmt: skip
+            whole = self.unit + self.model.time_weight * float(durations.sum())
+            least = SHARP * whole / self.pairs
             while np.isfinite(found.value):
-                powers = self._joined(durations)
+                powers = [group.powers(durations) for group in self.groups]
                 if self.mu <= least:
                     break
                 self.mu = max(least, 1e-2 * self.mu)
                 found = self.settle(durations, BETWEEN)
         finally:
-            self.groups, self.mu = kept, mu
-            self._latest = latest
-        return None if powers is None else Trajectory(self.model.times(durations), powers)
-
-    def _joined(self, durations: Floats) -> Floats:
-        """Return the powers of all axes, shape (M, degree + 1, dimensions)."""
-        model = self.model
-        powers = np.zeros((model.segments, model.degree + 1, model.dimensions))
-        for group in self.groups:
-            powers[:, :, list(group.axes)] = self._powers(group, durations)
-        powers[:, 0] += self.forms.origin
-        return powers
+            self.groups, self.mu, self._latest = kept, mu, latest
+        if powers is None:
+            return None
+        # The groups are single axes in their order, or one group of all axes.
+        return Trajectory(self.model.times(durations), np.concatenate(powers, axis=2))
 
 
 #: Solver of the problem at given times, with ``value(durations)``, ``plan(durations)`` and the

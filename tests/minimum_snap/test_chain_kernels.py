@@ -6,6 +6,7 @@ from hypothesis import example, given, settings, strategies as st
 from minimum_snap.corridors import INF
 from numpy.polynomial import polynomial
 
+from crosstrack.models.minimum_snap.formulations.instants import Limits, outside
 from crosstrack.solvers.minimum_snap.chain_kernels import (
     bound_gradient,
     factorise,
@@ -14,7 +15,6 @@ from crosstrack.solvers.minimum_snap.chain_kernels import (
     solve_factors,
     transposed,
 )
-from crosstrack.solvers.minimum_snap.separation import outside
 
 
 def plain(kernel):
@@ -116,7 +116,10 @@ def reported(powers, lower, upper, threshold=1e-9):
     """Return the rows, places and shares of `outside`."""
     edges = np.asarray(lower, float), np.asarray(upper, float)
     sizes = (np.maximum(1.0, np.where(np.isfinite(edge), np.abs(edge), 1.0)) for edge in edges)
-    return outside(powers, *edges, *sizes, threshold)
+    rows = np.arange(len(powers))
+    limits = Limits(rows, rows, rows, rows, np.ones((len(powers), 1)), *edges, *sizes)
+    at, share = outside(powers, limits, threshold)
+    return at.row, at.s, share
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,32 +1,121 @@
-"""Instants at which a program imposes continuous-time bounds, and the instants to add."""
+"""Bounds of continuous time, the instants at which a program imposes them, and instants to add."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..polynomials import bernstein_matrix, critical_points, horner
+from ..model import MinimumDerivative
+from ..polynomials import bernstein_matrix, critical_points, factorials, horner
 
-if TYPE_CHECKING:
-    from ..model import MinimumDerivative
-
-__all__ = [
-    "NOWHERE",
-    "Instants",
-    "Limits",
-    "first_instants",
-    "sticking_out",
-    "violation",
-]
+__all__ = ["NOWHERE", "Instants", "Limits", "first_instants", "outside"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Largest violation between the instants, as a share of the tolerance. It is below rounding.
-SETTLED = 5e-4
+
+class Limits(NamedTuple):
+    """Table of the bounds: ``lower <= direction @ x^(derivative)(t) <= upper`` on a segment.
+
+    A box has one entry per segment and bounded axis. The entries are sorted by segment.
+
+    Parameters
+    ----------
+    segment : ndarray of int, shape (N,)
+        Index of the segment.
+    bound : ndarray of int, shape (N,)
+        Index of the bound in ``model.bounds``. The half-spaces share the next index.
+    axis : ndarray of int, shape (N,)
+        Index of the axis or of the half-space.
+    derivative : ndarray of int, shape (N,)
+        Order of the derivative in time.
+    direction : ndarray, shape (N, dimensions)
+        Unit vector of the axis, or normal of the half-space.
+    lower, upper : ndarray, shape (N,)
+        Bounds, m/s^derivative; infinite for unbounded sides.
+    low_scale, high_scale : ndarray, shape (N,)
+        Scales of violations from below and from above, as in the verification.
+    """
+
+    segment: Ints
+    bound: Ints
+    axis: Ints
+    derivative: Ints
+    direction: Floats
+    lower: Floats
+    upper: Floats
+    low_scale: Floats
+    high_scale: Floats
+
+    @classmethod
+    def of(cls, model: MinimumDerivative, axes: tuple[int, ...] | None = None) -> Limits:
+        """Return the bounds on `axes`, all by default, and all half-spaces.
+
+        Bounds on derivatives above the degree are omitted, because these derivatives are 0.
+        """
+        size = model.dimensions
+        included = np.zeros(size, bool)
+        included[list(range(size) if axes is None else axes)] = True
+        none = np.empty(0, np.int64)
+        parts = [Limits(none, none, none, none, np.empty((0, size)), *[np.empty(0)] * 4)]
+        for number, bound in enumerate(model.bounds):
+            if bound.derivative > model.degree:
+                continue
+            finite = (np.isfinite(bound.lower) | np.isfinite(bound.upper)) & included
+            segment, axis = (index.astype(np.int64) for index in np.nonzero(finite))
+            tables = (bound.lower, bound.upper, *model.bound_scale(bound))
+            parts.append(
+                Limits(
+                    segment, np.full(segment.size, number), axis,
+                    np.full(segment.size, bound.derivative), np.eye(size)[axis],
+                    *(table[segment, axis] for table in tables),
+                )
+            )  # fmt: skip
+        spaces = model.halfspaces
+        if spaces is not None:
+            which = np.arange(spaces.segments.size)
+            scale = np.full(which.size, model.position_scale.max())
+            parts.append(
+                Limits(
+                    spaces.segments.astype(np.int64), np.full(which.size, len(model.bounds)), which,
+                    np.zeros(which.size, np.int64), spaces.normals,
+                    np.full(which.size, -np.inf), spaces.offsets, scale, scale,
+                )
+            )  # fmt: skip
+        table = Limits(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return table.taken(np.argsort(table.segment, kind="stable"))
+
+    def taken(self, index: Ints) -> Limits:
+        """Return the entries with the given indices."""
+        columns: Any = (column[index] for column in self)
+        return Limits(*columns)
+
+    def polynomials(self, powers: Floats, durations: Floats) -> Floats:
+        """Return the bounded values as ascending powers of s, shape (N, degree + 1).
+
+        Parameters
+        ----------
+        powers : ndarray, shape (segments, degree + 1, dimensions)
+            Coefficients of a path. Derivatives are padded with zeros.
+        durations : ndarray, shape (segments,)
+            Durations of the segments, s.
+        """
+        values: Floats = np.einsum("npd,nd->np", powers[self.segment], self.direction)
+        degree = values.shape[1] - 1
+        for j in np.unique(self.derivative[self.derivative > 0]).tolist():
+            rows = np.flatnonzero(self.derivative == j)
+            scale = durations[self.segment[rows]] ** -float(j)
+            inner = values[rows, j:] * factorials(degree, j) * scale[:, None]
+            values[rows] = np.pad(inner, ((0, 0), (0, j)))
+        return values
+
+    def violation(self, value: Floats) -> Floats:
+        """Return the violations of the bounds by one value per entry, relative to their scales."""
+        low = (self.lower - value) / self.low_scale
+        high = (value - self.upper) / self.high_scale
+        return np.maximum(np.maximum(low, high), 0.0)
 
 
 class Instants(NamedTuple):
@@ -34,37 +123,26 @@ class Instants(NamedTuple):
 
     Parameters
     ----------
-    bound : ndarray of int, shape (Q,)
-        Index of the bound. The half-spaces share the last index.
-    segment : ndarray of int, shape (Q,)
-        Index of the segment.
-    axis : ndarray of int, shape (Q,)
-        Index of the axis or of the half-space.
+    row : ndarray of int, shape (Q,)
+        Entry of the bound in the table of :class:`Limits`.
     s : ndarray, shape (Q,)
         Scaled time in the segment, in [0, 1].
     """
 
-    bound: Ints
-    segment: Ints
-    axis: Ints
+    row: Ints
     s: Floats
 
     def taken(self, index: Ints) -> Instants:
         """Return the instants with the given indices."""
-        return Instants(self.bound[index], self.segment[index], self.axis[index], self.s[index])
+        return Instants(self.row[index], self.s[index])
 
     def joined(self, other: Instants) -> Instants:
         """Return these instants followed by `other`."""
-        return Instants(
-            np.concatenate([self.bound, other.bound]),
-            np.concatenate([self.segment, other.segment]),
-            np.concatenate([self.axis, other.axis]),
-            np.concatenate([self.s, other.s]),
-        )
+        return Instants(np.append(self.row, other.row), np.append(self.s, other.s))
 
     def sorted(self) -> tuple[Instants, Ints]:
         """Return the instants sorted by segment, and the permutation that sorts them."""
-        order = np.lexsort((self.s, self.axis, self.bound, self.segment)).astype(np.int64)
+        order = np.lexsort((self.s, self.row)).astype(np.int64)
         return self.taken(order), order
 
     def fresh(self, others: Instants) -> Instants:
@@ -73,28 +151,17 @@ class Instants(NamedTuple):
         Instants are equal if their scaled times agree to nine decimals.
         """
         both = self.joined(others)
-        place = np.round(both.s * 1e9).astype(np.int64)
-        keys = np.column_stack([both.bound, both.segment, both.axis, place])
+        keys = np.column_stack([both.row, np.round(both.s * 1e9).astype(np.int64)])
         _, first = np.unique(keys, axis=0, return_index=True)
         new = np.sort(first[first >= self.s.size]) - self.s.size
         return others.taken(new.astype(np.int64))
 
 
-_NO_INTS: Ints = np.empty(0, np.int64)
-NOWHERE = Instants(_NO_INTS, _NO_INTS, _NO_INTS, np.empty(0))
-
-
-class Limits(NamedTuple):
-    """Bounds, and the scales of violations from below and from above."""
-
-    lower: Floats
-    upper: Floats
-    low_scale: Floats
-    high_scale: Floats
+NOWHERE = Instants(np.empty(0, np.int64), np.empty(0))
 
 
 def first_instants(
-    model: MinimumDerivative, samples: int, continuity: int, axes: Sequence[int] | None = None
+    model: MinimumDerivative, limits: Limits, samples: int, continuity: int
 ) -> Instants:
     """Return the initial instants at which bounds are imposed.
 
@@ -106,81 +173,64 @@ def first_instants(
     ----------
     model : MinimumDerivative
         Problem at given times.
+    limits : Limits
+        Bounds of `model`.
     samples : int
         Instants per segment, at least 2.
     continuity : int
         Highest order of a derivative that is equal on both sides of a knot.
-    axes : sequence of int, optional
-        Axes whose bounds are imposed, all by default. Half-spaces are always included.
     """
     nodes = (1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2
-    included = np.zeros(model.dimensions, bool)
-    included[list(range(model.dimensions) if axes is None else axes)] = True
-    result = NOWHERE
+    every = Instants(
+        np.repeat(np.arange(limits.segment.size), samples), np.tile(nodes, limits.segment.size)
+    )
+    shape = model.segments, model.dimensions
+    needed = np.ones(every.s.size, bool)
     for number, bound in enumerate(model.bounds):
-        derivative = bound.derivative
-        if derivative > model.degree:
-            continue  # the derivative is 0, which satisfies every limit
-        finite = (np.isfinite(bound.lower) | np.isfinite(bound.upper)) & included
-        segment, axis = (np.repeat(part, samples) for part in np.nonzero(finite))
-        s = np.tile(nodes, segment.size // samples)
-        keep = np.ones(s.size, bool)
-        if derivative < model.conditions.shape[1]:
-            knots = segment + (s == 1.0)
-            ends = (s == 0.0) | (s == 1.0)
-            keep &= ~(ends & np.isfinite(model.conditions[knots, derivative, axis]))
-        if derivative <= continuity:
-            after = np.minimum(segment + 1, model.segments - 1)
-            alike = (bound.lower[segment, axis] == bound.lower[after, axis]) & (
-                bound.upper[segment, axis] == bound.upper[after, axis]
+        mine = np.flatnonzero(limits.bound[every.row] == number)
+        segment, axis, s = (
+            limits.segment[every.row[mine]],
+            limits.axis[every.row[mine]],
+            every.s[mine],
+        )
+        if bound.derivative < model.conditions.shape[1]:
+            fixed = np.isfinite(model.conditions[segment + (s == 1.0), bound.derivative, axis])
+            needed[mine[fixed & ((s == 0.0) | (s == 1.0))]] = False
+        if bound.derivative <= continuity:
+            alike = np.zeros(shape, bool)
+            alike[:-1] = (bound.lower[1:] == bound.lower[:-1]) & (
+                bound.upper[1:] == bound.upper[:-1]
             )
-            keep &= ~((s == 1.0) & alike & (segment + 1 < model.segments))
-        numbers = np.full(int(keep.sum()), number)
-        result = result.joined(Instants(numbers, segment[keep], axis[keep], s[keep]))
-    spaces = model.halfspaces
-    if spaces is not None:
-        which = np.repeat(np.arange(spaces.segments.size), samples)
-        numbers = np.full(which.size, len(model.bounds))
-        s = np.tile(nodes, spaces.segments.size)
-        result = result.joined(Instants(numbers, spaces.segments[which], which, s))
-    return result
+            needed[mine[(s == 1.0) & alike[segment, axis]]] = False
+    return every.taken(np.flatnonzero(needed))
 
 
-def violation(value: Floats, limits: Limits) -> Floats:
-    """Return the violation relative to the scale that the verification uses."""
-    with np.errstate(invalid="ignore"):
-        low = (limits.lower - value) / limits.low_scale
-        high = (value - limits.upper) / limits.high_scale
-    worst: Floats = np.maximum(
-        np.where(np.isfinite(limits.lower), low, 0.0),
-        np.where(np.isfinite(limits.upper), high, 0.0),
-    )
-    return np.maximum(worst, 0.0)
+def outside(
+    polynomials: Floats, limits: Limits, threshold: float | Floats
+) -> tuple[Instants, Floats]:
+    """Return the local extremes that violate a bound, and their relative violations.
 
-
-def sticking_out(
-    rows: Floats, limits: Limits, tolerance: float, number: int, segment: Ints, axis: Ints,
-    reached: float,
-) -> Instants:  # fmt: skip
-    """Return the instants of local extremes of the polynomials `rows` that violate their bounds."""
-    control = rows @ bernstein_matrix(rows.shape[1] - 1).T
-    out = (control.min(axis=1) < limits.lower) | (control.max(axis=1) > limits.upper)
-    near = np.flatnonzero(out)
-    if not near.size:
-        return NOWHERE
-    s = critical_points(rows[near])
-    value = horner(rows[near][:, :, None], s)
-    share = violation(value, Limits(*(part[near][:, None] for part in limits)))
-    threshold = max(SETTLED * tolerance, 2.0 * reached)
-    row, column = np.nonzero(share > threshold)
-    at: Any = near[row]
-    # Rounding merges instants that differ only by rounding errors.
-    rounded = np.round(s[row, column], 9)
-    keys = np.unique(np.column_stack([at, rounded]), axis=0)
-    at = keys[:, 0].astype(np.int64)
-    return Instants(
-        np.full(at.size, number),
-        segment[at].astype(np.int64),
-        axis[at].astype(np.int64),
-        keys[:, 1],
-    )
+    Parameters
+    ----------
+    polynomials : ndarray, shape (N, degree + 1)
+        Bounded values in ascending powers of s, one row per entry of `limits`.
+    limits : Limits
+        Bounds.
+    threshold : float or ndarray, shape (N,)
+        Smallest violation reported, relative to its scale.
+    """
+    control = polynomials @ bernstein_matrix(polynomials.shape[1] - 1).T
+    # The control polygon encloses the curve, so only rows whose polygon violates a bound matter.
+    beyond = (control.min(axis=1) < limits.lower) | (control.max(axis=1) > limits.upper)
+    near = np.flatnonzero(beyond).astype(np.int64)
+    places = np.sort(critical_points(polynomials[near]), axis=1)
+    value = horner(polynomials[near][:, :, None], places)
+    lower, upper, low_scale, high_scale = (column[near, None] for column in limits[-4:])
+    share = np.maximum((lower - value) / low_scale, (value - upper) / high_scale)
+    # Of adjacent candidates, keep the largest violation. The others are not extremes or repeat it.
+    edge = np.full((near.size, 1), -np.inf)
+    peak = share >= np.concatenate([edge, share[:, :-1]], axis=1)
+    peak &= share > np.concatenate([share[:, 1:], edge], axis=1)
+    least = np.broadcast_to(threshold, len(polynomials))[near, None]
+    row, column = np.nonzero(peak & (share > least))
+    return Instants(near[row], places[row, column]), share[row, column]

@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -22,11 +23,11 @@ from ....errors import InvalidData, UnsupportedOption, show
 from ...formulation import Formulation
 from ...programs.blocks import Block
 from ...programs.linear import QuadraticProgram
-from ..bounds import Bound, derivative_name, derivative_unit
+from ..bounds import derivative_name, derivative_unit
 from ..model import MinimumDerivative
-from ..polynomials import derived, horner
+from ..polynomials import horner
 from ..trajectory import Trajectory
-from .instants import NOWHERE, Instants, Limits, first_instants, sticking_out, violation
+from .instants import NOWHERE, Instants, Limits, first_instants, outside
 
 __all__ = ["PiecewiseFormulation", "power_rows"]
 
@@ -35,6 +36,8 @@ Ints = NDArray[np.int64]
 
 #: Largest number of refinement rounds. The verification reports any remaining violation.
 ROUNDS = 25
+#: Largest violation between the instants, as a share of the tolerance. It is below rounding.
+SETTLED = 5e-4
 
 
 class _Rows(NamedTuple):
@@ -186,12 +189,11 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             title = f"continuity of {derivative_name(order)}"
             yield title, self.continuity_equation, knot_place, "", self._continuous(order)
         place = "on segment {0}, axis {1}"
-        instants = self.held()
         for number, bound in enumerate(model.bounds):
-            rows = self._bounded(instants, number, bound.derivative, bound.lower, bound.upper)
-            yield bound.name, "", place, derivative_unit(bound.derivative), rows
+            yield bound.name, "", place, derivative_unit(bound.derivative), self._bounded(number)
         if model.halfspaces is not None:
-            yield "polytope", "", "on segment {0}, half-space {1}", "m", self._cut(instants)
+            rows = self._bounded(len(model.bounds))
+            yield "polytope", "", "on segment {0}, half-space {1}", "m", rows
 
     @property
     def continuity(self) -> int:
@@ -265,41 +267,41 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     # -- corridor and limits ---------------------------------------------------------------------
 
+    @cached_property
+    def limits(self) -> Limits:
+        """Bounds of the model."""
+        return Limits.of(self.model)
+
     def held(self) -> Instants:
         """Return all instants: the initial ones of every bounded segment and the added ones."""
-        first = first_instants(self.model, self.samples, self.continuity)
-        return first.joined(self.instants)
+        first = first_instants(self.model, self.limits, self.samples, self.continuity)
+        return first.joined(self.instants).sorted()[0]
 
-    def _bounded(
-        self, instants: Instants, number: int, derivative: int, lower: Floats, upper: Floats
-    ) -> _Rows:
-        take = instants.bound == number
-        segment, axis, s = instants.segment[take], instants.axis[take], instants.s[take]
-        order = np.lexsort((s, axis, segment))
-        segment, axis, s = segment[order], axis[order], s[order]
-        matrix = self._sparse(
-            (self._columns(segment, axis), self.basis_rows(segment, s, derivative))
-        )
-        index = np.column_stack([segment, axis])
-        return self._scaled(matrix, lower[segment, axis], upper[segment, axis], index)
+    def held_of(self, number: int) -> tuple[Limits, Floats]:
+        """Return the bounds with index `number` at each of their instants, and the scaled times."""
+        held = self.held()
+        take = np.flatnonzero(self.limits.bound[held.row] == number)
+        return self.limits.taken(held.row[take]), held.s[take]
 
-    def _cut(self, instants: Instants) -> _Rows:
-        model = self.model
-        spaces = model.halfspaces
-        assert spaces is not None
-        take = instants.bound == len(model.bounds)
-        segment, which, s = instants.segment[take], instants.axis[take], instants.s[take]
-        values = self.basis_rows(segment, s, 0)
-        parts = []
-        for axis in range(model.dimensions):
-            columns = self._columns(segment, np.full(segment.size, axis))
-            parts.append((columns, values * spaces.normals[which, axis][:, None]))
-        matrix = self._sparse(*parts)
-        matrix.sum_duplicates()
-        return self._scaled(
-            matrix, np.full(which.size, -np.inf), spaces.offsets[which],
-            np.column_stack([segment, which]),
-        )  # fmt: skip
+    def _bounded(self, number: int) -> _Rows:
+        """Return the rows of a bound, or of the half-spaces."""
+        entries, s = self.held_of(number)
+        derivative = int(entries.derivative.max(initial=0))
+        values = self.basis_rows(entries.segment, s, derivative)
+        if number < len(self.model.bounds):
+            matrix = self._sparse((self._columns(entries.segment, entries.axis), values))
+        else:
+            matrix = self._sparse(
+                *(
+                    (
+                        self._columns(entries.segment, np.full(s.size, axis)),
+                        values * entries.direction[:, axis, None],
+                    )
+                    for axis in range(self.model.dimensions)
+                )
+            )
+        places = np.column_stack([entries.segment, entries.axis])
+        return self._scaled(matrix, entries.lower, entries.upper, places)
 
     def refined(
         self, point: NDArray[np.float64], tolerance: float, duals: NDArray[np.float64] | None = None
@@ -322,78 +324,21 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         """
         if not self.model.bounded or self.rounds >= ROUNDS:
             return None
-        plan = self.decode(point)
-        violated = [
-            self._violated(plan, number, bound, tolerance)
-            for number, bound in enumerate(self.model.bounds)
-        ]
-        violated.append(self._violated_halfspaces(plan, tolerance))
-        added = Instants(*(np.concatenate(column) for column in zip(*violated, strict=True)))
+        plan, limits, held = self.decode(point), self.limits, self.held()
+        polynomials = limits.polynomials(plan.coefficients, plan.durations)
+        value = horner(polynomials[held.row][:, :, None], held.s[:, None])[:, 0]
+        # The violation at the instants measures the inaccuracy of the solver, which additional rows
+        # cannot reduce.
+        worst = np.zeros(len(self.model.bounds) + 1)
+        np.maximum.at(worst, limits.bound[held.row], limits.taken(held.row).violation(value))
+        threshold = np.maximum(SETTLED * tolerance, 2.0 * worst)[limits.bound]
+        added = held.fresh(outside(polynomials, limits, threshold)[0])
         if not added.s.size:
             return None
         finer = replace(self)
         object.__setattr__(finer, "instants", self.instants.joined(added))
         object.__setattr__(finer, "rounds", self.rounds + 1)
         return finer
-
-    def _violated(self, plan: Trajectory, number: int, bound: Bound, tolerance: float) -> Instants:
-        inner = derived(plan.coefficients, bound.derivative)
-        segment, axis = np.nonzero(np.isfinite(bound.lower) | np.isfinite(bound.upper))
-        scale = plan.durations[segment] ** -float(bound.derivative)
-        rows = inner[segment, :, axis] * scale[:, None]
-        low_scale, high_scale = self.model.bound_scale(bound)
-        limits = Limits(
-            bound.lower[segment, axis], bound.upper[segment, axis],
-            low_scale[segment, axis], high_scale[segment, axis],
-        )  # fmt: skip
-        reached = self._reached(plan, number)
-        return sticking_out(rows, limits, tolerance, number, segment, axis, reached)
-
-    def _violated_halfspaces(self, plan: Trajectory, tolerance: float) -> Instants:
-        spaces = self.model.halfspaces
-        if spaces is None:
-            return NOWHERE
-        rows = np.einsum("hpd,hd->hp", plan.coefficients[spaces.segments], spaces.normals)
-        which = np.arange(spaces.segments.size)
-        number = len(self.model.bounds)
-        reached = self._reached(plan, number)
-        limits = self._space_limits(which)
-        return sticking_out(rows, limits, tolerance, number, spaces.segments, which, reached)
-
-    def _space_limits(self, which: Ints) -> Limits:
-        """Return the right-hand sides of half-spaces with the scales of their violations."""
-        spaces = self.model.halfspaces
-        assert spaces is not None
-        size = np.full(which.size, self.model.position_scale.max())
-        return Limits(np.full(which.size, -np.inf), spaces.offsets[which], size, size)
-
-    def _reached(self, plan: Trajectory, number: int) -> float:
-        """Return the solver's largest relative violation of a bound at the imposed instants.
-
-        It measures the inaccuracy of the solver, which additional rows cannot reduce.
-        """
-        instants = self.held()
-        take = instants.bound == number
-        segment, axis, s = instants.segment[take], instants.axis[take], instants.s[take]
-        if not s.size:
-            return 0.0
-        if number < len(self.model.bounds):
-            bound = self.model.bounds[number]
-            inner = derived(plan.coefficients, bound.derivative)[segment, :, axis]
-            value = horner(inner[:, :, None], s[:, None])[:, 0]
-            value *= plan.durations[segment] ** -float(bound.derivative)
-            low_scale, high_scale = self.model.bound_scale(bound)
-            limits = Limits(
-                bound.lower[segment, axis], bound.upper[segment, axis],
-                low_scale[segment, axis], high_scale[segment, axis],
-            )  # fmt: skip
-        else:
-            spaces = self.model.halfspaces
-            assert spaces is not None
-            rows = np.einsum("hpd,hd->hp", plan.coefficients[segment], spaces.normals[axis])
-            value = horner(rows[:, :, None], s[:, None])[:, 0]
-            limits = self._space_limits(axis)
-        return float(violation(value, limits).max(initial=0.0))
 
     # -- plans -----------------------------------------------------------------------------------
 

@@ -192,29 +192,26 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
 
     def _all_rows(self) -> Iterator[_Rows]:
         """Yield the rows of every bound and of the half-spaces at the imposed instants."""
-        model, powers, held = self.model, self._unit.powers, self._unit.held()
-        for number, bound in enumerate(model.bounds):
-            now, _ = held.taken(np.flatnonzero(held.bound == number)).sorted()
-            segment, axis = now.segment, now.axis
-            start = self._origin[axis] if bound.derivative == 0 else 0.0
+        model, powers = self.model, self._unit.powers
+        labels = [
+            (bound.name, derivative_unit(bound.derivative), bound.derivative, "axis")
+            for bound in model.bounds
+        ]
+        for number, (name, unit, derivative, kind) in enumerate(
+            [*labels, ("polytope", "m", 0, "half-space")]
+        ):
+            now, s = self._unit.held_of(number)
+            values = power_rows(s, derivative, model.degree) @ powers
+            if kind == "axis":
+                entries = self._entries(now.segment, now.axis)
+            else:
+                every = [self._entries(now.segment, axis) for axis in range(model.dimensions)]
+                entries = np.concatenate(every, axis=1)
+                values = now.direction[:, :, None] * values[:, None, :]
+            start = now.direction @ self._origin if derivative == 0 else 0.0
             yield _Rows(
-                bound.name, derivative_unit(bound.derivative), "on segment {0}, axis {1}",
-                bound.derivative, segment, axis, self._entries(segment, axis),
-                power_rows(now.s, bound.derivative, model.degree) @ powers,
-                bound.lower[segment, axis] - start, bound.upper[segment, axis] - start,
-            )  # fmt: skip
-        spaces = model.halfspaces
-        if spaces is not None:
-            now, _ = held.taken(np.flatnonzero(held.bound == len(model.bounds))).sorted()
-            segment, which = now.segment, now.axis
-            normals = spaces.normals[which]
-            values = power_rows(now.s, 0, model.degree) @ powers
-            every = [self._entries(segment, axis) for axis in range(model.dimensions)]
-            yield _Rows(
-                "polytope", "m", "on segment {0}, half-space {1}", 0, segment, which,
-                np.concatenate(every, axis=1),
-                (normals[:, :, None] * values[:, None, :]).reshape(segment.size, -1),
-                np.full(segment.size, -np.inf), spaces.offsets[which] - normals @ self._origin,
+                name, unit, f"on segment {{0}}, {kind} {{1}}", derivative, now.segment, now.axis,
+                entries, values.reshape(entries.shape), now.lower - start, now.upper - start,
             )  # fmt: skip
 
     def _entries(self, segment: Ints, axis: Any) -> Ints:
