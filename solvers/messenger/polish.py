@@ -17,6 +17,7 @@ from ...models.messenger.plan import SIGNS, TourPlan
 from ...models.verification import ROUNDING
 from ..contract.backend import Request
 from .newton import improve
+from .stages import Legs
 
 __all__ = ["polish"]
 
@@ -212,10 +213,8 @@ class _Field:
         share, most = (NEAR, 3 * STEPS) if near else (1.0, STEPS)
         for discs, mu, least in self.stages:
             lengths = np.maximum(lengths, share * least * small)
-            steps = improve(
-                states, lengths, bend, self.place, self.drift, discs, turn, self.free, costates,
-                share * mu, most, self.exact,
-            )  # fmt: skip
+            legs = Legs(bend, self.place, self.drift, discs, turn, self.free)
+            steps = improve(states, lengths, legs, costates, share * mu, most, self.exact)
         if steps < 0:
             return None
         costs = _costs(states, lengths, bend, costates, unit / r)

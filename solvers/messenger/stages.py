@@ -1,15 +1,27 @@
-"""Effect of a leg on the states of a tour, for :mod:`.newton`: slopes, penalties, end conditions."""
+"""Legs of a tour as stages of a control problem, for :mod:`.newton`: data, slopes, penalties and ends."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["STIFF", "ended", "flight", "merit", "moved"]
+__all__ = [
+    "STIFF",
+    "Expansion",
+    "Legs",
+    "Point",
+    "Prices",
+    "end_leg",
+    "flight",
+    "merit",
+    "move",
+    "offset",
+]
 
 Floats = NDArray[np.float64]
 
@@ -17,9 +29,71 @@ Floats = NDArray[np.float64]
 STIFF = 1e8
 
 
+class Legs(NamedTuple):
+    """Data of a tour with k legs and n vehicles, in the unit of a leg's typical length.
+
+    Attributes
+    ----------
+    bend : ndarray, shape (k, 3)
+        Signed curvature of each primitive.
+    place, drift : ndarray, shape (n, 2)
+        Position of vehicle j after a flight of length s: ``place[j] + drift[j] s``. A leg after the
+        last vehicle leads back to the start.
+    radius : ndarray, shape (n,)
+        Largest distance at each encounter, at least 0.
+    turn : float
+        Total turning angle of a closed tour, in rad.
+    free : ndarray, shape (3,)
+        1 if the x, y or heading of the start is free, otherwise 0.
+    """
+
+    bend: Floats
+    place: Floats
+    drift: Floats
+    radius: Floats
+    turn: float
+    free: Floats
+
+
+class Point(NamedTuple):
+    """States y (k + 1, 4), lengths u (k, 3) and slacks t (n,) of the discs, or their changes."""
+
+    y: Floats
+    u: Floats
+    t: Floats
+
+
+class Prices(NamedTuple):
+    """Multipliers: costates (k + 1, 4), of lengths (k, 3), slacks (n,) and equations (k, 3)."""
+
+    lam: Floats
+    z: Floats
+    nu: Floats
+    price: Floats
+
+
+class Expansion(NamedTuple):
+    """Expansion of the legs, and the value functions and gains of the recursion.
+
+    `slopes` (k, 3, 4) and `swing` (k, 2) are the derivatives of a leg's end by its lengths and of
+    its displacement by its heading, `gap` (k, 4) is its end minus the next state, `curve`
+    (k + 1, m, m) and `tilt` (k + 1, m) are the derivatives of the value function, and the step of
+    the lengths is ``-shift - gain.T @ dy`` with `gain` (k, m, 3) and `shift` (k, 3). A closed tour
+    (m = 7 instead of 4) appends a copy of the start's pose to each state.
+    """
+
+    slopes: Floats
+    swing: Floats
+    gap: Floats
+    curve: Floats
+    tilt: Floats
+    gain: Floats
+    shift: Floats
+
+
 @kernel
 def flight(h: float, u: Floats, bend: Floats, by: Floats) -> tuple[float, float, float]:
-    """Return displacement and turn of a leg; fill `by` (3, 2) with derivatives by its lengths."""
+    """Return displacement and turn of a leg; fill `by` (3, 4) with derivatives by its lengths."""
     x, y, a = 0.0, 0.0, h
     for k in range(3):
         half = 0.5 * bend[k] * u[k]
@@ -27,8 +101,8 @@ def flight(h: float, u: Floats, bend: Floats, by: Floats) -> tuple[float, float,
         x += chord * math.cos(a + half)
         y += chord * math.sin(a + half)
         a += 2.0 * half
-        by[k, 0] = math.cos(a) + bend[k] * y
-        by[k, 1] = math.sin(a) - bend[k] * x
+        by[k, 0], by[k, 1] = math.cos(a) + bend[k] * y, math.sin(a) - bend[k] * x
+        by[k, 2], by[k, 3] = bend[k], 1.0
     for k in range(3):
         by[k, 0] -= bend[k] * y
         by[k, 1] += bend[k] * x
@@ -36,14 +110,21 @@ def flight(h: float, u: Floats, bend: Floats, by: Floats) -> tuple[float, float,
 
 
 @kernel
+def offset(y: Floats, j: int, legs: Legs) -> tuple[float, float]:
+    """Return the place at the end of leg `j` relative to its vehicle."""
+    place, drift = legs.place, legs.drift
+    ax = y[j + 1, 0] - place[j, 0] - drift[j, 0] * y[j + 1, 3]
+    return ax, y[j + 1, 1] - place[j, 1] - drift[j, 1] * y[j + 1, 3]
+
+
+@kernel
 def merit(
-    y: Floats, u: Floats, t: Floats, bend: Floats, place: Floats, drift: Floats, radius: Floats,
-    turn: float, mu: float, weight: Floats, by: Floats,
-) -> tuple[float, float, float]:  # fmt: skip
+    point: Point, legs: Legs, mu: float, weight: Floats, by: Floats
+) -> tuple[float, float, float]:
     """Return the barrier function with penalties, the penalties alone, and the violation."""
-    legs, n = len(u), len(place)
-    value, off, wrong = y[legs, 3], 0.0, 0.0
-    for j in range(legs):
+    (y, u, t), bend, radii = point, legs.bend, legs.radius
+    value, off, wrong = y[len(u), 3], 0.0, 0.0
+    for j in range(len(u)):
         dx, dy, da = flight(y[j, 2], u[j], bend[j], by)
         gap = abs(y[j, 0] + dx - y[j + 1, 0]) + abs(y[j, 1] + dy - y[j + 1, 1])
         gap += abs(y[j, 2] + da - y[j + 1, 2])
@@ -52,43 +133,44 @@ def merit(
         wrong += gap
         for k in range(3):
             value -= mu * math.log(u[j, k])
-        if j < n:
-            ax = y[j + 1, 0] - place[j, 0] - drift[j, 0] * y[j + 1, 3]
-            ay = y[j + 1, 1] - place[j, 1] - drift[j, 1] * y[j + 1, 3]
-            if radius[j] > 0.0:
-                gap = abs(0.5 * (1.0 - (ax * ax + ay * ay) / radius[j] ** 2) - t[j])
+        if j < len(t):
+            radius = radii[j]
+            ax, ay = offset(y, j, legs)
+            if radius > 0.0:
+                gap = abs(0.5 * (1.0 - (ax * ax + ay * ay) / radius**2) - t[j])
                 off += weight[1] * gap
-                wrong += gap * radius[j]
+                wrong += gap * radius
                 value -= mu * math.log(t[j])
-            else:
-                off += weight[2] * (abs(ax) + abs(ay))
-                wrong += abs(ax) + abs(ay)
+                continue
+            gap = abs(ax) + abs(ay)
         else:
             gap = abs(y[j + 1, 0] - y[0, 0]) + abs(y[j + 1, 1] - y[0, 1])
-            gap += abs(y[j + 1, 2] - y[0, 2] - turn)
-            off += weight[2] * gap
-            wrong += gap
+            gap += abs(y[j + 1, 2] - y[0, 2] - legs.turn)
+        off += weight[2] * gap
+        wrong += gap
     return value + off, off, wrong
 
 
 @kernel
-def ended(
-    state: Floats, base: Floats, j: int, n: int, p: Floats, c: Floats, r: float, turn: float,
-    t: float, nu: float, price: Floats, mu: float, curve: Floats, tilt: Floats,
-) -> None:  # fmt: skip
+def end_leg(
+    j: int, point: Point, prices: Prices, legs: Legs, mu: float, curve: Floats, tilt: Floats
+) -> None:
     """Add the conditions at the end of leg `j` to the value function (curve, tilt)."""
-    if j == n:  # back at the start: difference to the copy of the start's state
+    y, price = point.y, prices.price
+    if j == len(point.t):  # back at the start: difference to the copy of the start's state
         for i in range(3):
-            off = state[i] - base[i] - (turn if i == 2 else 0.0)
+            off = y[j + 1, i] - y[0, i] - (legs.turn if i == 2 else 0.0)
             curve[i, i] += STIFF
             curve[i + 4, i + 4] += STIFF
             curve[i, i + 4] -= STIFF
             curve[i + 4, i] -= STIFF
-            tilt[i] += price[i] + STIFF * off
-            tilt[i + 4] -= price[i] + STIFF * off
+            tilt[i] += price[j, i] + STIFF * off
+            tilt[i + 4] -= price[j, i] + STIFF * off
         return
-    ax, ay = state[0] - p[0] - c[0] * state[3], state[1] - p[1] - c[1] * state[3]
+    ax, ay = offset(y, j, legs)
+    r, cx, cy = legs.radius[j], legs.drift[j, 0], legs.drift[j, 1]
     if r > 0.0:
+        t, nu = point.t[j], prices.nu[j]
         ax, ay = ax / r, ay / r
         steep, flat = nu / t / r**2, nu / r**2
         hxx, hxy, hyy = steep * ax * ax + flat, steep * ax * ay, steep * ay * ay + flat
@@ -96,8 +178,8 @@ def ended(
         gx, gy = pull * ax, pull * ay
     else:
         hxx, hxy, hyy = STIFF, 0.0, STIFF
-        gx, gy = price[0] + STIFF * ax, price[1] + STIFF * ay
-    sx, sy = -(hxx * c[0] + hxy * c[1]), -(hxy * c[0] + hyy * c[1])
+        gx, gy = price[j, 0] + STIFF * ax, price[j, 1] + STIFF * ay
+    sx, sy = -(hxx * cx + hxy * cy), -(hxy * cx + hyy * cy)
     curve[0, 0] += hxx
     curve[0, 1] += hxy
     curve[1, 0] += hxy
@@ -106,18 +188,16 @@ def ended(
     curve[3, 0] += sx
     curve[1, 3] += sy
     curve[3, 1] += sy
-    curve[3, 3] -= sx * c[0] + sy * c[1]
+    curve[3, 3] -= sx * cx + sy * cy
     tilt[0] += gx
     tilt[1] += gy
-    tilt[3] -= gx * c[0] + gy * c[1]
+    tilt[3] -= gx * cx + gy * cy
 
 
 @kernel
-def moved(
-    y: Floats, u: Floats, t: Floats, dy: Floats, du: Floats, dt: Floats, ahead: float,
-    to_y: Floats, to_u: Floats, to_t: Floats,
-) -> None:  # fmt: skip
-    """Fill the last three arguments with the first three after a share `ahead` of the step."""
+def move(point: Point, change: Point, ahead: float, to: Point) -> None:
+    """Fill in the point after a share `ahead` of the step."""
+    (y, u, t), (dy, du, dt), (to_y, to_u, to_t) = point, change, to
     for j in range(len(y)):
         for i in range(4):
             to_y[j, i] = y[j, i] + ahead * dy[j, i]

@@ -16,6 +16,7 @@ from crosstrack.models.messenger.motion import tour
 from crosstrack.solvers import Limit, Request
 from crosstrack.solvers.messenger.newton import improve
 from crosstrack.solvers.messenger.polish import polish
+from crosstrack.solvers.messenger.stages import Legs
 
 
 def drawn(seed, n=6, side=150.0, pace=3.5, **how):
@@ -212,11 +213,11 @@ def posed(model, plan):
     lengths = np.array([one.length for one in plan.primitives]).reshape(-1, 3) / unit
     signs = np.array([{"L": 1.0, "S": 0.0, "R": -1.0}[one.turn] for one in plan.primitives])
     met = list(plan.order)
-    return [
-        states, np.maximum(lengths, 1e-3), signs.reshape(-1, 3) * unit / r,
-        model.positions[met] / unit, model.velocities[met] / model.speed, model.radius[met] / unit,
-        0.0, np.zeros(3), np.zeros((n + 1, 4)),
-    ], unit  # fmt: skip
+    legs = Legs(
+        signs.reshape(-1, 3) * unit / r, model.positions[met] / unit,
+        model.velocities[met] / model.speed, model.radius[met] / unit, 0.0, np.zeros(3),
+    )  # fmt: skip
+    return [states, np.maximum(lengths, 1e-3), legs, np.zeros((n + 1, 4))], unit
 
 
 @pytest.mark.parametrize("seed", range(4))
