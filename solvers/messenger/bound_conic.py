@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.relaxation import Field
-from .bound_kernels import ascended, omissions, proven
+from .bound_kernels import Data, ascended, omissions, proven
 
 __all__ = ["Chains", "Path"]
 
@@ -56,12 +56,11 @@ class Chains:
         self.field = field = Field.of(model)
         self.curved = curved and model.turning_radius > 0
         self.solved = 0
-        #: Arguments of the kernels for the field and the limit on curvature.
-        self._gaps = _gaps(field)
-        self.data = (field.centres, field.velocities, field.radii, self._gaps, np.zeros(3))
-        if self.curved:
-            heading = (0.0, 0.0) if model.heading is None else (1.0, model.heading)
-            self.data[-1][:] = model.turning_radius / field.unit, *heading
+        self.data = Data(
+            field.centres, field.velocities, field.radii, _gaps(field),
+            model.turning_radius / field.unit if self.curved else 0.0,
+            model.heading is not None, model.heading or 0.0,
+        )  # fmt: skip
         self._clarabel = clarabel
         self._settings = settings = clarabel.DefaultSettings()
         settings.verbose = False
@@ -73,7 +72,7 @@ class Chains:
 
     def prove(self, stops: Indices, directions: Floats) -> float:
         """Return the lower bound that `directions` prove, in the field's unit."""
-        return float(proven(*self.data, stops, directions))
+        return float(proven(self.data, stops, directions))
 
     def solve(self, stops: Indices) -> Path:
         """Return the shortest path over the indices `stops`, shape (L + 1,)."""
@@ -118,18 +117,18 @@ class Chains:
 
     def _ascend(self, stops: Indices, directions: Floats) -> tuple[float, Floats]:
         result = np.empty_like(directions)
-        return float(ascended(*self.data, stops, directions, result)), result
+        return float(ascended(self.data, stops, directions, result)), result
 
     def _omit_stops(self, bound: float, stops: Indices, directions: Floats) -> float:
         """Return the best bound after greedily omitting stops, as long as this increases the bound."""
         while len(stops) > 2:
             bounds = np.empty(len(directions))
-            omissions(*self.data, stops, directions, bounds)
+            omissions(self.data, stops, directions, bounds)
             k = int(bounds.argmax())
             # The merged leg starts from the direction of the longer one.
-            first, second = self._gaps[stops[k], stops[k + 1]], -1.0
+            first, second = self.data.gaps[stops[k], stops[k + 1]], -1.0
             if k + 1 < len(directions):
-                second = self._gaps[stops[k + 1], stops[k + 2]]
+                second = self.data.gaps[stops[k + 1], stops[k + 2]]
             stops = np.delete(stops, k + 1)
             fewer = np.delete(directions, k + int(first >= second >= 0), axis=0)
             candidate, directions = self._ascend(stops, fewer)

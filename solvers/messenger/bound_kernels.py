@@ -1,8 +1,7 @@
 """Kernels of the bounds: the bound that given leg directions prove, and the cost of another stop.
 
 The dual of the relaxation for a given order (see :mod:`...models.messenger.relaxation`) has one
-vector
-u_k per leg. With g_k = u_k - u_{k+1} (u_{L+1} = 0), the Lagrangian is bounded from below if::
+vector u_k per leg. With g_k = u_k - u_{k+1} (u_{L+1} = 0), the Lagrangian is bounded from below if::
 
     lambda_L = 1 + g_L . W_L,   lambda_k = lambda_{k+1} + g_k . W_k,   |u_k| <= lambda_k
 
@@ -11,21 +10,32 @@ the conditions become ``lambda_k (1 - d_k . W_k) = lambda_{k+1} (1 - d_{k+1} . W
 1. Vehicles are slower than the UAV, so any directions d_k in the unit disc prove a bound. The
 directions of the legs of a shortest path prove its length.
 
-:mod:`.turn_kernels` derives the additional terms of the curvature limit.
+A bound is a sum with one part per leg and one per stop. If a leg is replaced, the later parts are
+unchanged, and the earlier ones change by a common factor of the weights. :mod:`.turn_kernels` derives
+the additional terms of the curvature limit.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .splice_kernels import spliced, tabulated
 from .turn_kernels import between, corner, turned
 
-__all__ = ["ascended", "insertions", "misses", "omissions", "proven"]
+__all__ = [
+    "Data",
+    "ascended",
+    "insertions",
+    "misses",
+    "omissions",
+    "proven",
+    "spliced",
+    "tabulated",
+]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,20 +44,22 @@ Indices = NDArray[np.int64]
 ROUNDING = 1e-12
 #: Same for a bound assembled from parts of another one, with a larger safety factor.
 SPLICED = 1e-10
+#: Relative weight of a leg above which the rounding error of the parts is no longer negligible.
+HEAVY = 1e3
 #: Step lengths towards new directions. At a disc, a full step may overshoot.
 STEPS = (1.0, 0.5, 0.2)
 #: Number of sweeps of the coordinate ascent over the directions.
 SWEEPS = 6
 
 
-@kernel(interpretable=True)
-def proven(
-    centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
-    stops: Indices, directions: Floats,
-) -> float:  # fmt: skip
-    """Return the length that `directions` prove for every path over `stops`, minus the rounding error.
+class Data(NamedTuple):
+    """Field and curvature limit, in the field's unit.
 
-    Parameters
+    The kernels also receive `stops`, shape (L + 1,): start, stops and end of a path, which are one
+    stop at one point if the path starts and ends at the same vehicle; and `directions`, shape
+    (L, 2): d_k, where vectors longer than 1 are normalised.
+
+    Attributes
     ----------
     centres, velocities : ndarray, shape (n + 1, 2)
         P and W of the field.
@@ -55,76 +67,191 @@ def proven(
         r of the field.
     gaps : ndarray, shape (n + 1, n + 1)
         Least lengths of legs between stops.
-    turn : ndarray, shape (3,)
-        Turning radius in the field's unit, or 0 to ignore the curvature limit; 1 if the heading at
-        the start is fixed, otherwise 0; that heading, in rad.
-    stops : ndarray of int64, shape (L + 1,)
-        Start, stops and end of the path. If the path starts and ends at the same vehicle, both are
-        one stop at one point.
-    directions : ndarray, shape (L, 2)
-        d_k; vectors longer than 1 are normalised.
+    r : float
+        Turning radius; 0 to ignore the curvature limit.
+    headed : bool
+        Whether the heading at the start is fixed.
+    heading : float
+        That heading, in rad.
+    """
 
-    Returns
-    -------
-    float
-        Lower bound, at least 0, in the field's unit.
+    centres: Floats
+    velocities: Floats
+    radii: Floats
+    gaps: Floats
+    r: float
+    headed: bool
+    heading: float
+
+
+@kernel
+def _clip(x: float, y: float) -> tuple[float, float]:
+    """Return a direction, normalised if it is longer than 1."""
+    long = math.sqrt(x * x + y * y) * (1.0 + 1e-15)
+    if not long <= 1.0:
+        return x / long, y / long
+    return x, y
+
+
+@kernel
+def _stop_terms(
+    ux: float, uy: float, first: float, vx: float, vy: float, second: float, radius: float, r: float
+) -> float:
+    """Return a stop's contribution to the bound, between legs with u and v: radius and turn."""
+    value = -radius * math.sqrt((ux - vx) ** 2 + (uy - vy) ** 2)
+    if r > 0.0:
+        before, after = math.sqrt(ux * ux + uy * uy), math.sqrt(vx * vx + vy * vy)
+        value += r * corner(between(ux, uy, vx, vy), before, first, after, second)
+    return value
+
+
+@kernel
+def _end_terms(
+    data: Data, begin: int, end: int, ux: float, uy: float, first: float, vx: float, vy: float,
+    last: float,
+) -> float:  # fmt: skip
+    """Return the contribution of a path's ends to the bound; u is of the first leg, v of the last."""
+    headed = data.r > 0.0 and data.headed
+    if begin == end and not headed:
+        return _stop_terms(vx, vy, last, ux, uy, first, data.radii[begin], data.r)
+    before, after = math.sqrt(vx * vx + vy * vy), math.sqrt(ux * ux + uy * uy)
+    value = 0.0
+    if begin != end:
+        value -= data.radii[end] * before
+    if headed:
+        x, y = math.cos(data.heading), math.sin(data.heading)
+        value += data.r * after * turned(between(ux, uy, x, y), first)
+        if begin == end:
+            value += data.r * before * turned(between(vx, vy, x, y), last)
+    return value
+
+
+@kernel
+def tabulated(data: Data, stops: Indices, directions: Floats, table: Floats) -> float:
+    """Fill `table` with the parts of the bound that `directions` prove; return the sum of their sizes.
+
+    Columns, with one row per leg: direction (2); weight lambda; half its least length divided by
+    the turning radius; sum of the parts of this and all later legs; sum of those of this and all
+    earlier legs.
     """
     legs = stops.size - 1
-    total, size = 0.0, 0.0
-    weight = 1.0
-    lastx, lasty = 0.0, 0.0  # u_{k+1}
-    endx, endy = 0.0, 0.0  # u_L
-    round_trip = stops[0] == stops[legs]
+    centres, velocities, radii = data.centres, data.velocities, data.radii
+    size, weight = 0.0, 1.0
+    for k in range(legs - 1, -1, -1):
+        a, b = stops[k], stops[k + 1]
+        dx, dy = _clip(directions[k, 0], directions[k, 1])
+        if k + 1 < legs:
+            weight *= 1.0 - table[k + 1, 0] * velocities[b, 0] - table[k + 1, 1] * velocities[b, 1]
+        weight /= 1.0 - dx * velocities[b, 0] - dy * velocities[b, 1]
+        half = 0.5 * data.gaps[a, b] / data.r if data.r > 0.0 else 0.0
+        table[k, 0], table[k, 1], table[k, 2], table[k, 3] = dx, dy, weight, half
+        size += weight * (
+            abs(dx * (centres[b, 0] - centres[a, 0])) + abs(dy * (centres[b, 1] - centres[a, 1]))
+            + 2.0 * (radii[a] + radii[b]) + 4.0 * data.r
+        )  # fmt: skip
+    before = 0.0
+    for k in range(legs):
+        a, b = stops[k], stops[k + 1]
+        ux, uy = table[k, 2] * table[k, 0], table[k, 2] * table[k, 1]
+        along = ux * (centres[b, 0] - centres[a, 0]) + uy * (centres[b, 1] - centres[a, 1])
+        table[k, 5] = before + along
+        table[k, 4] = along
+        if k + 1 < legs:
+            vx, vy = table[k + 1, 2] * table[k + 1, 0], table[k + 1, 2] * table[k + 1, 1]
+            table[k, 4] += _stop_terms(
+                ux, uy, table[k, 3], vx, vy, table[k + 1, 3], radii[b], data.r
+            )
+        before += table[k, 4]
+    for k in range(legs - 2, -1, -1):
+        table[k, 4] += table[k + 1, 4]
+    return size
+
+
+@kernel
+def spliced(
+    data: Data, stops: Indices, table: Floats, place: int, until: int, more: Indices, tried: Floats
+) -> float:
+    """Return the bound with the legs from `place` to before `until` replaced, up to rounding.
+
+    The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs
+    are unchanged, and their parts change by a common factor.
+
+    Parameters
+    ----------
+    data, stops
+        The field, and the original path.
+    table : ndarray, shape (L, 6)
+        Table filled by :func:`tabulated`.
+    place, until : int
+        Range of the legs to replace.
+    more : ndarray of int64, shape (m + 1,)
+        Stops of the m new legs.
+    tried : ndarray, shape (m, 2)
+        Directions of the new legs.
+    """
+    legs = stops.size - 1
+    value, weight, heaviest = 0.0, 1.0, 0.0
+    centres, velocities, radii = data.centres, data.velocities, data.radii
+    nx, ny, nhalf = 0.0, 0.0, 0.0  # u of the leg after, and its half
     dx, dy = 0.0, 0.0
-    curved = turn[0] > 0.0 and legs > 0
-    headed = turn[1] > 0.0
-    startx, starty = math.cos(turn[2]), math.sin(turn[2])
-    heavy, half, end_heavy, end_half = 0.0, 0.0, 0.0, 0.0
-    for k in range(legs, 0, -1):
-        b, a = stops[k], stops[k - 1]
-        wx, wy = velocities[b, 0], velocities[b, 1]
-        over = 1.0 - dx * wx - dy * wy
-        dx, dy = directions[k - 1, 0], directions[k - 1, 1]
-        long = math.sqrt(dx * dx + dy * dy) * (1.0 + 1e-15)
-        if not long <= 1.0:
-            dx, dy = dx / long, dy / long
-        if k == legs:
-            over = 1.0
-        weight *= over / (1.0 - dx * wx - dy * wy)
-        ux, uy = weight * dx, weight * dy
-        alongx = ux * (centres[b, 0] - centres[a, 0])
-        alongy = uy * (centres[b, 1] - centres[a, 1])
-        total += alongx + alongy
-        size += abs(alongx) + abs(alongy)
-        if k == legs and round_trip:
-            endx, endy = ux, uy
+    ends = legs == until
+    lastx, lasty, last = 0.0, 0.0, 0.0
+    if not ends:
+        value, weight = table[until, 4], table[until, 2]
+        dx, dy, nhalf = table[until, 0], table[until, 1], table[until, 3]
+        nx, ny = weight * dx, weight * dy
+        lastx = table[legs - 1, 2] * table[legs - 1, 0]
+        lasty = table[legs - 1, 2] * table[legs - 1, 1]
+        last = table[legs - 1, 3]
+    for row in range(more.size - 2, -2, -1):
+        if row >= 0:
+            b, a = more[row + 1], more[row]
+            x, y = _clip(tried[row, 0], tried[row, 1])
+            half = 0.5 * data.gaps[a, b] / data.r if data.r > 0.0 else 0.0
+        elif place > 0:
+            b, a = stops[place], stops[place - 1]
+            x, y, half = table[place - 1, 0], table[place - 1, 1], table[place - 1, 3]
         else:
-            lost = math.sqrt((ux - lastx) ** 2 + (uy - lasty) ** 2) * radii[b]
-            total -= lost
-            size += lost
-        if curved:
-            after, second = heavy, half
-            heavy = weight * math.sqrt(dx * dx + dy * dy)
-            half = 0.5 * gaps[a, b] / turn[0]
-            if k < legs:
-                angle = between(ux, uy, lastx, lasty)
-                total += turn[0] * corner(angle, heavy, half, after, second)
-                size += turn[0] * (heavy + after)
-            else:
-                end_heavy, end_half = heavy, half
-                if round_trip and headed:
-                    total += turn[0] * heavy * turned(between(ux, uy, startx, starty), half)
-        lastx, lasty = ux, uy
-    if curved:
-        size += 4.0 * turn[0] * (heavy + end_heavy)
-    if curved and headed:
-        total += turn[0] * heavy * turned(between(lastx, lasty, startx, starty), half)
-    elif curved and round_trip:
-        angle = between(endx, endy, lastx, lasty)
-        total += turn[0] * corner(angle, end_heavy, end_half, heavy, half)
-    lost = math.sqrt((endx - lastx) ** 2 + (endy - lasty) ** 2) * radii[stops[0]]
-    total -= lost
-    size += lost
+            break
+        if not ends:
+            weight *= 1.0 - dx * velocities[b, 0] - dy * velocities[b, 1]
+        weight /= 1.0 - x * velocities[b, 0] - y * velocities[b, 1]
+        heaviest = max(heaviest, weight)
+        ux, uy = weight * x, weight * y
+        if ends:
+            lastx, lasty, last = ux, uy, half
+            ends = False
+        else:
+            value += _stop_terms(ux, uy, half, nx, ny, nhalf, radii[b], data.r)
+        if row >= 0:
+            value += ux * (centres[b, 0] - centres[a, 0]) + uy * (centres[b, 1] - centres[a, 1])
+        dx, dy, nx, ny, nhalf = x, y, ux, uy, half
+    if legs > 0 and heaviest > HEAVY * table[min(place, legs - 1), 2]:
+        return -math.inf
+    if place > 0:
+        factor = weight / table[place - 1, 2]
+        value += factor * table[place - 1, 5]
+        nx = factor * table[0, 2] * table[0, 0]
+        ny = factor * table[0, 2] * table[0, 1]
+        nhalf = table[0, 3]
+    end = more[-1] if until == legs else stops[legs]
+    return value + _end_terms(data, stops[0], end, nx, ny, nhalf, lastx, lasty, last)
+
+
+@kernel(interpretable=True)
+def proven(data: Data, stops: Indices, directions: Floats) -> float:
+    """Return the length that `directions` prove for every path over `stops`, minus the rounding error."""
+    legs = stops.size - 1
+    if legs == 0:
+        return 0.0
+    table = np.empty((legs, 6))
+    # Double the size to cover the terms of the ends.
+    size = 2.0 * tabulated(data, stops, directions, table)
+    last = table[legs - 1]
+    ux, uy = table[0, 2] * table[0, 0], table[0, 2] * table[0, 1]
+    vx, vy = last[2] * last[0], last[2] * last[1]
+    total = table[0, 4]
+    total += _end_terms(data, stops[0], stops[legs], ux, uy, table[0, 3], vx, vy, last[3])
     total -= ROUNDING * legs * size
     if total > 0.0:
         return float(total)
@@ -133,31 +260,23 @@ def proven(
 
 @kernel(interpretable=True)
 def insertions(
-    centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
-    stops: Indices, directions: Floats, points: Floats, times: Floats, vehicle: int,
+    data: Data, stops: Indices, directions: Floats, points: Floats, times: Floats, vehicle: int,
     bounds: Floats,
 ) -> None:  # fmt: skip
     """Fill `bounds` with lower bounds for the paths with `vehicle` inserted into each leg.
 
     The directions are those of the path, except for the two legs that replace a leg. Entry k is the
     bound for the leg to stop k + 1. An entry L is the bound for `vehicle` after the last stop.
-
-    Parameters
-    ----------
-    centres, velocities, radii, gaps, turn, stops, directions
-        As in :func:`proven`.
-    points : ndarray, shape (L + 1, 2)
-        Q, the points of the path's encounters.
-    times : ndarray, shape (L + 1,)
-        s at the encounters.
-    vehicle : int
-        Index of the inserted vehicle.
-    bounds : ndarray, shape (L,) or (L + 1,)
-        Overwritten with the bounds.
+    `points`, shape (L + 1, 2), and `times`, shape (L + 1,), are Q and s at the path's encounters.
     """
     legs = stops.size - 1
-    table = np.empty((legs, 6))
-    size = tabulated(centres, velocities, radii, gaps, turn, stops, directions, table)
+    centres, velocities, radii, table = (
+        data.centres,
+        data.velocities,
+        data.radii,
+        np.empty((legs, 6)),
+    )
+    size = tabulated(data, stops, directions, table)
     for place in range(bounds.size):
         last = place == legs
         more = np.empty(2 if last else 3, np.int64)
@@ -201,10 +320,7 @@ def insertions(
                 tried[1, 1] = oy + step * ((zy - y) / second - oy)
             tried[0, 0] = ox + step * ((x - qx) / first - ox)
             tried[0, 1] = oy + step * ((y - qy) / first - oy)
-            value = spliced(
-                centres, velocities, radii, gaps, turn, stops, table, place,
-                legs if last else place + 1, more, tried,
-            )  # fmt: skip
+            value = spliced(data, stops, table, place, legs if last else place + 1, more, tried)
             best = max(best, value)
         # Double the size to cover the new legs, whose weights are bounded by those of other legs.
         best -= SPLICED * (legs + 2) * (size + abs(best))
@@ -212,25 +328,16 @@ def insertions(
 
 
 @kernel(interpretable=True)
-def omissions(
-    centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
-    stops: Indices, directions: Floats, bounds: Floats,
-) -> None:  # fmt: skip
+def omissions(data: Data, stops: Indices, directions: Floats, bounds: Floats) -> None:
     """Fill `bounds` with approximate bounds for the paths without one of the stops.
 
-    A bound may increase: a path of short legs need not turn as much as one long leg must.
-
-    Parameters
-    ----------
-    centres, velocities, radii, gaps, turn, stops, directions
-        As in :func:`proven`.
-    bounds : ndarray, shape (L,)
-        Overwritten; entry k belongs to stop k + 1. If the path begins and ends at one place, the
-        last stop cannot be omitted, and its entry is 0.
+    A bound may increase: a path of short legs need not turn as much as one long leg must. Entry k
+    belongs to stop k + 1. If the path begins and ends at one place, the last stop cannot be
+    omitted, and its entry is 0.
     """
     legs = stops.size - 1
     table = np.empty((legs, 6))
-    tabulated(centres, velocities, radii, gaps, turn, stops, directions, table)
+    tabulated(data, stops, directions, table)
     for k in range(legs):
         last = k == legs - 1
         bounds[k] = 0.0
@@ -243,49 +350,31 @@ def omissions(
         for step in (0.0, 0.5, 1.0):
             if not last:
                 for axis in range(2):
-                    one, other = directions[k, axis], directions[k + 1, axis]
-                    tried[0, axis] = one + step * (other - one)
-            value = spliced(
-                centres, velocities, radii, gaps, turn, stops, table, k, min(k + 2, legs), more,
-                tried,
-            )  # fmt: skip
+                    first, second = directions[k, axis], directions[k + 1, axis]
+                    tried[0, axis] = first + step * (second - first)
+            value = spliced(data, stops, table, k, min(k + 2, legs), more, tried)
             bounds[k] = max(bounds[k], value)
 
 
 @kernel(interpretable=True)
-def ascended(
-    centres: Floats, velocities: Floats, radii: Floats, gaps: Floats, turn: Floats,
-    stops: Indices, directions: Floats, found: Floats,
-) -> float:  # fmt: skip
-    """Increase the bound by coordinate ascent over the directions; return it and fill `found`.
+def ascended(data: Data, stops: Indices, directions: Floats, best_directions: Floats) -> float:
+    """Increase the bound by coordinate ascent over the directions; return it and the directions.
 
-    Each sweep rotates every direction in turn, and halves the step.
-
-    Parameters
-    ----------
-    centres, velocities, radii, gaps, turn, stops, directions
-        As in :func:`proven`.
-    found : ndarray, shape (L, 2)
-        Overwritten with the directions that prove the returned bound.
-
-    Returns
-    -------
-    float
-        Lower bound, at least that of `directions`, in the field's unit.
+    Each sweep rotates every direction in turn, and halves the step. The bound is at least that of
+    `directions`; `best_directions` is filled with the directions that prove it.
     """
     legs = stops.size - 1
-    for k in range(legs):
-        found[k, 0], found[k, 1] = directions[k, 0], directions[k, 1]
+    best_directions[:] = directions
     # Per direction: one step to either side, then the maximum of the parabola through the three
     # values.
     table, tried = np.empty((legs, 6)), np.empty((1, 2))
-    tabulated(centres, velocities, radii, gaps, turn, stops, found, table)
+    tabulated(data, stops, best_directions, table)
     step = 0.2
     for _ in range(SWEEPS):
         step *= 0.5
         for k in range(legs):
             more = stops[k : k + 2]
-            x, y = found[k, 0], found[k, 1]
+            x, y = best_directions[k, 0], best_directions[k, 1]
             best, left, right = 0.0, 0.0, 0.0
             for trial in range(4):
                 angle = 0.0
@@ -300,9 +389,7 @@ def ascended(
                         angle = min(max(0.5 * (left - right) / bend, -3.0), 3.0) * step
                 c, s = math.cos(angle), math.sin(angle)
                 tried[0, 0], tried[0, 1] = c * x - s * y, s * x + c * y
-                value = spliced(
-                    centres, velocities, radii, gaps, turn, stops, table, k, k + 1, more, tried
-                )
+                value = spliced(data, stops, table, k, k + 1, more, tried)
                 if trial == 0:
                     best = value
                 elif trial == 1:
@@ -310,37 +397,34 @@ def ascended(
                 elif trial == 2:
                     right = value
                 elif value > best:
-                    found[k, 0], found[k, 1] = tried[0, 0], tried[0, 1]
-                    tabulated(centres, velocities, radii, gaps, turn, stops, found, table)
-    best = proven(centres, velocities, radii, gaps, turn, stops, found)
-    before = proven(centres, velocities, radii, gaps, turn, stops, directions)
+                    best_directions[k, 0], best_directions[k, 1] = tried[0, 0], tried[0, 1]
+                    tabulated(data, stops, best_directions, table)
+    best = proven(data, stops, best_directions)
+    before = proven(data, stops, directions)
     if before > best:
-        for k in range(legs):
-            found[k, 0], found[k, 1] = directions[k, 0], directions[k, 1]
+        best_directions[:] = directions
         return before
     return best
 
 
 @kernel(interpretable=True)
-def misses(
-    centres: Floats, velocities: Floats, radii: Floats, points: Floats, times: Floats,
-    found: Floats, where: Floats,
-) -> None:  # fmt: skip
+def misses(data: Data, points: Floats, times: Floats, least: Floats, where: Floats) -> None:
     """Fill in the distance of a path to every vehicle's disc, and the place of the closest approach.
 
     Parameters
     ----------
-    centres, velocities, radii
-        Data of the vehicles, as in :func:`proven`.
+    data : Data
+        The field.
     points, times : ndarray, shapes (L + 1, 2) and (L + 1,)
         The path, linear between its points.
-    found : ndarray, shape (n,)
+    least : ndarray, shape (n,)
         Overwritten with the least distance minus the radius.
     where : ndarray, shape (n,)
         Overwritten with the leg plus the share of it flown at the closest approach.
     """
-    for i in range(found.size):
-        found[i] = math.inf
+    centres, velocities, radii = data.centres, data.velocities, data.radii
+    for i in range(least.size):
+        least[i] = math.inf
         for k in range(max(times.size - 1, 1)):
             nx, ny, end = points[k, 0], points[k, 1], times[k]
             if k + 1 < times.size:
@@ -354,5 +438,5 @@ def misses(
             if span > 0.0:
                 share = min(max(-(ax * mx + ay * my) / span, 0.0), 1.0)
             away = math.sqrt((ax + share * mx) ** 2 + (ay + share * my) ** 2) - radii[i]
-            if away < found[i]:
-                found[i], where[i] = away, k + share
+            if away < least[i]:
+                least[i], where[i] = away, k + share

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.relaxation import Field
 from .bound_conic import Chains, Path
-from .bound_kernels import insertions, misses
-from .splice_kernels import tabulated
+from .bound_kernels import insertions, misses, tabulated
 
 __all__ = ["Guide", "OrderSearch", "Ordered", "best_orders", "guide"]
 
@@ -207,7 +206,7 @@ class OrderSearch:
         n = field.size
         missed, where = np.empty(n), np.empty(n)
         data = self.chains.data
-        misses(*data[:3], path.points, path.times, missed, where)
+        misses(data, path.points, path.times, missed, where)
         missed[list(node.order)] = -math.inf
         # With the curvature limit, vehicles on the path also add turns, so every vehicle is
         # inserted.
@@ -229,7 +228,7 @@ class OrderSearch:
         chosen, score = -1, (-math.inf, -math.inf)
         for vehicle in left.tolist():
             bounds = np.empty(places)
-            insertions(*data, stops, path.directions, path.points, path.times, vehicle, bounds)
+            insertions(data, stops, path.directions, path.points, path.times, vehicle, bounds)
             bounds = np.maximum(bounds, node.bound)
             candidate = (float(bounds.min()), float(missed[vehicle]))
             if candidate > score:
@@ -376,7 +375,7 @@ def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
     stops = field.chain(order)
     path = chains.solve(stops)
     table = np.empty((len(stops) - 1, 6))
-    tabulated(*chains.data, stops, path.directions, table)
+    tabulated(chains.data, stops, path.directions, table)
     ahead, weights = table[:, :2], table[:, 2:3]
     # Direction after each stop. After the last stop: none, or the first leg of a closed tour.
     after = np.roll(ahead, -1, axis=0)

@@ -164,7 +164,7 @@ def test_any_directions_prove_a_bound(seed, free):
     path = Chains(model).solve(stops)
     directions = path.directions + draw.normal(0, 10.0 ** draw.integers(-8, 1), (len(stops) - 1, 2))
     data = Chains(model).data
-    found = proven(*data, stops, directions)
+    found = proven(data, stops, directions)
     plain = plain_bound(field, stops, directions)
     assert found <= max(plain, 0)
     assert found == pytest.approx(max(plain, 0), rel=1e-9, abs=1e-9 * np.abs(field.centres).max())
@@ -175,7 +175,7 @@ def test_any_directions_prove_a_bound(seed, free):
     fewer = field.chain(order[:3])
     part = Chains(model).solve(fewer)
     bounds = np.empty(len(fewer) - 1 + (not field.closed))
-    insertions(*data, fewer, part.directions, part.points, part.times, int(order[3]), bounds)
+    insertions(data, fewer, part.directions, part.points, part.times, int(order[3]), bounds)
     for place, bound in enumerate(bounds):
         more = np.insert(fewer, place + 1, order[3])
         way = Chains(model).solve(more)
