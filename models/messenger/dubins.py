@@ -1,7 +1,6 @@
 """Shortest paths of bounded curvature in the plane, after Dubins.
 
 Coordinates, lengths and the turning radius are in m, headings in rad, counter-clockwise from the x
-axis. A path is a sequence of primitives: a left turn, a straight line or a right turn, each with its
 axis. A path is a sequence of primitives with their lengths: left turn, straight line or right turn.
 The length of a turn is the radius times the angle. With radius 0 a turn has length 0 and leads to
 any heading, so paths are straight lines.
@@ -52,6 +51,7 @@ ROUNDING = 4e-15
 #: Tolerance below a full circle, in rad, within which a turn is set to 0.
 NO_TURN = 1e-12
 
+Floats = NDArray[np.float64]
 Length3 = tuple[float, float, float]
 
 
@@ -79,9 +79,8 @@ def local(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> Le
 
 @kernel
 def _same(
-    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
-    most: float,
-) -> Length3:  # fmt: skip
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, most: float
+) -> Length3:
     """Return the lengths of LSL to (`u`, `v`) with heading `phi`, from the origin with heading 0.
 
     Here and below, `sin` is the sine of `phi`, and `lift` is 1 minus its cosine, computed without
@@ -100,9 +99,8 @@ def _same(
 
 @kernel
 def _cross(
-    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
-    most: float,
-) -> Length3:  # fmt: skip
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, most: float
+) -> Length3:
     """Return the lengths of LSR to (`u`, `v`) with heading `phi`; inf if LSR does not exist."""
     # The second centre is at (x, w - 2 r) from the first; b² is their distance² minus (2 r)².
     x, w = u + r * sin, v + r * lift
@@ -122,9 +120,8 @@ def _cross(
 
 @kernel
 def _arcs(
-    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float,
-    most: float,
-) -> Length3:  # fmt: skip
+    u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, most: float
+) -> Length3:
     """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf if LRL does not exist.
 
     Uses the middle arc of more than half a circle. The shorter middle arc is never part of a
@@ -168,19 +165,8 @@ def word_lengths(
 ) -> Length3:
     """Return the lengths (m) of the three primitives of a word between two configurations.
 
-    Parameters
-    ----------
-    x0, y0, h0, x1, y1, h1 : float
-        Start and end: coordinates (m) and heading (rad).
-    r : float
-        Turning radius (m), at least 0.
-    word : int
-        Row of :data:`WORDS`.
-
-    Returns
-    -------
-    tuple of 3 float
-        Lengths (m); inf if the word does not exist.
+    They are inf if the word does not exist. `word` is a row of :data:`WORDS`; the other parameters
+    are those of :func:`shortest`.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     sin, lift = sine_and_lift(h1 - h0)
@@ -204,8 +190,10 @@ def shortest(
 
     Returns
     -------
-    tuple of float, float, float, int
-        Lengths (m) of the three primitives, and the row of :data:`WORDS`.
+    a, b, c : float
+        Lengths (m) of the three primitives.
+    word : int
+        Row of :data:`WORDS`.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     phi = h1 - h0
@@ -337,11 +325,7 @@ def advance(x: float, y: float, h: float, s: float, sign: int, r: float) -> Leng
 
 @kernel(interpretable=True)
 def _all_shortest(
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    lengths: NDArray[np.float64],
-    words: NDArray[np.int64],
+    start: Floats, end: Floats, radius: Floats, lengths: Floats, words: NDArray[np.int64]
 ) -> None:
     """Fill `lengths` (n, 3) and `words` (n,) with the shortest paths between rows (n, 3)."""
     for i in range(len(start)):
@@ -353,7 +337,7 @@ def _all_shortest(
 
 def _shortest_paths(
     start: ArrayLike, end: ArrayLike, r: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+) -> tuple[Floats, NDArray[np.int64]]:
     """Return lengths, shape (…, 3), and words, shape (…), for arguments broadcast to each other."""
     first, last = np.asarray(start, float), np.asarray(end, float)
     radius = np.asarray(r, float)
@@ -375,7 +359,7 @@ def _shortest_paths(
     return lengths.reshape(*shape, 3), words.reshape(shape)
 
 
-def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> NDArray[np.float64]:
+def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> Floats:
     """Return the lengths of the shortest paths between configurations.
 
     Parameters
@@ -396,7 +380,7 @@ def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> NDArray[np.
         A configuration is not finite or not of three numbers, or a radius is negative.
     """
     lengths, _ = _shortest_paths(start, end, r)
-    total: NDArray[np.float64] = lengths.sum(axis=-1)
+    total: Floats = lengths.sum(axis=-1)
     return total
 
 

@@ -27,24 +27,7 @@ ANGLE = 0.1
 def met_after(
     model: MessengerTour, place: Floats, time: float, vehicles: Sequence[int] | NDArray[np.int64]
 ) -> Floats:
-    """Return the durations of straight flights to vehicles, in s.
-
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    place : ndarray, shape (2,)
-        Start of the flights, in m.
-    time : float
-        Time of the start, in s.
-    vehicles : sequence of int
-        Indices of the k vehicles.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Duration of the flight to each vehicle, in s.
-    """
+    """Return the durations (s) of straight flights from `place` (m) at `time` (s) to vehicles."""
     rate = model.velocities[vehicles]
     way = model.positions[vehicles] + rate * time - place
     along, fast = (way * rate).sum(axis=1), np.hypot(*rate.T)
@@ -125,21 +108,10 @@ def _delay(
     speed: float, pose: Floats, goal: Floats, heading: float, rate: Floats, r: float,
     word: str | None, after: float,
 ) -> float:  # fmt: skip
-    """Return the delay of an encounter relative to a straight flight, in s.
+    """Return the delay (s) of an encounter relative to a straight flight of `after` seconds.
 
-    Parameters
-    ----------
-    speed : float
-        Speed of the UAV, in m/s.
-    pose : ndarray, shape (3,)
-        Pose of the UAV at the start of the leg.
-    goal, heading, rate : ndarray of shape (2,), float, ndarray of shape (2,)
-        Encounter of the straight flight (m), heading there (rad), and velocity of the vehicle
-        (m/s).
-    r, word : float, str or None
-        Turning radius (m) and word of the leg.
-    after : float
-        Duration of the straight flight, in s.
+    The leg of `word` begins at `pose`. The straight flight ends at `goal`, where the vehicle has the
+    velocity `rate`, and the leg arrives with `heading`.
     """
 
     def early(late: float) -> float:

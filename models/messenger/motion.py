@@ -75,10 +75,8 @@ def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]
 
     Parameters
     ----------
-    x : casadi.SX, shape (n,)
-        The columns, as in `layout`.
-    layout : Layout
-        Positions of the blocks.
+    x, layout
+        The columns, as casadi.SX, and the positions of their blocks.
     signs : sequence
         Sign of every primitive's curvature: numbers, or symbols with the values -1, 0 or 1.
     data : dict
@@ -99,14 +97,10 @@ def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]
 
     part = layout.split(x)
     place, drift, r = data["place"], data["drift"], data["radius"]
-    (x0, y0, h0), offset, flown = (
-        (part["start"][k] for k in range(3)),
-        part["offset"],
-        part["flown"],
-    )
+    offset, flown = part["offset"], part["flown"]
+    x0, y0, h0 = (part["start"][k] for k in range(3))
     here, heading, before = (x0, y0), h0, 0.0
-    names = ("motion", "turn", "straight", "flown", "apart")
-    rows: dict[str, Any] = {name: [] for name in names}
+    rows: dict[str, Any] = {name: [] for name in ("motion", "turn", "straight", "flown", "apart")}
     piece = 0
     for leg, count in enumerate(layout.counts):
         ahead, left, way = here[0], here[1], before
@@ -126,10 +120,7 @@ def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]
         piece += count
         if leg < layout.vehicles:
             s, dx, dy = flown[leg], offset[2 * leg], offset[2 * leg + 1]
-            here = (
-                place[leg, 0] + drift[leg, 0] * s + dx,
-                place[leg, 1] + drift[leg, 1] * s + dy,
-            )
+            here = (place[leg, 0] + drift[leg, 0] * s + dx, place[leg, 1] + drift[leg, 1] * s + dy)
             rows["flown"].append(way - s)
             rows["apart"].append(dx * dx + dy * dy)
             goal, before = part["heading"][leg] if layout.turning else 0.0, s
@@ -148,21 +139,15 @@ def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]
 
 
 def tour(
-    model: MessengerTour,
-    order: Sequence[int],
-    words: Sequence[str],
-    start: Floats,
-    lengths: Floats,
-    directions: Floats | None = None,
-) -> TourPlan:
+    model: MessengerTour, order: Sequence[int], words: Sequence[str], start: Floats,
+    lengths: Floats, directions: Floats | None = None,
+) -> TourPlan:  # fmt: skip
     """Return the plan that flies given primitives, with times and points from their integration.
 
     Parameters
     ----------
-    model : MessengerTour
-        The model.
-    order : sequence of int
-        Order of the vehicles.
+    model, order
+        The model, and the order of the vehicles.
     words : sequence of str
         Turns of each leg.
     start : ndarray, shape (3,)
@@ -171,11 +156,6 @@ def tour(
         Lengths of all primitives, in m.
     directions : ndarray, shape (k,), optional
         Headings of the primitives if the turning radius is 0, in rad.
-
-    Returns
-    -------
-    TourPlan
-        The plan.
     """
     letters = "".join(words)
     legs = np.repeat(np.arange(len(words)), [len(word) for word in words])

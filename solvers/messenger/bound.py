@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
-from ...models.messenger.plan import Primitive, TourPlan
+from ...models.messenger.motion import tour
+from ...models.messenger.plan import TourPlan
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
 __all__ = ["CurvatureBound", "EuclideanBound"]
@@ -61,7 +63,7 @@ class EuclideanBound(Backend):
             statistics["shortest tour without curvature"] = best.length
         plan, termination, message = None, Termination.NO_SOLUTION, ""
         if problem.turning_radius == 0 and best is not None and best.length <= cutoff:
-            plan = straight(problem, best.order, best.points, best.times / problem.speed)
+            plan = straight(problem, best.order, best.points)
             proven = plan.length - bound <= max(request.gap, ROUNDING) * plan.length
             termination = Termination.OPTIMAL if proven else Termination.FEASIBLE
         elif bound == request.cutoff:
@@ -94,32 +96,14 @@ class CurvatureBound(EuclideanBound):
     curved = True
 
 
-def straight(model: MessengerTour, order: tuple[int, ...], points: Any, times: Any) -> TourPlan:
-    """Return the plan of straight legs, for a UAV that turns on the spot.
-
-    Parameters
-    ----------
-    model : MessengerTour
-        Model with a turning radius of 0.
-    order : tuple of int
-        Order of the vehicles.
-    points, times : ndarray, shapes (n, 2) and (n,)
-        Place (m) and time (s) of each encounter.
-
-    Returns
-    -------
-    TourPlan
-        The plan.
-    """
+def straight(model: MessengerTour, order: tuple[int, ...], points: NDArray[np.float64]) -> TourPlan:
+    """Return the plan of straight legs to places (m), shape (n, 2), for a UAV that turns on the spot."""
     begin = points[0] if model.start is None else model.start[:2]
-    stops = np.vstack([begin, points, *([begin] if model.closed else [])])
-    steps = np.diff(stops, axis=0)
-    primitives = tuple(
-        Primitive(leg, "S", float(np.hypot(*step)), float(np.arctan2(step[1], step[0])))
-        for leg, step in enumerate(steps)
-        if step.any()
-    )
+    steps = np.diff(np.vstack([begin, points, *([begin] if model.closed else [])]), axis=0)
+    moving = np.any(steps, axis=1)
+    lengths, headings = np.hypot(*steps[moving].T), np.arctan2(*steps[moving, ::-1].T)
     heading = model.heading
     if heading is None:
-        heading = primitives[0].heading if primitives else 0.0
-    return TourPlan(order, times, points, np.append(begin, heading), primitives)
+        heading = float(headings[0]) if headings.size else 0.0
+    words = ["S" if step.any() else "" for step in steps]
+    return tour(model, order, words, np.append(begin, heading), lengths, headings)

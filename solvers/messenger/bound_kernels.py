@@ -30,7 +30,6 @@ __all__ = [
     "Data",
     "ascended",
     "insertions",
-    "misses",
     "omissions",
     "proven",
     "spliced",
@@ -175,19 +174,8 @@ def spliced(
 
     The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs
     are unchanged, and their parts change by a common factor.
-
-    Parameters
-    ----------
-    data, stops
-        The field, and the original path.
-    table : ndarray, shape (L, 6)
-        Table filled by :func:`tabulated`.
-    place, until : int
-        Range of the legs to replace.
-    more : ndarray of int64, shape (m + 1,)
-        Stops of the m new legs.
-    tried : ndarray, shape (m, 2)
-        Directions of the new legs.
+    `table` of the original path is filled by :func:`tabulated`. `more`, shape (m + 1,), and
+    `tried`, shape (m, 2), are the stops and directions of the m new legs.
     """
     legs = stops.size - 1
     value, weight, heaviest = 0.0, 1.0, 0.0
@@ -405,38 +393,3 @@ def ascended(data: Data, stops: Indices, directions: Floats, best_directions: Fl
         best_directions[:] = directions
         return before
     return best
-
-
-@kernel(interpretable=True)
-def misses(data: Data, points: Floats, times: Floats, least: Floats, where: Floats) -> None:
-    """Fill in the distance of a path to every vehicle's disc, and the place of the closest approach.
-
-    Parameters
-    ----------
-    data : Data
-        The field.
-    points, times : ndarray, shapes (L + 1, 2) and (L + 1,)
-        The path, linear between its points.
-    least : ndarray, shape (n,)
-        Overwritten with the least distance minus the radius.
-    where : ndarray, shape (n,)
-        Overwritten with the leg plus the share of it flown at the closest approach.
-    """
-    centres, velocities, radii = data.centres, data.velocities, data.radii
-    for i in range(least.size):
-        least[i] = math.inf
-        for k in range(max(times.size - 1, 1)):
-            nx, ny, end = points[k, 0], points[k, 1], times[k]
-            if k + 1 < times.size:
-                nx, ny, end = points[k + 1, 0], points[k + 1, 1], times[k + 1]
-            ax = points[k, 0] - centres[i, 0] - velocities[i, 0] * times[k]
-            ay = points[k, 1] - centres[i, 1] - velocities[i, 1] * times[k]
-            mx = nx - centres[i, 0] - velocities[i, 0] * end - ax
-            my = ny - centres[i, 1] - velocities[i, 1] * end - ay
-            span = mx * mx + my * my
-            share = 0.0
-            if span > 0.0:
-                share = min(max(-(ax * mx + ay * my) / span, 0.0), 1.0)
-            away = math.sqrt((ax + share * mx) ** 2 + (ay + share * my) ** 2) - radii[i]
-            if away < least[i]:
-                least[i], where[i] = away, k + share

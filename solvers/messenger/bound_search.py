@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.relaxation import Field
 from .bound_conic import Chains, Path
-from .bound_kernels import insertions, misses, tabulated
+from .bound_kernels import insertions, tabulated
 
 __all__ = ["Guide", "OrderSearch", "Ordered", "best_orders", "guide"]
 
@@ -39,16 +39,8 @@ CANDIDATES = 12
 class Ordered(NamedTuple):
     """Tour without curvature limit, flown at full speed.
 
-    Parameters
-    ----------
-    length : float
-        Length, in m.
-    order : tuple of int
-        Order of all vehicles.
-    points : ndarray, shape (n, 2)
-        Places of the encounters, in m.
-    times : ndarray, shape (n,)
-        Length flown up to each encounter, in m.
+    `times`, shape (n,), is the length flown up to each encounter, and `points`, shape (n, 2), are
+    the places of the encounters, all in m.
     """
 
     length: float
@@ -60,14 +52,8 @@ class Ordered(NamedTuple):
 class Guide(NamedTuple):
     """Poses suggested by the dual solution of an order's bound.
 
-    Parameters
-    ----------
-    bound : float
-        Lower bound on every flight in this order, in m.
-    offsets : ndarray, shape (k, 2)
-        Offset of the UAV from each vehicle of the order at its encounter, in m.
-    headings : ndarray, shape (k,)
-        Heading at each encounter, in rad.
+    `bound` (m) is a lower bound on every flight in this order. `offsets`, shape (k, 2), in m, and
+    `headings`, shape (k,), in rad, are the poses of the UAV relative to the vehicles.
     """
 
     bound: float
@@ -109,11 +95,7 @@ class OrderSearch:
     """
 
     def __init__(
-        self,
-        model: MessengerTour,
-        cutoff: float = math.inf,
-        *,
-        curved: bool = False,
+        self, model: MessengerTour, cutoff: float = math.inf, *, curved: bool = False
     ) -> None:
         self.chains = Chains(model, curved)
         self.field = self.chains.field
@@ -141,7 +123,7 @@ class OrderSearch:
     @property
     def best(self) -> Ordered | None:
         """Shortest tour found, or None."""
-        return min(self.tours.values(), key=lambda one: one.length, default=None)
+        return min(self.tours.values(), key=lambda tour: tour.length, default=None)
 
     def run(self, stopped: Callable[[], bool], rising: Callable[[float], Any], gap: float) -> bool:
         """Search until the bound is within `gap` of the best tour.
@@ -204,9 +186,8 @@ class OrderSearch:
         field, path = self.field, node.path
         assert path is not None
         n = field.size
-        missed, where = np.empty(n), np.empty(n)
+        missed, where = _find_misses(field, path)
         data = self.chains.data
-        misses(data, path.points, path.times, missed, where)
         missed[list(node.order)] = -math.inf
         # With the curvature limit, vehicles on the path also add turns, so every vehicle is
         # inserted.
@@ -265,24 +246,28 @@ class OrderSearch:
         return int(apart.argmax())
 
 
+@np.errstate(all="ignore")  # overflow yields inf or NaN, which is not a closest approach
+def _find_misses(field: Field, path: Path) -> tuple[Floats, Floats]:
+    """Return the distance of a path to every disc, and leg plus share of it at the closest approach."""
+    vehicles = slice(field.size)
+    driven = field.velocities[vehicles] * path.times[:, None, None]
+    apart = path.points[:, None] - field.centres[vehicles] - driven
+    begin, step = apart, np.zeros_like(apart)
+    if len(apart) > 1:
+        begin, step = apart[:-1], np.diff(apart, axis=0)
+    span = (step**2).sum(axis=-1)
+    share = np.clip(-(begin * step).sum(axis=-1) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
+    away = np.linalg.norm(begin + share[..., None] * step, axis=-1) - field.radii[vehicles]
+    away[np.isnan(away)] = np.inf
+    leg, rows = away.argmin(axis=0), np.arange(field.size)
+    return away[leg, rows], leg + share[leg, rows]
+
+
 def flown(field: Field, order: tuple[int, ...], path: Path, at: list[float]) -> Ordered:
     """Return the tour through a path's points, relative to the vehicles, at full speed.
 
-    Parameters
-    ----------
-    field : Field
-        Scaled data of the model.
-    order : tuple of int
-        Order of all vehicles.
-    path : Path
-        Path that meets them up to the solver's tolerance.
-    at : list of float
-        Leg of the path plus share of it at the encounter with each vehicle.
-
-    Returns
-    -------
-    Ordered
-        The tour.
+    `path` meets the vehicles up to the solver's tolerance. `at` is the leg of the path plus the share
+    of it at the encounter with each vehicle of `order`.
     """
     legs = len(path.times) - 1
     place = np.zeros(2) if not field.free else np.empty(0)
@@ -336,14 +321,9 @@ def best_orders(
         Stop condition, called with the search before each path is solved. The search also ends when
         the best order is proven.
     most : int
-        Maximum number of orders returned, best first.
+        Maximum number of orders returned, by increasing length.
     gap : float
         Relative gap at which the search ends.
-
-    Returns
-    -------
-    list of (tuple of int, float)
-        Order and length of each tour, by increasing length.
     """
     search = OrderSearch(model)
     search.run(lambda: stopped(search), lambda bound: None, gap)
@@ -356,19 +336,7 @@ def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
 
     The encounter is on the boundary of the disc, opposite to the dual force, and its heading
     bisects the directions of the legs. The result is exact if the bound is exact; otherwise it is
-    an initial guess for a search.
-
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    order : sequence of int
-        Vehicles, at least one and each at most once.
-
-    Returns
-    -------
-    Guide
-        Bound, offsets and headings.
+    an initial guess for a search. `order` has at least one vehicle, and each at most once.
     """
     chains = Chains(model, curved=True)
     field = chains.field

@@ -210,8 +210,7 @@ class _Search:
         search.run(stopped, rising, self.request.gap)
         self.bound = search.bound
         if search.best is not None and self.request.options["interior"]:  # where turns are free
-            times = search.best.times / self.problem.speed
-            self.offer(straight(self.problem, search.best.order, search.best.points, times))
+            self.offer(straight(self.problem, search.best.order, search.best.points))
         orders = [order for _, order in sorted(search.orders)]
         if not orders:
             # Without curvature the search dives for tours.
