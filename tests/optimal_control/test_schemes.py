@@ -26,7 +26,11 @@ SCHEMES = [
 ]
 
 
-NAMES = [f"{one[0].name}-{one[0].collocated.size}" for one in SCHEMES]
+NAMES = [
+    *(f"{name}-{n}" for name in ("gauss", "radau") for n in (1, 2, 3, 5, 8, 13)),
+    "hermite-simpson",
+    "trapezoid",
+]
 
 
 def defects(scheme, degree):
