@@ -29,24 +29,25 @@ __all__ = [
     "Phase",
     "Quantity",
     "Restriction",
+    "check_order",
     "entry_names",
 ]
 
 Floats = NDArray[np.float64]
 
+#: Bounds of a quantity at every instant and at both ends.
+SIDES = ("lower", "upper", "initial_lower", "initial_upper", "final_lower", "final_upper")
 _LOW = Array(("size",), infinity=-1)
 _HIGH = Array(("size",), infinity=1)
 
 
-def _check_order(of: str, low: Any, high: Any, what: str) -> None:
+def check_order(name: str, low: Any, high: Any, field: str = "") -> None:
     """Raise if a lower bound exceeds the upper one."""
-    bad = np.flatnonzero(~(np.atleast_1d(low) <= np.atleast_1d(high)))
+    low, high = np.atleast_1d(low), np.atleast_1d(high)
+    bad = np.flatnonzero(~(low <= high))
     if bad.size:
-        k = int(bad[0])
         raise InvalidData(
-            f"{what} of {of}: lower {np.atleast_1d(low)[k]:g} exceeds upper "
-            f"{np.atleast_1d(high)[k]:g}",
-            field=what,
+            f"{name}: lower {low[bad[0]]:g} exceeds upper {high[bad[0]]:g}", field=field or name
         )
 
 
@@ -88,8 +89,19 @@ def _check_sizes(what: str, function: casadi.Function, sizes: Mapping[str, int])
             )
 
 
+class _Bounded(Declared):
+    """Base of vectors with bounds."""
+
+    lower: Floats
+
+    @property
+    def size(self) -> int:
+        """Number of entries."""
+        return int(self.lower.size)
+
+
 @dataclass(frozen=True, eq=False)
-class Quantity(Declared):
+class Quantity(_Bounded):
     """State, control or parameter: a vector with bounds.
 
     Parameters
@@ -147,8 +159,7 @@ class Quantity(Declared):
 
     def holding(self, value: Any) -> Quantity:
         """Return this data with another value, converted by :meth:`read`."""
-        sides = ("lower", "upper", "initial_lower", "initial_upper", "final_lower", "final_upper")
-        changes: dict[str, Any] = dict.fromkeys(sides, self.read(value))
+        changes: dict[str, Any] = dict.fromkeys(SIDES, self.read(value))
         return replace(self, **changes)
 
     def check(self) -> None:
@@ -169,12 +180,7 @@ class Quantity(Declared):
             )
         for side in ("", "initial_", "final_"):
             low, high = getattr(self, f"{side}lower"), getattr(self, f"{side}upper")
-            _check_order(repr(self.name), low, high, f"{side}bounds")
-
-    @property
-    def size(self) -> int:
-        """Number of entries."""
-        return int(self.lower.size)
+            check_order(f"{side}bounds of {self.name!r}", low, high, f"{side}bounds")
 
 
 def entry_names(quantities: Iterable[Quantity | Restriction]) -> tuple[str, ...]:
@@ -186,7 +192,7 @@ def entry_names(quantities: Iterable[Quantity | Restriction]) -> tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Restriction(Declared):
+class Restriction(_Bounded):
     """Bounds on an expression: a path or a boundary constraint.
 
     Parameters
@@ -209,12 +215,7 @@ class Restriction(Declared):
     def check(self) -> None:
         """Raise if bounds contradict one another."""
         _check_entries("a constraint", self)
-        _check_order(repr(self.name), self.lower, self.upper, "bounds")
-
-    @property
-    def size(self) -> int:
-        """Number of entries."""
-        return int(self.lower.size)
+        check_order(f"bounds of {self.name!r}", self.lower, self.upper, "bounds")
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,7 +330,7 @@ class Phase(_Stacked):
             _check_unique(f"{what} of {label}", (item.name for item in getattr(self, what)))
         for side in ("start", "end"):
             low, high = getattr(self, f"{side}_lower"), getattr(self, f"{side}_upper")
-            _check_order(label, low, high, side)
+            check_order(f"{side} of {label}", low, high, side)
         if not self.start_lower < self.end_upper:
             raise InvalidData(
                 f"time of {label} must go forward, got start {self.start_lower:g}, end "

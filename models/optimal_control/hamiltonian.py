@@ -98,16 +98,8 @@ def hamiltonian_gains(problem: Any, plan: ControlPlan) -> tuple[Floats | None, .
     median then estimates the excess, which is distributed over the intervals in proportion to its
     changes.
 
-    Parameters
-    ----------
-    problem, plan
-        See :func:`hamiltonian_spread`.
-
-    Returns
-    -------
-    tuple of ndarray, shape (intervals,)
-        One array per phase, in the unit of the objective; None for a phase that depends on time
-        explicitly or has no costates.
+    The result has one array per phase, shape (intervals,), in the unit of the objective. It is None for
+    a phase that depends on time explicitly or has no costates.
     """
     definition: Definition = getattr(problem, "definition", problem)
     with np.errstate(all="ignore"):

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..programs.compiled import scalar_form
-from .definition import Definition, Quantity, Restriction
+from .definition import SIDES, Definition, Quantity, Restriction
 
 __all__ = ["PhaseSizes", "Sizes", "along", "of_phase", "sizes_at"]
 
@@ -108,7 +108,7 @@ def sizes_at(
 
 def _has_declared_scale(item: Quantity | Restriction) -> Bools:
     """Return which entries have a declared scale: a finite bound other than 0, or a scale other than 1."""
-    edges = [getattr(item, side) for side in _SIDES if hasattr(item, side)]
+    edges = [getattr(item, side) for side in SIDES if hasattr(item, side)]
     table = np.abs(np.array(edges))
     bounded = (np.isfinite(table) & (table > 0)).any(axis=0)
     return np.asarray(bounded | (item.scale != 1.0), bool)
@@ -117,9 +117,6 @@ def _has_declared_scale(item: Quantity | Restriction) -> Bools:
 def _each(condition: Callable[[Any], Bools], items: Iterable[Quantity | Restriction]) -> Bools:
     """Return a condition for the entries of all items."""
     return np.concatenate([*map(condition, items), np.empty(0, bool)])
-
-
-_SIDES = ("lower", "upper", "initial_lower", "initial_upper", "final_lower", "final_upper")
 
 
 @lru_cache(maxsize=64)

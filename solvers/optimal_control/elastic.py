@@ -23,17 +23,10 @@ NEAR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Elastic:
-    """Program with relaxed limits, and the meaning of its additional columns.
+    """Program with relaxed limits: the original columns, then one slack per group.
 
-    Parameters
-    ----------
-    program : NonlinearProgram
-        Columns of the original program, then one slack per group, in units of the group's typical
-        size.
-    groups : tuple of Block
-        Blocks of rows or columns of the original program with relaxed bounds.
-    scales : ndarray, shape (groups,)
-        Typical size of each group.
+    The groups are blocks of rows or columns of the original program with relaxed bounds. Each slack is
+    in units of its group's typical size, one of `scales`.
     """
 
     program: NonlinearProgram
@@ -46,13 +39,6 @@ def elastic(program: NonlinearProgram, rows: list[Block], columns: list[Block]) 
 
     All other rows and bounds are unchanged. The objective is the sum of the slacks relative to their
     block's typical size. As a sum, it relaxes few blocks if few suffice.
-
-    Parameters
-    ----------
-    program : NonlinearProgram
-        Program to relax.
-    rows, columns : list of Block
-        Blocks whose bounds are relaxed.
     """
     n, rest, groups = program.size, program.row_count, [*rows, *columns]
     # Bounded quantities of the original program: rows first, then columns.

@@ -23,15 +23,6 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
     multipliers ``lam_x`` and ``lam_g`` (0 if unknown). The results are ``u``, the controls at the start
     of the first phase, ``objective``, ``violation`` (the largest of a scaled row), and ``z``, ``lam_x``,
     ``lam_g`` for the next step, whose names end in ``_out``.
-
-    Parameters
-    ----------
-    posed : Parametric
-        Program.
-    solver : casadi.Function
-        Solver of the program.
-    name : str
-        Name of the function.
     """
     data = {key: casadi.MX.sym(key, quantity.size) for key, quantity in posed.data.items()}
     state = {
@@ -67,15 +58,6 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
 
 def write_step(posed: Parametric, solver: Any, path: str | os.PathLike[str]) -> Path:
     """Write the C code of :func:`step_function`, named after the file, with CasADi's C interface.
-
-    Parameters
-    ----------
-    posed : Parametric
-        Program.
-    solver : casadi.Function
-        Solver of the program.
-    path : path-like
-        File to write, which ends in ``.c``.
 
     Raises
     ------

@@ -37,25 +37,8 @@ def fly(
     """Return the guess with states integrated from its initial ones with its controls.
 
     If the end is free and not given, it is the time at which the final values are nearest. States
-    that were guessed after the call of ``simulate`` keep their guesses.
-
-    Parameters
-    ----------
-    phase : Guessed
-        Phase.
-    function : casadi.Function
-        ``(t, x, u, p) -> (rate, …)``.
-    steer : casadi.Function
-        ``(t, x, u, p) -> u``: the controls with feedback, given the guessed controls u.
-    guess : Guess
-        Initial state, and the guessed controls.
-    parameters : ndarray, shape (parameters,)
-        Guessed parameters.
-
-    Returns
-    -------
-    Guess
-        The integrated guess.
+    that were guessed after the call of ``simulate`` keep their guesses. The functions are
+    ``(t, x, u, p) -> (rate, …)`` and ``steer``, from the guessed controls u to those with feedback.
 
     Raises
     ------
@@ -74,7 +57,6 @@ def fly(
         for side in ("lower", "upper")
     )
     begin, span = guess.start, guess.end - guess.start
-
     count = itertools.count()
 
     def control(t: float, x: Floats) -> Floats:

@@ -262,19 +262,9 @@ def draw_lines(
     """Return the guess of a phase: given values, and straight lines for the others.
 
     A state moves from its initial to its final value if these are fixed. A free state continues
-    from the previous phase towards its next known value in later phases. An unknown value equals
-    that of the other end, or the middle of its bounds, or 0 moved into the bounds.
-
-    Parameters
-    ----------
-    phase : Guessed
-        Phase.
-    span : tuple of float
-        Guessed times of its two ends.
-    before : mapping of str to ndarray
-        Guess at the end of the previous linked phase, by state.
-    after : mapping of str to (ndarray, ndarray)
-        Time and value of the next known point in later phases, by state; NaN if unknown.
+    from the previous phase, with the value `before` at its end, towards its next known value in later
+    phases. An unknown value equals that of the other end, or the middle of its bounds, or 0 moved into
+    the bounds.
     """
     values_of = {name: value for name, value in phase.guessed.items() if name != "time"}
     start, end = span
@@ -296,13 +286,8 @@ def draw_lines(
                 table = ends[0] + fractions[:, None] * (ends[1] - ends[0])
             tables[what].append(table)
     empty = np.empty((fractions.size, 0))
-    return Guess(
-        start,
-        end,
-        fractions,
-        np.concatenate([*tables["states"], empty], axis=1),
-        np.concatenate([*tables["controls"], empty], axis=1),
-    )
+    states, controls = (np.concatenate([*table, empty], axis=1) for table in tables.values())
+    return Guess(start, end, fractions, states, controls)
 
 
 def _known_next(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import Text, show
-from ..definition import Phase, Quantity, Restriction
+from ..definition import Phase, Restriction
 from .flight import fly
 from .guess import After, Guessed, draw_lines
 from .symbols import explain_symbols
@@ -25,11 +25,10 @@ from .terms import (
     constraint,
     entries,
     free_name,
+    quantity,
     range_of,
     read_expression,
     restriction,
-    text,
-    typical,
 )
 
 __all__ = ["PhaseBuilder"]
@@ -142,14 +141,9 @@ class PhaseBuilder(Guessed):
                     field=what,
                 )
             ends += [np.maximum(begin, low), np.minimum(end, high)]
-        self.states[name] = Quantity(
-            name, low, high, ends[0], ends[1], ends[2], ends[3],
-            typical(repr(name), scale, size, low, high, *ends), text("unit", unit, repr(name)),
-        )  # fmt: skip
-        self.ends[name] = (
-            casadi.MX.sym(f"{name}(t0)", size),
-            casadi.MX.sym(f"{name}(tf)", size),
-        )
+        self.states[name] = quantity(name, scale, unit, (low, high, *ends))
+        begin, end = (casadi.MX.sym(f"{name}({time})", size) for time in ("t0", "tf"))
+        self.ends[name] = begin, end
         symbol = self._add_symbol(name, size)
         if any(isinstance(value, casadi.MX) for value in given.values()):
             self._end_by_expressions(name, given)
@@ -157,13 +151,13 @@ class PhaseBuilder(Guessed):
 
     def _end_by_expressions(self, name: str, ends: Mapping[str, Any]) -> None:
         """Add constraints for ends that are expressions, and guess them at the values of the data."""
-        quantity, problem, known = self.states[name], self.opened(), []
+        state, problem, known = self.states[name], self.opened(), []
         for side, (what, value) in enumerate(ends.items()):
-            low, high = getattr(quantity, f"{what}_lower"), getattr(quantity, f"{what}_upper")
+            low, high = getattr(state, f"{what}_lower"), getattr(state, f"{what}_upper")
             if isinstance(value, casadi.MX):
                 problem.subject_to(
                     self.ends[name][side] == value,
-                    name=f"{what} {name} of {self.name}", unit=quantity.unit, scale=quantity.scale,
+                    name=f"{what} {name} of {self.name}", unit=state.unit, scale=state.scale,
                 )  # fmt: skip
                 symbols = [symbol for _, symbol in problem.parameters.values()]
                 function = casadi.Function("at", symbols, [value], {"allow_free": True})
@@ -176,7 +170,7 @@ class PhaseBuilder(Guessed):
                 known.append(low)
         if known:
             table = np.stack(
-                [np.broadcast_to(end, quantity.lower.shape) for end in (known[0], known[-1])]
+                [np.broadcast_to(end, state.lower.shape) for end in (known[0], known[-1])]
             )
             self.guessed[name] = np.array([0.0, 1.0]), table
 
@@ -208,10 +202,7 @@ class PhaseBuilder(Guessed):
         """
         size = self._check_name("a control", name, size)
         low, high = bounds(name, lower, upper, size)
-        self.controls[name] = Quantity(
-            name, low, high, low, high, low, high, typical(repr(name), scale, size, low, high),
-            text("unit", unit, repr(name)), integer=integer,
-        )  # fmt: skip
+        self.controls[name] = quantity(name, scale, unit, (low, high) * 3, integer=integer)
         return self._add_symbol(name, size)
 
     # -- what holds at every instant -------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Generic, Self, SupportsIndex, TypeVar
 
 import casadi
@@ -26,6 +25,7 @@ from .terms import (
     entries,
     free_name,
     middle,
+    quantity,
     range_of,
     restriction,
     text,
@@ -202,12 +202,12 @@ class ControlProblemBuilder(Generic[ModelT]):
                     f"bounds, got {value[k]:g}",
                     field="guess",
                 )
-        quantity = Quantity(
-            name, low, high, value, value, low, high,
-            typical(repr(name), scale, size, low, high, value), text("unit", unit, repr(name)),
-        )  # fmt: skip
-        symbol = casadi.MX.sym(name, size)
-        self.parameters[name] = (quantity, symbol)
+        edges = (low, high, value, value, low, high)
+        return self._add(quantity(name, scale, unit, edges), size)
+
+    def _add(self, parameter: Quantity, size: int) -> Symbol:
+        symbol = casadi.MX.sym(parameter.name, size)
+        self.parameters[parameter.name] = (parameter, symbol)
         return symbol
 
     def data(
@@ -239,15 +239,9 @@ class ControlProblemBuilder(Generic[ModelT]):
         self._open()
         free_name("data", name, list(self.parameters))
         size = checked_size(name, size)
-        zeros = np.zeros(size)
-        quantity = Quantity(
-            name, zeros, zeros, zeros, zeros, zeros, zeros, np.ones(size),
-            text("unit", unit, repr(name)), given=True,
-        ).holding(0.0 if value is None else value)  # fmt: skip
-        sizes = typical(repr(name), scale, size, quantity.lower)
-        symbol = casadi.MX.sym(name, size)
-        self.parameters[name] = (replace(quantity, scale=sizes), symbol)
-        return symbol
+        blank = quantity(name, None, unit, (np.zeros(size),) * 6, given=True)
+        edges = (blank.read(0.0 if value is None else value),) * 6
+        return self._add(quantity(name, scale, unit, edges, given=True), size)
 
     def minimise(self, objective: Any, *, unit: str = "", scale: Any = None) -> None:
         """Declare the objective, which is minimised.

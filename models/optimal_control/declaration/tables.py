@@ -207,17 +207,7 @@ def domains(
 ) -> list[tuple[Restriction, Symbol]]:
     """Return the constraints that keep the arguments of tables with ``outside="raise"`` in their grids.
 
-    Parameters
-    ----------
-    expressions : sequence of casadi.MX
-        Declared expressions.
-    taken : sequence of str
-        Names of other constraints.
-
-    Returns
-    -------
-    list of (Restriction, casadi.MX)
-        Constraints with their columns.
+    The constraints have columns, and names other than those `taken`.
     """
     stacked = casadi.vertcat(*expressions, casadi.MX(0, 1))
     probe = casadi.Function("probe", casadi.symvar(stacked), [stacked])

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import show, unwritable
-from ..definition import Restriction
+from ..definition import Quantity, Restriction, check_order
 
 __all__ = [
-    "between",
     "checked_size",
     "column",
     "compile_function",
@@ -26,6 +25,7 @@ __all__ = [
     "free_name",
     "middle",
     "numbers",
+    "quantity",
     "range_of",
     "read_relation",
     "restriction",
@@ -140,7 +140,7 @@ def bounds(name: str, lower: Any, upper: Any, size: int) -> tuple[Floats, Floats
     """Return lower and upper bounds of the quantity called `name`."""
     low = bound(f"lower bound of {name!r}", lower, size, -1)
     high = bound(f"upper bound of {name!r}", upper, size, 1)
-    between(f"bounds of {name!r}", low, high)
+    check_order(f"bounds of {name!r}", low, high)
     return low, high
 
 
@@ -155,7 +155,7 @@ def range_of(name: str, value: Any, size: int) -> tuple[Floats, Floats]:
             )
         low = bound(f"lower end of {name}", value[0], size, -1)
         high = bound(f"upper end of {name}", value[1], size, 1)
-        between(name, low, high)
+        check_order(name, low, high)
         return low, high
     if value is None:
         return np.full(size, -np.inf), np.full(size, np.inf)
@@ -167,15 +167,6 @@ def range_of(name: str, value: Any, size: int) -> tuple[Floats, Floats]:
     if not np.isfinite(fixed).all():
         raise InvalidData(f"{name} must be finite, got {show(value)}", field=name)
     return fixed, fixed
-
-
-def between(name: str, low: Floats, high: Floats) -> None:
-    """Raise if a lower bound exceeds the upper one."""
-    bad = np.flatnonzero(~(low <= high))
-    if bad.size:
-        raise InvalidData(
-            f"{name}: lower {low[bad[0]]:g} exceeds upper {high[bad[0]]:g}", field=name
-        )
 
 
 def middle(low: Floats, high: Floats) -> Floats:
@@ -198,6 +189,12 @@ def typical(name: str, given: Any, size: int, *sizes: Floats) -> Floats:
     table = np.abs(np.array(sizes))
     largest: Floats = np.where(np.isfinite(table), table, 0.0).max(axis=0)
     return np.where(largest > 0, largest, 1.0)
+
+
+def quantity(name: str, scale: Any, unit: Any, edges: Sequence[Floats], **marks: bool) -> Quantity:
+    """Return a quantity with the bounds `edges` at every instant, at the start and at the end."""
+    sizes = typical(repr(name), scale, edges[0].size, *edges)
+    return Quantity(name, *edges, sizes, text("unit", unit, repr(name)), **marks)
 
 
 # -- expressions -------------------------------------------------------------------------------------

@@ -33,16 +33,8 @@ def _pattern(expression: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 class Twice:
     """Vector function with its Jacobian and the Hessian of any linear combination of its entries.
 
-    Parameters
-    ----------
-    value : casadi.Function
-        Function from the arguments to the entries.
-    first : casadi.Function
-        Function from the arguments to the nonzeros of the Jacobian.
-    second : casadi.Function
-        Function from arguments and multipliers to the nonzeros of the Hessian's upper triangle.
-    first_at, second_at : tuple of ndarray
-        Rows and columns of these nonzeros.
+    `first` returns the nonzeros of the Jacobian. `second` takes multipliers, too, and returns the
+    nonzeros of the Hessian's upper triangle. `first_at` and `second_at` are their rows and columns.
     """
 
     value: casadi.Function

@@ -119,14 +119,9 @@ class PhaseLayout:
         return np.concatenate(parts)
 
     def costates(self, duals: Floats, knots: Floats) -> Piecewise | None:
-        """Return the costates from the multipliers of the defects; None if a scheme has no mapping.
+        """Return the costates from the defects' multipliers, shape (defects, nx).
 
-        Parameters
-        ----------
-        duals : ndarray, shape (defects, nx)
-            Multipliers of the rows.
-        knots : ndarray, shape (intervals + 1,)
-            Times of the ends of intervals.
+        None if a scheme has no mapping. `knots` are the times of the ends of intervals.
         """
         parts = []
         for k, scheme in enumerate(self.schemes):
@@ -285,19 +280,8 @@ class Layout:
         restrict the program. Their multipliers distinguish the two cases: a multiplier is the derivative
         of the optimal objective with respect to the right-hand side of its row. The gain is the sum of
         the multipliers' magnitudes times the size of the control, an upper bound for a convex program
-        whose controls stay within that size.
-
-        Parameters
-        ----------
-        sizes : Sizes
-            Sizes of the controls.
-        duals : ndarray, shape (rows,), optional
-            Multipliers of all rows; those of the calm rows come last. Without them, the gain is 0.
-
-        Returns
-        -------
-        tuple of ndarray, shape (intervals,)
-            One array per phase, in the unit of the objective; 0 for intervals that are not calm.
+        whose controls stay within that size; it is 0 without multipliers. Those of the calm rows are
+        the last of `duals`.
         """
         if duals is None:
             return tuple(np.zeros(phase.mesh.intervals) for phase in self.phases)

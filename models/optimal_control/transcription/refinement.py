@@ -68,16 +68,9 @@ MOST = 0.75
 class Rules:
     """Rules for the refinement of meshes of a scheme.
 
-    Parameters
-    ----------
-    split : bool
-        Whether intervals may be cut; otherwise only the degree grows.
-    fixed_degree : int, optional
-        Number of nodes per interval, for schemes of fixed degree.
-    order : int
-        Order of such a scheme: its error is proportional to the length to this power.
-    least_degree, most_degree : int
-        Smallest and largest number of nodes per interval.
+    Without `split`, intervals are not cut, and only the degree grows. The degree is the number of nodes
+    per interval. The error of a scheme of fixed degree is proportional to the length to the power
+    `order`.
     """
 
     split: bool = True
@@ -89,20 +82,10 @@ class Rules:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Results of the previous meshes.
+    """Plan of the previous meshes, its objective, and the errors of its intervals per phase.
 
-    Parameters
-    ----------
-    plan : ControlPlan
-        Plan of the last meshes.
-    objective : float
-        Its objective.
-    meshes : tuple of Mesh
-        The last meshes.
-    errors : tuple of ndarray, shape (intervals,)
-        Errors of the intervals, one array per phase.
-    accepted : float, optional
-        Objective, if the plan was acceptable except for a gain predicted by the Hamiltonian.
+    `accepted` is the objective, if the plan was acceptable except for a gain predicted by the
+    Hamiltonian.
     """
 
     plan: ControlPlan
@@ -128,13 +111,10 @@ class Finding:
         Relative difference of the objective from that of the last meshes; infinite for the first.
     verified : bool, optional
         Whether the plan verifies; None if the verification was skipped.
-    errors : tuple of ndarray, shape (intervals,)
-        Errors of the intervals, one array per phase.
+    errors, accepted
+        See :class:`History`.
     settled : bool
         Whether this plan, or the one accepted before, is good enough.
-    accepted : float, optional
-        Objective of a plan that verified and converged except for a gain predicted by the
-        Hamiltonian.
     """
 
     meshes: tuple[Mesh, ...] | None
@@ -179,25 +159,9 @@ def next_meshes(
 ) -> Finding:
     """Return finer meshes, or none if the plan verifies and its objective has converged.
 
-    Parameters
-    ----------
-    model : OptimalControlProblem
-        Problem, whose verification decides.
-    plan : ControlPlan
-        Plan on `meshes`, with costates if available, which indicate whether it is optimal.
-    meshes : sequence of Mesh
-        One mesh per phase.
-    rules : Rules
-        Rules of the scheme.
-    tolerance : float
-        Largest accepted violation.
-    objectives : tuple of float
-        Objective, and its size.
-    former : History, optional
-        Results of the last meshes.
-    strains : sequence of ndarray, shape (intervals,)
-        Possible gain of the objective, per interval of each phase, without the rows that keep
-        controls calm (:meth:`~.layout.Layout.strains`).
+    Costates of the plan, if available, indicate whether it is optimal. `objectives` are the objective
+    and its size. `strains` are the possible gains of the objective, per interval of each phase, without
+    the rows that keep controls calm (:meth:`~.layout.Layout.strains`).
     """
     objective, size = objectives
     parameters = np.concatenate([*plan.parameters.values(), np.empty(0)])

@@ -22,15 +22,6 @@ def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> Control
     """Return `guess` with smooth random waves; the values of states at both ends are kept.
 
     Waves of a control do not have to vanish at its ends. Free end times are scaled at random.
-
-    Parameters
-    ----------
-    definition : Definition
-        Problem.
-    guess : ControlPlan
-        Guess to modify.
-    seed : int
-        Seed of the random numbers.
     """
     draw = np.random.default_rng(seed)
     phases = []
@@ -49,10 +40,8 @@ def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> Control
             cosines = draw.normal(size=(WAVES + 1, source.size))
             values = []
             for k, (positions, table) in enumerate(zip(source.nodes, source.values, strict=True)):
-                f = source.knots[k] + 0.5 * (positions + 1.0) * (
-                    source.knots[k + 1] - source.knots[k]
-                )
-                f = (f - part.start) / part.duration
+                begin, length = source.knots[k], source.knots[k + 1] - source.knots[k]
+                f = (begin + 0.5 * (positions + 1.0) * length - part.start) / part.duration
                 wave = np.sin(np.pi * np.outer(f, np.arange(1, WAVES + 1))) @ sines
                 if what == "controls":
                     wave = np.cos(np.pi * np.outer(f, np.arange(WAVES + 1))) @ cosines
