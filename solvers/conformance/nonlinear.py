@@ -16,9 +16,15 @@ from ...models.programs.nonlinear import NonlinearProgram
 from ..contract.backend import Termination
 from .cases import Case, Expectation, Table, asked_for, tabled
 from .limits import same_seed_same_answer, seeds_differ
-from .nonlinear_hard import hard_cases, unsolvable_cases
-from .nonlinear_limits import chain_case, nonlinear_limit_cases
-from .nonlinear_posing import ENDS, known, nonlinear
+from .nonlinear_hard import (
+    ENDS,
+    chain_case,
+    hard_cases,
+    known,
+    nonlinear,
+    nonlinear_limit_cases,
+    unsolvable_cases,
+)
 
 __all__ = ["nonlinear_cases"]
 

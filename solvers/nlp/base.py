@@ -57,13 +57,7 @@ HESSIAN = Option(
 
 
 def most_iterations(default: int) -> Option:
-    """Return the option ``max_iter`` of these solvers.
-
-    Parameters
-    ----------
-    default : int
-        Default limit on iterations.
-    """
+    """Return the option ``max_iter`` of these solvers."""
     return Option(default, "Limit on iterations.", int, lower=1)
 
 

@@ -33,21 +33,8 @@ def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector
 
     The Hessian of the Lagrangian is projected onto the directions that the binding rows and bounds
     permit. Its smallest eigenvalue is approximated by Lanczos' method with full orthogonalisation
-    (Golub and Van Loan, "Matrix Computations", section 10.1).
-
-    Parameters
-    ----------
-    program : NonlinearProgram
-        The program.
-    point : ndarray, shape (n,)
-        A stationary point.
-    duals : ndarray, shape (m,)
-        Row multipliers of the point.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        Direction in terms of the columns, scaled to a largest entry of 1 in column sizes.
+    (Golub and Van Loan, "Matrix Computations", section 10.1). The direction is scaled to a largest
+    entry of 1 in column sizes.
     """
     from scipy.sparse.linalg import splu
 

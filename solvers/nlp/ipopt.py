@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -15,7 +19,6 @@ from ..contract.backend import Feature, Limit, Option, Request
 from ..programs.attempts import Clock, Ended, Ending, limit_reached, solver_tolerance
 from ..programs.casadi_plugins import ended_by_words, status_of
 from .base import COMMON, HESSIAN, most_iterations
-from .blas import use_threads
 from .casadi_nlp import DERIVATIVES, CasadiNlp
 
 if TYPE_CHECKING:
@@ -24,6 +27,20 @@ if TYPE_CHECKING:
 __all__ = ["Ipopt"]
 
 Vector = NDArray[np.float64]
+
+log = logging.getLogger("crosstrack")
+
+#: Half the width of an equation as a range, relative to the size of the row.
+NARROW = 1e-9
+#: MUMPS orders with METIS and does not permute rows. Its default, a maximum transversal, made the
+#: factorisation of a transcribed optimal control problem ten times as slow.
+_MUMPS = {"mumps_pivot_order": 5, "mumps_permuting_scaling": 0}
+#: Option that marks a second attempt.
+_CAREFUL = "careful"
+#: Barrier parameter of a warm start, and its distance from bounds. From an optimum on a coarser mesh,
+#: Ipopt takes a third of the iterations of the default, 0.1.
+NEAR = 1e-5
+_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 
 
 class Ipopt(CasadiNlp):
@@ -99,7 +116,7 @@ class Ipopt(CasadiNlp):
     def load(self, request: Request) -> None:
         """Load the plugin, and set the threads of its linear algebra, by default one."""
         super().load(request)
-        use_threads(request.threads or 1)
+        _use_threads(request.threads or 1)
 
     def first(self, scaled: Scaled, start: Vector) -> dict[str, Any]:
         """Return nothing, because Ipopt's own estimate of the multipliers fits its barrier better."""
@@ -129,14 +146,28 @@ def _slackened(program: NonlinearProgram) -> NonlinearProgram:
     )
 
 
-#: Half the width of an equation as a range, relative to the size of the row.
-NARROW = 1e-9
-#: MUMPS orders with METIS and does not permute rows. Its default, a maximum transversal, made the
-#: factorisation of a transcribed optimal control problem ten times as slow.
-_MUMPS = {"mumps_pivot_order": 5, "mumps_permuting_scaling": 0}
-#: Option that marks a second attempt.
-_CAREFUL = "careful"
-#: Barrier parameter of a warm start, and its distance from bounds. From an optimum on a coarser mesh,
-#: Ipopt takes a third of the iterations of the default, 0.1.
-NEAR = 1e-5
-_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+@cache
+def _library() -> Any:
+    """Return CasADi's OpenBLAS library; None if the wheel has none under its usual name."""
+    import casadi
+
+    for file in sorted(Path(casadi.__file__).parent.glob("libcasadi-tp-openblas.so*")):
+        try:
+            library = ctypes.CDLL(str(file))
+            library.openblas_set_num_threads.argtypes = [ctypes.c_int]
+        except (OSError, AttributeError) as error:
+            log.debug("threads of %s cannot be set: %s", file.name, error)
+            continue
+        return library
+    return None
+
+
+def _use_threads(count: int) -> None:
+    """Set the number of threads of CasADi's linear algebra in this process.
+
+    For the small fronts of a transcribed problem, several threads took twice as long as one, because
+    the threads of OpenBLAS wait actively for each other.
+    """
+    library = _library()
+    if library is not None:
+        library.openblas_set_num_threads(int(count))

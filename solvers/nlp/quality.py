@@ -64,19 +64,8 @@ def measured(
 ) -> Quality | None:
     """Return the quality of `point`, clipped to the column bounds; None if it cannot be evaluated.
 
-    Parameters
-    ----------
-    program : NonlinearProgram
-        The program.
-    point : ndarray, shape (n,), optional
-        The point.
-    duals : ndarray, shape (m,), optional
-        Row multipliers.
-    tolerance : float
-        Tolerance of the verification.
-    enough : float
-        Largest acceptable stationarity. Multipliers that are missing or leave more are replaced by a
-        least-squares estimate.
+    Multipliers that are missing, or leave a stationarity larger than `enough`, are replaced by a
+    least-squares estimate.
     """
     if point is None:
         return None
@@ -97,15 +86,11 @@ def measured(
     if given and duals is not None:
         best = explained_duals(program, x, duals, objective)
         smallest = _stationarity(program, x, best, objective)
-    if not smallest <= enough:
-        estimate = estimated_duals(program, x)
-        estimated_stationarity = (
-            np.inf if estimate is None else _stationarity(program, x, estimate, objective)
-        )
-        if estimate is not None and (
-            estimated_stationarity < smallest or not np.isfinite(smallest)
-        ):
-            best, smallest = estimate, estimated_stationarity
+    estimate = None if smallest <= enough else estimated_duals(program, x)
+    if estimate is not None:
+        stationarity = _stationarity(program, x, estimate, objective)
+        if stationarity < smallest or not np.isfinite(smallest):
+            best, smallest = estimate, stationarity
     return Quality(x, objective, True, violation, best, smallest)
 
 
@@ -148,19 +133,7 @@ def _near(program: NonlinearProgram, rows: Vector) -> tuple[Vector, Vector, Vect
 def explained_duals(
     program: NonlinearProgram, point: Vector, duals: Vector, objective: float
 ) -> Vector:
-    """Return `duals` with 0 for multipliers that no binding row explains, by sign or by slack.
-
-    Parameters
-    ----------
-    program : NonlinearProgram
-        The program.
-    point : ndarray, shape (n,)
-        The point.
-    duals : ndarray, shape (m,)
-        Row multipliers.
-    objective : float
-        Objective of the point.
-    """
+    """Return `duals` with 0 for multipliers that no binding row explains, by sign or by slack."""
     above, below, reach = _near(program, program.values(point)[1])
     slack = np.where(duals > 0, above, below)
     with np.errstate(invalid="ignore"):
@@ -173,13 +146,6 @@ def estimated_duals(program: NonlinearProgram, point: Vector) -> Vector | None:
     """Return the multipliers with the smallest sum of squared reduced costs; None if there are none.
 
     Multipliers of rows that do not bind are 0, and those of the wrong sign are removed.
-
-    Parameters
-    ----------
-    program : NonlinearProgram
-        The program.
-    point : ndarray, shape (n,)
-        The point.
     """
     scale, weight = program.column_scale, program.objective_scale
     gradient = program.gradient(point) * scale / weight
@@ -231,19 +197,10 @@ def _least_squares(matrix: sp.csc_array, right: Vector) -> Vector | None:
 
 
 def worst_blocks(program: NonlinearProgram, point: Vector, count: int = 4) -> str:
-    """Return the row blocks with the largest violations at `point`, as text with the paper's terms.
+    """Return the `count` row blocks with the largest violations, as text with the paper's terms.
 
     They are sorted by the violation in units of the typical size. The number is the violation itself,
     such as ``"eq. 9, torque limit, 3.2 at node 4 of interval 2"``.
-
-    Parameters
-    ----------
-    program : NonlinearProgram
-        The program.
-    point : ndarray, shape (n,)
-        The point.
-    count : int
-        Largest number of blocks.
     """
     scaled = program.violations(point)
     entries = []

@@ -35,16 +35,7 @@ class _Stopped(Exception):
 class _Posed:
     """Scaled program as functions of arrays that cache their last values.
 
-    Every evaluation checks the clock and stop requests.
-
-    Parameters
-    ----------
-    program : NonlinearProgram
-        The program.
-    limit_reached : callable
-        Function that returns True if the run must stop.
-    start : ndarray, shape (n,)
-        First point of the search, in the units of the program.
+    Every evaluation checks the clock and stop requests with `limit_reached`.
     """
 
     def __init__(

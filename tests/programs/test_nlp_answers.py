@@ -14,7 +14,7 @@ from nonlinears import CASES, TWICE, asked
 
 from crosstrack.models.programs.blocks import Block
 from crosstrack.models.programs.nonlinear import NonlinearProgram
-from crosstrack.solvers.conformance.nonlinear_posing import nonlinear
+from crosstrack.solvers.conformance.nonlinear_hard import nonlinear
 from crosstrack.solvers.contract.backend import Limit, Request, Termination
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.nlp.base import NonlinearBackend

@@ -26,7 +26,7 @@ from crosstrack.solvers.conformance import (
     cases_for,
     run_case,
 )
-from crosstrack.solvers.conformance.nonlinear_posing import nonlinear
+from crosstrack.solvers.conformance.nonlinear_hard import nonlinear
 from crosstrack.solvers.contract.backend import Control, Feature, Limit, Request, Termination
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.nlp.casadi_nlp import CasadiNlp

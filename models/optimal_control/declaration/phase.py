@@ -142,8 +142,8 @@ class PhaseBuilder(Guessed):
                 )
             ends += [np.maximum(begin, low), np.minimum(end, high)]
         self.states[name] = quantity(name, scale, unit, (low, high, *ends))
-        begin, end = (casadi.MX.sym(f"{name}({time})", size) for time in ("t0", "tf"))
-        self.ends[name] = begin, end
+        first, last = (casadi.MX.sym(f"{name}({time})", size) for time in ("t0", "tf"))
+        self.ends[name] = first, last
         symbol = self._add_symbol(name, size)
         if any(isinstance(value, casadi.MX) for value in given.values()):
             self._end_by_expressions(name, given)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import show, unwritable
-from ..definition import Quantity, Restriction, check_order
+from ..definition import SIDES, Quantity, Restriction, check_order
 
 __all__ = [
     "checked_size",
@@ -193,8 +193,9 @@ def typical(name: str, given: Any, size: int, *sizes: Floats) -> Floats:
 
 def quantity(name: str, scale: Any, unit: Any, edges: Sequence[Floats], **marks: bool) -> Quantity:
     """Return a quantity with the bounds `edges` at every instant, at the start and at the end."""
+    fields: dict[str, Any] = {**dict(zip(SIDES, edges, strict=True)), **marks}
     sizes = typical(repr(name), scale, edges[0].size, *edges)
-    return Quantity(name, *edges, sizes, text("unit", unit, repr(name)), **marks)
+    return Quantity(name, scale=sizes, unit=text("unit", unit, repr(name)), **fields)
 
 
 # -- expressions -------------------------------------------------------------------------------------

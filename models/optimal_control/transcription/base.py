@@ -338,23 +338,34 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         finding = finding.limited(rounds, self.rounds, self.most_nodes)
         row = {
             "mesh": rounds,
-            "intervals": sum(mesh.intervals for mesh in self._meshes),
-            "nodes": sum(mesh.nodes for mesh in self._meshes),
+            **self._mesh_size,
             "error": finding.error if np.isfinite(finding.error) else None,
             "objective": objective if np.isfinite(objective) else None,
             "change": finding.change if np.isfinite(finding.change) else None,
             "verified": finding.verified,
             "then": finding.words,
         }
-        rows = (*self._told, row)
+        finer = self._following(finding, plan, objective, (*self._told, row))
+        return finer if finer is None or restored is None else restored._with(_told=self._rows)
+
+    def _following(
+        self, finding: Finding, plan: ControlPlan, objective: float, rows: tuple[Any, ...]
+    ) -> Self | None:
+        """Store the rows of the history, and return the formulation on the meshes of `finding`."""
         object.__setattr__(self, "_rows", rows)
         object.__setattr__(self, "_settled", finding.settled)
         if finding.meshes is None:
             return None
-        if restored is not None:
-            return restored._with(_told=rows)
         history = History(plan, objective, self._meshes, finding.errors, finding.accepted)
         return self._with(_meshes=finding.meshes, _history=history, _told=rows)
+
+    @property
+    def _mesh_size(self) -> dict[str, int]:
+        """Numbers of intervals and nodes over all phases."""
+        return {
+            "intervals": sum(mesh.intervals for mesh in self._meshes),
+            "nodes": sum(mesh.nodes for mesh in self._meshes),
+        }
 
     def counterpart(self, point: Floats) -> Transcription | None:
         """Return the transcription with another scheme, started at `point`; None without refinement."""
@@ -378,20 +389,15 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if difference <= AGREED * tolerance:
             return None
         assert self.confirmed_by is not None
-        rounds = len(self._rows)
         words = f"{self.confirmed_by.name} ends at {objective:.9g}: all intervals refined"
         meshes = denser(self._meshes, self.rules)
-        finer = Finding(meshes, np.nan, words).limited(rounds, self.rounds, self.most_nodes)
         if meshes is None:
-            finer = replace(finer, words="no finer mesh is possible")
-        rows = (*self._rows[:-1], {**self._rows[-1], "then": finer.words})
-        object.__setattr__(self, "_rows", rows)
-        object.__setattr__(self, "_settled", False)
-        if finer.meshes is None:
-            return None
+            words = "no finer mesh is possible"
         errors = tuple(np.full(mesh.intervals, np.inf) for mesh in self._meshes)
-        history = History(self.decode(point), current, self._meshes, errors)
-        return self._with(_meshes=finer.meshes, _history=history, _told=rows)
+        finding = Finding(meshes, np.nan, words, errors=errors)
+        finding = finding.limited(len(self._rows), self.rounds, self.most_nodes)
+        rows = (*self._rows[:-1], {**self._rows[-1], "then": finding.words})
+        return self._following(finding, self.decode(point), current, rows)
 
     @property
     def settled(self) -> bool:
@@ -434,11 +440,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a random start: the guess with waves drawn by `seed`."""
-        return self._with(
-            _start=draw_start(
-                self.model.definition, self._start or self.decode(self._guess()), seed
-            )
-        )
+        guess = self._start or self.decode(self._guess())
+        return self._with(_start=draw_start(self.model.definition, guess, seed))
 
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`, such as the plan for another initial state."""
@@ -446,13 +449,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def _with(self, **changes: Any) -> Self:
         options = {
-            option.name: getattr(self, option.name)
+            option.name: changes.get(option.name, getattr(self, option.name))
             for option in fields(self)
-            if option.init and option.name != "model"
+            if option.init
         }
-        if "dependent" in changes:
-            options["dependent"] = changes["dependent"]
-        result = type(self)(self.model, **options)
+        result = type(self)(**options)
         for name in ("_meshes", "_history", "_start", "_told"):
             object.__setattr__(result, name, changes.get(name, getattr(self, name)))
         return result
@@ -461,8 +462,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
         result: dict[str, float | int | str] = {
             "meshes": len(self._told) + 1,
-            "intervals": sum(mesh.intervals for mesh in self._meshes),
-            "nodes": sum(mesh.nodes for mesh in self._meshes),
+            **self._mesh_size,
             "columns": self.layout.size,
         }
         if self.dropped:

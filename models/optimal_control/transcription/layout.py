@@ -129,7 +129,8 @@ class PhaseLayout:
             if part is None:
                 return None
             parts.append(part)
-        return Piecewise(knots, *zip(*parts, strict=True))
+        nodes, values = zip(*parts, strict=True)
+        return Piecewise(knots, nodes, values)
 
     # -- calm controls ---------------------------------------------------------------------------
 
