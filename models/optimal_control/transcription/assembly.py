@@ -7,7 +7,7 @@ avoids automatic differentiation of the whole program, whose cost would grow wit
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -18,7 +18,7 @@ from ...programs.blocks import Block
 from ...programs.nonlinear import NonlinearProgram
 from ...programs.triplets import Triplets, dm
 from ..sizes import Sizes
-from .derivatives import functions_of
+from .derivatives import Twice, functions_of
 from .layout import Layout, stack_blocks
 
 __all__ = ["Assembly"]
@@ -28,6 +28,40 @@ Whole = NDArray[np.int64]
 
 #: Shortest duration of a phase with free times, relative to the longest possible one.
 SHORTEST = 1e-6
+
+
+class _Part(NamedTuple):
+    """Function of some columns at several points, and its coefficients in the objective and the rows.
+
+    `columns` has the shape (arguments, points), `places` are further arguments, and `spread` has the
+    shape (1 + rows, entries × points).
+    """
+
+    twice: Twice
+    columns: Whole
+    places: casadi.DM | None
+    spread: casadi.DM
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return int(self.columns.shape[1])
+
+    def arguments(self, x: Any) -> list[Any]:
+        """Return the arguments of the functions, one column per point."""
+        # CasADi reshapes column by column, that is point by point.
+        stacked = casadi.reshape(x[self.columns.T.reshape(-1).tolist()], *self.columns.shape)
+        return [stacked] if self.places is None else [stacked, self.places]
+
+    def selection(self, size: int) -> Any:
+        """Return the matrix that selects the arguments of all points, (arguments × points, size)."""
+        columns = self.columns.T.reshape(-1)
+        ones = np.ones(columns.size), (np.arange(columns.size), columns)
+        return casadi.MX(dm(sp.csr_array(ones, shape=(columns.size, size))))
+
+    def blocks(self, pattern: casadi.Sparsity, values: Any) -> Any:
+        """Return the block-diagonal matrix of the points' matrices with this pattern."""
+        return casadi.MX(casadi.diagcat(*[pattern] * self.points), casadi.vec(values))
 
 
 class Assembly:
@@ -62,14 +96,16 @@ class Assembly:
     # -- structure -------------------------------------------------------------------------------
 
     @cached_property
-    def _rows(self) -> tuple[sp.csr_array, tuple[sp.csr_array, ...]]:
-        """Linear part of the rows, (rows, columns), and coefficients of each phase's node functions.
-
-        The latter multiply the entries of the node functions, visit by visit: (rows, entries × visits).
-        """
-        linear = Triplets()
-        spreads = tuple(self._coefficients(k, linear) for k in range(len(self.layout.phases)))
-        row = self.row_starts[-1] + self.boundaries
+    def _parts(self) -> tuple[casadi.DM, tuple[_Part, ...]]:
+        """Linear part of the objective and rows, (1 + rows, columns), and the nonlinear parts."""
+        linear, layout = Triplets(), self.layout
+        parts = [self._nodes(number, linear) for number in range(len(layout.phases))]
+        entries = np.arange(self.boundaries + 1)
+        spread = Triplets()
+        spread.add(np.where(entries > 0, self.row_starts[-1] + entries, 0), entries, 1.0)
+        ends = layout.end_columns[:, None]
+        parts.append(_Part(self.functions.endpoint, ends, None, self._matrix(spread, entries.size)))
+        row = 1 + self.row_starts[-1] + self.boundaries
         for phase in self.free_lengths:
             linear.add(row, phase.time_columns, [-1.0, 1.0])
             row += 1
@@ -77,17 +113,20 @@ class Assembly:
             coo = calm.tocoo()
             linear.add(row + coo.row, coo.col, coo.data)
             row += calm.shape[0]
-        r, c, value, _ = linear.joined()
-        return sp.csr_array((value, (r, c)), shape=(self.row_count, self.layout.size)), spreads
+        return self._matrix(linear, layout.size), tuple(parts)
 
-    def _coefficients(self, number: int, linear: Triplets) -> sp.csr_array:
-        """Return the coefficients of a phase's node functions, and add the linear part of its rows."""
+    def _matrix(self, entries: Triplets, columns: int) -> casadi.DM:
+        r, c, value, _ = entries.joined()
+        return dm(sp.csr_array((value, (r, c)), shape=(1 + self.row_count, columns)))
+
+    def _nodes(self, number: int, linear: Triplets) -> _Part:
+        """Return the node functions of a phase, and add the linear part of its rows."""
         phase, integrals = self.layout.phases[number], self.layout.phases[number].phase.integrals
-        first, spread = self.row_starts[number], Triplets()
-        states, entries = np.arange(phase.nx), self.functions.nodes[number].entries
+        first, spread = 1 + self.row_starts[number], Triplets()
+        states, node = np.arange(phase.nx), self.functions.nodes[number]
 
         def source(entry: Any, visit: Any) -> Any:
-            return np.asarray(visit) * entries + np.asarray(entry)
+            return np.asarray(visit) * node.entries + np.asarray(entry)
 
         for k, scheme in enumerate(phase.schemes):
             begin = first + states[:, None] * phase.defects + phase.row_starts[k]
@@ -95,133 +134,56 @@ class Assembly:
             linear.add(begin + r, phase.state_columns[:, phase.starts[k] + c], scheme.left[r, c])
             r, c = np.nonzero(scheme.right)
             places = source(states[:, None], phase.visit_starts[k] + c)
-            spread.add(begin + r, 0, -scheme.right[r, c], places)
+            spread.add(begin + r, places, -scheme.right[r, c])
         row = first + phase.nx * phase.defects
         paths = np.arange(phase.paths)[:, None]
         rows = row + paths * phase.collocated + np.arange(phase.collocated)
-        spread.add(rows, 0, 1.0, source(phase.nx + integrals + paths, phase.owners))
+        spread.add(rows, source(phase.nx + integrals + paths, phase.owners), 1.0)
         row += phase.paths * phase.collocated
         weights = np.concatenate([scheme.weights for scheme in phase.schemes])
         for k in range(integrals):
             linear.add(row + k, phase.integral_columns[k], 1.0)
-            spread.add(row + k, 0, -weights, source(phase.nx + k, np.arange(phase.visits)))
-        r, _, factor, place = spread.joined()
-        shape = (self.row_count, entries * phase.visits)
-        return sp.csr_array((factor, (r, place)), shape=shape)
+            spread.add(row + k, source(phase.nx + k, np.arange(phase.visits)), -weights)
+        columns = self.layout.visit_columns(number)
+        matrix = self._matrix(spread, node.entries * phase.visits)
+        return _Part(node, columns, casadi.DM(phase.visit_places), matrix)
 
     # -- functions -------------------------------------------------------------------------------
 
-    def _arguments(self, number: int, x: Any) -> list[Any]:
-        """Return the arguments of the node functions of a phase, one column per visit."""
-        columns = self.layout.visit_columns(number)
-        # CasADi reshapes column by column, that is visit by visit.
-        stacked = casadi.reshape(x[columns.T.reshape(-1).tolist()], *columns.shape)
-        return [stacked, casadi.DM(self.layout.phases[number].visit_places)]
-
     def values(self, x: Any) -> tuple[Any, Any]:
         """Return the objective and the rows."""
-        ends = self.functions.endpoint.value(x[self.layout.end_columns.tolist()])
-        linear, spreads = self._rows
-        rows = casadi.mtimes(casadi.MX(dm(linear)), x)
-        for number, spread in enumerate(spreads):
-            node = self.functions.nodes[number].value
-            visits = self.layout.phases[number].visits
-            entries = casadi.vec(node.map(visits)(*self._arguments(number, x)))
-            rows = rows + casadi.mtimes(casadi.MX(dm(spread)), entries)
-        if self.boundaries:
-            begin = self.row_starts[-1]
-            pad = casadi.MX(casadi.DM(begin, 1))
-            after = casadi.MX(casadi.DM(self.row_count - begin - self.boundaries, 1))
-            rows = rows + casadi.vertcat(pad, ends[1:], after)
-        return ends[0], casadi.densify(rows)
+        linear, parts = self._parts
+        total = casadi.mtimes(casadi.MX(linear), x)
+        for part in parts:
+            entries = part.twice.value.map(part.points)(*part.arguments(x))
+            total = total + casadi.mtimes(casadi.MX(part.spread), casadi.vec(entries))
+        total = casadi.densify(total)
+        return total[0], total[1:]
 
     def first(self, x: Any) -> tuple[Any, Any]:
         """Return the gradient of the objective and the Jacobian of the rows."""
-        entries = Triplets()
-        linear, spreads = self._rows
-        values, count = [], 0
-        for number, spread in enumerate(spreads):
-            twice = self.functions.nodes[number]
-            visits = self.layout.phases[number].visits
-            row, column = twice.first_at
-            if not row.size:
-                continue
-            values.append(casadi.vec(twice.first.map(visits)(*self._arguments(number, x))))
-            # Nonzeros of the node's Jacobian by entry, repeated for each coefficient in `spread`.
-            order = np.argsort(row, kind="stable")
-            begins = np.searchsorted(row[order], np.arange(twice.entries + 1))
-            coo = spread.tocoo()
-            visit, entry = np.divmod(coo.col, twice.entries)
-            counts = np.diff(begins)[entry]
-            which = np.repeat(np.arange(coo.nnz), counts)
-            within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-            nonzero = order[begins[entry[which]] + within]
-            entries.add(
-                coo.row[which],
-                self.layout.visit_columns(number)[column[nonzero], visit[which]],
-                coo.data[which],
-                count + visit[which] * row.size + nonzero,
-            )
-            count += row.size * visits
-        coo = linear.tocoo()
-        entries.add(coo.row, coo.col, coo.data)
-        twice = self.functions.endpoint
-        row, column = twice.first_at
-        values.append(twice.first(x[self.layout.end_columns.tolist()]))
-        below = row > 0
-        entries.add(
-            self.row_starts[-1] + row[below] - 1,
-            self.layout.end_columns[column[below]],
-            1.0,
-            count + np.flatnonzero(below),
-        )
-        gradient = Triplets()
-        gradient.add(
-            self.layout.end_columns[column[~below]], 0, 1.0, count + np.flatnonzero(~below)
-        )
-        count += row.size
-        stacked = casadi.vertcat(*values)
-        size = self.layout.size
-        return (
-            casadi.densify(gradient.matrix((size, 1), stacked, count)),
-            entries.matrix((self.row_count, size), stacked, count),
-        )
+        linear, parts = self._parts
+        total = casadi.MX(linear)
+        for part in parts:
+            values = part.twice.first.map(part.points)(*part.arguments(x))
+            blocks = part.blocks(part.twice.jacobian, values)
+            product = casadi.mtimes(casadi.MX(part.spread), blocks)
+            total = total + casadi.mtimes(product, part.selection(self.layout.size))
+        return casadi.densify(total[0, :].T), total[1:, :]
 
     def _second(self, x: Any, scale: Any, duals: Any) -> Any:
         """Return the upper triangle of the Hessian of ``scale f + duals·g``."""
-        entries = Triplets()
-        parts, count = [], 0
-        for number, spread in enumerate(self._rows[1]):
-            twice = self.functions.nodes[number]
-            visits = self.layout.phases[number].visits
-            row, column = twice.second_at
-            if not row.size:
-                continue
-            multipliers = casadi.mtimes(casadi.MX(dm(spread.T)), duals)
-            multipliers = casadi.reshape(casadi.densify(multipliers), twice.entries, visits)
-            values = twice.second.map(visits)(*self._arguments(number, x), multipliers)
-            parts.append(casadi.vec(values))
-            local = self.layout.visit_columns(number)
-            visit = np.arange(visits)
-            entries.add(
-                local[row],
-                local[column],
-                1.0,
-                count + visit * row.size + np.arange(row.size)[:, None],
-            )
-            count += row.size * visits
-        twice = self.functions.endpoint
-        row, column = twice.second_at
-        begin = self.row_starts[-1]
-        multipliers = casadi.vertcat(scale, duals[begin : begin + self.boundaries])
-        parts.append(twice.second(x[self.layout.end_columns.tolist()], multipliers))
-        ends = self.layout.end_columns
-        low = np.minimum(ends[row], ends[column])
-        high = np.maximum(ends[row], ends[column])
-        entries.add(low, high, 1.0, count + np.arange(row.size))
-        count += row.size
-        size = self.layout.size
-        return entries.matrix((size, size), casadi.vertcat(*parts), count)
+        multipliers, total = casadi.vertcat(scale, duals), casadi.MX(*(self.layout.size,) * 2)
+        for part in self._parts[1]:
+            weights = casadi.densify(casadi.mtimes(casadi.MX(part.spread.T), multipliers))
+            weights = casadi.reshape(weights, part.twice.entries, part.points)
+            values = part.twice.second.map(part.points)(*part.arguments(x), weights)
+            blocks = part.blocks(part.twice.hessian, values)
+            if (np.diff(part.columns, axis=0) < 0).any():  # entries may move below the diagonal
+                blocks = casadi.triu2symm(blocks)
+            selection = part.selection(self.layout.size)
+            total = total + casadi.mtimes(casadi.mtimes(selection.T, blocks), selection)
+        return casadi.triu(total)
 
     # -- the program -----------------------------------------------------------------------------
 

@@ -197,7 +197,7 @@ def _effects(
     ends[places] = np.concatenate([times, start, z[-1], p])
     twice = functions.endpoint
     jacobian = np.zeros((twice.entries, ends.size))
-    jacobian[twice.first_at] = np.array(twice.first(ends)).reshape(-1)
+    jacobian[twice.jacobian.get_triplet()] = np.array(twice.first(ends)).reshape(-1)
     columns = np.concatenate([rest[:2], x0, np.arange(nz), rest[2:]])
     size_z = np.append(size_x, np.ones(nz - nx))
     scale = np.concatenate([sizes[nx + nu : nx + nu + 2], size_x, size_z, size_p])
@@ -223,7 +223,7 @@ class _Motion:
             function.map(points.size) for function in (twice.value, twice.first)
         )
         self.shape = points.size, twice.entries, sizes.size
-        self.at, self.points = twice.first_at, points
+        self.at, self.points = twice.jacobian.get_triplet(), points
         self.anchor, self.others, self.sizes, self.nz = anchor, others, sizes, nz
         count = points.size - 1
         self.series = np.linalg.inv(legendre.legvander(points[:-1], count - 1))
@@ -256,7 +256,7 @@ class _Motion:
             return None
         slopes = np.zeros(self.shape)
         rows, columns = self.at
-        slopes[:, rows, columns] = np.array(self.first(given, place)).reshape(rows.size, -1).T
+        slopes[:, rows, columns] = np.array(self.first(given, place)).reshape(len(rows), -1).T
         slopes *= self.sizes
         slopes[:, :nx] /= size[:, None]
         rates = slopes[:-1, :nz, :nx]

@@ -12,7 +12,6 @@ from weakref import WeakKeyDictionary
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
 from ..definition import Definition, Phase
 
@@ -24,24 +23,19 @@ def _symbols(function: casadi.Function) -> Any:
     return casadi.SX if function.is_a("SXFunction") else casadi.MX
 
 
-def _pattern(expression: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    rows, columns = expression.sparsity().get_triplet()
-    return np.array(rows, np.int64), np.array(columns, np.int64)
-
-
 @dataclass(frozen=True, eq=False)
 class Twice:
     """Vector function with its Jacobian and the Hessian of any linear combination of its entries.
 
     `first` returns the nonzeros of the Jacobian. `second` takes multipliers, too, and returns the
-    nonzeros of the Hessian's upper triangle. `first_at` and `second_at` are their rows and columns.
+    nonzeros of the Hessian's upper triangle. `jacobian` and `hessian` are their patterns.
     """
 
     value: casadi.Function
     first: casadi.Function
     second: casadi.Function
-    first_at: tuple[NDArray[np.int64], NDArray[np.int64]]
-    second_at: tuple[NDArray[np.int64], NDArray[np.int64]]
+    jacobian: casadi.Sparsity
+    hessian: casadi.Sparsity
 
     @property
     def entries(self) -> int:
@@ -59,8 +53,8 @@ def _differentiate(name: str, free: Any, entries: Any, arguments: list[Any], kin
         casadi.Function(f"{name}_value", arguments, [entries]),
         casadi.Function(f"{name}_first", arguments, [_nonzeros(jacobian, kind)]),
         casadi.Function(f"{name}_second", [*arguments, multipliers], [_nonzeros(curved, kind)]),
-        _pattern(jacobian),
-        _pattern(curved),
+        jacobian.sparsity(),
+        curved.sparsity(),
     )
 
 
