@@ -47,7 +47,7 @@ def _differentiate(name: str, free: Any, entries: Any, arguments: list[Any], kin
     entries = casadi.densify(entries)
     jacobian = casadi.jacobian(entries, free)
     multipliers = kind.sym("multipliers", entries.numel())
-    curved = casadi.triu(casadi.hessian(casadi.dot(multipliers, entries), free)[0])
+    curved: Any = casadi.triu(casadi.hessian(casadi.dot(multipliers, entries), free)[0])
     # Ordered by columns, as CasADi orders nonzeros.
     return Twice(
         casadi.Function(f"{name}_value", arguments, [entries]),
