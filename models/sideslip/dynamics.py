@@ -97,8 +97,8 @@ def parameters(vehicle: Vehicle) -> Floats:
     )
 
 
-def linearise(problem: SideslipEstimation, states: Floats) -> Linearised:
-    """Return the model linearised about the given states.
+def linearise(problem: SideslipEstimation, states: Floats, first: int = 0) -> Linearised:
+    """Return the model linearised about the states of consecutive samples.
 
     Parameters
     ----------
@@ -106,18 +106,16 @@ def linearise(problem: SideslipEstimation, states: Floats) -> Linearised:
         The model. Only its vehicle and the recording's times, speed and steering are used.
     states : ndarray, shape (n, 2)
         Angle and yaw rate at each sample. For linear tyres they affect the result by rounding only.
-
-    Returns
-    -------
-    Linearised
+    first : int
+        Index of the first sample, 0 by default.
     """
-    drive = problem.recording
-    found = Linearised.empty(len(drive))
+    drive, part = problem.recording, slice(first, first + len(states))
+    linear = Linearised.empty(len(states))
     linearise_path(
-        *(drive.times, drive.speed, drive.steering, parameters(problem.vehicle)),
-        *(np.ascontiguousarray(states, dtype=float), *found),
+        *(drive.times[part], drive.speed[part], drive.steering[part]),
+        *(parameters(problem.vehicle), np.ascontiguousarray(states, dtype=float), *linear),
     )
-    return found
+    return linear
 
 
 @kernel

@@ -46,10 +46,6 @@ def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
         Samples with their linearised model.
     name : str
         Name of the program.
-
-    Returns
-    -------
-    QuadraticProgram
     """
     count = stretch.count
     linear, scale = stretch.linear, stretch.scale

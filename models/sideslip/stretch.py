@@ -56,10 +56,6 @@ class Stretch:
             The model, which gives measurements, noise and initial state.
         linear : Linearised
             Linearised model at each of its samples.
-
-        Returns
-        -------
-        Stretch
         """
         drive = model.recording
         return cls(
@@ -87,10 +83,6 @@ class Stretch:
             Lower Cholesky factor of its covariance.
         linear : Linearised, optional
             Linearised model of these samples; by default the part of the present one.
-
-        Returns
-        -------
-        Stretch
         """
         step, shift, slope, level = self.linear
         if linear is None:

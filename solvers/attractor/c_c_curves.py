@@ -28,7 +28,7 @@ _STATES = 10
 
 @kernel
 def close_pairs(series: Floats, step: int, radii: Floats, largest: int) -> Ints:
-    """Return the number of pairs of states within each radius, for each disjoint subseries.
+    """Return the number of pairs of states within each radius, shape (subseries, dimensions, radii).
 
     Parameters
     ----------
@@ -40,10 +40,6 @@ def close_pairs(series: Floats, step: int, radii: Floats, largest: int) -> Ints:
         Ascending. A distance equal to the radius counts (theta(0) = 1 in equation 2).
     largest : int
         Dimensions 1 … `largest` are counted, with the largest difference of a coordinate as the distance.
-
-    Returns
-    -------
-    ndarray, shape (step, largest, R)
     """
     last = len(series)
     count = len(radii)

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.attractor.checks import ALL, RADII
 from ...models.attractor.model import AttractorAnalysis
-from ...models.attractor.plan import AttractorEstimate, Method, Slope
+from ...models.attractor.plan import Method, Slope
 from ..contract.backend import Request
 from ..contract.option import Option
 from .exponents import Fit
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
-from .neighbour_kernels import count_pairs
+from .neighbour_kernels import count_pairs, order_states
 from .partings import BLOCKS, FEW, MOST
 from .regions import Stretches, steady_stretches, whole_slope
 from .spread import REFERENCES, variants, widened_dimension
@@ -142,10 +142,7 @@ def correlation_counts(
         None if the run was stopped.
     """
     count = len(states)
-    times = np.argsort(states[:, 0], kind="stable")
-    ordered = states[times]
-    places = np.empty(count, np.int64)
-    places[times] = np.arange(count)
+    ordered, times, places = order_states(states)
 
     def part(some: Ints) -> tuple[Ints, int]:
         shells, visits = count_pairs(ordered, times, places[some], theiler, radii)
@@ -388,7 +385,4 @@ class CorrelationDimension(AttractorBackend):
             statistics["other embeddings"] = len(others)
             statistics["least in other embeddings"] = min(others, default=slope.value)
             statistics["largest in other embeddings"] = max(others, default=slope.value)
-        plan = AttractorEstimate(
-            embedding.delay, embedding.dimension, embedding.theiler, correlation=slope
-        )
-        return Finding(plan, statistics, message)
+        return Finding(embedding.plan(correlation=slope), statistics, message)

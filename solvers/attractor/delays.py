@@ -18,8 +18,8 @@ from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Request
 from ..contract.option import Option
 from .c_c_curves import Curves, curves, longest_delay
-from .information import decorrelation, first_zero, longest, minimum_of_information
-from .native import EMBEDDING, AttractorBackend, Finding, embed
+from .information import decorrelation, longest, minimum_of_information
+from .native import EMBEDDING, AttractorBackend, Finding, embed, theiler_window
 
 __all__ = [
     "Autocorrelation",
@@ -62,8 +62,7 @@ class DelayBackend(AttractorBackend):
             f"delay of the {half}": self.delay(x, request.options)[0]
             for half, x in halves(problem.series).items()
         }
-        plan = AttractorEstimate(embedding.delay, embedding.dimension, embedding.theiler)
-        return Finding(plan, {"delay": delay, **half_delays}, message)
+        return Finding(embedding.plan(), {"delay": delay, **half_delays}, message)
 
 
 class MutualInformation(DelayBackend):
@@ -136,9 +135,7 @@ class CorrelationIntegral(AttractorBackend):
         dimension = max(round(window / delay), 1) + 1
         theiler = request.options["theiler"]
         if theiler is None:
-            theiler = min(
-                max((dimension - 1) * delay, first_zero(problem.series)), len(problem.series) // 10
-            )
+            theiler = theiler_window(problem.series, delay, dimension)
         return Finding(AttractorEstimate(delay, dimension, theiler), own, "; ".join(messages))
 
     def _chosen(self, series: Floats, request: Request) -> tuple[int, int, list[str]]:

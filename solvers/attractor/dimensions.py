@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
-from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Request
 from ..contract.option import Option
 from .delays import halves
@@ -53,8 +52,7 @@ class DimensionBackend(AttractorBackend):
             most = largest_dimension(len(x), delay, options["largest"])
             figures[f"dimension of the {half}"] = self.dimension(x, delay, most, options)[0]
         embedding = embed(problem, {**options, "delay": delay, "dimension": dimension})
-        plan = AttractorEstimate(embedding.delay, embedding.dimension, embedding.theiler)
-        return Finding(plan, {"dimension": dimension, **figures}, message)
+        return Finding(embedding.plan(), {"dimension": dimension, **figures}, message)
 
 
 class Cao(DimensionBackend):

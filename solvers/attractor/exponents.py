@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.attractor.model import AttractorAnalysis
-from ...models.attractor.plan import AttractorEstimate, Method, Slope
+from ...models.attractor.plan import Method, Slope
 from ..contract.backend import Request
 from ..contract.option import Option
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
@@ -399,10 +399,7 @@ class Rosenstein(AttractorBackend):
             if others is None:
                 return None
             fit = widen_exponent(fit, others, problem)
-        plan = AttractorEstimate(
-            embedding.delay, embedding.dimension, embedding.theiler, exponent=fit.slope
-        )
-        return Finding(plan, fit.statistics, fit.message)
+        return Finding(embedding.plan(exponent=fit.slope), fit.statistics, fit.message)
 
 
 class Kantz(Rosenstein):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any, ClassVar
 
 from ...errors import InvalidData
 from ...models.attractor.model import AttractorAnalysis
-from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Answer, Backend, Feature, Request
 from ..contract.option import Option
 from .correlation import CorrelationDimension
@@ -84,9 +84,7 @@ class FullAnalysis(AttractorBackend):
             plan = part(backend, "dimension", given)
             chosen["dimension"] = None if plan is None else plan.dimension
         embedding = embed(problem, chosen)
-        where = {
-            "delay": embedding.delay, "dimension": embedding.dimension, "theiler": embedding.theiler,
-        }  # fmt: skip
+        where = asdict(embedding)
         found = part(_EXPONENTS[options["exponent_method"]](), "exponent", where)
         exponent = None if found is None else found.exponent
         found = part(CorrelationDimension(), "correlation dimension", where)
@@ -104,8 +102,5 @@ class FullAnalysis(AttractorBackend):
             test, why = judge(ranking, exponent, len(problem.series) * problem.period)
             figures.update(statistics(ranking))
             remarks.append(why)
-        plan = AttractorEstimate(
-            embedding.delay, embedding.dimension, embedding.theiler,
-            exponent=exponent, correlation=correlation, surrogates=test,
-        )  # fmt: skip
+        plan = embedding.plan(exponent=exponent, correlation=correlation, surrogates=test)
         return Finding(plan, figures, "; ".join(filter(None, remarks)))

@@ -77,7 +77,7 @@ def surrogates_of(
     generator: np.random.Generator,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Floats:
-    """Return surrogates with the values of a series and nearly its spectrum.
+    """Return surrogates with the values of a series and nearly its spectrum, shape (count, n).
 
     Phases are random. Then spectrum and values are restored alternately until the order of the values
     does not change (iterated amplitude-adjusted Fourier transform). Long series take at most 12 rounds.
@@ -92,10 +92,6 @@ def surrogates_of(
         Source of the random phases.
     stopped : callable
         Function that returns True to stop, called after each iteration.
-
-    Returns
-    -------
-    ndarray, shape (count, n)
     """
     from scipy import fft
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .nearest import thin_out
+from .unfolding import thin_out
 
 __all__ = [
     "autocorrelation",
@@ -52,7 +52,7 @@ def standardised(series: Floats) -> Floats:
 
 
 def autocorrelation(series: Floats, lags: int) -> Floats:
-    """Return the autocorrelation at the lags 0 … `lags`, each sum divided by that of lag 0.
+    """Return the autocorrelation at the lags 0 … `lags`, shape (lags + 1,), each sum divided by that of lag 0.
 
     Parameters
     ----------
@@ -60,10 +60,6 @@ def autocorrelation(series: Floats, lags: int) -> Floats:
         The series.
     lags : int
         Largest lag, less than n.
-
-    Returns
-    -------
-    ndarray, shape (lags + 1,)
     """
     from scipy import fft
 

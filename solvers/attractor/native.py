@@ -17,7 +17,7 @@ from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from ..contract.option import Option
 
-__all__ = ["EMBEDDING", "AttractorBackend", "Embedding", "Finding", "embed"]
+__all__ = ["EMBEDDING", "AttractorBackend", "Embedding", "Finding", "embed", "theiler_window"]
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +49,10 @@ class Embedding:
     delay: int
     dimension: int
     theiler: int
+
+    def plan(self, **parts: Any) -> AttractorEstimate:
+        """Return the estimate of this embedding with further parts."""
+        return AttractorEstimate(self.delay, self.dimension, self.theiler, **parts)
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
     InvalidData
         The series is too short for the embedding.
     """
-    from .information import first_minimum, first_zero
+    from .information import first_minimum
     from .unfolding import cao_dimension
 
     series = problem.series
@@ -96,9 +100,16 @@ def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
     dimension = options.get("dimension") or cao_dimension(series, delay)
     theiler = options.get("theiler")
     if theiler is None:
-        theiler = min(max((dimension - 1) * delay, first_zero(series)), len(series) // 10)
+        theiler = theiler_window(series, delay, dimension)
     problem.states(delay, dimension)  # raises if there are too few samples
     return Embedding(delay, dimension, theiler)
+
+
+def theiler_window(series: Floats, delay: int, dimension: int) -> int:
+    """Return the span of a state or the first zero of the autocorrelation, whichever is larger, in samples."""
+    from .information import first_zero
+
+    return min(max((dimension - 1) * delay, first_zero(series)), len(series) // 10)
 
 
 class AttractorBackend(Backend):

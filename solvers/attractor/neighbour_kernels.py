@@ -14,10 +14,24 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["count_pairs", "mean_partings", "nearest_partings", "nearest_states"]
+__all__ = ["count_pairs", "mean_partings", "nearest_partings", "nearest_states", "order_states"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+def order_states(states: Floats) -> tuple[Floats, Ints, Ints]:
+    """Return states in the order of their first coordinate, their times, and the row of each time.
+
+    Parameters
+    ----------
+    states : ndarray, shape (m, d)
+        States in the order of time.
+    """
+    times = np.argsort(states[:, 0], kind="stable")
+    rows = np.empty_like(times)
+    rows[times] = np.arange(len(times))
+    return np.ascontiguousarray(states[times]), times, rows
 
 
 @kernel(interpretable=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.attractor.checks import ALL
-from .neighbour_kernels import mean_partings, nearest_partings, nearest_states
+from .neighbour_kernels import mean_partings, nearest_partings, nearest_states, order_states
 from .regions import whole_slope
 
 __all__ = ["FEW", "MOST", "Curve", "Neighbours", "kantz_curve", "kantz_radius", "rosenstein_curve"]
@@ -87,10 +87,7 @@ class Neighbours:
 
     def __init__(self, states: Floats, theiler: int, last: int) -> None:
         self.states, self.theiler, self.last = states, theiler, last
-        self.times = np.argsort(states[:last, 0], kind="stable")
-        self.ordered = states[self.times]
-        self.places = np.empty(last, np.int64)
-        self.places[self.times] = np.arange(last)
+        self.ordered, self.times, self.places = order_states(states[:last])
 
     def asked(self, count: int) -> Ints:
         """Return `count` random states in the order of time; all if there are few."""

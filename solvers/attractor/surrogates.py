@@ -10,21 +10,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
-from ...models.attractor.plan import AttractorEstimate, Judgement, Slope, SurrogateTest
+from ...models.attractor.plan import Judgement, Slope, SurrogateTest
 from ..contract.backend import Feature, Request
 from ..contract.option import Option
 from .exponents import Rosenstein
 from .iaaft import match_ends, normal_scores, surrogates_of
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
-from .nearest import thin_out
-from .neighbour_kernels import nearest_states
+from .neighbour_kernels import nearest_states, order_states
+from .unfolding import thin_out
 
 __all__ = ["RANKING", "Ranks", "Surrogates", "judge", "ranks"]
 
@@ -186,10 +186,7 @@ def prediction_error(values: Floats, delay: int, dimension: int, theiler: int, c
     last = len(values) - dimension * delay
     # The last coordinates diverge first, so the search is along the last one.
     columns = [values[k * delay : k * delay + last] for k in range(dimension - 1, -1, -1)]
-    times = np.argsort(columns[0], kind="stable")
-    states = np.ascontiguousarray(np.stack(columns, axis=1)[times])
-    places = np.empty(last, np.int64)
-    places[times] = np.arange(last)
+    states, times, places = order_states(np.stack(columns, axis=1))
     asked = thin_out(last, ASKED if dimension <= HIGH or len(values) <= ASKED else ASKED_HIGH)
     which, _, _ = nearest_states(states, times, places[asked], theiler, count, True)
     complete = which[:, -1] >= 0
@@ -255,22 +252,16 @@ class Surrogates(AttractorBackend):
         )
         if found is None:
             return None
-        where = {
-            "delay": embedding.delay, "dimension": embedding.dimension, "theiler": embedding.theiler,
-        }  # fmt: skip
         exponent, messages = None, []
         if found.rejected:
-            answer = request.within(Rosenstein(), problem, options=where)
+            answer = request.within(Rosenstein(), problem, options=asdict(embedding))
             if answer.point is None:
                 return None
             exponent = answer.point.exponent
             messages.append(answer.message)
         test, said = judge(found, exponent, len(problem.series) * problem.period)
         messages.append(said)
-        plan = AttractorEstimate(
-            embedding.delay, embedding.dimension, embedding.theiler,
-            exponent=exponent, surrogates=test,
-        )  # fmt: skip
+        plan = embedding.plan(exponent=exponent, surrogates=test)
         return Finding(plan, statistics(found), "; ".join(filter(None, messages)))
 
 

@@ -44,10 +44,6 @@ def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None
         The model.
     time_limit : float, optional
         Not used.
-
-    Returns
-    -------
-    Diagnosis
     """
     with np.errstate(all="ignore"):  # an overflow gives no finding
         found = [

@@ -117,10 +117,6 @@ def apply_gates(
         the training range is not compared.
     history : bool
         If True, recent inputs are compared too. False, the default, if `deviation` accounts for them.
-
-    Returns
-    -------
-    Gated
     """
     drive = problem.recording
     difference = find_contradictions(problem, sideslip, deviation)

@@ -43,10 +43,6 @@ def claim(
         The angle, rad, and its variance according to the model, rad².
     ahead : bool
         True if the estimate of a sample uses later samples; False by default.
-
-    Returns
-    -------
-    Estimate
     """
     own = np.sqrt(np.maximum(variance, 0.0))
     deviation = mismatch(problem, found, ahead=ahead).widen(own)

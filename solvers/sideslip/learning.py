@@ -64,10 +64,6 @@ class Window(NamedTuple):
         ----------
         recording : Recording
             The drive.
-
-        Returns
-        -------
-        ndarray, shape (n, d)
         """
         signals = [recording.yaw_rate, recording.lateral_acceleration]
         if self.inputs:
@@ -147,10 +143,6 @@ class Scale(NamedTuple):
         each : bool
             If True, the default, divide each feature by its own deviation. Otherwise divide all by their root mean
             square deviation, which preserves ratios of distances.
-
-        Returns
-        -------
-        Scale
         """
         middle, size = features.mean(axis=0), features.std(axis=0)
         varies = size > CONSTANT * np.abs(features).max(axis=0)

@@ -82,10 +82,6 @@ def mismatch(problem: SideslipEstimation, found: FilterPass, *, ahead: bool = Fa
     ahead : bool
         If True, later innovations are weighted like earlier ones, for estimates that use all samples.
         False by default.
-
-    Returns
-    -------
-    Mismatch
     """
     drive = problem.recording
     n, count = len(drive), len(ERRORS)

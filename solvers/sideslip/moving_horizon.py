@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
 from ...models.sideslip.data import Tyre
-from ...models.sideslip.dynamics import Linearised, linearise_path, parameters
+from ...models.sideslip.dynamics import linearise
 from ...models.sideslip.full_information import least_squares_program
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.stretch import Stretch
@@ -145,23 +145,13 @@ class _Run:
             if point is None or self.request.control.stopped:
                 return None
             before = point[:size]
-            linear = self._linear(first, before.reshape(-1, 2) * stretch.scale)
+            linear = linearise(self.problem, before.reshape(-1, 2) * stretch.scale, first)
             stretch = self.whole.part(first, last, mean, root, linear)
             point = self._solved(stretch)
             if point is not None and np.abs(point[:size] - before).max() <= SETTLED:
                 return point, stretch
         self.unsettled += 1
         return None if point is None else (point, stretch)
-
-    def _linear(self, first: int, states: Floats) -> Linearised:
-        """Return the model linearised about `states`, beginning at the sample `first`."""
-        drive, last = self.problem.recording, first + len(states)
-        found = Linearised.empty(len(states))
-        linearise_path(
-            drive.times[first:last], drive.speed[first:last], drive.steering[first:last],
-            parameters(self.problem.vehicle), states, *found,
-        )  # fmt: skip
-        return found
 
     def _solved(self, stretch: Stretch) -> Floats | None:
         """Return the optimal column vector of a stretch, or None if the solver returns no optimum."""

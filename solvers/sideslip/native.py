@@ -75,10 +75,6 @@ class SideslipBackend(Backend):
             The model.
         request : Request
             Options and stop flag of the run.
-
-        Returns
-        -------
-        Estimate or None
         """
 
     def run(self, problem: SideslipEstimation, request: Request) -> Answer:

@@ -144,10 +144,6 @@ def smooth_drive(problem: SideslipEstimation, found: FilterPass) -> SmoothedPass
         The model.
     found : FilterPass
         Result of the Kalman filter on the same model.
-
-    Returns
-    -------
-    SmoothedPass
     """
     drive = problem.recording
     n = len(drive)

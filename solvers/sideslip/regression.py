@@ -188,10 +188,6 @@ def widen_by_kinematics(
         Estimated angle and its standard deviation, rad.
     learned : KernelRegression or StraightLine
         Regression that gave the estimate.
-
-    Returns
-    -------
-    Estimate
     """
     drive = problem.recording
     bounded = np.clip(angle, -math.pi / 2, math.pi / 2)

@@ -59,10 +59,6 @@ def asks(text: str, where: str, **data: Any) -> Remark:
         Field that it concerns.
     **data
         Numbers of the finding.
-
-    Returns
-    -------
-    Remark
     """
     return Remark(True, Finding(text, where=where, data=data))
 
@@ -79,10 +75,6 @@ def signal_remarks(model: SideslipEstimation) -> Iterator[Remark]:
     ----------
     model : SideslipEstimation
         The model. Its truth is not read.
-
-    Yields
-    ------
-    Remark
     """
     yield from _sampling(model.recording)
     yield from _stale(model.recording)

@@ -7,13 +7,15 @@ from hypothesis import given, settings, strategies as st
 
 from crosstrack.errors import InvalidData
 from crosstrack.solvers.attractor.information import first_minimum
-from crosstrack.solvers.attractor.nearest import nearest, states_of, thin_out
 from crosstrack.solvers.attractor.unfolding import (
     cao_curves,
     cao_dimension,
     false_shares,
     largest_dimension,
+    nearest,
     saturated,
+    states_of,
+    thin_out,
 )
 
 
