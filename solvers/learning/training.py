@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnknownName, show
 from ...files import as_path, writable
+from ...models.fields import Optional, Real, Whole
 from ...models.problems import loadable, resolve, table
 from .trainer import Course, Trainer, Training, one_thread
 from .weights import Weights, read_arrays, write_arrays, write_weights
@@ -207,16 +208,12 @@ def train(
     training = find_training(name)
     file = writable(as_path(path), (".npz",))
     course = Course(
-        _whole("seed", seed, 0),
-        _whole("epochs", training.epochs if epochs is None else epochs, 1),
+        Whole(0).coerce("seed", seed, {}),
+        Whole(1).coerce("epochs", training.epochs if epochs is None else epochs, {}),
         training.checked_options(options or {}),
         examples,
     )
-    if time_limit is not None and not (isinstance(time_limit, int | float) and time_limit > 0):
-        raise InvalidData(
-            f"time_limit must be a number of seconds > 0, got {show(time_limit)}",
-            field="time_limit",
-        )
+    time_limit = Optional(Real(lower=0, strict=True)).coerce("time_limit", time_limit, {})
     training.require()
     with one_thread() if "torch" in training.requires else contextlib.nullcontext():
         work = _Work(training, course, file, resume)
@@ -225,14 +222,6 @@ def train(
         training.name, file if work.best is not None else None, work.done, work.score,
         time.perf_counter() - work.began, ended, tuple(work.figures),
     )  # fmt: skip
-
-
-def _whole(name: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InvalidData(
-            f"{name} must be a whole number >= {least}, got {show(value)}", field=name
-        )
-    return int(value)
 
 
 class _Work:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import BackendMissing, InvalidData, show
+from ...models.fields import Array
 from ...models.unknown_grid.camera import PIXELS, overlaps
 
 __all__ = ["METHODS", "perceive"]
@@ -70,49 +71,15 @@ def perceive(
             f"perception must be one of {', '.join(METHODS)}, got {show(method)}",
             field="perception",
         )
-    rows, columns = (_odd(side) for side in _pair(view))
-    colours = _checked(images)
+    rows, columns = Array((2,), int, lower=1).coerce("view", view, {}).tolist()
+    if not (rows % 2 and columns % 2):
+        raise InvalidData(f"view must be two odd numbers of cells, got {show(view)}", field="view")
+    shape = ("n", PIXELS, PIXELS, 3)
+    colours = Array(shape, lower=0.0, upper=1.0).coerce("images", images, {})
     if method == "k-means":
         cells = [_vote(_split(image, (rows, columns)), (rows, columns)) for image in colours]
         return np.array(cells, bool).reshape(len(colours), rows, columns)
     return _classify(colours, (rows, columns), weights)
-
-
-def _pair(view: Any) -> tuple[Any, Any]:
-    if np.shape(view) != (2,):
-        raise InvalidData(f"view must be rows and columns, got {show(view)}", field="view")
-    return view[0], view[1]
-
-
-def _odd(side: Any) -> int:
-    if not isinstance(side, int | np.integer) or side < 1 or not side % 2:
-        raise InvalidData(
-            f"view must be two odd numbers of cells >= 1, got {show(side)}", field="view"
-        )
-    return int(side)
-
-
-def _checked(images: ArrayLike) -> Floats:
-    """Return the images as an array, or raise ``InvalidData``."""
-    try:
-        colours = np.asarray(images, float)
-    except (TypeError, ValueError):
-        raise InvalidData(f"images must hold numbers, got {show(images)}", field="images") from None
-    if colours.ndim != 4 or colours.shape[1:] != (PIXELS, PIXELS, 3):
-        raise InvalidData(
-            f"images must have shape (n, {PIXELS}, {PIXELS}, 3), got {colours.shape}",
-            field="images",
-        )
-    # NaN fails both comparisons.
-    if colours.size and not (colours.min() >= 0.0 and colours.max() <= 1.0):
-        wrong = ~((colours >= 0.0) & (colours <= 1.0))
-        k, row, column, colour = np.unravel_index(int(wrong.argmax()), colours.shape)
-        raise InvalidData(
-            f"images[{k}], row {row}, column {column}, {('red', 'green', 'blue')[colour]} must be a number "
-            f"from 0 to 1, got {show(float(colours[k, row, column, colour]))}",
-            field="images",
-        )
-    return colours
 
 
 def _split(image: Floats, view: tuple[int, int]) -> Truths:

@@ -54,12 +54,16 @@ def drawn(number, view, law, seed):
 
 
 @pytest.mark.parametrize(
-    ("value", "shown"), [(np.nan, "nan"), (np.inf, "inf"), (-0.001, "-0.001"), (1.5, "1.5")]
-)
-def test_a_value_that_is_no_colour_is_refused_by_its_place(value, shown):
+    ("value", "limit"),
+    [
+        (np.nan, "be finite, got nan"), (np.inf, "be finite, got inf"),
+        (-0.001, "be >= 0, got -0.001"), (1.5, "be <= 1, got 1.5"),
+    ],
+)  # fmt: skip
+def test_a_value_that_is_no_colour_is_refused_by_its_place(value, limit):
     images = np.full((3, 256, 256, 3), 0.5)
     images[1, 17, 250, 2] = value
-    message = rf"images\[1\], row 17, column 250, blue must be a number from 0 to 1, got {shown}"
+    message = rf"images\[1, 17, 250, 2\] must {limit}"
     for method in METHODS:  # before the network is loaded
         with pytest.raises(InvalidData, match=message):
             perceive(images, (9, 9), method)
@@ -71,11 +75,16 @@ def test_a_value_that_is_no_colour_is_refused_by_its_place(value, shown):
         (np.zeros((256, 256, 3)), (9, 9), "k-means", "images must have shape"),
         (np.zeros((1, 256, 255, 3)), (9, 9), "k-means", "images must have shape"),
         (np.zeros((1, 3, 256, 256)), (9, 9), "gmgn", "images must have shape"),
-        ("image", (9, 9), "k-means", "images must hold numbers"),
-        (np.zeros((1, 256, 256, 3)), (9, 8), "k-means", "two odd numbers of cells >= 1, got 8"),
-        (np.zeros((1, 256, 256, 3)), (-1, 9), "gmgn", "two odd numbers of cells >= 1, got -1"),
-        (np.zeros((1, 256, 256, 3)), (9.0, 9), "k-means", "two odd numbers"),
-        (np.zeros((1, 256, 256, 3)), 9, "k-means", "view must be rows and columns"),
+        ("image", (9, 9), "k-means", "images must be an array of numbers"),
+        (
+            np.zeros((1, 256, 256, 3)),
+            (9, 8),
+            "k-means",
+            r"view must be two odd numbers of cells, got \(9, 8\)",
+        ),
+        (np.zeros((1, 256, 256, 3)), (-1, 9), "gmgn", r"view\[0\] must be >= 1, got -1"),
+        (np.zeros((1, 256, 256, 3)), (9.5, 9), "k-means", r"view\[0\] must be whole"),
+        (np.zeros((1, 256, 256, 3)), 9, "k-means", "view must have shape"),
         (np.zeros((1, 256, 256, 3)), (9, 9), "eyes", "perception must be one of k-means, gmgn"),
     ],
 )
