@@ -17,6 +17,7 @@ from ...errors import InvalidData
 from ..declaration import Nested
 from ..fields import Array, Optional, Whole, declared, required, show
 from ..grid_path import GridMap, distances
+from ..grid_path.gridmap import read_cells
 from ..model import Model
 from ..records import Member
 from ..verification import TOLERANCE, Verification, check_tolerance
@@ -34,7 +35,6 @@ Truths = NDArray[np.bool_]
 
 #: Maximum number of cells of all maps together.
 MOST = 2**26
-_FREE, _BLOCKED = ".G", "@OTW#"
 
 
 class Maps(Array):
@@ -69,26 +69,12 @@ def _shape(name: str, value: Any) -> tuple[int, ...]:
 
 
 def _read_lines(name: str, value: Any) -> Any:
-    """Return lines of text as Boolean values, and any other value unchanged."""
+    """Return lines of text as Boolean cells, and any other value unchanged."""
     if isinstance(value, str):
         value = value.splitlines()
-    if not (isinstance(value, list | tuple) and value and all(isinstance(x, str) for x in value)):
-        return value
-    for row, line in enumerate(value):
-        if len(line) != len(value[0]):
-            raise InvalidData(
-                f"{name}, line {row} must have {len(value[0])} cells as the first, got {len(line)}",
-                field="blocked",
-            )
-        strange = line.strip(_FREE + _BLOCKED)
-        for column, letter in enumerate(line if strange else ""):
-            if letter not in _FREE + _BLOCKED:
-                raise InvalidData(
-                    f"{name}, line {row}, column {column} must be one of {' '.join(_FREE)} (free) or "
-                    f"{' '.join(_BLOCKED)} (blocked), got {show(letter)}",
-                    field="blocked",
-                )
-    return [[letter in _BLOCKED for letter in line] for line in value]
+    if isinstance(value, list | tuple) and value and all(isinstance(x, str) for x in value):
+        return read_cells(value, name)
+    return value
 
 
 class Score(NamedTuple):
