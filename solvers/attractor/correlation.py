@@ -26,7 +26,7 @@ from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 from .neighbour_kernels import count_pairs, order_states
 from .partings import BLOCKS, FEW, MOST
 from .regions import Stretches, steady_stretches, whole_slope
-from .spread import REFERENCES, variants, widened_dimension
+from .spread import REFERENCES, describe_variants, variants, widened_dimension
 
 __all__ = ["CorrelationDimension", "Counts", "correlation_counts", "fit_dimension", "pair_counts"]
 
@@ -114,12 +114,7 @@ class Counts:
 
 
 def correlation_counts(
-    states: Floats,
-    radii: Floats,
-    theiler: int,
-    *,
-    references: int = MOST,
-    stopped: Stopped = bool,
+    states: Floats, radii: Floats, theiler: int, *, references: int = MOST, stopped: Stopped = bool
 ) -> Counts | None:
     """Return the numbers of states within radii of all states, or of a random sample to save time.
 
@@ -382,7 +377,5 @@ class CorrelationDimension(AttractorBackend):
             if others is None:
                 return None
             slope = widened_dimension(slope, statistics["spread over regions"], others)
-            statistics["other embeddings"] = len(others)
-            statistics["least in other embeddings"] = min(others, default=slope.value)
-            statistics["largest in other embeddings"] = max(others, default=slope.value)
+            statistics.update(describe_variants(slope, others))
         return Finding(embedding.plan(correlation=slope), statistics, message)

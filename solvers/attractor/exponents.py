@@ -24,17 +24,9 @@ from ..contract.option import Option
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
 from .partings import FEW, MOST, Curve, kantz_curve, kantz_radius, rosenstein_curve
 from .regions import Stretches, steady_stretches
-from .spread import REFERENCES, variants, widened_exponent
+from .spread import REFERENCES, describe_variants, variants, widened_exponent
 
-__all__ = [
-    "Fit",
-    "Kantz",
-    "Rosenstein",
-    "Search",
-    "fit_exponent",
-    "mean_level",
-    "scaling_region",
-]
+__all__ = ["Fit", "Kantz", "Rosenstein", "Search", "fit_exponent", "mean_level", "scaling_region"]
 
 Floats = NDArray[np.float64]
 
@@ -333,12 +325,7 @@ def widen_exponent(found: Fit, others: Others, problem: AttractorAnalysis) -> Fi
     # The exponent is the limit of small distances. Without chaos the slope falls with the radius.
     change = 0.0 if others.finer is None else others.finer - value
     slope = widened_exponent(found.slope, region, values, turn, duration, change)
-    statistics = {
-        **found.statistics,
-        "other embeddings": len(values),
-        "least in other embeddings": min(values, default=value),
-        "largest in other embeddings": max(values, default=value),
-    }
+    statistics = {**found.statistics, **describe_variants(slope, values)}
     return replace(found, slope=slope, statistics=statistics)
 
 

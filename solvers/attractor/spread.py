@@ -21,7 +21,14 @@ from dataclasses import replace
 from ...models.attractor.plan import Slope
 from .native import Embedding
 
-__all__ = ["REFERENCES", "variants", "widened", "widened_dimension", "widened_exponent"]
+__all__ = [
+    "REFERENCES",
+    "describe_variants",
+    "variants",
+    "widened",
+    "widened_dimension",
+    "widened_exponent",
+]
 
 #: Reference states of the curves in other embeddings.
 REFERENCES = 500
@@ -65,6 +72,15 @@ def variants(embedding: Embedding, count: int) -> Iterator[Embedding]:
         theiler = max(embedding.theiler, min((columns - 1) * step, count // 10))
         if count - (columns - 1) * step > max(2 * theiler, count // 2):
             yield Embedding(step, columns, theiler)
+
+
+def describe_variants(slope: Slope, others: Sequence[float]) -> dict[str, float]:
+    """Return the statistics of the slopes in other embeddings."""
+    return {
+        "other embeddings": len(others),
+        "least in other embeddings": min(others, default=slope.value),
+        "largest in other embeddings": max(others, default=slope.value),
+    }
 
 
 def widened(

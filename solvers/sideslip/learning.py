@@ -120,39 +120,29 @@ def training_set(
     return TrainingSet(features, angles, np.repeat(np.arange(len(counts)), counts))
 
 
-class Scale(NamedTuple):
-    """Standardisation of features. Constant features become 0.
+class Scale:
+    """Standardisation of features: subtraction of the mean, and division. Constant features become 0.
 
     Parameters
     ----------
-    middle, size : ndarray, shape (d,)
-        Mean and divisor of each feature; the divisor of a constant feature is infinite.
+    features : ndarray, shape (n, d)
+        The features.
+    each : bool
+        If True, the default, divide each feature by its own deviation. Otherwise divide all by their root mean
+        square deviation, which preserves ratios of distances.
     """
 
-    middle: Floats
-    size: Floats
-
-    @classmethod
-    def of(cls, features: Floats, each: bool = True) -> Scale:
-        """Return the scale of these features.
-
-        Parameters
-        ----------
-        features : ndarray, shape (n, d)
-            The features.
-        each : bool
-            If True, the default, divide each feature by its own deviation. Otherwise divide all by their root mean
-            square deviation, which preserves ratios of distances.
-        """
-        middle, size = features.mean(axis=0), features.std(axis=0)
+    def __init__(self, features: Floats, each: bool = True) -> None:
+        self._middle, size = features.mean(axis=0), features.std(axis=0)
         varies = size > CONSTANT * np.abs(features).max(axis=0)
         if not each and varies.any():
             size = np.full_like(size, math.sqrt((size[varies] ** 2).mean()))
-        return cls(middle, np.where(varies, size, np.inf))
+        self._size = np.where(varies, size, np.inf)
 
     def __call__(self, features: Floats) -> Floats:
         """Return the scaled features, shape (n, d)."""
-        return (features - self.middle) / self.size
+        scaled: Floats = (features - self._middle) / self._size
+        return scaled
 
 
 class KernelRegression:
@@ -191,7 +181,7 @@ class KernelRegression:
     def __init__(
         self, examples: TrainingSet, width: float | None = None, scaling: bool = True
     ) -> None:
-        self._scale = Scale.of(examples.features, scaling)
+        self._scale = Scale(examples.features, scaling)
         self._places = self._scale(examples.features)
         self._middle = float(examples.angles.mean())
         self._values = examples.angles - self._middle  # avoids cancellation in variances
@@ -278,7 +268,7 @@ class StraightLine:
     """
 
     def __init__(self, examples: TrainingSet) -> None:
-        self._scale = Scale.of(examples.features)
+        self._scale = Scale(examples.features)
         ones = self._with_constant(examples.features)
         _, sizes, directions = np.linalg.svd(ones, full_matrices=False)
         kept = sizes > sizes[0] * max(ones.shape) * np.finfo(float).eps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -116,14 +116,10 @@ class KalmanGrnn(_Learning):
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the filter's angle, corrected by its error at similar measurements."""
-        believed = {
-            field.name: getattr(problem, field.name)
-            for field in fields(problem)
-            if field.name not in {"recording", "training", *problem.hidden_fields()}
-        }
         filtered: list[Estimate] = []
         for drive in (problem.recording, *problem.training):
-            alone = SideslipEstimation(recording=replace(drive, sideslip=None), **believed)
+            drive = replace(drive, sideslip=None)
+            alone = replace(problem, recording=drive, training=(), truth=None)
             one = KalmanFilter().estimate(alone, request)
             if one is None:
                 return _uncorrected(filtered[0]) if filtered else None

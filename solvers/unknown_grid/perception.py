@@ -33,10 +33,7 @@ _TOGETHER = 16
 
 
 def perceive(
-    images: ArrayLike,
-    view: tuple[int, int],
-    method: str = "k-means",
-    weights: str | None = None,
+    images: ArrayLike, view: tuple[int, int], method: str = "k-means", weights: str | None = None
 ) -> Truths:
     """Return whether each cell of the views is an obstacle, shape (n, m, n').
 

@@ -11,6 +11,8 @@ obstacle costs at most one step.
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -185,29 +187,27 @@ class _Repairing(Replanning):
         )  # fmt: skip
 
 
-class DStarLite(NavigationBackend):
-    """Optimistic replanning on the remembered map by D* Lite, with the same steps as A* from scratch."""
-
-    name = "d-star-lite"
-    summary = "optimistic replanning on all that was seen, D* Lite"
-
-    def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return what decides in one scene."""
-        return _Repairing(problem, scenes, request)
-
-
 class AStarReplanning(NavigationBackend):
     """Optimistic replanning on the remembered map by A* from scratch at every step."""
 
     name = "a-star-replanning"
     summary = "optimistic replanning on all that was seen, A* from scratch"
+    replanning: ClassVar[type[Replanning]] = Replanning
 
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return what decides in one scene."""
-        return Replanning(problem, scenes, request)
+        """Return the policy of one scene."""
+        return self.replanning(problem, scenes, request)
 
 
-class CurrentView(NavigationBackend):
+class DStarLite(AStarReplanning):
+    """Optimistic replanning on the remembered map by D* Lite, with the same steps as A* from scratch."""
+
+    name = "d-star-lite"
+    summary = "optimistic replanning on all that was seen, D* Lite"
+    replanning = _Repairing
+
+
+class CurrentView(AStarReplanning):
     """Optimistic replanning on the current view and the collision of the latest step.
 
     The policy returns to a dead end deeper than the view as soon as the dead end is out of view.
@@ -215,7 +215,4 @@ class CurrentView(NavigationBackend):
 
     name = "current-view"
     summary = "optimistic replanning on the current view alone, A*"
-
-    def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return what decides in one scene."""
-        return _Forgetting(problem, scenes, request)
+    replanning = _Forgetting
