@@ -19,8 +19,9 @@ from ...errors import InvalidData, UnsupportedFormulation
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
+from ..resource_routing.arcs import UsedArcs, require_few
 from ..resource_routing.routes import follow, refuse_revisits, require_positive, require_route
-from .arcs import Arcs, all_arcs, possible_arcs, shortest_length
+from .arc_flow import ArcFlowFormulation
 from .model import END, HORIZONTAL, VERTICAL, ErrorCorrectionRouting, Route
 
 __all__ = ["PaperFormulation"]
@@ -71,20 +72,26 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         """Return the formulation with the length of a verified route as bound, m."""
         return replace(self, length_bound=objective)
 
-    def _arcs(self) -> Arcs:
-        return all_arcs(self.model)
+    def _arcs(self) -> UsedArcs:
+        """Return all arcs except those into A, out of B, and from a point to itself."""
+        model, n = self.model, len(self.model.points)
+        require_few((n - 1) ** 2, n)
+        free = ~np.eye(n, dtype=bool)
+        free[model.end] = free[:, model.start] = False
+        tail, head = np.nonzero(free)
+        length = np.linalg.norm(model.points[head] - model.points[tail], axis=1)
+        return UsedArcs(tail, head, length, np.empty((tail.size, 0)))
 
     @cached_property
     def floor(self) -> float:
         """Length of the shortest path from A to B over the possible arcs, m."""
-        most = np.inf if self.length_bound is None else self.length_bound
-        return shortest_length(self.model, possible_arcs(self.model, most))
+        return ArcFlowFormulation(self.model, self.length_bound).floor
 
     def _longest(self) -> float:
         """Return an upper bound on the length of feasible simple routes, m."""
         if self.length_bound is not None:
             return self.length_bound * (1 + 1e-9)
-        arcs = possible_arcs(self.model)
+        arcs = ArcFlowFormulation(self.model).arcs
         farthest = np.zeros(len(self.model.points))
         np.maximum.at(farthest, arcs.tail, arcs.length)
         return float(farthest.sum()) or 1.0

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 #: Names that modules of other problems import, beside the public ones.
 SHARED = (
     "arc_flow.ResourceFlowFormulation",
+    "arcs.UsedArcs",
+    "arcs.require_few",
     "route.Route",
     "route.route_from_data",
     "route.route_of_indices",

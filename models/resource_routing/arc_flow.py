@@ -3,7 +3,8 @@
 The columns are x_a (arc a used) and u_a (level of a resource on leaving the tail of a, 0 for unused
 arcs). For an arc a from i to j that adds c_a to the resource:
 
-* the head's limit bounds the level, ``u_a <= (limit of j - c_a) x_a``;
+* the head's limit bounds the level, ``u_a <= (limit of j - c_a) x_a``, and so does the least possible level
+  on leaving i, ``u_a >= least_i x_a``;
 * at a point without reset, the level on leaving is at least the level on arrival: the sum of u over
   the outgoing arcs is at least the sum of ``u + c x`` over the incoming arcs. No big M is needed;
 * a point that resets to 0, or to a value below every arrival, needs neither columns nor rows;
@@ -61,6 +62,8 @@ class _Levels(NamedTuple):
         Points with a binary, as the arrival may be above or below the reset.
     most : ndarray
         Largest level on arrival at each of these points.
+    least : ndarray
+        Lower bound on the level of each arc in `carrying`.
     """
 
     resource: int
@@ -69,6 +72,7 @@ class _Levels(NamedTuple):
     constant: Floats
     either: Ints
     most: Floats
+    least: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +141,9 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         largest = np.zeros(n)
         np.maximum.at(largest, arcs.head, arcs.use[:, k])
         most = np.minimum(limit, model.initial[k] + largest.sum())
+        leaving = least_levels(model, arcs)[:, k]
         least = np.full(n, np.inf)
-        np.minimum.at(least, arcs.head, least_levels(model, arcs)[arcs.tail, k] + arcs.use[:, k])
+        np.minimum.at(least, arcs.head, leaving[arcs.tail] + arcs.use[:, k])
         inner = np.ones(n, bool)
         inner[[model.start, model.end]] = False
         # If every arrival is above the reset, the level on leaving is the reset.
@@ -151,7 +156,10 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
             np.minimum(most, reset)[arcs.tail[carrying]],
         )
         either = np.flatnonzero(inner & np.isinf(known) & (reset < most))
-        return _Levels(k, carrying, np.maximum(room, 0.0), constant, either, most[either])
+        return _Levels(
+            k, carrying, np.maximum(room, 0.0), constant, either, most[either],
+            leaving[arcs.tail[carrying]],
+        )  # fmt: skip
 
     def build(self) -> MixedIntegerProgram:
         """Return the program described in the module's docstring."""
@@ -181,12 +189,16 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         )  # fmt: skip
         for levels in self._levels:
             self._add(b, levels, x, index)
+        self._add_rows(b, x)
         return b.build(name=f"{model.name}:arc-flow" if model.name else "arc-flow")
+
+    def _add_rows(self, b: ProgramBuilder, x: Ints) -> None:
+        """Add further rows on the used arcs, for programs of other problems."""
 
     def _add(self, b: ProgramBuilder, levels: _Levels, x: Ints, index: Ints) -> None:
         """Add the columns and rows of one resource."""
         model, arcs = self.model, self.arcs
-        k, carrying, room, constant, either, most = levels
+        k, carrying, room, constant, either, most, least = levels
         resource = model.resources[k]
         name = resource.name
         u = b.columns(
@@ -201,6 +213,12 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         b.rows(
             f"{name} within limits", carrying.size, (entry, u, 1.0), (entry, x[carrying], -room),
             upper=0, template="along arc {0}-{1}", index=index[carrying], unit=resource.unit,
+        )  # fmt: skip
+        some = np.flatnonzero(least > 0.0)
+        b.rows(
+            f"{name} gained at least", some.size, (np.arange(some.size), u[some], 1.0),
+            (np.arange(some.size), x[carrying[some]], -least[some]), lower=0,
+            template="along arc {0}-{1}", index=index[carrying[some]], unit=resource.unit,
         )  # fmt: skip
         reset = model.resets[model.codes, k]
         tails_with_level = np.unique(arcs.tail[carrying])

@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 from ...errors import UnsupportedFormulation
 from .data import RoutingData
 
-__all__ = ["MOST_ARCS", "UsedArcs", "least_levels", "possible_arcs", "shortest_ways"]
+__all__ = ["UsedArcs", "least_levels", "possible_arcs", "require_few", "shortest_ways"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -72,29 +72,42 @@ def _listed(model: RoutingData) -> UsedArcs:
     )
 
 
-def _pairs(model: RoutingData) -> UsedArcs:
+def _pairs(model: RoutingData, most: float) -> UsedArcs:
+    """Return the arcs between points within the limits; `most` bounds the straight lines via an arc."""
     points = model.points
     assert points is not None
     gain, limit = model.gains[model.codes], model.rounded_limits[model.codes]
+    behind, ahead = (
+        np.linalg.norm(points - points[end], axis=1) for end in (model.start, model.end)
+    )
+    near = behind + ahead <= most
+    near[[model.start, model.end]] = True
+    chosen = np.flatnonzero(near)
     parts, total = [], 0
-    for first in range(0, len(points), _CHUNK):
-        rows = np.arange(first, min(first + _CHUNK, len(points)))
-        length = cdist(points[rows], points)
-        keep = rows[:, None] != np.arange(len(points))
+    for first in range(0, len(chosen), _CHUNK):
+        rows = chosen[first : first + _CHUNK]
+        length = cdist(points[rows], points[chosen])
+        keep = behind[rows, None] + length + ahead[chosen] <= most
+        keep &= rows[:, None] != chosen
         for k, rate in enumerate(model.rates):
-            keep &= rate * length + gain[:, k] <= limit[:, k]
-        keep[:, model.start] = False
+            keep &= rate * length + gain[chosen, k] <= limit[chosen, k]
+        keep[:, chosen == model.start] = False
         keep[rows == model.end] = False
         tail, head = np.nonzero(keep)
         total += tail.size
-        if total > MOST_ARCS:
-            raise UnsupportedFormulation(
-                f"a program with one column per arc would have more than {MOST_ARCS} of them for "
-                f"{len(points)} points: use the native backend 'resource-labelling'"
-            )
-        parts.append((tail + first, head, length[tail, head]))
+        require_few(total, len(points))
+        parts.append((rows[tail], chosen[head], length[tail, head]))
     tail, head, lengths = (np.concatenate(part) for part in zip(*parts, strict=True))
     return UsedArcs(tail, head, lengths, lengths[:, None] * model.rates + gain[head])
+
+
+def require_few(arcs: int, points: int) -> None:
+    """Raise :class:`UnsupportedFormulation` for more than :data:`MOST_ARCS` arcs."""
+    if arcs > MOST_ARCS:
+        raise UnsupportedFormulation(
+            f"a program with one column per arc would have more than {MOST_ARCS} of them for {points} "
+            "points: use a native backend, or give the plan of one as a warm start"
+        )
 
 
 def least_levels(model: RoutingData, arcs: UsedArcs) -> Floats:
@@ -132,7 +145,8 @@ def possible_arcs(model: RoutingData, length_bound: float = np.inf) -> UsedArcs:
     if start or end is not connected to it, or if the shortest path through it is longer than
     `length_bound`. The tests are repeated until no arc is removed.
     """
-    arcs = _pairs(model) if model.arcs is None else _listed(model)
+    most = length_bound * (1 + 1e-9)
+    arcs = _pairs(model, most) if model.arcs is None else _listed(model)
     limit = model.rounded_limits[model.codes]
     while True:
         least = least_levels(model, arcs)
@@ -146,7 +160,7 @@ def possible_arcs(model: RoutingData, length_bound: float = np.inf) -> UsedArcs:
             remaining.length,
         )
         through = ahead[remaining.tail] + remaining.length + behind[remaining.head]
-        remaining = remaining.where((through <= length_bound * (1 + 1e-9)) & np.isfinite(through))
+        remaining = remaining.where((through <= most) & np.isfinite(through))
         if len(remaining) == len(arcs):
             return remaining
         arcs = remaining
