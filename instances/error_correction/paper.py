@@ -10,7 +10,7 @@ __all__ = ["PAPER"]
 _PROGRAM = "models.error_correction.paper:PaperFormulation.build"
 _DEPTH = "solvers.error_correction.printed_kernels:send_pulses"
 _DP = "solvers.error_correction.printed_kernels:correct_labels"
-_STAGE_1 = "solvers.error_correction.labelling_kernels:label_points"
+_STAGE_1 = "solvers.error_correction.printed_kernels:label_points"
 
 _ITEMS = (
     printed("eq. 1", "length on arrival at B, to be minimised", _PROGRAM),
@@ -71,7 +71,7 @@ _ITEMS = (
     ),
     different(
         "section 4, value of λ", "λ from 0.5 to 1; 0.5 finds a route in every row",
-        "solvers.error_correction.labelling:label_with_factors",
+        "solvers.error_correction.printed:label_with_factors",
         "No reading of step 3 finds a route with λ = 0.5 in row 7 of the contest's points or of ours. The default "
         "tries 0.5 first, then 0.55, …, 1; option threshold_factor fixes λ. That λ = 1 finds none in rows 9 and 12 "
         "is confirmed.",
@@ -97,7 +97,7 @@ _ITEMS = (
     ),
     printed(
         "section 3, two stages", "stage 1 for an upper bound, then pulses below it",
-        "solvers.error_correction.two_stage:TwoStage",
+        "solvers.error_correction.printed:TwoStage",
         "If stage 1 finds no route, stage 2 starts without a bound.",
     ),
     corrected(
@@ -109,7 +109,7 @@ _ITEMS = (
     ),
     different(
         "section 4, proof", "claim that all three algorithms return the optimum",
-        "solvers.error_correction.native:PrintedSearch.search",
+        "solvers.error_correction.printed:PrintedSearch.search",
         "Their dominance is not exact if no point may be visited twice. The result is compared with the shortest walk; "
         "equal lengths are a proof, otherwise the answer is feasible without a proof. All rows of the tables are proven.",
     ),

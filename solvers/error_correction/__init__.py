@@ -2,9 +2,9 @@
 
 BACKENDS = {
     "label-setting": ".label_setting:LabelSetting",
-    "two-stage": ".two_stage:TwoStage",
-    "pulse": ".pulse:Pulse",
-    "dynamic-programming": ".dynamic_programming:DynamicProgramming",
-    "labelling": ".labelling:Labelling",
+    "two-stage": ".printed:TwoStage",
+    "pulse": ".printed:Pulse",
+    "dynamic-programming": ".printed:DynamicProgramming",
+    "labelling": ".printed:Labelling",
 }
 DIAGNOSES = {"error-correction": ".diagnosis:diagnose_routing"}

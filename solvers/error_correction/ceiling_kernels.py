@@ -27,8 +27,7 @@ from ...jit import MOST_LABELS, kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
 from .outcomes import DEAR, FOUND, FULL, NOTHING, STOPPED
-from .reach_kernels import least_errors
-from .steps import REFUSED, arrive, distances_to, radius_of, remaining, trace, widened
+from .steps import REFUSED, arrive, distances_to, least_errors, radius_of, remaining, trace, widened
 
 __all__ = ["climb"]
 
@@ -115,14 +114,8 @@ def climb(
             continue
         if (left_out == 0 and pruned == 0) or ceiling >= cutoff:
             # All walks up to the cutoff were enumerated.
-            return (
-                NOTHING,
-                route,
-                np.inf,
-                np.inf if pruned + left_out == 0 else cutoff,
-                made,
-                settled,
-            )
+            bound = np.inf if pruned + left_out == 0 else cutoff
+            return NOTHING, route, np.inf, bound, made, settled
         bound = ceiling
         share *= RISE
 
@@ -175,15 +168,8 @@ def under(
         key, label = heappop(heap)
         here = slots[label]
         if here == end:
-            return (
-                FOUND,
-                trace(slots, parents, grid.ids, label),
-                lengths[label],
-                labels,
-                settled,
-                pruned,
-                arcs,
-            )
+            route = grid.ids[trace(slots, parents, label)]
+            return FOUND, route, lengths[label], labels, settled, pruned, arcs
         error = errors[label]
         before = smallest[here]
         if error >= before:

@@ -30,15 +30,31 @@ from numpy.typing import NDArray
 
 from ..resource_routing.elementary import Found, elementary
 from .airspace import Airspace
-from .grid import build
+from .grid import Grid, build
 from .outcomes import FOUND, NOTHING
-from .slots import critical_bits
 from .way_kernels import ways_on
 
-__all__ = ["Found", "elementary", "simple_below"]
+__all__ = ["Found", "critical_bits", "elementary", "simple_below"]
 
 #: First ceiling above the proven bound, relative to it, and the growth factor of that share.
 FIRST, RISE = 1e-3, 2.2
+
+
+def critical_bits(grid: Grid, critical: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
+    """Return the bit number of every slot (-1 if not critical) and the number of 64-bit words.
+
+    Parameters
+    ----------
+    grid : Grid
+        The slots.
+    critical : ndarray of int64
+        Indices of the critical points, ascending.
+    """
+    bits = np.full(len(grid.ids), -1)
+    if critical.size:
+        place = np.minimum(np.searchsorted(critical, grid.ids), critical.size - 1)
+        bits = np.where(critical[place] == grid.ids, place, -1)
+    return bits.astype(np.int64), (critical.size + 63) // 64
 
 
 def simple_below(

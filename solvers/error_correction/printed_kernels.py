@@ -1,6 +1,7 @@
-"""The paper's pulse algorithm and dynamic program, with labels of length and both errors on arrival.
+"""The paper's algorithms: stage 1, and the pulse algorithm and dynamic program with dominance.
 
-A label dominates another label of the same point if its length and both of its errors are at most the
+Stage 1 is a Dijkstra search by length that keeps one label per point. The labels of the others hold the length
+and both errors on arrival. A label dominates another label of the same point if its length and both of its errors are at most the
 other's. A point keeps its non-dominated labels. The points of the routes are not compared, so a dropped
 label may have an extension that is not simple for the dominating label.
 """
@@ -13,14 +14,106 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
-from .airspace import Airspace
-from .labelling_kernels import arrival, leg
+from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
-from .steps import widened
+from .steps import trace, widened
 
-__all__ = ["correct_labels", "send_pulses"]
+__all__ = ["correct_labels", "label_points", "send_pulses"]
 
 Result = tuple[int, NDArray[np.int64], float, float, int, int]
+
+
+@kernel
+def leg(space: Airspace, tail: int, head: int) -> float:
+    """Return the straight-line distance between two points, in metres."""
+    square = 0.0
+    for axis in range(3):
+        difference = space.points[tail, axis] - space.points[head, axis]
+        square += difference * difference
+    return float(np.sqrt(square))
+
+
+@kernel
+def arrival(
+    space: Airspace, kind: int, vertical: float, horizontal: float, length: float
+) -> tuple[float, float]:
+    """Return the vertical and the horizontal error at the end of a leg.
+
+    Parameters
+    ----------
+    space : Airspace
+        The problem.
+    kind : int
+        Kind of the point at which the leg begins; it corrects one of the errors.
+    vertical, horizontal : float
+        Errors on arrival at that point.
+    length : float
+        Length of the leg (m).
+    """
+    if kind == VERTICAL:
+        vertical = 0.0
+    elif kind == HORIZONTAL:
+        horizontal = 0.0
+    return vertical + space.rates[0] * length, horizontal + space.rates[1] * length
+
+
+@kernel(interpretable=True)
+def label_points(
+    space: Airspace, factor: float, flag: NDArray[np.int8]
+) -> tuple[int, NDArray[np.int64], float, int]:
+    """Return the route of the paper's stage 1, section 3.1, steps 1 to 4.
+
+    Parameters
+    ----------
+    space : Airspace
+        The problem.
+    factor : float
+        The paper's λ: share of a correction point's threshold that the vertical error may use.
+    flag : ndarray of int8, shape (1,)
+        A nonzero entry stops the search.
+
+    Returns
+    -------
+    status : int
+        ``FOUND``, ``NOTHING`` or ``STOPPED``.
+    route : ndarray of int64
+        Points from A to B, empty if no route was found.
+    length : float
+        Length of the route (m), inf if no route was found.
+    made : int
+        Number of temporary labels written.
+    """
+    n = len(space.points)
+    lengths, father = np.full(n, np.inf), np.full(n, -1)
+    vertical, horizontal = np.zeros(n), np.zeros(n)
+    permanent = np.zeros(n, np.bool_)
+    nothing = np.empty(0, np.int64)
+    lengths[space.start] = 0.0
+    made = 1
+    while True:
+        here = -1
+        for i in range(n):
+            if not permanent[i] and lengths[i] < (np.inf if here < 0 else lengths[here]):
+                here = i
+        if here < 0 or flag[0] != 0:
+            return NOTHING if here < 0 else STOPPED, nothing, np.inf, made
+        permanent[here] = True
+        if here == space.end:
+            break
+        for j in range(n):
+            if permanent[j]:
+                continue
+            d = leg(space, here, j)
+            total, kind = lengths[here] + d, space.kinds[j]
+            # As printed: an equal length replaces a label, except that of B.
+            if total > lengths[j] or (kind == END and total == lengths[j]):
+                continue
+            v, h = arrival(space, space.kinds[here], vertical[here], horizontal[here], d)
+            share = 1.0 if kind == END else factor
+            if v <= share * space.limits[kind, 0] and h <= space.limits[kind, 1]:
+                lengths[j], vertical[j], horizontal[j], father[j] = total, v, h, here
+                made += 1
+    return FOUND, trace(np.arange(n), father, space.end), lengths[space.end], made
 
 
 class Tags(NamedTuple):
@@ -103,19 +196,6 @@ def keep(
 
 
 @kernel
-def route_to(tags: Tags, label: int) -> NDArray[np.int64]:
-    """Return the points from A to that of `label`; empty for label -1."""
-    count, at = 0, label
-    while at >= 0:
-        count, at = count + 1, tags.father[at]
-    route, at = np.empty(count, np.int64), label
-    while at >= 0:
-        count -= 1
-        route[count], at = tags.point[at], tags.father[at]
-    return route
-
-
-@kernel
 def mark_route(tags: Tags, label: int, marks: NDArray[np.bool_], value: bool) -> None:
     """Set the marks of the points on the route of `label` to `value`."""
     while label >= 0:
@@ -180,7 +260,7 @@ def send_pulses(space: Airspace, bound: float, flag: NDArray[np.int8]) -> Result
         if total + leg(space, j, space.end) >= best:
             continue
         if j == space.end:
-            best, route = total, np.append(route_to(tags, label), j)
+            best, route = total, np.append(trace(tags.point, tags.father, label), j)
             continue
         if is_dominated(tags, heads[j], total, v, h):
             continue
@@ -259,5 +339,5 @@ def correct_labels(space: Airspace, cutoff: float, flag: NDArray[np.int8]) -> Re
     if status == FOUND and best < 0:
         status = NOTHING
     length = tags.length[best] if best >= 0 else np.inf
-    route, line = route_to(tags, best), leg(space, space.start, space.end)
+    route, line = trace(tags.point, tags.father, best), leg(space, space.start, space.end)
     return status, route, length, line, used, extended

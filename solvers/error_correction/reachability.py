@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Refusal", "onward", "reachable", "refusals"]
 
+#: Maximum number of arcs scanned for the remaining lengths, at most about 1 s of work.
+MOST_ARCS = 200_000_000
 #: Names of the thresholds by the head's kind and the axis: 0 horizontal, 1 vertical error.
 _THRESHOLDS = {
     (VERTICAL, 0): ("alpha2", "9", "horizontal error"),
@@ -75,7 +77,7 @@ def reachable(model: ErrorCorrectionRouting) -> NDArray[np.float64]:
 
     It is inf at unreachable points, and 0 at a reachable B.
     """
-    from .reach_kernels import least_errors
+    from .steps import least_errors
 
     space, grid = _arrays(model)
     least = np.full(len(model.points), np.inf)
@@ -97,11 +99,11 @@ def onward(model: ErrorCorrectionRouting) -> NDArray[np.bool_]:
     Steps to other points are dead ends. The search has a limit on its work, so the mask may include
     additional points.
     """
-    from .slots import shortest_ways
+    from .steps import remaining
 
     space, grid = _arrays(model)
     marked = np.zeros(len(model.points), bool)
-    marked[grid.ids] = np.isfinite(shortest_ways(space, grid, np.zeros(1, np.int8)))
+    marked[grid.ids] = np.isfinite(remaining(space, grid, False, MOST_ARCS, np.zeros(1, np.int8)))
     return marked
 
 

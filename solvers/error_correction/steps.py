@@ -1,4 +1,4 @@
-"""Steps of a search: errors along an arc, reach of a label and remaining lengths.
+"""Steps of a search: errors along an arc, reach of a label, remaining lengths and reachable points.
 
 Column 0 of an airspace's limits and rates is the vertical error, column 1 the horizontal one. At a
 horizontal point the vertical error survives, at a vertical point the horizontal one.
@@ -17,7 +17,8 @@ from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, near, reach
 
 __all__ = [
-    "REFUSED", "arrive", "distance", "distances_to", "radius_of", "remaining", "trace", "widened",
+    "REFUSED", "arrive", "distance", "distances_to", "least_errors", "radius_of", "remaining", "trace",
+    "widened",
 ]  # fmt: skip
 
 #: Result of :func:`arrive` for an arc that violates a threshold of its head.
@@ -135,21 +136,15 @@ def remaining(
 
 
 @kernel
-def trace(
-    slots: NDArray[np.int64], parents: NDArray[np.int64], ids: NDArray[np.int64], label: int
-) -> NDArray[np.int64]:
-    """Return the points of the partial route of `label`, from A."""
-    count = 0
-    at = label
+def trace(points: NDArray[np.int64], parents: NDArray[np.int64], label: int) -> NDArray[np.int64]:
+    """Return the points of the labels from the first to `label`; empty for label -1."""
+    count, at = 0, label
     while at >= 0:
-        count += 1
-        at = parents[at]
-    route = np.empty(count, np.int64)
-    at = label
+        count, at = count + 1, parents[at]
+    route, at = np.empty(count, np.int64), label
     while at >= 0:
         count -= 1
-        route[count] = ids[slots[at]]
-        at = parents[at]
+        route[count], at = points[at], parents[at]
     return route
 
 
@@ -160,3 +155,42 @@ def widened(array: NDArray[Any], room: int) -> NDArray[Any]:
     for k in range(len(array)):
         wider[k] = array[k]
     return wider
+
+
+@kernel(interpretable=True)
+def least_errors(
+    space: Airspace, grid: Grid, until: bool, flag: NDArray[np.int8]
+) -> NDArray[np.float64]:
+    """Return the least error on leaving each slot by walks from A, shape (slots,); inf if unreachable.
+
+    Revisits are allowed. The walk of least error can be extended wherever any other can, so the least
+    errors determine which points are reachable. A later walk may have a smaller error, so a point is
+    extended again after its error decreases. With `until` the search ends as soon as B is reached.
+    After an early end, by `until` or `flag`, points not reached yet have inf, too.
+    """
+    count = len(grid.x)
+    start, end = count - 2, count - 1
+    least = np.full(count, np.inf)
+    found = np.empty(count, np.int64)
+    away = np.empty(count)
+    to_end = distances_to(grid, end)
+    least[start] = 0.0
+    heap = [(0.0, start)]
+    while len(heap) > 0 and flag[0] == 0:
+        error, here = heappop(heap)
+        if error > least[here]:
+            continue
+        kind = grid.kinds[here]
+        if arrive(space, kind, END, error, to_end[here]) != REFUSED:
+            least[end] = 0.0
+            if until:
+                break
+        for head in (HORIZONTAL, VERTICAL):
+            k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
+            for m in range(k):
+                there = found[m]
+                left = arrive(space, kind, head, error, away[m])
+                if left != REFUSED and left < least[there]:
+                    least[there] = left
+                    heappush(heap, (left, there))
+    return least

@@ -83,7 +83,7 @@ def best_first(
         key, label = heappop(heap)
         here = labels.slot[label]
         if here == end:
-            route = trace(labels.slot, labels.parent, grid.ids, label)
+            route = grid.ids[trace(labels.slot, labels.parent, label)]
             return FOUND, route, labels.length[label], labels.length[label], used, settled
         if dominated(labels, heads[here], label):
             continue

@@ -135,7 +135,7 @@ def measure(fleet: Fleet, routes: Routes) -> tuple[float, float, float]:
 def _detour(fleet: Fleet, here: int, start: int, end: int) -> float:
     """Return the additional length of a route that visits node `here` between two nodes."""
     distances = fleet.distances
-    return distances[start, here] + distances[here, end] - distances[start, end]
+    return float(distances[start, here] + distances[here, end] - distances[start, end])
 
 
 @kernel

@@ -112,6 +112,7 @@ class Field:
                 paths.append(back(parents, goal))
         plan = self.plan(paths)
         cost = self.problem.verify(plan).objective
+        assert cost is not None
         request.control.incumbent(cost, plan)
         return cost, plan
 

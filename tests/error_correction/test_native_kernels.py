@@ -17,10 +17,9 @@ from crosstrack.models import ErrorCorrectionRouting
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.contract.backend import Limit
 from crosstrack.solvers.error_correction.airspace import airspace
-from crosstrack.solvers.error_correction.elementary import Found, elementary
+from crosstrack.solvers.error_correction.elementary import Found, critical_bits, elementary
 from crosstrack.solvers.error_correction.grid import build, near
 from crosstrack.solvers.error_correction.reachability import reachable, refusals
-from crosstrack.solvers.error_correction.slots import critical_bits
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
 from crosstrack.solvers.error_correction.sweep_kernels import best_first
 from crosstrack.solvers.error_correction.way_kernels import plain_ways

@@ -7,8 +7,11 @@ import crosstrack as ct
 from crosstrack.models import ErrorCorrectionRouting
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.error_correction.airspace import airspace
-from crosstrack.solvers.error_correction.labelling_kernels import label_points
-from crosstrack.solvers.error_correction.printed_kernels import correct_labels, send_pulses
+from crosstrack.solvers.error_correction.printed_kernels import (
+    correct_labels,
+    label_points,
+    send_pulses,
+)
 
 FLAG = np.zeros(1, np.int8)
 

@@ -20,8 +20,8 @@ import crosstrack as ct  # noqa: E402
 from crosstrack.instances.error_correction import TABLE_3  # noqa: E402
 from crosstrack.models import Route  # noqa: E402
 from crosstrack.solvers.error_correction.airspace import HORIZONTAL, VERTICAL, airspace  # noqa: E402
-from crosstrack.solvers.error_correction.labelling import FACTORS  # noqa: E402
-from crosstrack.solvers.error_correction.labelling_kernels import label_points  # noqa: E402
+from crosstrack.solvers.error_correction.printed import FACTORS  # noqa: E402
+from crosstrack.solvers.error_correction.printed_kernels import label_points  # noqa: E402
 
 #: Readings of step 3 of stage 1: whether α and β are swapped, and the shares of the thresholds (vertical and
 #: horizontal error) that λ shrinks at horizontal and at vertical points.

@@ -18,10 +18,9 @@ from error_correction.hard_cases import ball, chain, clusters, wall
 from crosstrack.instances.error_correction.generator import uniform_slab
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.error_correction.airspace import airspace
-from crosstrack.solvers.error_correction.elementary import Found, elementary
+from crosstrack.solvers.error_correction.elementary import Found, critical_bits, elementary
 from crosstrack.solvers.error_correction.grid import build
 from crosstrack.solvers.error_correction.outcomes import NOTHING
-from crosstrack.solvers.error_correction.slots import critical_bits
 from crosstrack.solvers.error_correction.steps import distances_to
 from crosstrack.solvers.error_correction.sweep_kernels import best_first
 from crosstrack.solvers.error_correction.way_kernels import plain_ways
