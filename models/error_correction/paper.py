@@ -116,54 +116,37 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         kept_h = np.where(model.codes == HORIZONTAL, limit[:, 1], 0.0)
 
         b = ProgramBuilder()
-        index = np.column_stack([arcs.tail, arcs.head])
-        cost = np.where(points == model.end, 1.0, 0.0)
+        along = {"template": "along arc {0}-{1}", "index": np.column_stack([arcs.tail, arcs.head])}
         x = b.columns(
-            "arc used",
-            len(arcs),
-            upper=1,
-            integral=True,
-            equation="23",
-            template="arc {0}-{1}",
-            index=index,
-        )
+            "arc used", len(arcs), upper=1, integral=True, equation="23",
+            template="arc {0}-{1}", index=along["index"],
+        )  # fmt: skip
+        at: dict[str, Any] = {"template": "at point {0}"}
         y = b.columns(
-            "point used",
-            len(corrections),
-            upper=1,
-            integral=True,
-            equation="24",
-            template="at point {0}",
-            index=corrections,
-        )
-        at: dict[str, Any] = {"template": "at point {0}", "equation": "22"}
+            "point used", len(corrections), upper=1, integral=True, equation="24",
+            index=corrections, **at,
+        )  # fmt: skip
         least = np.where(points == model.end, to_end[model.start], 0.0)
         l = b.columns(  # noqa: E741
-            "distance on arrival", n, lower=least, cost=cost, unit="m", index=points, **at
-        )
+            "distance on arrival", n, lower=least, cost=np.where(points == model.end, 1.0, 0.0),
+            unit="m", index=points, equation="22", **at,
+        )  # fmt: skip
         # The errors on arrival at A appear in no row.
         most = np.where(points == model.start, 0.0, np.inf)
-        g = b.columns(
-            "horizontal error on arrival", n, upper=most, unit="error", index=points, **at
-        )
-        h = b.columns("vertical error on arrival", n, upper=most, unit="error", index=points, **at)
-        s = np.full(n, -1)
-        t = np.full(n, -1)
-        s[leaving] = b.columns(
-            "horizontal error on leaving", n - 1, unit="error", index=leaving, **at
-        )
-        t[leaving] = b.columns(
-            "vertical error on leaving", n - 1, unit="error", index=leaving, **at
-        )
-        use = np.full(n, -1)
+        errors: dict[str, Any] = {"unit": "error", "equation": "22", **at}
+        g = b.columns("horizontal error on arrival", n, upper=most, index=points, **errors)
+        h = b.columns("vertical error on arrival", n, upper=most, index=points, **errors)
+        s, t, use, place = np.full((4, n), -1)
+        s[leaving] = b.columns("horizontal error on leaving", n - 1, index=leaving, **errors)
+        t[leaving] = b.columns("vertical error on leaving", n - 1, index=leaving, **errors)
         use[corrections] = y
-        place = np.full(n, -1)
         place[corrections] = np.arange(len(corrections))
 
-        out = arcs.tail == model.start
-        into = arcs.head == model.end
-        b.rows("one arc out of A", 1, (0, x[out], 1.0), lower=1, upper=1, equation="2")
-        b.rows("one arc into B", 1, (0, x[into], 1.0), lower=1, upper=1, equation="3")
+        one: dict[str, Any] = {"lower": 1, "upper": 1}
+        zero: dict[str, Any] = {"lower": 0, "upper": 0}
+        out, into = arcs.tail == model.start, arcs.head == model.end
+        b.rows("one arc out of A", 1, (0, x[out], 1.0), **one, equation="2")
+        b.rows("one arc into B", 1, (0, x[into], 1.0), **one, equation="3")
         if model.corrections_limit is not None:
             arcs_most = model.corrections_limit + 1.0
             b.rows("corrections at most", 1, (0, x, 1.0), upper=arcs_most, unit="arcs")
@@ -171,16 +154,9 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         for name, equation, ends in (("arcs in", "4", arcs.head), ("arcs out", "5", arcs.tail)):
             inner = place[ends] >= 0
             b.rows(
-                name,
-                len(corrections),
-                (place[ends[inner]], x[inner], 1.0),
-                (every, y, -1.0),
-                lower=0,
-                upper=0,
-                equation=equation,
-                template="at point {0}",
-                index=corrections,
-            )
+                name, len(corrections), (place[ends[inner]], x[inner], 1.0), (every, y, -1.0),
+                equation=equation, index=corrections, **zero, **at,
+            )  # fmt: skip
         rows = np.arange(len(arcs))
         for name, equation, there, here, gain, most, unit in (
             ("distance", "6", l, l, 1.0, reach, "m"),
@@ -189,17 +165,9 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         ):
             m = most[arcs.tail] if self.big_m is None else np.full(len(arcs), float(self.big_m))
             b.rows(
-                name,
-                len(arcs),
-                (rows, there[arcs.head], 1.0),
-                (rows, here[arcs.tail], -1.0),
-                (rows, x, -(gain * arcs.length + m)),
-                lower=-m,
-                equation=equation,
-                template="along arc {0}-{1}",
-                index=index,
-                unit=unit,
-            )
+                name, len(arcs), (rows, there[arcs.head], 1.0), (rows, here[arcs.tail], -1.0),
+                (rows, x, -(gain * arcs.length + m)), lower=-m, equation=equation, unit=unit, **along,
+            )  # fmt: skip
         m = 0.0 if self.big_m is None else float(self.big_m)
         for name, equation, group, column, axis in (
             ("horizontal error at vertical", "9", vertical, g, 0),
@@ -209,16 +177,10 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         ):
             entry = np.arange(len(group))
             b.rows(
-                name,
-                len(group),
-                (entry, column[group], 1.0),
-                (entry, use[group], m),
-                upper=limit[group, axis] + m,
-                equation=equation,
-                template="point {0}",
-                index=group,
+                name, len(group), (entry, column[group], 1.0), (entry, use[group], m),
+                upper=limit[group, axis] + m, equation=equation, template="point {0}", index=group,
                 unit="error",
-            )
+            )  # fmt: skip
         for name, equation, group, after, before in (
             ("horizontal error kept", "11", vertical, s, g),
             ("vertical error corrected", "12", vertical, t, None),
@@ -230,34 +192,19 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
             if before is not None:
                 terms.append((entry, before[group], -1.0))
             b.rows(
-                name,
-                len(group),
-                *terms,
-                lower=0,
-                upper=0,
-                equation=equation,
-                template="at point {0}",
-                index=group,
-                unit="error",
+                name, len(group), *terms, equation=equation, index=group, unit="error", **zero, **at
             )
-        for name, equation, column in (
-            ("horizontal error at B", "17", g),
-            ("vertical error at B", "18", h),
-        ):
+        for kind, equation, column in (("horizontal", "17", g), ("vertical", "18", h)):
+            term = (0, column[model.end], 1.0)
             b.rows(
-                name,
-                1,
-                (0, column[model.end], 1.0),
-                upper=model.theta,
-                equation=equation,
-                unit="error",
+                f"{kind} error at B", 1, term, upper=model.theta, equation=equation, unit="error"
             )
         for name, equation, column in (
             ("no horizontal error on leaving A", "19", s),
             ("no vertical error on leaving A", "20", t),
             ("no distance at A", "21", l),
         ):
-            b.rows(name, 1, (0, column[model.start], 1.0), lower=0, upper=0, equation=equation)
+            b.rows(name, 1, (0, column[model.start], 1.0), **zero, equation=equation)
         return b.build(name=f"{model.name}:paper" if model.name else "paper")
 
     def encode(self, plan: Route) -> NDArray[np.float64]:
