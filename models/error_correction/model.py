@@ -15,14 +15,17 @@ import numpy as np
 from ...errors import InvalidData
 from ..model import Model
 from ..resource_routing.model import ResourceRouting
+from ..resource_routing.resource import Resource
 from ..resource_routing.route import Route, route_from_data, route_to_data
 from ..verification import TOLERANCE, Verification
 from .checks import Stop, verify_route, walk_route
 from .data import RoutingData
-from .general import resources_of
-from .points import END, HORIZONTAL, START, VERTICAL
+from .points import END, HORIZONTAL, KIND_WORDS, START, VERTICAL
 
 __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "ErrorCorrectionRouting", "Route", "Stop"]
+
+#: Prefix of the kind of a suspect point in the model with resources.
+_SUSPECT = "suspect "
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,17 +149,31 @@ class ErrorCorrectionRouting(RoutingData, Model[Route]):
 
         A correction that may fail resets the error to at most the residual.
         """
-        none = [False] * len(self.points)
-        words, resources = resources_of(
-            self.kinds.tolist(),
-            none if self.suspect is None else self.suspect.tolist(),
-            self.limits,
-            (self.horizontal_rate, self.vertical_rate),
-            0.0 if self.residual is None else self.residual,
-            self.corrections_limit,
+        suspect = np.zeros(len(self.points), bool) if self.suspect is None else self.suspect
+        words = tuple(
+            (_SUSPECT if fails else "") + kind
+            for kind, fails in zip(self.kinds.tolist(), suspect, strict=True)
         )
+        arrivals = sorted(set(words) - {"A"})
+        code = {word: KIND_WORDS.index(word.removeprefix(_SUSPECT)) for word in arrivals}
+        residual, resources = self.residual or 0.0, []
+        for axis, (axis_name, rate) in enumerate(
+            (("horizontal", self.horizontal_rate), ("vertical", self.vertical_rate))
+        ):
+            resets = {
+                word: residual if word.startswith(_SUSPECT) else 0.0
+                for word in arrivals
+                if word.endswith(axis_name)
+            }
+            limits = {word: float(self.limits[code[word], axis]) for word in arrivals}
+            resources.append(Resource(f"{axis_name} error", rate, limits=limits, resets=resets))
+        if self.corrections_limit is not None:
+            points = [word for word in arrivals if word != "B"]
+            most = dict.fromkeys(points, float(self.corrections_limit))
+            gains = dict.fromkeys(points, 1.0)
+            resources.append(Resource("corrections", limits=most, gains=gains))
         return ResourceRouting(
-            words, resources, self.start, self.end,
+            words, tuple(resources), self.start, self.end,
             points=self.points, revisits=self.revisits, ids=self.ids, name=self.name,
         )  # fmt: skip
 
