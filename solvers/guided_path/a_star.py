@@ -34,7 +34,8 @@ from . import search_kernels as kernels
 from .beam_kernels import beam
 from .bound import Tables
 from .insertion import InsertIndex
-from .shares import Shares, no_shares, shares_of
+from .share_kernels import Shares
+from .shares import no_shares, shares_of
 from .state_kernels import least_rest
 
 __all__ = ["AStar"]
@@ -138,22 +139,10 @@ class _Search:
 
     def take(self, shares: Shares) -> None:
         """Add these shares to the bound of the states."""
-        tables = self.tables
-        self.shared = (
-            tables.first, tables.place, tables.at, tables.length, tables.crossings, tables.needs,
-            tables.needed, tables.fields, shares.groups, shares.members, shares.weighted,
-            shares.rests, shares.times, shares.over,
-        )  # fmt: skip
-        counts, scratch = (
-            np.zeros(tables.first.size - 1, np.int64),
-            np.empty(tables.length.size, np.int16),
-        )
-        self.root = int(
-            least_rest(
-                counts, int(tables.place[-1]), tables.first, tables.place, tables.at, tables.length,
-                tables.crossings, *self.shared[8:], scratch,
-            )
-        )  # fmt: skip
+        self.shares, tables = shares, self.tables
+        counts = np.zeros(tables.first.size - 1, np.int64)
+        scratch = np.empty(tables.length.size, np.int16)
+        self.root = int(least_rest(tables, shares, counts, int(tables.place[-1]), scratch))
 
     @property
     def bound(self) -> float:
@@ -245,7 +234,7 @@ class _Search:
         n, room = len(self.tables.customers), ROOM * width + 2 * len(self.tables.customers)
         trace = np.empty((2 * width * n + 2, 2), np.int32)
         best, last, left = beam(
-            *self.shared, np.empty((room, self.tables.words), np.int64),
+            self.tables, self.shares, np.empty((room, self.tables.words), np.int64),
             np.empty((room, 3), np.int64), np.empty(room, np.int32), np.empty(room + 1, np.int32),
             np.empty(1 << (2 * room).bit_length(), np.int32), np.empty(n + 1, np.int32), trace,
             self.best, width, self.control.flag,
@@ -282,15 +271,16 @@ class _Search:
                     array.resize((room, *array.shape[1:]), refcheck=False)
                 table = np.empty(1 << (2 * room - 1).bit_length(), np.int32)
                 kernels.rehash(keys, int(self.info[kernels.COUNT]), table)
-            shared = (
-                *self.shared, keys, costs, parents, links, table, buckets, self.root, width, self.info,
-            )  # fmt: skip
-            flag = self.control.flag
+            states = kernels.States(
+                keys, costs, parents, links, table, buckets, self.root, width, self.info
+            )
+            shared = (self.tables, self.shares, states)
             if status is None:
-                status = kernels.search_anew(*shared, self.best, CHUNK, flag)
+                status = kernels.search_anew(*shared, self.best, CHUNK, self.control.flag)
             else:
                 self.info[kernels.BEST] = min(self.info[kernels.BEST], self.best)
-                status = kernels.search_on(*shared, CHUNK, flag)
+                status = kernels.search_on(*shared, CHUNK, self.control.flag)
+            del states, shared  # the arrays may be resized
             if self.info[kernels.BEST] < self.best:
                 self.best = int(self.info[kernels.BEST])
                 self.walk(

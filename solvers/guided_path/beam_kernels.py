@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
+from .bound import Tables
+from .share_kernels import Shares
 from .state_kernels import hashed, least_rest, neighbours, pack, serve, unpack
 
 __all__ = ["CLASSES", "beam"]
@@ -83,19 +85,15 @@ def _limit(
 
 @kernel(interpretable=True)
 def beam(
-    first: Ints, place: Ints, at: Ints, length: Ints, crossings: NDArray[np.int16], needs: Ints,
-    needed: Ints, fields: Ints, groups: Ints, members: Ints, weighted: Ints, rests: Links,
-    times: int, over: int, keys: Ints, costs: Ints, after: Links, free: Links, table: Links,
+    tables: Tables, shares: Shares, keys: Ints, costs: Ints, after: Links, free: Links, table: Links,
     heads: Links, trace: Links, best: int, width: int, flag: NDArray[np.int8],
 ) -> tuple[int, int, int]:  # fmt: skip
     """Return the length of the best tour, its last entry of `trace`, and the number of pruned states.
 
     Parameters
     ----------
-    first, place, at, length, crossings, needs, needed, fields
-        As in :class:`~.bound.Tables`.
-    groups, members, weighted, rests, times, over
-        As in :class:`~.shares.Shares`.
+    tables, shares
+        Tables of the model, and shares of its chains.
     keys : ndarray of int, shape (room, words)
         Pool of states.
     costs : ndarray of int, shape (room, 3)
@@ -123,9 +121,10 @@ def beam(
         Length; entry, or -1 if no shorter tour was found; number of pruned states, 0 if the search
         was exhaustive, which proves optimality.
     """
-    chains, total = first.size - 1, first[first.size - 1]
+    place, at, fields = tables.place, tables.at, tables.fields
+    chains, total = tables.first.size - 1, tables.first[tables.first.size - 1]
     counts, then = np.zeros(chains, np.int64), np.empty(chains, np.int64)
-    scratch = np.empty(length.size, np.int16)
+    scratch = np.empty(tables.length.size, np.int16)
     tally = np.empty(CLASSES, np.int64)
     for index in range(heads.size):
         heads[index] = -1
@@ -133,7 +132,7 @@ def beam(
         free[index + 1] = index
     free[0] = len(keys) - 1
     here = place[place.size - 1]
-    served = serve(counts, here, first, place, needs, needed)
+    served = serve(tables, counts, here)
     root = int(free[free[0] + 1])
     pack(counts, here, fields, keys[root])
     for column in range(3):
@@ -162,17 +161,14 @@ def beam(
                 continue
             if group == limit:
                 quota -= 1
-            for there in neighbours(counts, here, first, place, needs, needed):
+            for there in neighbours(tables, counts, here):
                 if there < 0:
                     continue
                 for k in range(chains):
                     then[k] = counts[k]
-                done = layer + serve(then, there, first, place, needs, needed)
+                done = layer + serve(tables, then, there)
                 farther = way + abs(at[there] - at[here])
-                rest = least_rest(
-                    then, there, first, place, at, length, crossings, groups, members,
-                    weighted, rests, times, over, scratch,
-                )  # fmt: skip
+                rest = least_rest(tables, shares, then, there, scratch)
                 if farther + rest >= best:
                     continue
                 if free[0] == 0 and done < total:

@@ -12,7 +12,7 @@ the right parity. The bound is consistent: it decreases by at most the distance 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +60,10 @@ def whole_lengths(places: Floats) -> tuple[Ints, float, bool]:
     return whole, unit, False
 
 
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """Arrays of a model for the searches; customers are numbered chain by chain.
+class Tables(NamedTuple):
+    """Arrays of a model for the searches and their kernels; customers are numbered chain by chain.
 
-    Parameters
+    Attributes
     ----------
     customers : ndarray of int, shape (n,)
         Numbers of the customers in the model.

@@ -6,14 +6,18 @@ its bucket.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
+from .bound import Tables
+from .share_kernels import Shares
 from .state_kernels import hashed, least_rest, neighbours, pack, serve, unpack
 
 __all__ = [
-    "BEST", "COUNT", "DONE", "EXPANDED", "FULL", "GOAL", "LOWEST", "PAUSED", "rehash", "search_anew",
+    "BEST", "COUNT", "DONE", "EXPANDED", "FULL", "GOAL", "LOWEST", "PAUSED", "States", "rehash", "search_anew",
     "search_on",
 ]  # fmt: skip
 
@@ -28,6 +32,38 @@ DONE, FULL, PAUSED = 0, 1, 2
 COUNT, LOWEST, BEST, GOAL, EXPANDED = 0, 1, 2, 3, 4
 #: Link of a state that is not open.
 CLOSED = -2
+
+
+class States(NamedTuple):
+    """States of a search and its queue, modified in place.
+
+    Attributes
+    ----------
+    keys : ndarray of int, shape (room, words)
+        Keys of the states.
+    costs : ndarray of int, shape (room, 2)
+        Length up to each state, and the same plus the bound on the rest.
+    parents : ndarray of int32, shape (room,)
+        Predecessor of each state.
+    links : ndarray of int32, shape (room, 2)
+        Previous and next state in its bucket.
+    table, buckets : ndarray of int32
+        Hash table of the states, and first state of each bucket; -1 if empty.
+    lowest, width : int
+        Least length of the first bucket, and width of each bucket.
+    info : ndarray of int, shape (5,)
+        Entries as in :data:`COUNT`.
+    """
+
+    keys: Ints
+    costs: Ints
+    parents: Links
+    links: Links
+    table: Links
+    buckets: Links
+    lowest: int
+    width: int
+    info: Ints
 
 
 @kernel
@@ -59,7 +95,8 @@ def rehash(keys: Ints, count: int, table: Links) -> None:
 
 
 @kernel
-def _link(state: int, bucket: int, buckets: Links, links: Links) -> None:
+def _link(states: States, state: int, bucket: int) -> None:
+    buckets, links = states.buckets, states.links
     head = buckets[bucket]
     links[state, 0] = -1
     links[state, 1] = head
@@ -69,7 +106,8 @@ def _link(state: int, bucket: int, buckets: Links, links: Links) -> None:
 
 
 @kernel
-def _unlink(state: int, bucket: int, buckets: Links, links: Links) -> None:
+def _unlink(states: States, state: int, bucket: int) -> None:
+    buckets, links = states.buckets, states.links
     before, after = int(links[state, 0]), int(links[state, 1])
     if before >= 0:
         links[before, 1] = after
@@ -82,46 +120,20 @@ def _unlink(state: int, bucket: int, buckets: Links, links: Links) -> None:
 
 @kernel
 def search_on(
-    first: Ints, place: Ints, at: Ints, length: Ints, crossings: NDArray[np.int16], needs: Ints,
-    needed: Ints, fields: Ints, groups: Ints, members: Ints, weighted: Ints, rests: Links,
-    times: int, over: int, keys: Ints, costs: Ints, parents: Links, links: Links,
-    table: Links, buckets: Links, lowest: int, width: int, info: Ints, steps: int,
-    flag: NDArray[np.int8],
-) -> int:  # fmt: skip
+    tables: Tables, shares: Shares, states: States, steps: int, flag: NDArray[np.int8]
+) -> int:
     """Expand up to `steps` states; return `DONE`, `FULL` or `PAUSED`.
 
     A state is expanded again if a shorter path to it is found. States whose bound reaches the best
-    length are discarded, so the search is exhausted when no bucket below that length remains.
-
-    Parameters
-    ----------
-    first, place, at, length, crossings, needs, needed, fields
-        As in :class:`~.bound.Tables`.
-    groups, members, weighted, rests, times, over
-        As in :class:`~.shares.Shares`.
-    keys : ndarray of int, shape (room, words)
-        Keys of the states.
-    costs : ndarray of int, shape (room, 2)
-        Length up to each state, and the same plus the bound on the rest.
-    parents : ndarray of int32, shape (room,)
-        Predecessor of each state.
-    links : ndarray of int32, shape (room, 2)
-        Previous and next state in its bucket.
-    table, buckets : ndarray of int32
-        Hash table of the states, and first state of each bucket; -1 if empty.
-    lowest, width : int
-        Least length of the first bucket, and width of each bucket.
-    info : ndarray of int, shape (5,)
-        Entries as in :data:`COUNT`; updated.
-    steps : int
-        Maximum number of expansions.
-    flag : ndarray of int8
-        Stop flag, nonzero to pause.
+    length are discarded, so the search is exhausted when no bucket below that length remains. A nonzero
+    `flag` pauses the search.
     """
-    chains, room = first.size - 1, len(keys)
+    at, keys, costs, links = tables.at, states.keys, states.costs, states.links
+    buckets, lowest, width, info = states.buckets, states.lowest, states.width, states.info
+    chains, room = tables.first.size - 1, len(keys)
     counts, after = np.empty(chains, np.int64), np.empty(chains, np.int64)
-    key, scratch = np.empty(keys.shape[1], np.int64), np.empty(length.size, np.int16)
-    total = first[chains]
+    key, scratch = np.empty(keys.shape[1], np.int64), np.empty(tables.length.size, np.int16)
+    total = tables.first[chains]
     for _ in range(steps):
         if flag[0] != 0:
             return PAUSED
@@ -134,83 +146,71 @@ def search_on(
         if info[COUNT] + 2 > room:
             return FULL
         state = int(buckets[bucket])
-        _unlink(state, bucket, buckets, links)
+        _unlink(states, state, bucket)
         if costs[state, 1] >= info[BEST]:
             continue
         info[EXPANDED] += 1
-        here = unpack(keys[state], fields, counts)
-        for there in neighbours(counts, here, first, place, needs, needed):
+        here = unpack(keys[state], tables.fields, counts)
+        for there in neighbours(tables, counts, here):
             if there < 0:
                 continue
             done = 0
             for k in range(chains):
                 after[k] = counts[k]
-            serve(after, there, first, place, needs, needed)
+            serve(tables, after, there)
             for k in range(chains):
                 done += after[k]
-            pack(after, there, fields, key)
+            pack(after, there, tables.fields, key)
             way = costs[state, 0] + abs(at[there] - at[here])
-            slot = _slot(key, keys, table)
-            other = int(table[slot])
+            slot = _slot(key, keys, states.table)
+            other = int(states.table[slot])
             if other >= 0:
                 rest = costs[other, 1] - costs[other, 0]
                 if way >= costs[other, 0]:
                     continue
                 if links[other, 1] != CLOSED:
-                    _unlink(other, (costs[other, 1] - lowest) // width, buckets, links)
+                    _unlink(states, other, (costs[other, 1] - lowest) // width)
             else:
-                rest = least_rest(
-                    after, there, first, place, at, length, crossings, groups, members,
-                    weighted, rests, times, over, scratch,
-                )  # fmt: skip
+                rest = least_rest(tables, shares, after, there, scratch)
             if way + rest >= info[BEST]:
                 continue
             if other < 0:
                 other = info[COUNT]
                 info[COUNT] += 1
-                table[slot] = other
+                states.table[slot] = other
                 for word in range(key.size):
                     keys[other, word] = key[word]
             costs[other, 0], costs[other, 1] = way, way + rest
-            parents[other] = state
+            states.parents[other] = state
             if done == total:
                 info[BEST], info[GOAL] = way + rest, other
                 links[other, 1] = CLOSED
             else:
                 bucket = (way + rest - lowest) // width
-                _link(other, bucket, buckets, links)
+                _link(states, other, bucket)
                 info[LOWEST] = min(info[LOWEST], bucket)
     return PAUSED
 
 
 @kernel(interpretable=True)
 def search_anew(
-    first: Ints, place: Ints, at: Ints, length: Ints, crossings: NDArray[np.int16], needs: Ints,
-    needed: Ints, fields: Ints, groups: Ints, members: Ints, weighted: Ints, rests: Links,
-    times: int, over: int, keys: Ints, costs: Ints, parents: Links, links: Links,
-    table: Links, buckets: Links, lowest: int, width: int, info: Ints, best: int, steps: int,
-    flag: NDArray[np.int8],
-) -> int:  # fmt: skip
+    tables: Tables, shares: Shares, states: States, best: int, steps: int, flag: NDArray[np.int8]
+) -> int:
     """Initialise the search and continue as :func:`search_on`; `best` is the length of a known tour."""
+    table, buckets, costs, info = states.table, states.buckets, states.costs, states.info
     for slot in range(table.size):
         table[slot] = -1
     for bucket in range(buckets.size):
         buckets[bucket] = -1
-    counts = np.zeros(first.size - 1, np.int64)
-    scratch = np.empty(length.size, np.int16)
-    here = place[place.size - 1]
-    serve(counts, here, first, place, needs, needed)
-    pack(counts, here, fields, keys[0])
-    table[_slot(keys[0], keys, table)] = 0
+    counts = np.zeros(tables.first.size - 1, np.int64)
+    scratch = np.empty(tables.length.size, np.int16)
+    here = tables.place[tables.place.size - 1]
+    serve(tables, counts, here)
+    pack(counts, here, tables.fields, states.keys[0])
+    table[_slot(states.keys[0], states.keys, table)] = 0
     costs[0, 0] = 0
-    costs[0, 1] = least_rest(
-        counts, here, first, place, at, length, crossings, groups, members,
-        weighted, rests, times, over, scratch,
-    )  # fmt: skip
-    parents[0] = -1
-    _link(0, (costs[0, 1] - lowest) // width, buckets, links)
+    costs[0, 1] = least_rest(tables, shares, counts, here, scratch)
+    states.parents[0] = -1
+    _link(states, 0, (costs[0, 1] - states.lowest) // states.width)
     info[COUNT], info[LOWEST], info[BEST], info[GOAL], info[EXPANDED] = 1, 0, best, -1, 0
-    return search_on(
-        first, place, at, length, crossings, needs, needed, fields, groups, members, weighted, rests, times, over, keys, costs, parents, links,
-        table, buckets, lowest, width, info, steps, flag,
-    )  # fmt: skip
+    return search_on(tables, shares, states, steps, flag)

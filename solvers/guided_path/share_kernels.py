@@ -7,18 +7,46 @@ the start.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
+from .bound import Tables
 
-__all__ = ["FAR", "fill_rests", "rest_of_shares", "walk_alone"]
+__all__ = ["FAR", "Shares", "fill_rests", "rest_of_shares", "walk_alone"]
 
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
 
 #: Length greater than that of any path.
 FAR = (1 << 31) - 1
+
+
+class Shares(NamedTuple):
+    """Groups of chains for :func:`rest_of_shares`.
+
+    Attributes
+    ----------
+    groups : ndarray of int, shape (groups + 1, 2)
+        First index of each group in `members` and in `rests`.
+    members : ndarray of int, shape (chains, 2)
+        Chains by group, and the increment of the encoded counts per customer.
+    weighted : ndarray of int, shape (groups, places)
+        Coordinates of the places for each group.
+    rests : ndarray of int32
+        Remaining lengths of all groups.
+    times, over : int
+        Factor and divisor that convert its value to units of the tables.
+    """
+
+    groups: Ints
+    members: Ints
+    weighted: Ints
+    rests: NDArray[np.int32]
+    times: int
+    over: int
 
 
 @kernel(interpretable=True)
@@ -84,7 +112,7 @@ def walk_alone(
     Parameters
     ----------
     heads, sizes, rests
-        As in :func:`fill_rests`, which must have filled `rests`.
+        As :func:`fill_rests` filled them.
     places : ndarray of int, shape (g + 1, longest + 1)
         Indices of the places in `heads`.
     begun : ndarray of int, shape (m, g)
@@ -132,42 +160,21 @@ def walk_alone(
 
 
 @kernel
-def rest_of_shares(
-    counts: Ints, here: int, first: Ints, place: Ints, groups: Ints, members: Ints, weighted: Ints,
-    rests: Links,
-) -> int:  # fmt: skip
-    """Return the sum over all groups of chains of the remaining length of each group alone.
-
-    Parameters
-    ----------
-    counts, here, first, place
-        The state, and arrays as in :class:`~.bound.Tables`.
-    groups : ndarray of int, shape (groups + 1, 2)
-        First index of each group in `members` and in `rests`.
-    members : ndarray of int, shape (chains, 2)
-        Chains by group, and the increment of the encoded counts per customer.
-    weighted : ndarray of int, shape (groups, places)
-        Coordinates of the places for each group.
-    rests : ndarray of int32
-        Remaining lengths of all groups.
-
-    Returns
-    -------
-    int
-        The sum.
-    """
+def rest_of_shares(tables: Tables, shares: Shares, counts: Ints, here: int) -> int:
+    """Return the sum over all groups of chains of the remaining length of each group alone."""
+    first, place, members = tables.first, tables.place, shares.members
     total, start = 0, place[place.size - 1]
-    for group in range(len(weighted)):
-        low, high = groups[group, 0], groups[group + 1, 0]
-        s = 0
+    for group in range(len(shares.weighted)):
+        low, high = shares.groups[group, 0], shares.groups[group + 1, 0]
+        weighted, s = shares.weighted[group], 0
         for i in range(low, high):
             s += counts[members[i, 0]] * members[i, 1]
-        row = groups[group, 1] + s * (high - low) - low
-        at, least = weighted[group, here], FAR
+        row = shares.groups[group, 1] + s * (high - low) - low
+        at, least = weighted[here], FAR
         for i in range(low, high):
             k = members[i, 0]
             customer = first[k] + counts[k]
             if customer < first[k + 1]:
-                least = min(least, abs(weighted[group, place[customer]] - at) + rests[row + i])
-        total += abs(at - weighted[group, start]) if least == FAR else least
+                least = min(least, abs(weighted[place[customer]] - at) + shares.rests[row + i])
+        total += abs(at - weighted[start]) if least == FAR else least
     return total

@@ -11,15 +11,13 @@ Physics 9, 1969. The final tables bound every state, see :func:`.share_kernels.r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from .bound import Tables
-from .share_kernels import fill_rests, walk_alone
+from .share_kernels import Shares, fill_rests, walk_alone
 
-__all__ = ["Shares", "no_shares", "shares_of"]
+__all__ = ["no_shares", "shares_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -36,28 +34,6 @@ FIRST, LEAST, WORK = 400, 2, 3e8
 AIM, PATIENCE, END = (0.1, 0.02), (12, 3), 1e-4
 
 
-@dataclass(frozen=True, eq=False)
-class Shares:
-    """Groups of chains, with the arguments of :func:`.share_kernels.rest_of_shares`.
-
-    Parameters
-    ----------
-    groups, members, weighted : ndarray of int
-        Arrays of :func:`.share_kernels.rest_of_shares`.
-    rests : ndarray of int32
-        Remaining lengths of all groups.
-    times, over : int
-        Factor and divisor that convert its value to units of the tables.
-    """
-
-    groups: Ints
-    members: Ints
-    weighted: Ints
-    rests: NDArray[np.int32]
-    times: int
-    over: int
-
-
 def no_shares(tables: Tables) -> Shares:
     """Return empty shares, whose bound is 0."""
     return Shares(
@@ -71,19 +47,12 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
 
     Parameters
     ----------
-    tables : Tables
-        Tables of the model.
-    best : int
-        Length of a tour, in units.
+    tables, best
+        Tables of the model, and length of a tour, in units.
     samples : ndarray of int, shape (m, chains + 1)
         States whose mean bound is maximised: counts and place of each.
     flag : ndarray of int8, shape (1,)
         Stop flag, nonzero to stop.
-
-    Returns
-    -------
-    Shares or None
-        The groups and their tables.
     """
     groups = _group_chains(np.diff(tables.first))
     parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]

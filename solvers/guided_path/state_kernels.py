@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .share_kernels import rest_of_shares
+from .bound import Tables
+from .share_kernels import Shares, rest_of_shares
 
 __all__ = ["hashed", "least_rest", "neighbours", "pack", "rest_by_gaps", "serve", "unpack"]
 
@@ -55,26 +56,25 @@ def hashed(key: Ints) -> int:
 
 
 @kernel
-def _is_available(customer: int, counts: Ints, needs: Ints, needed: Ints) -> bool:
+def _is_available(tables: Tables, counts: Ints, customer: int) -> bool:
     """Return whether all predecessors of a customer in other chains are served."""
-    for row in range(needs[customer], needs[customer + 1]):
-        if counts[needed[row, 0]] < needed[row, 1]:
+    for row in range(tables.needs[customer], tables.needs[customer + 1]):
+        if counts[tables.needed[row, 0]] < tables.needed[row, 1]:
             return False
     return True
 
 
 @kernel
-def neighbours(
-    counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints
-) -> tuple[int, int]:
+def neighbours(tables: Tables, counts: Ints, here: int) -> tuple[int, int]:
     """Return the nearest places left and right with an available customer, or -1."""
+    first, place = tables.first, tables.place
     left, right = -1, -1
     for k in range(counts.size):
         customer = first[k] + counts[k]
         if customer < first[k + 1]:
             there = place[customer]
             if (there < here and there > left) or (there > here and (right < 0 or there < right)):
-                if _is_available(customer, counts, needs, needed):
+                if _is_available(tables, counts, customer):
                     if there < here:
                         left = there
                     else:
@@ -83,8 +83,9 @@ def neighbours(
 
 
 @kernel
-def serve(counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed: Ints) -> int:
+def serve(tables: Tables, counts: Ints, here: int) -> int:
     """Serve all customers that are or become available at a place; return their number."""
+    first, place = tables.first, tables.place
     served, again = 0, True
     while again:
         again = False
@@ -93,24 +94,22 @@ def serve(counts: Ints, here: int, first: Ints, place: Ints, needs: Ints, needed
             while (
                 customer < first[k + 1]
                 and place[customer] == here
-                and _is_available(customer, counts, needs, needed)
+                and _is_available(tables, counts, customer)
             ):
                 customer += 1
                 counts[k] += 1
                 served += 1
-                again = len(needed) > 0
+                again = len(tables.needed) > 0
     return served
 
 
 @kernel
-def rest_by_gaps(
-    counts: Ints, here: int, first: Ints, place: Ints, length: Ints,
-    crossings: NDArray[np.int16], most: NDArray[np.int16],
-) -> int:  # fmt: skip
+def rest_by_gaps(tables: Tables, counts: Ints, here: int, most: NDArray[np.int16]) -> int:
     """Return a lower bound on the path from `here` through all unserved customers to the start.
 
     `most` is scratch space with one entry per gap.
     """
+    first, place, length, crossings = tables.first, tables.place, tables.length, tables.crossings
     gaps = length.size
     for gap in range(gaps):
         most[gap] = 0
@@ -128,17 +127,15 @@ def rest_by_gaps(
 
 @kernel(interpretable=True)
 def least_rest(
-    counts: Ints, here: int, first: Ints, place: Ints, at: Ints, length: Ints,
-    crossings: NDArray[np.int16], groups: Ints, members: Ints, weighted: Ints, rests: Links,
-    times: int, over: int, most: NDArray[np.int16],
-) -> int:  # fmt: skip
-    """Return the maximum of the bound by gaps and the bound by shares (:class:`~.shares.Shares`).
+    tables: Tables, shares: Shares, counts: Ints, here: int, most: NDArray[np.int16]
+) -> int:
+    """Return the maximum of the bound by gaps and the bound by shares.
 
     The lengths of all paths from `here` to the start have the same parity, in units.
     """
-    rest = rest_by_gaps(counts, here, first, place, length, crossings, most)
-    if len(weighted) > 0:
-        shared = rest_of_shares(counts, here, first, place, groups, members, weighted, rests)
-        shared = (shared * times + over - 1) // over
+    rest = rest_by_gaps(tables, counts, here, most)
+    if len(shares.weighted) > 0:
+        shared = rest_of_shares(tables, shares, counts, here)
+        shared = (shared * shares.times + shares.over - 1) // shares.over
         rest = max(rest, shared + ((shared - rest) & 1))
     return rest

@@ -48,7 +48,6 @@ def test_bound_counts_crossings(seed):
     model = random_tour(seed, 9)
     tables = Tables.of(model)
     sizes = np.diff(tables.first)
-    inner = tables.needs, tables.needed
     for _ in range(10):
         order = [c for c in model.sorted_customers if rng.random() < 0.8]
         served = set()
@@ -62,9 +61,7 @@ def test_bound_counts_crossings(seed):
         assert (counts <= sizes).all()
         here = int(rng.integers(len(tables.at)))
         most = np.empty(len(tables.length), np.int16)
-        value = state_kernels.rest_by_gaps(
-            counts, here, tables.first, tables.place, tables.length, tables.crossings, most
-        )
+        value = state_kernels.rest_by_gaps(tables, counts, here, most)
         plain = plain_bound(model, served, np.unique(model.coordinates)[here])
         assert value * tables.unit == pytest.approx(plain, rel=1e-9, abs=1e-300)
         key = np.empty(tables.words, np.int64)
@@ -72,7 +69,7 @@ def test_bound_counts_crossings(seed):
         again = np.empty_like(counts)
         assert state_kernels.unpack(key, tables.fields, again) == here
         assert (again == counts).all()
-        near = state_kernels.neighbours(counts, here, tables.first, tables.place, *inner)
+        near = state_kernels.neighbours(tables, counts, here)
         ready = [
             c for c in range(1, model.size)
             if c not in served and all(a in served for a, b in model.pairs if b == c)
@@ -81,15 +78,7 @@ def test_bound_counts_crossings(seed):
         assert near[0] == max((one for one in where if one < here), default=-1)
         assert near[1] == min((one for one in where if one > here), default=-1)
     start = np.zeros_like(counts)
-    root = state_kernels.rest_by_gaps(
-        start,
-        int(tables.place[-1]),
-        tables.first,
-        tables.place,
-        tables.length,
-        tables.crossings,
-        most,
-    )
+    root = state_kernels.rest_by_gaps(tables, start, int(tables.place[-1]), most)
     assert root == tables.root()
 
 
@@ -100,10 +89,7 @@ def start_of(tables):
 
 def rest_of(tables, shares, counts, here):
     """Return the bound by shares, in m."""
-    value = share_kernels.rest_of_shares(
-        counts, here, tables.first, tables.place, shares.groups, shares.members, shares.weighted,
-        shares.rests,
-    )  # fmt: skip
+    value = share_kernels.rest_of_shares(tables, shares, counts, here)
     return value * shares.times / shares.over * tables.unit
 
 
