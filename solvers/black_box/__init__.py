@@ -1,6 +1,7 @@
 """Algorithms that minimise a function by its values alone."""
 
 BACKENDS = {
+    "portfolio": ".portfolio:Portfolio",
     "dual-annealing": ".scipy_searches:DualAnnealing",
     "differential-evolution": ".scipy_searches:DifferentialEvolution",
     "direct": ".scipy_searches:Direct",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -61,6 +62,8 @@ class Objective:
         Best point, all variables.
     missing : int
         Number of points without a value.
+    counts : dict of str to int
+        Evaluations of each stage.
     """
 
     def __init__(self, problem: BlackBoxMinimisation, request: Request) -> None:
@@ -75,7 +78,13 @@ class Objective:
         self.granted = self.left = problem.budget if limit is None else min(problem.budget, limit)
         self.best, self.missing = math.inf, 0
         self.target, self._several = request.target, 1
+        self.counts: dict[str, int] = {}
         self.x: Floats | None = None
+        left = request.left()
+        self._seconds = math.inf if left is None else max(left, 1e-9)
+        self._end = None if left is None else time.perf_counter() + left
+        #: Share of the evaluations and of the time after which the present stage ends.
+        self._share = 1.0
 
     @property
     def progress(self) -> float:
@@ -131,9 +140,43 @@ class Objective:
             self._pace(clock() - begin)
             values[done : done + len(answers)] = self._count(x[done:], answers)
             done += len(answers)
-        if self.control.stopped or done < len(points):
+        stage_ends = self._share < 1.0 and self._used_time() >= self._share
+        if self.control.stopped or done < len(points) or stage_ends:
             raise Ended
         return values
+
+    def run_stage(self, share: float, search: BlackBoxBackend) -> None:
+        """Run a search from the best point until a share of the evaluations or the time is used.
+
+        Parameters
+        ----------
+        share : float
+            Share of all evaluations, and of the time limit, at which the search ends, from 0 to 1.
+        search : BlackBoxBackend
+            The search, with its default options.
+        """
+        reserve = min(int(self.granted * (1.0 - share)), self.left)
+        if reserve == self.left > 0 or (self._end is not None and self._used_time() >= share):
+            return
+        self.left, self._share = self.left - reserve, share
+        self.options = search.checked_options({})
+        if self.x is not None:
+            self.start = np.clip(self.unit(self.x), 0.0, 1.0)
+        begin = self.left
+        try:
+            search.search(self)
+        except Ended:
+            if self.control.stopped or share >= 1.0:
+                raise
+        finally:
+            self.counts[search.name] = begin - self.left
+            self.left, self._share = self.left + reserve, 1.0
+
+    def _used_time(self) -> float:
+        """Return the used share of the time limit, 0 without a limit."""
+        if self._end is None:
+            return 0.0
+        return 1.0 - (self._end - time.perf_counter()) / self._seconds
 
     def _pace(self, seconds: float) -> None:
         """Adapt the number of points per request to a duration of about :data:`_QUESTION`."""
@@ -247,6 +290,7 @@ class BlackBoxBackend(Backend):
             message = str(error)  # exception of the function; earlier points are kept
         used = objective.granted - objective.left
         counts: dict[str, Any] = {"evaluations": used, "variables": objective.dimension}
+        counts.update(objective.counts)
         if objective.missing:
             counts["points without a value"] = objective.missing
             lacking = f"the function has no value at {objective.missing} of {used} points"

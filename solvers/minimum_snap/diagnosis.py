@@ -12,8 +12,8 @@ from ...models.minimum_snap.bounds import derivative_name, derivative_unit
 from ...models.minimum_snap.formulations.instants import Limits
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
+from ..contract import limits as contract_limits
 from ..contract.backend import Control, Termination
-from ..contract.limits import Limits
 from ..run.diagnosis import Diagnosis, Finding, filtered
 from .interior_point import InteriorPoint
 
@@ -42,7 +42,7 @@ def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.
     """
     backend = InteriorPoint()
     if backend.refuses(model):
-        return filtered(model, None, None, Limits(time_limit=time_limit))
+        return filtered(model, None, None, contract_limits.Limits(time_limit=time_limit))
     ends = _ends(time_limit)
     first, segments = ends(model)
     if first is Termination.OPTIMAL:

@@ -40,7 +40,7 @@ def search(name, model, seed=0, *, warm=None, control=None, evaluations=None, ta
     backend.prepare()
     control = control or Control()
     asked = {"evaluations": evaluations}
-    control.criterion = Job(model, backend, target_value=target, **asked).criterion
+    control.criterion = Job(model, backend, target=target, **asked).criterion
     if control.oracle is None:
         control.oracle = Counted(model)
     request = Request(

@@ -242,6 +242,7 @@ def test_more_variables_than_a_search_holds(name):
     ("name", "most"),
     [
         *(("differential-evolution", 1e-6), ("dual-annealing", 1e-6), ("direct", 1e-6)),
+        ("portfolio", 1e-6),
         *(("shgo", 1e-6), ("cma-es", 1e-6), ("particle-swarm", 1e-3)),
     ],
 )
@@ -395,3 +396,36 @@ def test_a_time_limit_a_target_and_a_warm_start_through_the_dispatcher():
     assert kept.limit is Limit.EVALUATIONS and kept.primal_bound <= found.primal_bound
     with pytest.raises(InvalidData, match="warm_start is no plan of the model"):
         ct.solve(endless, "direct", warm_start={"x": [9, 9]})
+
+
+# -- the portfolio ------------------------------------------------------------------------------------
+
+
+def test_the_portfolio_divides_the_evaluations():
+    answer, function = search("portfolio", box(WAVY, *SQUARE, budget=1000))
+    counts = {name: answer.statistics[name] for name in ("direct", "dual-annealing")}
+    assert counts["direct"] == 100
+    assert (
+        sum(answer.statistics.get(name, 0) for name in ("direct", "cma-es", "dual-annealing"))
+        == 1000
+    )
+    assert len(function.points) == 1000
+
+
+def test_the_portfolio_divides_the_time(monkeypatch):
+    """Each search gets its share, although the evaluations would last for hours."""
+    model = box("sphere", *[(-1, 1)] * 3, budget=10**8)
+    answer = ct.solve(model, "portfolio", time_limit=2.0)
+    names = [name for name in ("direct", "cma-es", "dual-annealing") if name not in LACKING]
+    assert all(answer.statistics[name] > 0 for name in names)
+    assert str(answer.limit) == "time"
+
+
+def test_the_portfolio_is_no_worse_than_its_searches_on_a_path():
+    model = ct.load("black-box/path-corners")
+    best = ct.solve(model, "portfolio", seed=1, evaluations=4000).primal_bound
+    others = [
+        ct.solve(model, name, seed=1, evaluations=4000).primal_bound
+        for name in ("direct", "dual-annealing")
+    ]
+    assert best <= min(others) * 1.01

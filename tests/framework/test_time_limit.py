@@ -164,7 +164,7 @@ def test_models_without_programs_load_no_solver_of_programs(run_python, tmp_path
         "print([name for name in sys.modules if 'solvers.nlp' in name or 'solvers.mip' in name])\n",
         cwd=tmp_path,
     )
-    assert said.splitlines() == ["dual-annealing", "tour-search", "full-analysis", "[]"]
+    assert said.splitlines() == ["portfolio", "tour-search", "full-analysis", "[]"]
 
 
 CACHED = """
