@@ -12,7 +12,6 @@ pairs always exists.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
@@ -34,6 +33,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from .insertion_kernels import merge_by_index, merge_nearest, visit_nearest
 
 __all__ = ["ChainBackend", "Greedy", "InsertIndex", "InsertNearest", "ordered_chains"]
 
@@ -43,21 +43,9 @@ Ints = NDArray[np.int64]
 def ordered_chains(
     model: GuidedPathData, numbers: tuple[int, ...], chains: tuple[tuple[int, ...], ...]
 ) -> tuple[tuple[int, ...], ...]:
-    """Return chains sorted by the model's chain of their first customer, then by its number.
+    """Return `chains` sorted by the chain in `model` of their first customer, then by its number.
 
-    Parameters
-    ----------
-    model : GuidedPathData
-        The complete model, whose chains define the index.
-    numbers : tuple of int
-        Number in `model` of each customer.
-    chains : tuple of tuples of int
-        Chains that cover the relation.
-
-    Returns
-    -------
-    tuple of tuple of int
-        The sorted chains.
+    `numbers` holds the number in `model` of each customer of the chains.
     """
     index = {c: (k, place) for k, chain in enumerate(model.chains) for place, c in enumerate(chain)}
     rest = (len(model.chains), 0)
@@ -83,13 +71,8 @@ class ChainBackend(Backend):
         ),
     }
 
-    @abstractmethod
-    def loop(self) -> Callable[..., bool]:
-        """Return the kernel that fills in the order and returns whether it finished.
-
-        Its arguments are the coordinates, the closure, the customers chain after chain, the first
-        position of each chain among them, the order to fill in, and the stop flag.
-        """
+    #: Kernel that fills in the order and returns whether it finished, see :func:`merge_nearest`.
+    loop: ClassVar[Callable[..., bool]]
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Build the tour and return the answer."""
@@ -99,7 +82,7 @@ class ChainBackend(Backend):
         members = np.array([c for chain in chains for c in chain], np.int64)
         starts = np.cumsum([0, *map(len, chains)])
         order = np.zeros(len(members), np.int64)
-        finished = self.loop()(
+        finished = self.loop(
             small.coordinates, small.closure, members, starts, order, request.control.flag
         )
         plan = None
@@ -124,12 +107,7 @@ class InsertNearest(ChainBackend):
 
     name = "insert-nearest"
     summary = "the paper's Algorithm 6: chains merged one by one, the nearest first"
-
-    def loop(self) -> Callable[..., bool]:
-        """Return the kernel that merges chains."""
-        from .insertion_kernels import merge_nearest
-
-        return merge_nearest
+    loop = staticmethod(merge_nearest)
 
 
 class InsertIndex(ChainBackend):
@@ -137,12 +115,7 @@ class InsertIndex(ChainBackend):
 
     name = "insert-index"
     summary = "the paper's revised Algorithm 6: chains merged one by one, by index"
-
-    def loop(self) -> Callable[..., bool]:
-        """Return the kernel that merges chains."""
-        from .insertion_kernels import merge_by_index
-
-        return merge_by_index
+    loop = staticmethod(merge_by_index)
 
 
 class Greedy(ChainBackend):
@@ -150,9 +123,4 @@ class Greedy(ChainBackend):
 
     name = "greedy"
     summary = "the paper's greedy insertion: the nearest available customer comes next"
-
-    def loop(self) -> Callable[..., bool]:
-        """Return the kernel that visits customers."""
-        from .insertion_kernels import visit_nearest
-
-        return visit_nearest
+    loop = staticmethod(visit_nearest)

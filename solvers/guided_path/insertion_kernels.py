@@ -66,18 +66,7 @@ def merge_by_index(
     x: Floats, closure: NDArray[np.bool_], members: Ints, starts: Ints, order: Ints,
     flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
-    """Merge the chains into the tour in the order of the list.
-
-    Parameters
-    ----------
-    x, closure, members, starts, order, flag
-        As in :func:`merge_nearest`.
-
-    Returns
-    -------
-    bool
-        True if all chains were merged.
-    """
+    """Merge the chains into the tour in the order of the list, as :func:`merge_nearest`."""
     for t in range(len(starts) - 1):
         if not _merge(x, closure, members, starts[t], starts[t + 1], starts[t], order, flag):
             return False
@@ -126,15 +115,7 @@ def visit_nearest(
 ) -> bool:  # fmt: skip
     """Repeatedly visit the nearest available customer; ties by the list of customers.
 
-    Parameters
-    ----------
-    x, closure, members, starts, order, flag
-        As in :func:`merge_nearest`.
-
-    Returns
-    -------
-    bool
-        True if all customers were visited.
+    Arguments and result are those of :func:`merge_nearest`.
     """
     count = len(members)
     # Number of unserved predecessors, -1 for a visited customer.

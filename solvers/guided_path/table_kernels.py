@@ -90,17 +90,8 @@ def trace_table(
 ) -> float:
     """Trace the shortest tour back from its end; return its length (m).
 
-    Parameters
-    ----------
-    start, places, starts, strides, values
-        As in :func:`fill_table`, which must have filled `values`.
-    order : ndarray of int, shape (n,)
-        Overwritten with indices of the list in the order of service; ties by chain.
-
-    Returns
-    -------
-    float
-        The length.
+    :func:`fill_table` must have filled `values`. `order`, shape (n,), is overwritten with indices of the list
+    in the order of service; ties by chain.
     """
     k = len(strides)
     counts = np.zeros(k, np.int64)
