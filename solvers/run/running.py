@@ -128,8 +128,12 @@ class Run:
             return backend.run(problem, request)
         assert request.time_limit is not None
         heuristic = find_backend(name, problem)
+        share = STARTING * request.time_limit
+        # Imports may have used the share of interpreted kernels that is measured from the start.
+        end = min(time.perf_counter() + share, self.limit.end)
+        self.limit.interpretation_end = max(self.limit.interpretation_end, end)
         try:
-            first = request.within(heuristic, problem, time_limit=STARTING * request.time_limit)
+            first = request.within(heuristic, problem, time_limit=share)
         except jit.OutOfTime:  # the backend may still return a plan without a search
             return backend.run(problem, request)
         checked = None if first.point is None else problem.verify(first.point)
