@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import as_json, options, verdict_code
+from .options import LIMITS, as_json, only, options, verdict_code
 
 if TYPE_CHECKING:
     from ..models.model import Model
@@ -27,12 +27,13 @@ __all__ = ["bench", "report"]
 )
 @options("resume")
 @click.option("--retry", is_flag=True, help="With --resume, run failed jobs again.")
-@options("workers")
+@options("workers", *(name for name in LIMITS if name != "warm_start"))
 @click.option("--cluster", metavar="ADDRESS", help="A Dask scheduler, such as tcp://host:8786.")
 @click.option("--report", "page", metavar="FILE", help="Write a page of the records (html).")
 @as_json
 def bench(
-    campaign: str, record: str, resume: bool, retry: bool, workers: int, cluster: str | None, page: str | None, as_json: bool
+    campaign: str, record: str, resume: bool, retry: bool, workers: int, cluster: str | None, page: str | None, as_json: bool,
+    **limits: Any,
 ) -> int:  # fmt: skip
     """Run the jobs of CAMPAIGN.toml, one worker process per job, and compare the answers."""
     from ..files import writable
@@ -50,6 +51,7 @@ def bench(
             workers=workers,
             cluster=cluster,
             on_event=lambda event: news(str(event.progress)),
+            **only(**limits),
         )
     if target is not None and records.solutions:
         from ..solvers.bench.page import write_page

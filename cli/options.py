@@ -52,6 +52,21 @@ def _pairs(context: click.Context, parameter: click.Parameter, value: Sequence[s
     return pairs(value, parameter.opts[0])
 
 
+def _criterion(context: click.Context, parameter: click.Parameter, value: Sequence[str]) -> Any:
+    """Return the stopping criterion in options such as ``stalled=5``; None without any."""
+    from ..solvers import Evaluations, Seconds, Stalled, Target
+
+    kinds = {"seconds": Seconds, "evaluations": Evaluations, "target": Target, "stalled": Stalled}
+    criterion: Any = None
+    for kind, limit in _pairs(context, parameter, value).items():
+        if kind not in kinds:
+            known = ", ".join(kinds)
+            raise click.BadParameter(f"{kind!r} is unknown; known: {known}", param_hint="--stop")
+        part = kinds[kind](limit)
+        criterion = part if criterion is None else criterion | part
+    return criterion
+
+
 #: Options shared by several commands, by the names of the parameters that receive them.
 _OPTIONS: dict[str, dict[str, Any]] = {
     "backend": {
@@ -74,7 +89,15 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     "threads": {"type": int, "help": "Number of threads, for backends that use several."},
     "evaluations": {"type": int, "help": "Limit of evaluations, for backends that count them."},
     "target": {"type": float, "help": "Stop at a plan with this objective or a better one."},
+    "stop": {
+        "multiple": True,
+        "metavar": "KIND=VALUE",
+        "callback": _criterion,
+        "help": "Stop at seconds=S, evaluations=N, target=OBJECTIVE or stalled=S; the first of several.",
+    },
     "warm_start": {"metavar": "PLAN.json", "help": "A plan to start from; verified first."},
+    "starts": {"type": int, "help": "Number of starts with different seeds (default: 1)."},
+    "verbose": {"is_flag": True, "help": "Show the solver's own log on standard error."},
     "backend_options": {
         "flag": "--option",
         "multiple": True,
@@ -129,8 +152,8 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 }
 #: Limits of one run, under the names that the verbs use.
 LIMITS = (
-    *("formulation", "time_limit", "memory_limit", "gap", "tolerance", "seed", "threads"),
-    *("evaluations", "target"),
+    *("time_limit", "memory_limit", "evaluations", "target", "gap", "tolerance", "seed", "threads"),
+    *("stop", "warm_start", "starts", "verbose"),
 )
 
 

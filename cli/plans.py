@@ -10,6 +10,7 @@ import click
 
 from .options import (
     INFEASIBLE,
+    LIMITS,
     NO_ANSWER,
     VERIFIED,
     VIOLATED,
@@ -153,23 +154,18 @@ def export(
         "help": "Find conflicting blocks of a program with this backend instead.",
     },
     formulation="Program whose blocks are examined (default: paper).",
-    time_limit={
-        "default": 60.0,
-        "show_default": True,
-        "help": "Seconds for each program that is solved.",
-    },
+    time_limit="Seconds for each program that is solved (default: 60).",
 )
-@options("memory_limit", "in_process")
+@options(*(name for name in LIMITS if name not in ("time_limit", "warm_start")), "in_process")
 @as_json
 def diagnose(
     instance: str,
     reading: dict[str, Any],
     backend: str | None,
     formulation: str | None,
-    time_limit: float,
-    memory_limit: float | None,
     in_process: bool,
     as_json: bool,
+    **limits: Any,
 ) -> int:
     """Explain why INSTANCE has no plan, in the paper's terms (exit code 3), or report that it has one (0)."""
     from ..instances.catalogue import load
@@ -180,11 +176,9 @@ def diagnose(
     model = load(instance, **reading)
     with progress(f"{instance}: looking for the reason"):
         search = partial(
-            diagnosis.diagnose, model, backend, formulation=formulation, time_limit=time_limit
+            diagnosis.diagnose, model, backend, formulation=formulation, **only(**limits)
         )
-        if memory_limit is not None:
-            result = search(memory_limit=memory_limit)
-        elif in_process:
+        if in_process or limits["memory_limit"] is not None:
             result = search()
         else:
             with Worker() as worker:

@@ -36,17 +36,9 @@ __all__ = ["compare", "front", "reproduce", "solve"]
 @click.command(short_help="Solve an instance and verify the answer.")
 @click.argument("instance")
 @reading
-@options("backend", *LIMITS, "warm_start")
+@options("backend", "formulation", *LIMITS)
 @as_json
-@click.option(
-    "--starts",
-    type=int,
-    default=1,
-    show_default=True,
-    help="Number of starts with different seeds.",
-)
 @options("backend_options", "formulation_options", "in_process")
-@click.option("--verbose", is_flag=True, help="Show the solver's own log on standard error.")
 @options("details", "plot")
 @click.option(
     "--output",
@@ -133,7 +125,7 @@ def _solve_code(solution: Solution[Any]) -> int:
     "names",
     help="Names separated by commas, each with an optional :formulation (default: all installed backends that accept the first instance).",
 )
-@options(*LIMITS, "warm_start")
+@options("formulation", *LIMITS)
 @as_json
 @click.option(
     "--grace",
@@ -215,16 +207,16 @@ def compare(
     help="Vary a field of the model instead, such as q=0,0.2,0.4, and compare FIRST and SECOND.",
 )
 @click.option("--first", help="The first objective of a sweep, such as sum.")
-@options(time_limit="Seconds for each run (default: 60).")
-@options("memory_limit", "formulation", "gap", "seed", "threads", "tolerance", "backend_options")
-@options("jsonl", "resume", "plot")
+@options("formulation", *LIMITS, "backend_options", "jsonl", "resume", "plot")
 @as_json
 def front(
     instance: str, second: str, reading: dict[str, Any], limits: str | None, points: int | None, step: float | None,
-    sweep: str | None, first: str | None, jsonl: str | None, resume: bool, plot: str | None, as_json: bool, **settings: Any,
+    sweep: str | None, first: str | None, jsonl: str | None, resume: bool, plot: str | None, as_json: bool,
+    warm_start: str | None, **settings: Any,
 ) -> int:  # fmt: skip
     """Solve INSTANCE under limits on its SECOND objective, such as max, and print the Pareto front."""
     from ..instances.catalogue import load
+    from ..instances.storage import read_plan
     from ..solvers.report.terminal import emit, progress, show
     from ..solvers.run import pareto
 
@@ -239,6 +231,7 @@ def front(
     with progress(f"{instance}: {second}") as status:
         common: dict[str, Any] = {
             "record": jsonl, "resume": resume, **only(**settings),
+            "warm_start": None if warm_start is None else read_plan(model, warm_start),
             "on_event": lambda e: status(f"{e.instance} {e.solution.termination}"),
         }  # fmt: skip
         if sweep is not None and first is not None:

@@ -2,8 +2,10 @@
 
 import dataclasses
 import inspect
+import json
 
 import pytest
+from commands import run
 from listening import incumbents
 
 import crosstrack as ct
@@ -135,3 +137,22 @@ def test_an_exception_of_the_callback_is_raised():
     both = []
     ct.solve(MODEL, "fleet-search", time_limit=2, on_event=incumbents(both.append))
     assert both
+
+
+@pytest.mark.parametrize("command", ["solve", "compare", "front", "bench", "diagnose"])
+def test_the_command_line_has_a_flag_per_limit(command):
+    from crosstrack.__main__ import cli
+
+    options = cli.get_command(None, command).params
+    flags = {flag for option in options for flag in option.opts}
+    left_out = {"on_event"} | ({"warm_start"} if command in ("bench", "diagnose") else set())
+    missing = [n for n in FIELDS if n not in left_out and f"--{n.replace('_', '-')}" not in flags]
+    assert missing == []
+
+
+def test_the_command_line_combines_stopping_criteria():
+    booth = ("solve", "black-box/booth", "--backend", "random-search", "--seed", "1", "--json")
+    done = run(*booth, "--stop", "evaluations=50", "--stop", "stalled=9")
+    assert json.loads(done.stdout)["limit"] == "evaluations"
+    wrong = run(*booth, "--stop", "stale=9", code=2)
+    assert "'stale' is unknown; known: seconds, evaluations, target, stalled" in wrong.stderr
