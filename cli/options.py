@@ -56,7 +56,12 @@ def _criterion(context: click.Context, parameter: click.Parameter, value: Sequen
     """Return the stopping criterion in options such as ``stalled=5``; None without any."""
     from ..solvers import Evaluations, Seconds, Stalled, Target
 
-    kinds = {"seconds": Seconds, "evaluations": Evaluations, "target": Target, "stalled": Stalled}
+    kinds: dict[str, Any] = {
+        "seconds": Seconds,
+        "evaluations": Evaluations,
+        "target": Target,
+        "stalled": Stalled,
+    }
     criterion: Any = None
     for kind, limit in _pairs(context, parameter, value).items():
         if kind not in kinds:

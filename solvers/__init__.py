@@ -118,7 +118,7 @@ _ROOMS = {
     "contract": "backend control enums job option registry repeats solution stopping verdict",
     "run": (
         "assembly certification confirmation crosscheck diagnosis dispatch execution "
-        "fallback fronts looking pareto probing refinement restarts running"
+        "fallback fronts pareto probing refinement running"
     ),
     "processes": "environment interrupts isolation oracles output scheduling worker",
     "learning": "gradient trainer training weights",
@@ -128,6 +128,8 @@ redirect(
     __name__,
     {
         "campaign": "run.recording",
+        "looking": "run.starts",
+        "restarts": "run.starts",
         **{name: f"{room}.{name}" for room, names in _ROOMS.items() for name in names.split()},
     },
 )

@@ -14,8 +14,8 @@ from typing import Any
 from ...jit import clock
 from ..contract.backend import Answer, Request
 from ..contract.enums import Feature, Termination
-from .looking import AT_LEAST, TIMES
 from .running import Run
+from .starts import AT_LEAST, TIMES
 
 __all__ = ["Confirmation", "confirm"]
 

@@ -24,8 +24,8 @@ from ..processes.interrupts import on_interrupt
 from .assembly import Claim, assemble
 from .certification import certified
 from .refinement import CLAIMS_NONE, proven_bound, proves, refine
-from .restarts import start_again
 from .running import GRACE, Run, processors
+from .starts import start_again
 
 log = logging.getLogger("crosstrack")
 

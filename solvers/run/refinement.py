@@ -21,8 +21,8 @@ from ..contract.backend import Answer, Request
 from ..contract.enums import PROVING, Feature, Limit, Termination
 from ..contract.job import Target
 from .confirmation import confirm
-from .looking import SECOND, look_again
 from .running import Run
+from .starts import SECOND, look_again
 
 __all__ = ["CLAIMS_NONE", "CLAIMS_PLAN", "proven_bound", "proves", "refine"]
 
