@@ -22,7 +22,6 @@ from ...models.model import Model, as_model, parse_json
 from ...models.problems import model_type
 from ...models.records import Anything, Member, Sequence, Table, recorded
 from ...models.verification import ROUNDING, TOLERANCE, Verification
-from ..report.tables import frame, markup, render, solutions_table, verification_table
 from .enums import Guarantee, Limit, Termination
 
 if TYPE_CHECKING:
@@ -427,22 +426,30 @@ class Solution(Generic[PlanT]):
 
     def parts(self) -> list[Any]:
         """Return the printable parts: a table of the answer, the plan, its checks, and the message."""
-        return [
-            solutions_table([self], self.instance),
-            *([f"plan: {self.plan}{self._remark(' ({})')}"] if self.plan is not None else []),
-            *([verification_table(self.verification)] if self.verification is not None else []),
-            *([f"message: {self.message}"] if self.message else []),
-        ]
+        from ..report.tables import solutions_table, verification_table
+
+        parts: list[Any] = [solutions_table([self], self.instance)]
+        if self.plan is not None:
+            parts.append(f"plan: {self.plan}{self._remark(' ({})')}")
+        if self.verification is not None:
+            parts.append(verification_table(self.verification))
+        return [*parts, f"message: {self.message}"] if self.message else parts
 
     def summary(self) -> str:
         """Return the answer, the plan and all checks as text."""
+        from ..report.tables import render
+
         return render(*self.parts())
 
     def to_frame(self) -> DataFrame:
         """Return the answer as a pandas data frame with one row. Requires pandas."""
+        from ..report.tables import frame
+
         return frame([self])
 
     def _repr_html_(self) -> str:
+        from ..report.tables import markup
+
         return markup(*self.parts())
 
     def _remark(self, form: str) -> str:

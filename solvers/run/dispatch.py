@@ -25,10 +25,7 @@ from ..contract.limits import (
 )
 from ..contract.registry import is_ours, rivals
 from ..contract.solution import Incumbent, Solution
-from ..processes.environment import require_accounts
-from ..processes.isolation import in_worker
 from ..processes.output import shown
-from ..processes.scheduling import run_together
 from . import fallback
 from .execution import execute, multistart
 
@@ -101,32 +98,31 @@ def solve(
     begin = time.perf_counter()
     model = as_model(model)
     isolate = Optional(Flag()).coerce("isolate", isolate, {})
-    limits = limits_of("solve", limits, options)
-    listener = listener_of(limits.on_event, "incumbent", on_incumbent=on_incumbent)
-    start = limits.warm_start
-    limits = replace(
-        limits, on_event=None, warm_start=None if start is None else model.as_plan(start)
-    )
-    asked = Job(
+    fields = limits_of("solve", limits, options).fields()
+    listener = listener_of(fields.pop("on_event"), "incumbent", on_incumbent=on_incumbent)
+    if fields["warm_start"] is not None:
+        fields["warm_start"] = model.as_plan(fields["warm_start"])
+    job = Job(
         model,
         backend,
         formulation,
         given("formulation_options", formulation_options),
         given("backend_options", backend_options),
         counts_compilation=True,
-        **limits.fields(),
+        **fields,
     )
-    job = asked.resolved()
+    is_automatic = job.is_automatic
+    job = job.resolved()
     assert isinstance(job.backend, Backend)
-    exact = job.backend.guarantee is Guarantee.EXACT
-    job = replace(job, has_fallback=asked.is_automatic and exact)
+    if is_automatic and job.backend.guarantee is Guarantee.EXACT:
+        job = replace(job, has_fallback=True)
     left = job.after(time.perf_counter() - begin)
 
     def run(part: Job) -> Solution[Any]:
         return run_job(part, isolate, listener)
 
     with shown(job.verbose):
-        first = fallback.begin(left, run) if asked.is_automatic else None
+        first = fallback.begin(left, run) if is_automatic else None
         solution = run(job.after(time.perf_counter() - begin))
         if job.has_fallback:
             solution = fallback.go_on(left, solution, run)
@@ -145,11 +141,16 @@ def run_job(job: Job, isolate: bool | None, listener: Listener | None) -> Soluti
             f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"
         )
     if job.memory_limit is not None:
-        require_accounts()
         if isolate is False:
             raise UnsupportedOption("memory_limit is kept in a worker process only: isolate=False")
         isolate = True
     apart = hides or (needs_worker(job) if isolate is None else isolate)
+    if not apart and job.starts == 1:
+        return execute(job, listener=listener)
+    # Imported here, because most runs need no worker.
+    from ..processes.isolation import in_worker
+    from ..processes.scheduling import run_together
+
     if job.starts > 1 and not hides and isolate is None and listener is None:
 
         def alone(part: Job, control: Control | None = None) -> Solution[Any]:
