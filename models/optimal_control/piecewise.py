@@ -107,7 +107,7 @@ class Piecewise:
         groups: dict[bytes, list[int]] = {}
         for k, positions in enumerate(self.nodes):
             groups.setdefault(positions.tobytes(), []).append(k)
-        return tuple(np.array(rows) for rows in groups.values())
+        return tuple(frozen(np.array(rows)) for rows in groups.values())
 
     @cached_property
     def weights(self) -> tuple[Floats, ...]:
