@@ -26,12 +26,8 @@ def write_states_csv(
 
     Parameters
     ----------
-    plan : AttractorEstimate
-        The embedding.
-    path : path-like
-        Name of the file, which is replaced atomically.
-    model : AttractorAnalysis
-        The model of the plan.
+    plan, path, model
+        The embedding, file to write, and model of the plan.
 
     Raises
     ------

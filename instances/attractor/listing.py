@@ -30,12 +30,7 @@ HUNTS: Mapping[str, Mapping[str, Any]] = {
 }  # fmt: skip
 #: Largest exponents of hunts in nats per second, from ``hunt_exponent`` over 100,000 s, with standard errors
 #: 0.0009 and 0.0008. The last motion is periodic, so its exponent is 0 (computed: 5e-6 ± 6e-6).
-HUNT_EXPONENTS = {
-    "hunt": 0.08155,
-    "hunt-long": 0.08155,
-    "hunt-pair": 0.05335,
-    "hunt-calm": 0.0,
-}
+HUNT_EXPONENTS = {"hunt": 0.08155, "hunt-long": 0.08155, "hunt-pair": 0.05335, "hunt-calm": 0.0}
 
 #: Figures of the hunt in the paper; ``exponent_bits`` in bits per second, ``horizon`` in seconds.
 _FOUND = {

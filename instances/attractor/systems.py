@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import partial
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -294,19 +295,6 @@ def _sines(
     return found
 
 
-def _sine(rng: np.random.Generator, count: int, period: float) -> Floats:
-    return _sines(rng, count, period, (0.25,))
-
-
-def _two_sines(rng: np.random.Generator, count: int, period: float) -> Floats:
-    return _sines(rng, count, period, (0.25, 0.25 * math.sqrt(2.0)))
-
-
-def _sawtooth(rng: np.random.Generator, count: int, period: float) -> Floats:
-    found: Floats = np.arange(count, dtype=np.float64) * period % 20.0 / 20.0
-    return found
-
-
 def _filtered(
     rng: np.random.Generator, count: int, period: float, feedback: tuple[float, ...]
 ) -> Floats:
@@ -319,34 +307,28 @@ def _filtered(
     return values[_DISCARDED::every].copy()
 
 
-def _white(rng: np.random.Generator, count: int, period: float) -> Floats:
-    return _normal(rng, count * _whole(period, count))[:: int(period)].copy()
-
-
-def _ar1(rng: np.random.Generator, count: int, period: float) -> Floats:
-    return _filtered(rng, count, period, (0.9,))
-
-
-def _ar2(rng: np.random.Generator, count: int, period: float) -> Floats:
-    cosine = round(math.cos(_ANGLE), _DIGITS)
-    return _filtered(rng, count, period, (2.0 * _RADIUS * cosine, -_RADIUS * _RADIUS))
-
-
-def _random_walk(rng: np.random.Generator, count: int, period: float) -> Floats:
-    return np.cumsum(_normal(rng, count * _whole(period, count)))[:: int(period)].copy()
+def _every(values: Floats, period: float) -> Floats:
+    """Return one value per period of a noise."""
+    return values[:: int(period)].copy()
 
 
 #: Functions ``(rng, count, period) -> series`` of the systems without a :class:`Motion`.
 _MAKERS: Mapping[System, Callable[[np.random.Generator, int, float], Floats]] = {
     System.LOGISTIC: _logistic,
     System.MACKEY_GLASS: _mackey_glass,
-    System.SINE: _sine,
-    System.TWO_SINES: _two_sines,
-    System.SAWTOOTH: _sawtooth,
-    System.WHITE_NOISE: _white,
-    System.AR1: _ar1,
-    System.AR2: _ar2,
-    System.RANDOM_WALK: _random_walk,
+    System.SINE: partial(_sines, speeds=(0.25,)),
+    System.TWO_SINES: partial(_sines, speeds=(0.25, 0.25 * math.sqrt(2.0))),
+    System.SAWTOOTH: lambda rng, count, period: period * np.arange(float(count)) % 20.0 / 20.0,
+    System.WHITE_NOISE: lambda rng, count, period: _every(
+        _normal(rng, count * _whole(period, count)), period
+    ),
+    System.AR1: partial(_filtered, feedback=(0.9,)),
+    System.AR2: partial(
+        _filtered, feedback=(2.0 * _RADIUS * round(math.cos(_ANGLE), _DIGITS), -_RADIUS * _RADIUS)
+    ),
+    System.RANDOM_WALK: lambda rng, count, period: _every(
+        np.cumsum(_normal(rng, count * _whole(period, count))), period
+    ),
 }
 
 

@@ -25,12 +25,8 @@ def write_point_csv(
 
     Parameters
     ----------
-    plan : BlackBoxPoint
-        Point to write.
-    path : path-like
-        File to write.
-    model : BlackBoxMinimisation
-        Model of the point.
+    plan, path, model
+        Point, file to write, and model of the plan.
 
     Returns
     -------

@@ -40,13 +40,7 @@ DEMOS = {"error-correction": ".demo:DEMO"}
 __getattr__, __dir__, __all__ = attach(
     __name__,
     {
-        "files": (
-            "PointTable",
-            "read_csv",
-            "read_points",
-            "write_csv",
-            "write_json",
-        ),
+        "files": ("PointTable", "read_csv", "read_points", "write_csv", "write_json"),
         "generator": (
             "generate",
             "generate_with_route",
@@ -55,12 +49,6 @@ __getattr__, __dir__, __all__ = attach(
             "with_suspects",
         ),
         "listing": ("example_1", "setting_model"),
-        "settings": (
-            "SETTINGS",
-            "TABLE_2",
-            "TABLE_3",
-            "Setting",
-            "Thresholds",
-        ),
+        "settings": ("SETTINGS", "TABLE_2", "TABLE_3", "Setting", "Thresholds"),
     },
 )

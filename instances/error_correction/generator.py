@@ -37,12 +37,7 @@ _Point = NDArray[np.float64]
 
 
 def generate(
-    n_horizontal: int,
-    n_vertical: int,
-    thresholds: Sequence[float],
-    *,
-    seed: int,
-    **options: Any,
+    n_horizontal: int, n_vertical: int, thresholds: Sequence[float], *, seed: int, **options: Any
 ) -> ErrorCorrectionRouting:
     """Return a feasible instance with A and B on opposite faces of a box.
 
@@ -141,11 +136,7 @@ def generate_with_route(
 
 
 def _plant(
-    counts: list[int],
-    thresholds: Thresholds,
-    rate: float,
-    edges: _Point,
-    rng: np.random.Generator,
+    counts: list[int], thresholds: Thresholds, rate: float, edges: _Point, rng: np.random.Generator
 ) -> tuple[list[_Point], list[int]] | None:
     """Return the stops of a feasible route, A and B included, and the kinds of the others."""
     for _ in range(_ATTEMPTS):

@@ -73,10 +73,7 @@ def table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         "label-setting": _seconds(best),
         "λ": stages.statistics["threshold factor"],
     }
-    for name, found, key in (
-        ("T1", stages, "stage1_seconds"),
-        ("T2", stages, "stage2_seconds"),
-    ):
+    for name, found, key in (("T1", stages, "stage1_seconds"), ("T2", stages, "stage2_seconds")):
         ended = found.limit is None or name == "T1"
         values[name] = found.statistics[key] if ended else f"{found.limit} limit"
     values |= {"T": _seconds(stages), "pulse": _seconds(pulse), "DP": _seconds(dynamic)}

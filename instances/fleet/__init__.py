@@ -22,10 +22,7 @@ TABLE_FILES = {"fleet-routing": ".nodes:read_nodes"}
 DEMOS = {"fleet": "fleet/max-10"}
 EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exports:VRPLIB"}
 PAPERS = {"fleet": ".paper:PAPER"}
-PAPER_TABLES = {
-    "fleet/table-1": ".paper_tables:table_1",
-    "fleet/table-2": ".paper_tables:table_2",
-}
+PAPER_TABLES = {"fleet/table-1": ".paper_tables:table_1", "fleet/table-2": ".paper_tables:table_2"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

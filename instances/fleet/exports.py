@@ -30,12 +30,8 @@ def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: Fl
 
     Parameters
     ----------
-    plan : FleetPlan
-        The routes.
-    path : path-like
-        The file.
-    model : FleetRouting
-        The model of the routes.
+    plan, path, model
+        The routes, file to write, and model of the plan.
 
     Returns
     -------

@@ -10,14 +10,10 @@ import numpy as np
 from ...models.fleet.model import FleetRouting
 from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from ..grid_path import paper_map, random_nodes
+from ..grid_path.listing import PAPER
 from .generator import generate
 
 __all__ = ["NODES", "PAPER", "ROBOTS", "WEIGHTS", "catalogue_entries"]
-
-PAPER = (
-    "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot in Obstacle "
-    "Environment, Wireless Communications and Mobile Computing, 2021"
-)
 
 #: Robots and nodes of Table 3, and five of its weights of the variance.
 ROBOTS, NODES, WEIGHTS = 4, 75, (0.0, 0.2, 0.4, 0.6, 0.8)
@@ -26,10 +22,7 @@ DEPOT = (100.0, 100.0)
 
 _SPECIAL = "Ours: the paper has no such instance."
 #: Nodes of the example; the first is the depot.
-_EXAMPLE = (
-    *((50, 50), (20, 80), (35, 90), (80, 75)),
-    *((90, 40), (60, 15), (25, 20), (10, 45)),
-)
+_EXAMPLE = (*((50, 50), (20, 80), (35, 90), (80, 75)), *((90, 40), (60, 15), (25, 20), (10, 45)))
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:

@@ -20,11 +20,7 @@ PAPERS = {"fleet-mission": ".paper:PAPER"}
 PAPER_TABLES = {"fleet-mission/table-3": ".table_3:measure_table_3"}
 REFERENCES = {"fleet-mission": ".files:resolve_references"}
 DEMOS = {"fleet-mission": "fleet-mission/example"}
-EXPORTS = {
-    "samples": ".files:SAMPLES",
-    "poly7": ".files:POLY7",
-    "geojson": ".files:GEOJSON",
-}
+EXPORTS = {"samples": ".files:SAMPLES", "poly7": ".files:POLY7", "geojson": ".files:GEOJSON"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,

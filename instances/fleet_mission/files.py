@@ -44,10 +44,8 @@ def write_mission_samples(
 
     Parameters
     ----------
-    plan : MissionPlan
-        The mission.
-    path : path-like
-        The file.
+    plan, path
+        The mission, and file to write.
     rate : float
         Samples per second (Hz); the end of a robot's trajectory is always included.
     """
@@ -140,12 +138,8 @@ def write_mission_geojson(
 
     Parameters
     ----------
-    plan : MissionPlan
-        The mission.
-    path : path-like
-        The file.
-    model : FleetMission
-        Model of the plan.
+    plan, path, model
+        The mission, file to write, and model of the plan.
     rate : float
         Points of a curve per second (Hz).
     """

@@ -7,14 +7,11 @@ from typing import Any
 
 from ...models.fleet_mission.model import FleetMission
 from ..catalogue import CatalogueEntry, Provenance, Row, listed
+from ..grid_path.listing import PAPER
 from .generator import random_mission
 
 __all__ = ["PAPER", "catalogue_entries"]
 
-PAPER = (
-    "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot in Obstacle "
-    "Environment, Wireless Communications and Mobile Computing, 2021"
-)
 _OURS = "Ours: the paper has no such instance."
 
 

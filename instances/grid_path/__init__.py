@@ -38,10 +38,7 @@ if TYPE_CHECKING:
     )
 
 #: Names that modules of other problems import, beside the public ones.
-SHARED = (
-    "maps.resolve_references",
-    "paper.PAPER",
-)
+SHARED = ("listing.PAPER", "maps.resolve_references", "paper.PAPER")
 CATALOGUE = {"grid-path": ".listing:catalogue_entries"}
 PAPERS = {"grid-path": ".paper:PAPER"}
 REFERENCES = {"grid-path": ".maps:resolve_references"}

@@ -20,10 +20,8 @@ def write_paths_csv(plan: GridPlan, path: str | os.PathLike[str]) -> Path:
 
     Parameters
     ----------
-    plan : GridPlan
-        Paths to write.
-    path : path-like
-        Path of the file.
+    plan, path
+        Paths, and file to write.
 
     Returns
     -------
@@ -48,10 +46,8 @@ def write_paths_geojson(plan: GridPlan, path: str | os.PathLike[str]) -> Path:
 
     Parameters
     ----------
-    plan : GridPlan
-        Paths to write.
-    path : path-like
-        Path of the file.
+    plan, path
+        Paths, and file to write.
 
     Returns
     -------

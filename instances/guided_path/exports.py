@@ -29,12 +29,8 @@ def write_stops_csv(
 
     Parameters
     ----------
-    plan : GuidedPathPlan
-        The tour.
-    path : path-like
-        The file.
-    model : GuidedPathTour
-        Model of the plan.
+    plan, path, model
+        The tour, file to write, and model of the plan.
 
     Returns
     -------
@@ -64,12 +60,8 @@ def write_tour(
 
     Parameters
     ----------
-    plan : GuidedPathPlan
-        The tour.
-    path : path-like
-        The file.
-    model : GuidedPathTour
-        Model of the plan.
+    plan, path, model
+        The tour, file to write, and model of the plan.
 
     Returns
     -------

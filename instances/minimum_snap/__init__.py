@@ -59,16 +59,8 @@ EXPORTS = {"poly7": ".poly7:POLY7", "samples": ".tables:SAMPLES", "bezier": ".be
 __getattr__, __dir__, __all__ = attach(
     __name__,
     {
-        "bezier": (
-            "read_bezier",
-            "write_bezier",
-        ),
-        "corridors": (
-            "corridor",
-            "corridor_with_way",
-            "gates",
-            "hurried",
-        ),
+        "bezier": ("read_bezier", "write_bezier"),
+        "corridors": ("corridor", "corridor_with_way", "gates", "hurried"),
         "paths": (
             "figure_eight",
             "helix",
@@ -78,18 +70,7 @@ __getattr__, __dir__, __all__ = attach(
             "times_by_distance",
         ),
         "pieces": ("Poly7",),
-        "poly7": (
-            "PIECES_THAT_FIT",
-            "Poly7Report",
-            "read_poly7",
-            "write_poly7",
-        ),
-        "tables": (
-            "Samples",
-            "read_samples",
-            "read_waypoints",
-            "sample_columns",
-            "write_samples",
-        ),
+        "poly7": ("PIECES_THAT_FIT", "Poly7Report", "read_poly7", "write_poly7"),
+        "tables": ("Samples", "read_samples", "read_waypoints", "sample_columns", "write_samples"),
     },
 )

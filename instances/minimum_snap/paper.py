@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..grid_path.paper import PAPER as GRID
 from ..paper import Paper, corrected, different, printed
 
 __all__ = ["PAPER"]
@@ -10,10 +11,8 @@ _PROGRAM = "models.minimum_snap.formulations.paper:PaperFormulation"
 _PIECES = "models.minimum_snap.formulations.piecewise:PiecewiseFormulation"
 
 PAPER = Paper(
-    "fleet-mission",
-    "S. Su, W. Zhao, C. Wang: Parallel Swarm Intelligent Motion Planning with Energy-Balanced for "
-    "Multirobot in Obstacle Environment, Wireless Communications and Mobile Computing, 2021, article "
-    "8902328",
+    GRID.name,
+    GRID.reference,
     items=(
         printed("eq. 5", "position as powers of absolute time", f"{_PROGRAM}.basis_rows"),
         printed("eq. 6", "velocity", f"{_PROGRAM}.basis_rows"),

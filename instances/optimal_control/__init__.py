@@ -83,22 +83,9 @@ __getattr__, __dir__, __all__ = attach(
             "maximal_range",
             "zermelo",
         ),
-        "flight": (
-            "hang_glider",
-            "minimum_time_to_climb",
-            "shuttle_reentry",
-        ),
-        "oscillators": (
-            "aly_chan",
-            "harmonic_oscillator",
-            "rayleigh",
-            "van_der_pol",
-        ),
-        "reactors": (
-            "batch_reactor",
-            "tubular_reactor",
-            "tumor",
-        ),
+        "flight": ("hang_glider", "minimum_time_to_climb", "shuttle_reentry"),
+        "oscillators": ("aly_chan", "harmonic_oscillator", "rayleigh", "van_der_pol"),
+        "reactors": ("batch_reactor", "tubular_reactor", "tumor"),
         "robots": (
             "around_discs",
             "cart_pole",

@@ -42,11 +42,7 @@ def brachistochrone(ocp: OptimalControlProblem, *, gravity: float = 9.80665) -> 
     # Angle between the downward vertical and the tangent of the curve.
     slope = phase.control("slope", lower=0, upper=math.pi, unit="rad")
     phase.dynamics(
-        {
-            x: v * casadi.sin(slope),
-            y: -v * casadi.cos(slope),
-            v: gravity * casadi.cos(slope),
-        }
+        {x: v * casadi.sin(slope), y: -v * casadi.cos(slope), v: gravity * casadi.cos(slope)}
     )
     phase.guess(time=[0, 2], v=[0, 10], slope=[0, math.pi / 2])
     ocp.minimise(phase.end, unit="s")

@@ -38,12 +38,7 @@ def hang_glider(ocp: OptimalControlProblem) -> None:
     pressure = 0.5 * density * area * speed / mass
     lift, drag = pressure * lift_coefficient, pressure * drag_coefficient
     phase.dynamics(
-        {
-            x: vx,
-            y: vy,
-            vx: -lift * sink - drag * vx,
-            vy: lift * vx - drag * sink - gravity,
-        }
+        {x: vx, y: vy, vx: -lift * sink - drag * vx, vy: lift * vx - drag * sink - gravity}
     )
     phase.guess(time=[0, 100], x=[0, 1250], lift_coefficient=0.7)
     ocp.minimise(-phase.final(x), unit="m")

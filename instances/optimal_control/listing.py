@@ -14,12 +14,7 @@ __all__ = ["catalogue_entries"]
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the benchmark problems of optimal control."""
-    return (
-        *_smooth(),
-        *_oscillators(),
-        *_switching(),
-        *vehicle_entries(),
-    )
+    return (*_smooth(), *_oscillators(), *_switching(), *vehicle_entries())
 
 
 def _smooth() -> tuple[CatalogueEntry, ...]:

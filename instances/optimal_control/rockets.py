@@ -62,8 +62,7 @@ def two_stage_ascent(ocp: OptimalControlProblem) -> None:
     for k, (thrust, flow, full, empty) in enumerate(STAGES):
         first = k == 0
         phase = ocp.phase(
-            f"stage {k + 1}",
-            time=(0, burn) if first else (burn, (burn + 50, burn + longest)),
+            f"stage {k + 1}", time=(0, burn) if first else (burn, (burn + 50, burn + longest))
         )
         ends = (0, 0, 0, 0) if first else (None, None, None, None)
         to = (None, None, None, None) if first else (None, ORBIT_HEIGHT, ORBIT_SPEED, 0)
@@ -122,10 +121,7 @@ def orbit_raising(ocp: OptimalControlProblem) -> None:
     ocp.subject_to(phase.final(tangential**2 * r), equals=1, name="the last orbit is circular")
     # Outwards first, then inwards.
     phase.guess(
-        r=[1, 1.5],
-        radial=[0, 0.2, 0],
-        tangential=[1, 0.8],
-        angle=lambda t: 0.5 + 5.2 * t / 3.32,
+        r=[1, 1.5], radial=[0, 0.2, 0], tangential=[1, 0.8], angle=lambda t: 0.5 + 5.2 * t / 3.32
     )
     ocp.minimise(-phase.final(r))
 

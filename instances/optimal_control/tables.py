@@ -29,10 +29,8 @@ def write_control_samples(
 
     Parameters
     ----------
-    plan : ControlPlan
-        Plan to write.
-    path : path-like
-        File to write.
+    plan, path
+        Plan, and file to write.
     rate : float
         Samples per unit of time; the end of every phase is always included.
 

@@ -20,11 +20,7 @@ PAPER = (
 )
 
 #: Values printed in the paper: final time (s), computing time (s) and tolerance.
-_PRINTED: Mapping[str, Any] = {
-    "final_time": 7.836,
-    "computing_seconds": 246.0,
-    "tolerance": 1e-3,
-}
+_PRINTED: Mapping[str, Any] = {"final_time": 7.836, "computing_seconds": 246.0, "tolerance": 1e-3}
 #: Source of values found by several starts on a refined mesh.
 _REFINED = "ours: the best of several starts, verified to 1e-6"
 

@@ -34,12 +34,8 @@ def write_sideslip_csv(
 
     Parameters
     ----------
-    plan : SideslipEstimate
-        The estimate.
-    path : path-like
-        The file.
-    model : SideslipEstimation
-        Model of the estimate, which gives the measurements.
+    plan, path, model
+        The estimate, file to write, and model of the plan.
 
     Returns
     -------

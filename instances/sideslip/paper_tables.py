@@ -30,20 +30,7 @@ _RUNS: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
 
 
 def table_1(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return a row of the design table.
-
-    Parameters
-    ----------
-    row : tuple of str
-        Key of the row, its number from 1.
-    trials : Trials
-        Not used.
-
-    Returns
-    -------
-    mapping of str to int
-        Entries by column.
-    """
+    """Return a row of the design table."""
     entries = uniform_design()[int(row[0]) - 1]
     return {str(k): int(entry) for k, entry in enumerate(entries, 1)}
 
@@ -57,20 +44,7 @@ def _discrepancy(columns: tuple[int, ...]) -> float:
 
 
 def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return the columns with the smallest centred discrepancy for a number of factors.
-
-    Parameters
-    ----------
-    row : tuple of str
-        Key of the row, the number of factors.
-    trials : Trials
-        Not used.
-
-    Returns
-    -------
-    mapping of str to number
-        The columns, and the discrepancies of the printed and of these columns.
-    """
+    """Return the columns with the smallest centred discrepancy for a number of factors."""
     best = min(combinations(range(1, 9), int(row[0])), key=lambda one: (_discrepancy(one), one))
     paper = tuple(int(cell) for cell in TABLE_2.rows[row] if cell is not None)
     return {
@@ -81,20 +55,7 @@ def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
 
 
 def table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
-    """Return medians of the errors over drives from different seeds, in degrees.
-
-    Parameters
-    ----------
-    row : tuple of str
-        Key of the row, the road.
-    trials : Trials
-        Seeds, number of runs and solver calls.
-
-    Returns
-    -------
-    mapping of str to number
-        Entries by column.
-    """
+    """Return medians of the errors over drives from different seeds, in degrees."""
     from scipy.stats import wilcoxon
 
     errors: dict[str, list[NDArray[np.float64]]] = {name: [] for name, _, _ in _RUNS}

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
         training_generator as training_generator,
     )
     from .readers import read_map_scenes as read_map_scenes, read_scenes as read_scenes
-    from .wild import (
-        clutter as clutter,
-        enclosed as enclosed,
-        maze as maze,
-        spiral as spiral,
-    )
+    from .wild import clutter as clutter, enclosed as enclosed, maze as maze, spiral as spiral
 
 CATALOGUE = {"unknown-grid": ".listing:catalogue_entries"}
 REFERENCES = {"unknown-grid": ".readers:resolve_references"}

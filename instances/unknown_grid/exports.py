@@ -27,12 +27,8 @@ def write_runs_csv(
 
     Parameters
     ----------
-    plan : NavigationRuns
-        Runs of all scenes.
-    path : path-like
-        Path of the file.
-    model : UnknownGridNavigation
-        Model of the runs with its true maps.
+    plan, path, model
+        Runs of all scenes, file to write, and model of the plan.
 
     Returns
     -------
