@@ -1,4 +1,7 @@
-"""Available transcriptions: Gauss, Radau, Hermite-Simpson and trapezoidal."""
+"""Available transcriptions: Gauss, Radau, Hermite-Simpson and trapezoidal.
+
+Their parameters are those of :class:`~.base.Transcription`.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,7 @@ __all__ = ["Gauss", "HermiteSimpson", "PaperGauss", "Radau", "Trapezoid"]
 
 @dataclass(frozen=True, eq=False)
 class Gauss(Transcription):
-    """Legendre-Gauss collocation on several intervals, refined in degree and in intervals.
-
-    Parameters
-    ----------
-    model, intervals, degree, mesh, refine, rounds, most_nodes, dependent
-        See :class:`~.base.Transcription`.
-    """
+    """Legendre-Gauss collocation on several intervals, refined in degree and in intervals."""
 
     name: ClassVar[str] = "gauss"
     summary: ClassVar[str] = "Gauss pseudospectral (LG) on several intervals, hp-refined"
@@ -29,13 +26,7 @@ class Gauss(Transcription):
 
 @dataclass(frozen=True, eq=False)
 class PaperGauss(Gauss):
-    """The paper's Gauss pseudospectral method: one interval, refined in degree alone (eq. 14-21).
-
-    Parameters
-    ----------
-    model, intervals, degree, mesh, refine, rounds, most_nodes, dependent
-        See :class:`~.base.Transcription`.
-    """
+    """The paper's Gauss pseudospectral method: one interval, refined in degree alone (eq. 14-21)."""
 
     intervals: int = 1
     degree: int = 20
@@ -51,11 +42,6 @@ class Radau(Transcription):
     """Legendre-Gauss-Radau collocation on several intervals, refined in degree and in intervals.
 
     The end of every interval is collocated.
-
-    Parameters
-    ----------
-    model, intervals, degree, mesh, refine, rounds, most_nodes, dependent
-        See :class:`~.base.Transcription`.
     """
 
     name: ClassVar[str] = "radau"
@@ -65,13 +51,7 @@ class Radau(Transcription):
 
 @dataclass(frozen=True, eq=False)
 class HermiteSimpson(Transcription):
-    """Hermite-Simpson collocation in its separated form, refined in intervals.
-
-    Parameters
-    ----------
-    model, intervals, mesh, refine, rounds, most_nodes, dependent
-        See :class:`~.base.Transcription`.
-    """
+    """Hermite-Simpson collocation in its separated form, refined in intervals."""
 
     intervals: int = 25
     degree: int = field(init=False, default=3)
@@ -84,13 +64,7 @@ class HermiteSimpson(Transcription):
 
 @dataclass(frozen=True, eq=False)
 class Trapezoid(Transcription):
-    """Trapezoidal collocation, refined in intervals.
-
-    Parameters
-    ----------
-    model, intervals, mesh, refine, rounds, most_nodes, dependent
-        See :class:`~.base.Transcription`.
-    """
+    """Trapezoidal collocation, refined in intervals."""
 
     intervals: int = 50
     degree: int = field(init=False, default=2)

@@ -184,9 +184,8 @@ def next_meshes(
     why = ""
     if verified is not None:
         if verified and change <= SETTLED * tolerance:
-            halved, text = _reexamine(
-                model, plan, meshes, rules, objectives, tolerance, former, strains
-            )
+            accuracy = tolerance * size
+            halved, text = _reexamine(model, plan, meshes, rules, accuracy, former, strains)
             if halved is None:
                 return replace(finding, settled=True)
             return replace(finding, meshes=halved, words=text, accepted=objective)
@@ -218,46 +217,42 @@ def _reexamine(
     plan: ControlPlan,
     meshes: Sequence[Mesh],
     rules: Rules,
-    objectives: tuple[float, float],
-    tolerance: float,
+    accuracy: float,
     former: History | None,
     strains: Sequence[Floats],
 ) -> tuple[tuple[Mesh, ...] | None, str]:
     """Return meshes for an examination of optimality and its reason; None without a reason.
 
     A converged objective does not cover intervals that the last meshes left unchanged, nor a
-    restriction that all meshes share. Intervals are halved if the Hamiltonian predicts a gain although
-    they were unchanged, or if the rows that keep controls calm restrict the objective. In the latter
-    case the controls are released.
+    restriction that all meshes share. Intervals are halved if the Hamiltonian predicts a gain larger
+    than the `accuracy` of the objective although they were unchanged, or if the rows that keep controls
+    calm restrict the objective. In the latter case the controls are released.
     """
-    objective, size = objectives
-    words = "verified and settled, but "
-    strain = sum(float(strain_of.sum()) for strain_of in strains)
-    if relative_change(size, objective, objective + strain) > PROMISED * tolerance:
-        smallest = PROMISING * max(float(strain_of.max()) for strain_of in strains)
-        chosen = [strain_of >= smallest for strain_of in strains]
+    words, chosen = "verified and settled, but ", _promising(strains, accuracy)
+    if chosen is not None:
+        strain = sum(float(strain_of.sum()) for strain_of in strains)
         words += f"controls held calm may cost {strain:.2g}: released"
         if not rules.split:
             return tuple(Mesh(mesh.fractions, mesh.degrees) for mesh in meshes), words
-        return _halve(meshes, chosen), words
-    if not rules.split or former is None:
+    elif rules.split and former is not None:
+        words += "the Hamiltonian is not constant: halved where it changes"
+        parts = zip(hamiltonian_gains(model, plan), meshes, former.meshes, strict=True)
+        gains = [
+            np.zeros(mesh.intervals) if gain is None else np.where(mesh.kept(old), gain, 0.0)
+            for gain, mesh, old in parts
+        ]
+        chosen = _promising(gains, accuracy)
+    if chosen is None:
         return None, ""
-    gains = [
-        np.zeros(mesh.intervals) if gain is None else np.where(mesh.kept(old), gain, 0.0)
-        for gain, mesh, old in zip(
-            hamiltonian_gains(model, plan), meshes, former.meshes, strict=True
-        )
-    ]
-    promised = sum(float(gain.sum()) for gain in gains)
-    if not relative_change(size, objective, objective + promised) > PROMISED * tolerance:
-        return None, ""
+    return tuple(mesh.halved(rows) for mesh, rows in zip(meshes, chosen, strict=True)), words
+
+
+def _promising(gains: Sequence[Floats], accuracy: float) -> list[NDArray[np.bool_]] | None:
+    """Return the intervals with the largest gains; None if all gains together are too small."""
+    if not sum(float(gain.sum()) for gain in gains) > PROMISED * accuracy:
+        return None
     smallest = PROMISING * max(float(gain.max()) for gain in gains)
-    words += "the Hamiltonian is not constant: halved where it changes"
-    return _halve(meshes, [gain >= smallest for gain in gains]), words
-
-
-def _halve(meshes: Sequence[Mesh], chosen: Sequence[NDArray[np.bool_]]) -> tuple[Mesh, ...]:
-    return tuple(mesh.halved(rows) for mesh, rows in zip(meshes, chosen, strict=True))
+    return [gain >= smallest for gain in gains]
 
 
 def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
