@@ -170,13 +170,6 @@ def verify_flight(
         Accepted excess over a limit, as a share of the limit.
     ends : (float, float)
         Largest angle from the final attitude (rad) and largest body rate (rad/s) at the end.
-
-    Returns
-    -------
-    verification : Verification
-        All checks.
-    breach : Breach, optional
-        First violation.
     """
     motion = SlewMotion.of(model)
     before, after = (motion.torque(x[:, 7:], controls) for x in (states[:-1], states[1:]))

@@ -154,9 +154,9 @@ class _System:
     """
 
     def __init__(self, point: Point) -> None:
-        self.own = point.posed
-        posed, program = self.own, self.own.program
-        x, size = point.columns, sp.diags_array(self.own.program.column_scale[self.own.free])
+        self.posed = posed = point.posed
+        program, x = posed.program, point.columns
+        size = sp.diags_array(program.column_scale[posed.free])
         # With CasADi's signs, the gradient of f + multipliers·g is 0 except at active column bounds.
         multipliers = -posed.duals(point.multipliers[1])
         gradient, jacobian = program.first_order(x)
@@ -206,7 +206,7 @@ class _System:
 
     def _check_clear(self) -> None:
         """Raise if a bound has neither a multiplier nor slack after a Newton step."""
-        side, scale = self.sides["row"], self.own.program.objective_scale
+        side, scale = self.sides["row"], self.posed.program.objective_scale
         z, duals = self.solve(-self.pull, side.off[self.rows])
         pulled = (self.pull + self.curvature @ z + self.slopes[self.rows].T @ duals) / scale
         multipliers = side.multipliers.copy()
@@ -218,7 +218,7 @@ class _System:
             weak = self.sides[what].weak(moves, current)
             if weak.size:
                 raise NoDerivative(
-                    f"{self.own.label(what, int(weak[0]))} is at its bound without a multiplier "
+                    f"{self.posed.label(what, int(weak[0]))} is at its bound without a multiplier "
                     "(strict complementarity fails): the solution may have another derivative to "
                     "either side"
                 )
@@ -265,25 +265,7 @@ class _Side:
 def differentiate(point: Point, name: str) -> Sensitivity:
     """Return the derivatives of a solution with respect to its data `name`.
 
-    Parameters
-    ----------
-    point : Point
-        Solution.
-    name : str
-        Name of the data.
-
-    Returns
-    -------
-    Sensitivity
-        The derivatives.
-
-    Raises
-    ------
-    InvalidData
-        The problem has no such data.
-    NoDerivative
-        The solution is not a differentiable function of the data: an active constraint has no
-        multiplier, active constraints are dependent, or the curvature vanishes.
+    It raises the errors of :meth:`~.prepared.Step.sensitivity`.
     """
     posed = point.posed
     posed.values({name: point.data.get(name, 0.0)})  # an unknown name raises

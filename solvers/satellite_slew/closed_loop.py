@@ -37,20 +37,11 @@ _ONTO = {
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Simulated slew.
+    """Simulated slew: nodes of each step, gimbal rates there, and states at `STATES_AT`.
 
-    Parameters
-    ----------
-    knots : tuple of float
-        Ends of the steps, s.
-    steps : tuple of (ndarray, ndarray, ndarray)
-        Nodes of each step, gimbal rates there, and states at `STATES_AT`.
-    measure : float
-        Smallest det(A_t A_tᵀ).
-    rate, gimbal_rate, torque : float
-        Largest body rate, commanded gimbal rate and commanded torque, relative to their limits.
-    settled : bool
-        Whether the satellite came to rest at the final attitude.
+    `measure` is the smallest det(A_t A_tᵀ). The largest body rate, commanded gimbal rate and commanded
+    torque are relative to their limits. `settled` states whether the satellite came to rest at the
+    final attitude.
     """
 
     knots: tuple[float, ...]
@@ -139,24 +130,11 @@ class ClosedLoop:
     # -- flying ----------------------------------------------------------------------------------
 
     def fly(self, latest: float, step: float, *, least_measure: float = 0.0) -> Flight:
-        """Simulate the rotation until the satellite is at rest at the end.
+        """Simulate the rotation until the satellite is at rest at the end, or until the time `latest`.
 
-        Parameters
-        ----------
-        latest : float
-            Time limit of the flight, s.
-        step : float
-            Sampling interval of the law, s.
-        least_measure : float
-            Singularity measure below which the flight is aborted.
+        The law is sampled at intervals of `step`. The flight is aborted if the singularity measure falls
+        below `least_measure`.
 
-        Returns
-        -------
-        Flight
-            The flight, which may not have settled.
-
-        Notes
-        -----
         In each step the gimbal rates are a parabola through the rates of the law at the start, in the
         middle and at the end, from a classical Runge-Kutta step of the closed loop. The states are
         those that the parabola produces, and the next step starts from their end. The steps have a
