@@ -18,8 +18,9 @@ from ..conic.base import ConicRun
 from ..contract.backend import Answer, Feature, Option, Request
 from ..programs.attempts import Clock, Ended, Ending, ending_if_stopped, solver_tolerance
 from ..programs.cvxpy_library import Solved, chosen, found, solve_by_cvxpy
-from ..qp.base import POLISH, UNPOLISHED, answered
+from ..qp.base import UNPOLISHED, answered
 from ..qp.cvxpy_qp import attempt as attempt_quadratic
+from ..qp.settings import POLISH
 from .base import ProgramBackend, with_cutoff_row, with_offset_column
 from .highs import ending, search
 

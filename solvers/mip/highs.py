@@ -22,8 +22,9 @@ from ..programs.attempts import (
     solver_tolerance,
 )
 from ..programs.highs_library import meanings, run_highs
-from ..qp.base import POLISH, UNPOLISHED, answered
+from ..qp.base import UNPOLISHED, answered
 from ..qp.highs import attempt as attempt_quadratic
+from ..qp.settings import POLISH
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["Highs", "ending", "search"]

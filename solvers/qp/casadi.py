@@ -20,8 +20,9 @@ from ..programs.casadi_plugins import (
     status_of,
     vector,
 )
-from .base import COMMON, POLISH, QuadraticBackend, too_large
+from .base import COMMON, QuadraticBackend
 from .forms import independent_rows
+from .settings import POLISH, too_large
 
 __all__ = ["CasadiConic", "plugins"]
 

@@ -20,8 +20,9 @@ from ..programs.attempts import (
     solver_tolerance,
     stop_reason,
 )
-from .base import COMMON, POLISH
+from .base import COMMON
 from .forms import ConicForm, Convex
+from .settings import POLISH
 
 __all__ = ["Clarabel"]
 

@@ -12,7 +12,7 @@ from ...models.programs.linear import QuadraticProgram
 from ..contract.backend import Request
 from ..programs.attempts import Clock, Ended, Ending
 from ..programs.cvxpy_library import solve_by_cvxpy
-from .base import told
+from .settings import told
 
 __all__ = ["attempt"]
 

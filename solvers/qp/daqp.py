@@ -10,7 +10,8 @@ import numpy as np
 from ...models.programs.linear import QuadraticProgram
 from ..contract.backend import Feature, Limit, Option, Request
 from ..programs.attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
-from .base import COMMON, POLISH, QuadraticBackend, too_large
+from .base import COMMON, QuadraticBackend
+from .settings import POLISH, too_large
 
 __all__ = ["Daqp"]
 

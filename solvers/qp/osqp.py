@@ -20,16 +20,9 @@ from ..programs.attempts import (
     solver_options,
     stop_reason,
 )
-from .base import (
-    COMMON,
-    EPS,
-    POLISH,
-    QuadraticBackend,
-    first_order_precision,
-    slice_iterations,
-    time_left,
-)
+from .base import COMMON, QuadraticBackend
 from .forms import stacked_rows
+from .settings import EPS, POLISH, first_order_precision, slice_iterations, time_left
 
 __all__ = ["Osqp"]
 

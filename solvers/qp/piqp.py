@@ -11,8 +11,9 @@ import scipy.sparse as sp
 from ...models.programs.linear import QuadraticProgram
 from ..contract.backend import Feature, Limit, Option, Request
 from ..programs.attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
-from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
+from .base import COMMON, QuadraticBackend
 from .forms import SplitForm
+from .settings import LINEAR_ALGEBRA, POLISH, prefers_dense
 
 __all__ = ["Piqp"]
 

@@ -20,8 +20,9 @@ from ..programs.attempts import (
     solver_tolerance,
     stop_reason,
 )
-from .base import COMMON, LINEAR_ALGEBRA, POLISH, QuadraticBackend, prefers_dense
+from .base import COMMON, QuadraticBackend
 from .forms import SplitForm
+from .settings import LINEAR_ALGEBRA, POLISH, prefers_dense
 
 __all__ = ["Proxqp"]
 

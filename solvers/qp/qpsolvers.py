@@ -13,8 +13,9 @@ from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
 from ..contract.backend import Feature, Option, Request
 from ..programs.attempts import Clock, Ended, Ending
-from .base import COMMON, POLISH, QuadraticBackend, told, too_large
+from .base import COMMON, QuadraticBackend
 from .forms import ConicForm
+from .settings import POLISH, told, too_large
 
 __all__ = ["EXCLUDED", "Qpsolvers"]
 

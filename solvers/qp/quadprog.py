@@ -10,8 +10,9 @@ from ...errors import UnsupportedFormulation
 from ...models.programs.linear import QuadraticProgram
 from ..contract.backend import Request
 from ..programs.attempts import Clock, Ended, Ending
-from .base import QuadraticBackend, too_large
+from .base import QuadraticBackend
 from .forms import ConicForm, independent_rows
+from .settings import too_large
 
 __all__ = ["Quadprog"]
 

@@ -21,8 +21,9 @@ from ..programs.attempts import (
     solver_options,
     stop_reason,
 )
-from .base import COMMON, EPS, POLISH, first_order_precision, slice_iterations, time_left
+from .base import COMMON
 from .forms import ConicForm, Convex, columnwise
+from .settings import EPS, POLISH, first_order_precision, slice_iterations, time_left
 
 __all__ = ["Scs"]
 
