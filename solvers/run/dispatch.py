@@ -148,7 +148,7 @@ def run_job(job: Job, isolate: bool | None, listener: Listener | None) -> Soluti
     if not apart and job.starts == 1:
         return execute(job, listener=listener)
     # Imported here, because most runs need no worker.
-    from ..processes.isolation import in_worker
+    from ..processes.pool import in_worker
     from ..processes.scheduling import run_together
 
     if job.starts > 1 and not hides and isolate is None and listener is None:

@@ -17,7 +17,7 @@ from fakes import Fixed, Hanging, Patient
 import crosstrack as ct
 from crosstrack.solvers import Feature, Guarantee, Worker
 from crosstrack.solvers.contract.job import Job
-from crosstrack.solvers.processes import isolation
+from crosstrack.solvers.processes import pool
 
 #: An external distribution, whose backends end their process or print to standard output.
 STRANGER = """
@@ -242,7 +242,7 @@ def test_ctrl_c_ends_a_comparison_at_once(command, tmp_path, presses):
 def test_ctrl_c_while_a_worker_starts(model, monkeypatch):
     """The run is stopped as it begins."""
     fresh = []
-    monkeypatch.setattr(isolation, "_idle", fresh)
+    monkeypatch.setattr(pool, "_idle", fresh)
     threading.Timer(0.4, os.kill, (os.getpid(), signal.SIGINT)).start()
     begin = time.perf_counter()
     answer = ct.solve(model, Patient(), time_limit=60, isolate=True)
@@ -260,6 +260,7 @@ def test_ctrl_c_reaches_the_jobs_of_an_executor(tmp_path):
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         import crosstrack as ct
         from fakes import Fixed, Patient
+        from listening import solutions
         model = ct.load("error-correction/example-1")
 
         def ended(solution):
@@ -330,17 +331,17 @@ def test_a_forked_process_leaves_its_parents_worker_alone(run_python, tmp_path):
     script = (
         "import os, crosstrack as ct\n"
         "from multiprocessing import get_context\n"
-        "from crosstrack.solvers import isolation\n"
+        "from crosstrack.solvers.processes import pool as workers\n"
         "model = ct.load('error-correction/example-1')\n"
         "def solve(_):\n"
         "    return ct.solve(model, 'highs', isolate=True).primal_bound\n"
         "first = solve(0)\n"
-        "[worker] = isolation._idle\n"
+        "[worker] = workers._idle\n"
         "with get_context('fork').Pool(2) as pool:\n"
         "    assert pool.map(solve, range(4)) == [first] * 4\n"
-        "assert isolation._idle == [worker] and worker._process.poll() is None\n"
+        "assert workers._idle == [worker] and worker._process.poll() is None\n"
         "before = worker.pid\n"
-        "assert solve(0) == first and isolation._idle[0].pid == before\n"
+        "assert solve(0) == first and workers._idle[0].pid == before\n"
         "print('alone')\n"
     )
     assert run_python("-W", "ignore", "-c", script, cwd=tmp_path).strip() == "alone"
