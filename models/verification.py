@@ -206,7 +206,7 @@ class Check:
         name: str,
         values: ArrayLike,
         scale: ArrayLike,
-        unit: str,
+        unit: str | Callable[..., str],
         where: str | Callable[..., str],
         tolerance: float,
         *,
@@ -220,21 +220,21 @@ class Check:
 
         Parameters
         ----------
-        name, unit, equation
+        name, equation
             See :class:`Check`.
         values : array_like
             Violations, in `unit`; negative for slack.
         scale, noise, limit : array_like
             See :meth:`scaled`; broadcast to the shape of `values`.
-        where : str or callable
-            Place, or function of the indices of an entry that returns it.
+        unit, where : str or callable
+            Unit and place, or functions of the indices of an entry that return them.
         tolerance : float
             Largest accepted violation, relative to `scale`.
         """
         parts = (values, scale, noise, 0.0 if limit is None else limit)
         excess, scales, noises, limits = np.broadcast_arrays(*map(np.atleast_1d, parts))
-        place = where if isinstance(where, str) else ""
         if not excess.size:
+            unit, place = (text if isinstance(text, str) else "" for text in (unit, where))
             size, digits, bound = (float(np.max(part, initial=0.0)) for part in parts[1:])
             return cls.scaled(
                 name, equation, 0.0, unit, place, tolerance, size, noise=digits, limit=bound
@@ -243,8 +243,9 @@ class Check:
         share = np.where(np.isnan(share), np.where(excess < 0, -np.inf, np.inf), share)
         at = np.unravel_index(int(share.argmax()), share.shape)
         worst = np.inf if np.isnan(excess[at]) else max(float(excess[at]), 0.0)
-        if not isinstance(where, str):
-            place = where(*map(int, at))
+        unit, place = (
+            text if isinstance(text, str) else text(*map(int, at)) for text in (unit, where)
+        )
         return cls.scaled(
             name, equation, worst, unit, place, tolerance, scales[at],
             noise=float(noises[at]), limit=float(limits[at]),

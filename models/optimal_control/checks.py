@@ -6,8 +6,8 @@ and path constraints are checked between the nodes, and integrals are computed b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from ..verification import Check, Verification, check_tolerance
 from .definition import Definition, Phase, Restriction
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
-from .sampling import Course, Instants, courses, endpoint
+from .sampling import Course, Extreme, Instants, courses, endpoint
 from .sizes import along, sizes_at
 
 __all__ = ["motion", "verify_control"]
@@ -30,16 +30,6 @@ Floats = NDArray[np.float64]
 NEAR = 0.1
 #: Scale of a fixed time relative to the times of its phase, which admits rounding only.
 FIXED = 1e-5
-
-
-class _Violation(NamedTuple):
-    """Largest violation of one kind in one phase."""
-
-    worst: float
-    scale: float
-    unit: str
-    where: str
-    equation: str = ""
 
 
 class _Sides:
@@ -62,29 +52,27 @@ class _Sides:
         result: Floats = self._sign * (values[..., self.entry] - self._bound) / self.scale
         return result
 
-    def violation(
-        self, share: float, column: int, unit: str, where: str, equation: str
-    ) -> _Violation:
-        """Return a relative violation as an absolute one, in the unit of the entry."""
-        scale = float(self.scale[column])
-        return _Violation(share * scale if share > 0.0 else 0.0, scale, unit, where, equation)
-
-    def worst(
-        self, values: Floats, units: Sequence[str], places: Sequence[str], equation: str = ""
-    ) -> list[_Violation]:
-        """Return the worst violation of `values`, shape (entries,); an empty list without bounds."""
+    def checks(
+        self, name: str, values: Floats, units: Sequence[str], places: Sequence[str],
+        tolerance: float, equation: str = "",
+    ) -> list[Check]:  # fmt: skip
+        """Return the check of `values`, shape (entries,); an empty list without bounds."""
         if not self.entry.size:
             return []
-        _, column, share = _largest(self(values)[None])
-        entry = int(self.entry[column])
-        return [self.violation(share, column, units[entry], places[entry], equation)]
+        check = Check.largest(
+            name, self(values) * self.scale, self.scale, lambda side: units[int(self.entry[side])],
+            lambda side: places[int(self.entry[side])], tolerance, equation=equation,
+        )  # fmt: skip
+        return [check]
 
-
-def _largest(share: Floats) -> tuple[int, int, float]:
-    """Return row, column and value of the largest entry; NaN is treated as the largest."""
-    share = np.where(np.isnan(share), np.inf, share)
-    row, column = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
-    return row, column, float(share[row, column])
+    def check(
+        self, name: str, worst: Extreme, unit: str, where: str, tolerance: float, equation: str = ""
+    ) -> Check:
+        """Return the check of the largest relative excess over time."""
+        scale = self.scale[worst.entry]
+        return Check.largest(
+            name, worst.value * scale, scale, unit, where, tolerance, equation=equation
+        )
 
 
 def motion(problem: Any, plan: ControlPlan, phase: int | str = 0) -> Reintegration:
@@ -153,47 +141,41 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
         ends = endpoint(phases)
         objective, boundary = _at_ends(definition, ends, phases[0].parameters)
         sizes = sizes_at(definition, phases, ends, guessed=False)
-        kinds: list[tuple[str, Iterable[_Violation]]] = [
-            ("motion", map(_motion, phases, motions, _labels(phases))),
-            ("continuity of states", map(_continuity, phases, _labels(phases))),
-            ("times", _times(phases)),
-            ("initial values", _ends(phases, motions, 0)),
-            ("final values", _ends(phases, motions, 1)),
-            ("bounds of states", _bounds(phases, "states")),
-            ("bounds of controls", _bounds(phases, "controls")),
-            (
-                "bounds of parameters",
-                _Sides(
-                    *definition.bounds("parameters"),
-                    along(definition.parameters, phases[0].parameters[None]),
-                ).worst(
-                    phases[0].parameters,
-                    _units(definition, "parameters"),
-                    definition.parameter_names,
-                ),
-            ),
-            *_paths(phases),
-            *_boundaries(definition, boundary, sizes.boundaries),
-            *_invariants(phases, motions),
-            ("objective", _objective(definition, phases, motions, objective, sizes.objective)),
-        ]
-        checks = [_check(name, list(violations), tolerance) for name, violations in kinds]
-    return Verification(
-        objective if np.isfinite(objective) else None, tuple(check for check in checks if check)
-    )
-
-
-def _check(name: str, items: list[_Violation], tolerance: float) -> Check | None:
-    """Return the check of one kind over all phases; None without constraints of this kind."""
-    if not items:
-        return None
-    checks = [
-        Check.largest(
-            name, item.worst, item.scale, item.unit, item.where, tolerance, equation=item.equation
+        parameters = phases[0].parameters
+        sides = _Sides(
+            *definition.bounds("parameters"), along(definition.parameters, parameters[None])
         )
-        for item in items
-    ]
-    return Check.worst_of(checks, checks[0])
+        named = list(zip(phases, _labels(phases), strict=True))
+        groups: list[list[Check]] = [
+            [_motion(*pair, one, tolerance) for pair, one in zip(named, motions, strict=True)],
+            [_continuity(*pair, tolerance) for pair in named],
+            [check for pair in named for check in _times(*pair, tolerance)],
+            *(
+                [
+                    check
+                    for pair, one in zip(named, motions, strict=True)
+                    for check in _ends(*pair, one, end, tolerance)
+                ]
+                for end in (0, 1)
+            ),
+            *([*_bounds(named, what, tolerance)] for what in ("states", "controls")),
+            sides.checks(
+                "bounds of parameters", parameters, _units(definition, "parameters"),
+                definition.parameter_names, tolerance,
+            ),
+            *([check] for pair in named for check in _paths(*pair, tolerance)),
+            *_boundaries(definition, boundary, sizes.boundaries, tolerance),
+            *(
+                checks
+                for pair, one in zip(named, motions, strict=True)
+                for checks in _invariants(*pair, one, tolerance)
+            ),
+            _objective(definition, phases, motions, objective, sizes.objective, tolerance),
+        ]  # fmt: skip
+    return Verification(
+        objective if np.isfinite(objective) else None,
+        tuple(Check.worst_of(checks, checks[0]) for checks in groups if checks),
+    )
 
 
 def _labels(phases: tuple[Course, ...]) -> list[str]:
@@ -214,56 +196,67 @@ def _place(name: str, course: Course, time: float, label: str) -> str:
 # -- the motion --------------------------------------------------------------------------------------
 
 
-def _motion(course: Course, reintegrated: Reintegration, label: str) -> _Violation:
-    row, state, share = _largest(np.abs(reintegrated.deviation) / course.state_scale)
-    place = _place(course.phase.state_names[state], course, reintegrated.times[row], label)
-    if reintegrated.windows > 1:
-        place += f", in {reintegrated.windows} windows"
-    if reintegrated.failure:
-        place += f": {reintegrated.failure}"
-    scale = float(course.state_scale[state])
-    unit = _units(course.phase, "states")[state]
-    return _Violation(share * scale, scale, unit, place, course.phase.dynamics_equation)
+def _motion(course: Course, label: str, reintegrated: Reintegration, tolerance: float) -> Check:
+    units = _units(course.phase, "states")
+
+    def place(row: int, state: int) -> str:
+        text = _place(course.phase.state_names[state], course, reintegrated.times[row], label)
+        if reintegrated.windows > 1:
+            text += f", in {reintegrated.windows} windows"
+        return text + (f": {reintegrated.failure}" if reintegrated.failure else "")
+
+    return Check.largest(
+        "motion", np.abs(reintegrated.deviation), course.state_scale,
+        lambda row, state: units[state], place, tolerance, equation=course.phase.dynamics_equation,
+    )  # fmt: skip
 
 
-def _continuity(course: Course, label: str) -> _Violation:
-    grid = course.dense
+def _continuity(course: Course, label: str, tolerance: float) -> Check:
+    grid, units, name = course.dense, _units(course.phase, "states"), "continuity of states"
     starts = np.flatnonzero(np.diff(grid.interval) > 0)
-    unit = _units(course.phase, "states")
     if not starts.size:
-        return _Violation(0.0, 1.0, unit[0], "")
+        return Check.largest(name, [], 1.0, units[0], "", tolerance)
+
+    def place(row: int, state: int) -> str:
+        return _place(course.phase.state_names[state], course, grid.times[starts[row]], label)
+
     jumps = np.abs(grid.states[starts + 1] - grid.states[starts])
-    row, state, share = _largest(jumps / course.state_scale)
-    scale = float(course.state_scale[state])
-    place = _place(course.phase.state_names[state], course, grid.times[starts[row]], label)
-    return _Violation(share * scale, scale, unit[state], place)
+    return Check.largest(
+        name, jumps, course.state_scale, lambda row, state: units[state], place, tolerance
+    )
 
 
 def _invariants(
-    phases: tuple[Course, ...], motions: list[Reintegration]
-) -> Iterator[tuple[str, list[_Violation]]]:
+    course: Course, label: str, reintegrated: Reintegration, tolerance: float
+) -> Iterator[list[Check]]:
     """Yield the drift of each invariant along the plan's states and along the re-integrated ones."""
-    for course, label, reintegrated in zip(phases, _labels(phases), motions, strict=True):
-        if not course.phase.invariants:
-            continue
-        tables = (course.dense_values, course.values(reintegrated.at, reintegrated.states))
-        begin = tables[0]["invariant"][0]
-        start = 0
-        for invariant in course.phase.invariants:
-            entries = slice(start, start + invariant.size)
-            start += invariant.size
-            scale = np.maximum(invariant.scale, np.abs(begin[entries]))
-            items = []
-            grids = (course.dense.times, ""), (reintegrated.times, " (integrated)")
-            for table, (times, whose) in zip(tables, grids, strict=True):
-                drift = np.abs(table["invariant"][:, entries] - begin[entries])
-                row, entry, share = _largest(drift / scale)
-                place = _place(_entry(invariant, entry), course, times[row], label) + whose
-                size = float(scale[entry])
-                items.append(
-                    _Violation(share * size, size, invariant.unit, place, invariant.equation)
+    if not course.phase.invariants:
+        return
+    tables = (course.dense_values, course.values(reintegrated.at, reintegrated.states))
+    grids = (course.dense.times, ""), (reintegrated.times, " (integrated)")
+    begin = tables[0]["invariant"][0]
+    start = 0
+    for invariant in course.phase.invariants:
+        entries = slice(start, start + invariant.size)
+        start += invariant.size
+        scale = np.maximum(invariant.scale, np.abs(begin[entries]))
+        checks = []
+        for table, (times, whose) in zip(tables, grids, strict=True):
+
+            def place(
+                row: int, entry: int, times: Floats = times, whose: str = whose,
+                invariant: Restriction = invariant,
+            ) -> str:  # fmt: skip
+                return _place(_entry(invariant, entry), course, times[row], label) + whose
+
+            drift = np.abs(table["invariant"][:, entries] - begin[entries])
+            checks.append(
+                Check.largest(
+                    invariant.name, drift, scale, invariant.unit, place, tolerance,
+                    equation=invariant.equation,
                 )
-            yield invariant.name, items
+            )  # fmt: skip
+        yield checks
 
 
 # -- at every instant --------------------------------------------------------------------------------
@@ -273,9 +266,9 @@ def _entry(restriction: Restriction, entry: int) -> str:
     return f"entry {entry}" if restriction.size > 1 else ""
 
 
-def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Violation]:
-    """Yield the largest violation of the bounds of states or controls, also between the nodes."""
-    for course, label in zip(phases, _labels(phases), strict=True):
+def _bounds(named: list[tuple[Course, str]], what: str, tolerance: float) -> Iterator[Check]:
+    """Yield the check of the bounds of states or controls per phase, also between the nodes."""
+    for course, label in named:
         sides = _Sides(*course.phase.bounds(what), getattr(course.sizes, what), near=NEAR)
         if not sides.entry.size:
             continue
@@ -286,35 +279,27 @@ def _bounds(phases: tuple[Course, ...], what: str) -> Iterator[_Violation]:
         entry = int(sides.entry[worst.entry])
         names = course.phase.state_names if what == "states" else course.phase.control_names
         place = _place(names[entry], course, worst.time, label)
-        yield sides.violation(
-            worst.value, worst.entry, _units(course.phase, what)[entry], place, ""
+        unit = _units(course.phase, what)[entry]
+        yield sides.check(f"bounds of {what}", worst, unit, place, tolerance)
+
+
+def _paths(course: Course, label: str, tolerance: float) -> Iterator[Check]:
+    """Yield the check of each path constraint, also between the nodes."""
+    begin = 0
+    for restriction in course.phase.paths:
+        entries = slice(begin, begin + restriction.size)
+        sides = _Sides(restriction.lower, restriction.upper, course.sizes.paths[entries])
+        begin += restriction.size
+        if not sides.entry.size:
+            continue
+        worst = course.largest(
+            _on_path(course, sides, entries), sides(course.dense_values["path"][:, entries])
         )
-
-
-def _paths(phases: tuple[Course, ...]) -> Iterator[tuple[str, list[_Violation]]]:
-    """Yield the largest violation of each path constraint, also between the nodes."""
-    for course, label in zip(phases, _labels(phases), strict=True):
-        begin = 0
-        for restriction in course.phase.paths:
-            entries = slice(begin, begin + restriction.size)
-            sides = _Sides(restriction.lower, restriction.upper, course.sizes.paths[entries])
-            begin += restriction.size
-            if not sides.entry.size:
-                continue
-            worst = course.largest(
-                _on_path(course, sides, entries), sides(course.dense_values["path"][:, entries])
-            )
-            place = _place(
-                _entry(restriction, int(sides.entry[worst.entry])), course, worst.time, label
-            )
-            yield (
-                restriction.name,
-                [
-                    sides.violation(
-                        worst.value, worst.entry, restriction.unit, place, restriction.equation
-                    )
-                ],
-            )
+        name = _entry(restriction, int(sides.entry[worst.entry]))
+        place = _place(name, course, worst.time, label)
+        yield sides.check(
+            restriction.name, worst, restriction.unit, place, tolerance, restriction.equation
+        )
 
 
 def _on_path(course: Course, sides: _Sides, entries: slice) -> Callable[[Instants], Floats]:
@@ -324,38 +309,36 @@ def _on_path(course: Course, sides: _Sides, entries: slice) -> Callable[[Instant
 # -- at the ends -------------------------------------------------------------------------------------
 
 
-def _times(phases: tuple[Course, ...]) -> Iterator[_Violation]:
-    for course, label in zip(phases, _labels(phases), strict=True):
-        phase, plan = course.phase, course.plan
-        sides = _Sides(
-            np.array([phase.start_lower, phase.end_lower]),
-            np.array([phase.start_upper, phase.end_upper]),
-            np.full(2, plan.duration),
-        )
-        # The plan reproduces a fixed time up to rounding, however long the phase is.
-        fixed = [phase.start_lower == phase.start_upper, phase.end_lower == phase.end_upper]
-        sides.scale[np.array(fixed)[sides.entry]] = FIXED * max(
-            plan.duration, abs(plan.start), abs(plan.end)
-        )
-        places = f"start{label}", f"end{label}"
-        yield from sides.worst(np.array([plan.start, plan.end]), [phase.time_unit] * 2, places)
+def _times(course: Course, label: str, tolerance: float) -> list[Check]:
+    phase, plan = course.phase, course.plan
+    sides = _Sides(
+        np.array([phase.start_lower, phase.end_lower]),
+        np.array([phase.start_upper, phase.end_upper]),
+        np.full(2, plan.duration),
+    )
+    # The plan reproduces a fixed time up to rounding, however long the phase is.
+    fixed = [phase.start_lower == phase.start_upper, phase.end_lower == phase.end_upper]
+    size = max(plan.duration, abs(plan.start), abs(plan.end))
+    sides.scale[np.array(fixed)[sides.entry]] = FIXED * size
+    places = f"start{label}", f"end{label}"
+    times = np.array([plan.start, plan.end])
+    return sides.checks("times", times, [phase.time_unit] * 2, places, tolerance)
 
 
 def _ends(
-    phases: tuple[Course, ...], motions: list[Reintegration], end: int
-) -> Iterator[_Violation]:
-    """Yield the largest violation of the states at one end, relative to the size of the motion."""
-    for course, label, reintegrated in zip(phases, _labels(phases), motions, strict=True):
-        word = ("initial", "final")[end]
-        sides = _Sides(*course.phase.bounds("states", word), course.state_scale)
-        values = [(course.dense.states[-end], "")]
-        if end and reintegrated.windows == 1:
-            values.append((reintegrated.states[-1], " (integrated)"))
-        time = (course.plan.start, course.plan.end)[end]
-        places = [_place(name, course, time, label) for name in course.phase.state_names]
-        for state, whose in values:
-            labelled = [place + whose for place in places]
-            yield from sides.worst(state, _units(course.phase, "states"), labelled)
+    course: Course, label: str, reintegrated: Reintegration, end: int, tolerance: float
+) -> Iterator[Check]:
+    """Yield the checks of the states at one end, relative to the size of the motion."""
+    word = ("initial", "final")[end]
+    sides = _Sides(*course.phase.bounds("states", word), course.state_scale)
+    values = [(course.dense.states[-end], "")]
+    if end and reintegrated.windows == 1:
+        values.append((reintegrated.states[-1], " (integrated)"))
+    time = (course.plan.start, course.plan.end)[end]
+    units = _units(course.phase, "states")
+    for state, whose in values:
+        places = [_place(name, course, time, label) + whose for name in course.phase.state_names]
+        yield from sides.checks(f"{word} values", state, units, places, tolerance)
 
 
 def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[float, Floats]:
@@ -365,34 +348,27 @@ def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[
 
 
 def _boundaries(
-    definition: Definition, values: Floats, scale: Floats
-) -> Iterator[tuple[str, list[_Violation]]]:
+    definition: Definition, values: Floats, scale: Floats, tolerance: float
+) -> Iterator[list[Check]]:
     begin = 0
     for boundary in definition.boundaries:
-        sides = _Sides(boundary.lower, boundary.upper, scale[begin : begin + boundary.size])
-        part, places = (
-            values[begin : begin + boundary.size],
-            [_entry(boundary, k) for k in range(boundary.size)],
-        )
+        part = slice(begin, begin + boundary.size)
         begin += boundary.size
-        yield (
-            boundary.name,
-            sides.worst(part, [boundary.unit] * boundary.size, places, boundary.equation),
-        )
+        sides = _Sides(boundary.lower, boundary.upper, scale[part])
+        places = [_entry(boundary, k) for k in range(boundary.size)]
+        units = [boundary.unit] * boundary.size
+        yield sides.checks(boundary.name, values[part], units, places, tolerance, boundary.equation)
 
 
 def _objective(
-    definition: Definition,
-    phases: tuple[Course, ...],
-    motions: list[Reintegration],
-    objective: float,
-    scale: float,
-) -> Iterator[_Violation]:
-    """Yield the difference between the objective and that of the re-integrated motion, if integrated in one window."""
+    definition: Definition, phases: tuple[Course, ...], motions: list[Reintegration],
+    objective: float, scale: float, tolerance: float,
+) -> list[Check]:  # fmt: skip
+    """Return the check of the objective against that of the motion, if integrated in one window."""
     if any(item.windows > 1 for item in motions):
-        return
+        return []
     ends = endpoint(phases, [(item.states[-1], item.integrals) for item in motions])
     recomputed, _ = _at_ends(definition, ends, phases[0].parameters)
-    unit = definition.objective_unit
     where = f"the integrated motion, where it is {recomputed:.10g}"
-    yield _Violation(abs(recomputed - objective), scale, unit, where)
+    off, unit = abs(recomputed - objective), definition.objective_unit
+    return [Check.largest("objective", off, scale, unit, where, tolerance)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from string import Formatter
@@ -14,13 +13,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Optional, Spec, Text, Whole, frozen, show
+from ..declaration import Declared
+from ..fields import Array, Optional, Spec, Text, Whole, declared, frozen, show
 
 __all__ = ["Block", "Blocks", "Sparse", "without"]
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(Declared):
     """Named range of rows or columns that represents one equation or one kind of decision.
 
     Parameters
@@ -39,22 +39,18 @@ class Block:
         Unit of the entries.
     """
 
-    name: str
-    equation: str
-    start: int
-    size: int
-    template: str = ""
-    index: NDArray[np.int64] | None = None
-    unit: str = ""
+    name: str = declared(Text())
+    equation: str = declared(Text())
+    start: int = declared(Whole(0))
+    size: int = declared(Whole(0))
+    template: str = declared(Text(), default="")
+    index: NDArray[np.int64] | None = declared(
+        Optional(Array(("entries", "numbers"), int)), default=None
+    )
+    unit: str = declared(Text(), default="")
 
-    def __post_init__(self) -> None:
-        for field, spec in _BLOCK.items():
-            value = spec.coerce(field, getattr(self, field), {})
-            object.__setattr__(self, field, value)
-        self._check()
-
-    def _check(self) -> None:
-        """Raise if the index does not fit the entries, or the template does not fit the index."""
+    def check(self) -> None:
+        """Reject an index that does not fit the entries, and a template that does not fit the index."""
         if self.index is None:
             return
         if len(self.index) != self.count:
@@ -91,18 +87,6 @@ class Block:
         if self.index is None:
             return f"{self.title} {entry}" if self.size > 1 else self.title
         return f"{self.title} {self.place(entry)}"
-
-
-#: Specifications of the fields of a block.
-_BLOCK: dict[str, Spec] = {
-    "name": Text(),
-    "equation": Text(),
-    "start": Whole(0),
-    "size": Whole(0),
-    "template": Text(),
-    "index": Optional(Array(("entries", "numbers"), int)),
-    "unit": Text(),
-}
 
 
 def _check_template(template: str, count: int) -> None:
@@ -177,26 +161,13 @@ class Blocks(Spec):
 
     @classmethod
     def _read(cls, name: str, data: Any) -> Block:
-        keys = {field.name for field in dataclasses.fields(cls.kind)}
-        field = name.partition("[")[0]
-        if not isinstance(data, Mapping) or set(data) != keys:
-            raise InvalidData(
-                f"{name}: a block has the keys {', '.join(sorted(keys))}, got {show(data)}",
-                field=field,
-            )
         try:
-            return cls.kind(**data)
+            return cls.kind.from_data(data)
         except InvalidData as error:
-            raise InvalidData(f"{name}: {error}", field=field) from None
+            raise InvalidData(f"{name}: {error}", field=name.partition("[")[0]) from None
 
     def encode(self, value: tuple[Block, ...]) -> Any:
-        return [
-            {**vars(block), "index": None if block.index is None else block.index.tolist()}
-            for block in value
-        ]
-
-    def refreeze(self, value: tuple[Block, ...]) -> tuple[Block, ...]:
-        return tuple(replace(block) for block in value)
+        return [block.data() for block in value]
 
 
 #: Specifications of the parts of a matrix in compressed rows, in SciPy's order.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Whole
+from ..fields import Whole, declared
 from ..records import Member
 from .blocks import Block, Blocks
 
@@ -46,12 +46,11 @@ class ConeBlock(Block):
         block, and `index` has one row per cone.
     """
 
-    kind: ConeKind
-    dimension: int = 0
+    kind: ConeKind = declared(Member(ConeKind))
+    dimension: int = declared(Whole(0), default=0)
 
-    def _check(self) -> None:
-        object.__setattr__(self, "dimension", Whole(0).coerce("dimension", self.dimension, {}))
-        object.__setattr__(self, "kind", Member(ConeKind).coerce("kind", self.kind, {}))
+    def check(self) -> None:
+        """Reject rows that hold no cones of this kind and dimension."""
         object.__setattr__(self, "dimension", self.dimension or self.size)
         invalid = self.size < 1 or self.dimension < 1 or self.size % self.dimension
         if self.kind == ConeKind.EXPONENTIAL:
@@ -66,7 +65,7 @@ class ConeBlock(Block):
                 f"{self.dimension} rows",
                 field="cones",
             )
-        super()._check()
+        super().check()
 
     @property
     def count(self) -> int:
@@ -96,12 +95,6 @@ class Cones(Blocks):
         return blocks
 
     kind: ClassVar[type[Block]] = ConeBlock
-
-    def encode(self, value: tuple[Any, ...]) -> Any:
-        return [
-            {**written, "kind": block.kind.value}
-            for written, block in zip(super().encode(value), value, strict=True)
-        ]
 
     def feed(self, value: tuple[Any, ...]) -> Iterable[bytes]:
         for block in value:

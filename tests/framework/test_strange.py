@@ -137,7 +137,7 @@ MATRIX = {"shape": [3, 3], "indptr": [0, 1, 2, 3], "indices": [0, 1, 2], "data":
     ("changes", "field", "words"),
     [
         ({"rows": 3}, "rows", "rows must be a list of blocks, got 3"),
-        ({"rows": [3]}, "rows", "rows[0]: a block has the keys"),
+        ({"rows": [3]}, "rows", "rows[0]: data must be an object"),
         ({"columns": [{**BLOCK, "name": ["x"]}]}, "columns", "columns[0]: name must be a string"),
         ({"columns": [{**BLOCK, "size": "3"}]}, "columns", "columns[0]: size must be a number"),
         ({"columns": [{**BLOCK, "start": -1}]}, "columns", "columns[0]: start must be >= 0"),
