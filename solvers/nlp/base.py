@@ -29,7 +29,7 @@ from ..contract.backend import (
 )
 from ..programs.attempts import Clock, Ended, Ending, ending_if_stopped, limit_reached, stop_reason
 from .curvature import descent_by_curvature
-from .quality import Quality, measured, worst_blocks
+from .quality import Quality, measure, worst_blocks
 
 __all__ = ["COMMON", "HESSIAN", "NonlinearBackend", "most_iterations"]
 
@@ -137,23 +137,23 @@ class _Run:
     def answer(self) -> Answer:
         ending = ending_if_stopped(self.request, self.clock)
         if ending is not None:
-            return self.judged(ending)
+            return self.judge(ending)
         start = self.start()
         if not (self.problem.column_lower < self.problem.column_upper).any():
             # Without free columns there is nothing to search, and solvers reject the program.
             is_feasible = self.problem.verify(start, tolerance=self.request.tolerance).ok
             ended = Ended.PROVEN if is_feasible else Ended.INFEASIBLE
-            return self.judged(Ending(ended, start, statistics={"iterations": 0}))
-        answer = self.attempted(start, self.request)
+            return self.judge(Ending(ended, start, statistics={"iterations": 0}))
+        answer = self.attempt(start, self.request)
         # Saddle points are left on the first mesh only. On finer meshes, which start warm, the test
         # costs more than the search.
         return self.off_saddles(answer) if self.request.warm_start is None else answer
 
-    def attempted(self, start: Vector, request: Request) -> Answer:
+    def attempt(self, start: Vector, request: Request) -> Answer:
         """Run one search from `start` and return its answer."""
         if request.time_limit is not None:
             request = replace(request, time_limit=self.clock.left())
-        return self.judged(self.backend.attempt(self.problem, request, self.clock, start))
+        return self.judge(self.backend.attempt(self.problem, request, self.clock, start))
 
     def off_saddles(self, answer: Answer) -> Answer:
         """Return `answer`, or a better one if its point is stationary but not a minimum.
@@ -170,7 +170,7 @@ class _Run:
                 break
             better = False
             if left < SADDLES:
-                answer, better = self.searched_along(away, answer)
+                answer, better = self.search_along(away, answer)
             left += 1
             if not better:
                 words = "not a minimum: the objective falls along a direction of negative curvature"
@@ -181,7 +181,7 @@ class _Run:
             answer = replace(answer, statistics={**answer.statistics, "saddle points left": left})
         return answer
 
-    def searched_along(self, away: Vector, answer: Answer) -> tuple[Answer, bool]:
+    def search_along(self, away: Vector, answer: Answer) -> tuple[Answer, bool]:
         """Return a better answer from either side of the point of `answer`, and whether there is one.
 
         Without a better one, `answer` is returned. The iterations of all searches are counted.
@@ -192,7 +192,7 @@ class _Run:
             if limit_reached(self.request, self.clock) is not None:
                 break
             start = np.clip(answer.point + side * away, low, high)
-            other = self.attempted(start, replace(self.request, warm_start=None))
+            other = self.attempt(start, replace(self.request, warm_start=None))
             answer = replace(answer, statistics=_counted(answer, other))
             if _is_less(other, answer):
                 return replace(other, statistics=answer.statistics), True
@@ -206,28 +206,32 @@ class _Run:
         start: Vector = np.clip(given, self.problem.column_lower, self.problem.column_upper)
         return start
 
-    def judged(self, ending: Ending) -> Answer:
+    def judge(self, ending: Ending) -> Answer:
         """Return the answer that `ending` proves."""
-        quality = measured(
+        quality = measure(
             self.problem, ending.point, ending.duals, self.request.tolerance, STATIONARY
         )
         self.clock.lap("judge")
         if ending.ended is Ended.UNBOUNDED:
-            return self.without(ending, quality, Termination.NO_SOLUTION, "its iterates diverge")
+            return self.without_point(
+                ending, quality, Termination.NO_SOLUTION, "its iterates diverge"
+            )
         if quality is None or not quality.feasible:
-            return self.kept(ending, quality) or self.infeasible(ending, quality)
+            return self.warm_start_answer(ending, quality) or self.infeasible(ending, quality)
         is_iteration_limit = ending.limit is Limit.ITERATIONS and not self.request.control.stopped
         if ending.ended is Ended.STOPPED and not (
             is_iteration_limit and quality.stationarity <= CLEARLY_STATIONARY
         ):
-            return self.having(ending, quality, Termination.FEASIBLE)
+            return self.with_point(ending, quality, Termination.FEASIBLE)
         if ending.ended is Ended.PROVEN and quality.stationarity <= STATIONARY:
-            return self.having(replace(ending, message=""), quality, Termination.LOCALLY_OPTIMAL)
+            return self.with_point(
+                replace(ending, message=""), quality, Termination.LOCALLY_OPTIMAL
+            )
         if quality.stationarity <= CLEARLY_STATIONARY:
             remark = "yet its point is a local optimum"
-            return self.having(ending, quality, Termination.LOCALLY_OPTIMAL, remark)
+            return self.with_point(ending, quality, Termination.LOCALLY_OPTIMAL, remark)
         remark = f"its point is feasible, with a stationarity of {quality.stationarity:.2g}"
-        return self.having(ending, quality, Termination.FEASIBLE, remark)
+        return self.with_point(ending, quality, Termination.FEASIBLE, remark)
 
     def infeasible(self, ending: Ending, quality: Quality | None) -> Answer:
         """Return the answer for an infeasible or missing point."""
@@ -237,24 +241,24 @@ class _Run:
             remark = f"violated most: {worst}" if worst else "violated: a column's bound"
         if ending.ended is Ended.INFEASIBLE and not self.request.control.stopped:
             text = "no feasible point near where the search ended"
-            return self.without(
+            return self.without_point(
                 ending, quality, Termination.LOCALLY_INFEASIBLE, f"{text}; {remark}".rstrip("; ")
             )
         if self.limit(ending) is not None:
-            return self.without(ending, quality, Termination.NO_SOLUTION, remark)
+            return self.without_point(ending, quality, Termination.NO_SOLUTION, remark)
         if ending.ended is Ended.PROVEN:
             remark = f"the solver calls its point an optimum; {remark}".rstrip("; ")
-        return self.without(ending, quality, Termination.FAILED, remark)
+        return self.without_point(ending, quality, Termination.FAILED, remark)
 
-    def kept(self, ending: Ending, quality: Quality | None) -> Answer | None:
+    def warm_start_answer(self, ending: Ending, quality: Quality | None) -> Answer | None:
         """Return the warm start if it is feasible and the search lost it, else None."""
         if self.request.warm_start is None:
             return None
-        first = measured(self.problem, self.start(), None, self.request.tolerance, STATIONARY)
+        first = measure(self.problem, self.start(), None, self.request.tolerance, STATIONARY)
         if first is None or not first.feasible:
             return None
         words = "the warm start is the only feasible point"
-        return self.having(ending, first, Termination.FEASIBLE, words)
+        return self.with_point(ending, first, Termination.FEASIBLE, words)
 
     def limit(self, ending: Ending) -> Limit | None:
         """Return the limit that ended the run. A stop request takes precedence over the solver's status."""
@@ -262,20 +266,20 @@ class _Run:
             return stop_reason(self.request.control, ending.limit or Limit.INTERRUPTED)
         return None
 
-    def having(
+    def with_point(
         self, ending: Ending, quality: Quality, kind: Termination, words: str = ""
     ) -> Answer:
         """Return an answer with a point."""
         optimal = kind is Termination.LOCALLY_OPTIMAL
         return replace(
-            self.without(ending, quality, kind, words),
+            self.without_point(ending, quality, kind, words),
             limit=None if optimal else self.limit(ending),
             point=quality.point,
             primal_bound=quality.objective,
             duals=quality.duals,
         )
 
-    def without(
+    def without_point(
         self, ending: Ending, quality: Quality | None, kind: Termination, words: str
     ) -> Answer:
         """Return an answer without a point."""

@@ -12,7 +12,7 @@ from ...errors import InvalidData
 from ...models.programs.blocks import Block
 from ...models.programs.nonlinear import NonlinearProgram
 
-__all__ = ["Quality", "estimated_duals", "explained_duals", "measured", "worst_blocks"]
+__all__ = ["Quality", "estimated_duals", "explained_duals", "measure", "worst_blocks"]
 
 Vector = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class Quality:
     stationarity: float
 
 
-def measured(
+def measure(
     program: NonlinearProgram,
     point: Vector | None,
     duals: Vector | None,

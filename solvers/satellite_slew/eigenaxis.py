@@ -58,7 +58,7 @@ class _Trial:
 
     loop: ClosedLoop
     flight: Flight
-    kept: bool
+    feasible: bool
 
     @property
     def duration(self) -> float:
@@ -128,7 +128,7 @@ class EigenaxisSteering(Backend):
         return Answer(
             Termination.FEASIBLE, limit, plan,
             seconds={"solve": clock() - begin}, statistics=statistics,
-            message=_message(problem, trial.kept, flight),
+            message=_message(problem, trial.feasible, flight),
         )  # fmt: skip
 
 
@@ -176,7 +176,11 @@ class _Search:
                 break
             trials[share] = trial
             best = self._best(trials)
-            if best is not None and trial.kept and trial.duration > WORSE * trials[best].duration:
+            if (
+                best is not None
+                and trial.feasible
+                and trial.duration > WORSE * trials[best].duration
+            ):
                 break
         best = self._best(trials)
         if best is None:
@@ -197,7 +201,7 @@ class _Search:
 
     @staticmethod
     def _best(tried: Mapping[float, _Trial]) -> float | None:
-        feasible = [share for share, trial in tried.items() if trial.kept]
+        feasible = [share for share, trial in tried.items() if trial.feasible]
         return min(feasible, key=lambda share: tried[share].duration, default=None)
 
     def at(self, share: float) -> _Trial | None:
@@ -212,7 +216,7 @@ class _Search:
                 return best
             trial = self.flown(share, push, self.model.singularity_limit)
             load = trial.flight.load
-            if trial.kept:
+            if trial.feasible:
                 best = trial
             elif load > 1.0:
                 too_hard = push
@@ -238,13 +242,13 @@ class _Search:
         loop = ClosedLoop(model, self.law, profile, END * min(self.request.tolerance, 1e-3))
         latest = min(self.latest, max(profile.duration, COARSE))
         flight = loop.fly(latest, COARSE, least_measure=least)
-        kept = (
+        feasible = (
             flight.measure >= model.singularity_limit
             and flight.torque <= 1.0
             and flight.gimbal_rate <= 1.0 + CUT
             and flight.rate <= 1.0 + SLACK
         )
-        return _Trial(loop, flight, kept)
+        return _Trial(loop, flight, feasible)
 
 
 class PseudoInverseSteering(EigenaxisSteering):

@@ -139,9 +139,9 @@ def test_options_are_checked_and_a_search_stops():
     with pytest.raises(UnsupportedOption, match="damping"):
         ct.solve(SatelliteSlew(), LAWS[0], backend_options={"damping": 1.0})
     before, begin = threading.active_count(), time.perf_counter()
-    found = ct.solve(SatelliteSlew(), LAWS[1], time_limit=1e-6, isolate=False)
+    found = ct.solve(SatelliteSlew(), LAWS[1], time_limit=0.2, isolate=False)
     assert found.limit == "time"
-    assert found.termination == "no_solution"
+    assert found.termination in ("no_solution", "feasible")
     assert time.perf_counter() - begin < 5
     assert threading.active_count() < before + 10
 
@@ -163,3 +163,5 @@ def test_a_stopped_search_returns_its_best_flight():
     assert answer.termination == "feasible" and answer.limit == "time"
     assert answer.statistics["flights"] < 28
     assert SatelliteSlew().verify(answer.point).ok
+    answer = law.run(SatelliteSlew(), request)
+    assert answer.termination == "no_solution" and answer.point is None and answer.limit == "time"

@@ -77,7 +77,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     _meshes: tuple[Mesh, ...] = field(init=False, repr=False, default=())
     _history: History | None = field(init=False, repr=False, default=None)
     _start: ControlPlan | None = field(init=False, repr=False, default=None)
-    _told: tuple[Mapping[str, Any], ...] = field(init=False, repr=False, default=())
+    _past_rows: tuple[Mapping[str, Any], ...] = field(init=False, repr=False, default=())
     _rows: tuple[Mapping[str, Any], ...] = field(init=False, repr=False, default=())
     _settled: bool = field(init=False, repr=False, default=True)
 
@@ -321,7 +321,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
         plan = self.decode(point)
         objective = float(self.program.objective(point))  # type: ignore[attr-defined]
-        rounds = len(self._told) + 1
+        rounds = len(self._past_rows) + 1
         if duals is not None:
             plan = self.explained(plan, point, duals)
         finding = Finding(None, np.nan, "not refined", settled=True)
@@ -345,8 +345,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             "verified": finding.verified,
             "then": finding.words,
         }
-        finer = self._following(finding, plan, objective, (*self._told, row))
-        return finer if finer is None or restored is None else restored._with(_told=self._rows)
+        finer = self._following(finding, plan, objective, (*self._past_rows, row))
+        return finer if finer is None or restored is None else restored._with(_past_rows=self._rows)
 
     def _following(
         self, finding: Finding, plan: ControlPlan, objective: float, rows: tuple[Any, ...]
@@ -357,7 +357,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if finding.meshes is None:
             return None
         history = History(plan, objective, self._meshes, finding.errors, finding.accepted)
-        return self._with(_meshes=finding.meshes, _history=history, _told=rows)
+        return self._with(_meshes=finding.meshes, _history=history, _past_rows=rows)
 
     @property
     def _mesh_size(self) -> dict[str, int]:
@@ -454,14 +454,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             if option.init
         }
         result = type(self)(**options)
-        for name in ("_meshes", "_history", "_start", "_told"):
+        for name in ("_meshes", "_history", "_start", "_past_rows"):
             object.__setattr__(result, name, changes.get(name, getattr(self, name)))
         return result
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
         result: dict[str, float | int | str] = {
-            "meshes": len(self._told) + 1,
+            "meshes": len(self._past_rows) + 1,
             **self._mesh_size,
             "columns": self.layout.size,
         }

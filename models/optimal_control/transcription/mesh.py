@@ -70,7 +70,7 @@ class Mesh:
             for name in ("fractions", "degrees", "calm")
         )
 
-    def kept(self, other: Mesh) -> NDArray[np.bool_]:
+    def unchanged(self, other: Mesh) -> NDArray[np.bool_]:
         """Return which intervals also belong to another mesh."""
 
         def rows(mesh: Mesh) -> list[tuple[float, ...]]:

@@ -238,7 +238,7 @@ def _reexamine(
         words += "the Hamiltonian is not constant: halved where it changes"
         parts = zip(hamiltonian_gains(model, plan), meshes, former.meshes, strict=True)
         gains = [
-            np.zeros(mesh.intervals) if gain is None else np.where(mesh.kept(old), gain, 0.0)
+            np.zeros(mesh.intervals) if gain is None else np.where(mesh.unchanged(old), gain, 0.0)
             for gain, mesh, old in parts
         ]
         chosen = _promising(gains, accuracy)
@@ -276,7 +276,7 @@ def _noisy_intervals(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> N
     """
     middle = 0.5 * (mesh.fractions[1:] + mesh.fractions[:-1])
     parent = errors[np.searchsorted(old.fractions, middle) - 1]
-    stays = ~mesh.kept(old) & (report.worst >= STAYS * parent)
+    stays = ~mesh.unchanged(old) & (report.worst >= STAYS * parent)
     stays &= [not windows for windows in report.windows]
     noisy: NDArray[np.bool_] = stays & (report.tails <= NOISE) & (report.decays < SMOOTH)
     return noisy
