@@ -16,11 +16,7 @@ if TYPE_CHECKING:
     from .integration import Reintegration as Reintegration
     from .model import OptimalControlProblem as OptimalControlProblem
     from .piecewise import Piecewise as Piecewise
-    from .plan import (
-        ControlPlan as ControlPlan,
-        PhasePlan as PhasePlan,
-        Signal as Signal,
-    )
+    from .plan import ControlPlan as ControlPlan, PhasePlan as PhasePlan, Signal as Signal
     from .rounding import RoundedPlan as RoundedPlan, round_controls as round_controls
     from .simulation import Breach as Breach, Simulation as Simulation, simulate as simulate
 

@@ -23,15 +23,7 @@ from ..programs.compiled import Compiled, canonical_text
 if TYPE_CHECKING:
     import casadi
 
-__all__ = [
-    "Definition",
-    "Guess",
-    "Phase",
-    "Quantity",
-    "Restriction",
-    "check_order",
-    "entry_names",
-]
+__all__ = ["Definition", "Guess", "Phase", "Quantity", "Restriction", "check_order", "entry_names"]
 
 Floats = NDArray[np.float64]
 

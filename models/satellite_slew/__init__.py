@@ -16,9 +16,5 @@ PICTURES = {"satellite-slew": ".plot:draw"}
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
-    {
-        "flight": ("Breach", "Tracking"),
-        "model": ("SatelliteSlew",),
-        "tracking": ("track",),
-    },
+    {"flight": ("Breach", "Tracking"), "model": ("SatelliteSlew",), "tracking": ("track",)},
 )

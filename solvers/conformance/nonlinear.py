@@ -259,7 +259,7 @@ def _scaled() -> Table:
             known(
                 1e4 * HS71[0], tuple(np.array(HS71[1]) * units), (1e7 * HS71[2][0], 10 * HS71[2][1])
             ),
-        ),
+        )
     }
 
 

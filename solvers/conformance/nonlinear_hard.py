@@ -242,10 +242,7 @@ def chain_case() -> Case:
 
     def rows(x: Any) -> list[Any]:
         a, v, u = x[:STEPS], x[STEPS : 2 * STEPS], x[2 * STEPS :]
-        return [
-            a[1:] - a[:-1] - h * v[:-1],
-            v[1:] - v[:-1] - h * (u[:-1] - casadi.sin(a[:-1])),
-        ]
+        return [a[1:] - a[:-1] - h * v[:-1], v[1:] - v[:-1] - h * (u[:-1] - casadi.sin(a[:-1]))]
 
     lower = np.concatenate([np.full(2 * STEPS, -np.inf), np.full(STEPS, -0.7)])
     lower[[0, STEPS]] = 0.0

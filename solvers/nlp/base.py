@@ -49,10 +49,7 @@ COMMON = frozenset({Feature.SEED, Feature.WARM_START, Feature.DUALS, Feature.LOG
 
 #: Option of solvers that can work without the Hessian.
 HESSIAN = Option(
-    "exact",
-    "Exact Hessian, or an approximation from gradients.",
-    str,
-    ("exact", "limited-memory"),
+    "exact", "Exact Hessian, or an approximation from gradients.", str, ("exact", "limited-memory")
 )
 
 

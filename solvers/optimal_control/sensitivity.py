@@ -211,10 +211,7 @@ class _System:
         pulled = (self.pull + self.curvature @ z + self.slopes[self.rows].T @ duals) / scale
         multipliers = side.multipliers.copy()
         multipliers[self.rows] += duals / scale
-        for what, moves, current in (
-            ("column", z, -pulled),
-            ("row", self.slopes @ z, multipliers),
-        ):
+        for what, moves, current in (("column", z, -pulled), ("row", self.slopes @ z, multipliers)):
             weak = self.sides[what].weak(moves, current)
             if weak.size:
                 raise NoDerivative(

@@ -291,10 +291,7 @@ def draw_lines(
 
 
 def _known_next(
-    phase: Guessed,
-    name: str,
-    span: tuple[float, float],
-    later: tuple[Floats, Floats] | None,
+    phase: Guessed, name: str, span: tuple[float, float], later: tuple[Floats, Floats] | None
 ) -> tuple[Floats, Floats]:
     """Return time and value of the next known point of a state from the start of `phase`, per entry.
 

@@ -10,7 +10,7 @@ is reachable within a short time. A rank deficiency counts only if all random mo
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -74,16 +74,12 @@ class Dependence:
         return result
 
 
-_known: WeakKeyDictionary[Definition, tuple[Dependence, ...]] = WeakKeyDictionary()
-
-
+@lru_cache(maxsize=64)
 def dependences(definition: Definition) -> tuple[Dependence, ...]:
     """Return the dependences of all phases that have some; computed once per definition."""
-    if definition not in _known:
-        with np.errstate(all="ignore"):  # after an overflow, a shorter motion is tried
-            results = [_examine(definition, k) for k in range(len(definition.phases))]
-        _known[definition] = tuple(result for result in results if result is not None)
-    return _known[definition]
+    with np.errstate(all="ignore"):  # after an overflow, a shorter motion is tried
+        results = [_examine(definition, k) for k in range(len(definition.phases))]
+    return tuple(result for result in results if result is not None)
 
 
 def _examine(definition: Definition, number: int) -> Dependence | None:
@@ -96,13 +92,8 @@ def _examine(definition: Definition, number: int) -> Dependence | None:
     inside = (begin <= columns) & (columns < begin + phase.end_size)
     equal = np.flatnonzero(np.equal(*definition.bounds("boundaries")))
     boundaries = [int(k) for k in equal if (rows == k).any() and inside[rows == k].all()]
-    count, rank, implied_paths, implied_later = (
-        len(finals) + len(boundaries),
-        -1,
-        set(paths),
-        set[int](),
-    )
-    order: Order = []
+    count, rank, order = len(finals) + len(boundaries), -1, Order()
+    implied_paths, implied_later = set(paths), set[int]()
     if not count and not paths:
         return None
     for seed in range(MOTIONS):

@@ -7,8 +7,8 @@ mesh. A finer mesh requires more evaluations but no further differentiation.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
-from weakref import WeakKeyDictionary
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
@@ -90,21 +90,16 @@ def _end_function(definition: Definition) -> Twice:
     return _differentiate("endpoint", free, entries, [free], kind)
 
 
-class Functions:
+class Functions(NamedTuple):
     """All functions of a definition: node functions of the phases, and the endpoint function."""
 
-    def __init__(self, definition: Definition) -> None:
-        parameters = len(definition.parameter_names)
-        self.nodes = tuple(_node_function(phase, parameters) for phase in definition.phases)
-        self.endpoint = _end_function(definition)
+    nodes: tuple[Twice, ...]
+    endpoint: Twice
 
 
-_known: WeakKeyDictionary[Definition, Functions] = WeakKeyDictionary()
-
-
+@lru_cache(maxsize=64)
 def functions_of(definition: Definition) -> Functions:
     """Return the functions of `definition`, created at the first call."""
-    result = _known.get(definition)
-    if result is None:
-        result = _known[definition] = Functions(definition)
-    return result
+    parameters = len(definition.parameter_names)
+    nodes = tuple(_node_function(phase, parameters) for phase in definition.phases)
+    return Functions(nodes, _end_function(definition))
