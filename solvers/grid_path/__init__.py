@@ -8,8 +8,8 @@ BACKENDS = {
     "jump-point": ".exact:JumpPoint",
     "any-angle": ".any_angle:AnyAngle",
     "theta-star": ".theta_star:ThetaStar",
-    "shortcut-visibility": ".shortcut:ShortcutVisibility",
-    "shortcut-greedy": ".shortcut:ShortcutGreedy",
+    "shortcut-visibility": ".smoothing:ShortcutVisibility",
+    "shortcut-greedy": ".smoothing:ShortcutGreedy",
     "rrt-star": ".rrt_star:RRTStar",
 }
 DIAGNOSES = {"grid-path": ".diagnosis:diagnose_path"}

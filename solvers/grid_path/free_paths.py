@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 def line_tables(
     blocked: NDArray[np.bool_], corners: NDArray[np.int8]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the runs of cells and the next corners of each line, for :func:`.any_angle_kernels.search`.
+    """Return the runs of cells and the next corners of each line, for :func:`.any_angle.search`.
 
     Parameters
     ----------

@@ -48,24 +48,10 @@ def weighted(
 
     Parameters
     ----------
-    walls : ndarray of uint8, shape (cells,)
-        1 if blocked; see :mod:`crosstrack.models.grid_path.search_kernels`.
+    walls, width, start, goals, every, diagonal, guided, flag
+        See :func:`crosstrack.models.grid_path.search_kernels.sweep`.
     weights : ndarray, shape (cells,)
         Weights. A step costs its length in cells times the mean weight of its two cells.
-    width : int
-        Number of cells per row, including the frame.
-    start : int
-        Number of a free cell.
-    goals : ndarray of int64
-        Numbers of free cells.
-    every : bool
-        Whether to reach all goals, or only the nearest.
-    diagonal : bool
-        Whether steps may be diagonal, without cutting corners.
-    guided : bool
-        Whether to order cells by their cost plus a lower bound on the remaining cost (A*).
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
 
     Returns
     -------

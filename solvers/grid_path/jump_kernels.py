@@ -39,16 +39,9 @@ _ALL = 255
 
 @kernel
 def along(state: Bytes, cell: int, step: int, side: int) -> int:
-    """Return the first cell on a straight run at which a path may turn or end, or -1.
+    """Return the first cell on a straight run from `cell` at which a path may turn or end, or -1.
 
-    Parameters
-    ----------
-    state : ndarray of uint8, shape (cells,)
-        State bits of the cells.
-    cell : int
-        First cell of the run.
-    step, side : int
-        Change of the cell number along the run and across it.
+    `step` and `side` are the changes of the cell number along the run and across it.
     """
     left, right = state[cell + side] & _BLOCKED, state[cell - side] & _BLOCKED
     while True:
@@ -100,16 +93,8 @@ def jump(
 
     Parameters
     ----------
-    walls : ndarray of uint8, shape (cells,)
-        1 if blocked; see :mod:`crosstrack.models.grid_path.search_kernels`.
-    width : int
-        Number of cells per row, including the frame.
-    start : int
-        Number of a free cell.
-    goals : ndarray of int64
-        Numbers of free cells.
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+    walls, width, start, goals, flag
+        See :func:`crosstrack.models.grid_path.search_kernels.sweep`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Smoothing of a path by lines of sight.
+"""Smoothing of a path by lines of sight, and the backends that smooth a path along neighbours.
 
 Source: Algorithm 4 of "Parallel Swarm Intelligent Motion Planning with Energy-Balanced for Multirobot
 in Obstacle Environment", Wireless Communications and Mobile Computing, 2021. Its inner loop tests
@@ -8,21 +8,30 @@ connects to the last visible point of the path.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
+from ...jit import kernel
 from ...models.fields import Array, show
-from ...models.grid_path.sight import Sight, convex_corners
+from ...models.grid_path.model import Connectivity, GridPath
+from ...models.grid_path.sight import Sight, convex_corners, sees
+from ..contract.backend import Feature, Guarantee, Option, Request
+from .free_paths import AnyDirection, Ground, Leg
 
 if TYPE_CHECKING:
     from ...models.grid_path.gridmap import GridMap
 
-__all__ = ["How", "smooth", "straighten"]
+__all__ = ["How", "ShortcutGreedy", "ShortcutVisibility", "smooth", "straighten"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+Flag = NDArray[np.int8]
 How = Literal["visibility", "greedy"]
 
 #: Limit on the points along a path per round, at distances of at least a cell.
@@ -31,6 +40,10 @@ SAMPLES = 1000
 ROUNDS = 20
 #: Relative gain of a round below which the method stops.
 GAIN = 1e-9
+#: Minimum relative gain of a connection.
+BETTER = 1e-12
+#: Number of consecutive hidden points after which the scan stops.
+LOST = 300
 
 
 def smooth(grid: GridMap, path: ArrayLike, how: How = "visibility") -> Floats:
@@ -85,8 +98,6 @@ def straighten(
     flag : ndarray of int8, shape (1,)
         Nonzero stops the method, which then returns a valid path.
     """
-    from .smoothing_kernels import farthest, first_hidden, shortest
-
     hidden = int(first_hidden(sight.blocked, path, sight.slack))
     if hidden < len(path) - 1:
         a, b = sight.metres(path[hidden : hidden + 2]).tolist()
@@ -153,3 +164,124 @@ def _around(corners: NDArray[np.int8], path: Floats) -> Floats:
     points = np.vstack([along[chosen], near])
     order = np.concatenate([chosen, np.clip(place + side, 0.25, len(along) - 1.25)])
     return points[np.argsort(order, kind="stable")]
+
+
+@kernel(interpretable=True)
+def first_hidden(blocked: Truths, path: Floats, slack: float) -> int:
+    """Return the index of the first segment of `path` that enters a blocked cell, or the number of segments."""
+    for k in range(len(path) - 1):
+        if not sees(blocked, path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1], slack):
+            return k
+    return max(len(path) - 1, 0)
+
+
+@kernel(interpretable=True)
+def farthest(blocked: Truths, path: Floats, slack: float, flag: Flag) -> Ints:
+    """Return the indices of points that remain if each connects to its farthest visible point.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows + 2, columns + 2)
+        Padded map.
+    path : ndarray, shape (n, 2)
+        Points x, y of a path through free cells.
+    slack : float
+        Distance, in cells, below which a segment passes through a corner.
+    flag : ndarray of int8, shape (1,)
+        If nonzero, the remaining points stay.
+    """
+    n = len(path)
+    chosen = np.empty(n, np.int64)
+    size, here = 1, 0
+    chosen[0] = 0
+    while here < n - 1:
+        x, y = path[here, 0], path[here, 1]
+        there = n - 1 if flag[0] == 0 else here + 1
+        while there > here + 1 and not sees(blocked, x, y, path[there, 0], path[there, 1], slack):
+            there -= 1
+        here = there
+        chosen[size] = here
+        size += 1
+    return chosen[:size]
+
+
+@kernel(interpretable=True)
+def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
+    """Return the indices of a shortest path from first to last point along forward lines of sight.
+
+    The result is empty if `flag` stopped the search.
+
+    Parameters
+    ----------
+    blocked, slack
+        See :func:`farthest`.
+    points : ndarray, shape (n, 2)
+        Points x, y in the order of the path.
+    flag : ndarray of int8, shape (1,)
+        Nonzero stops the search.
+    """
+    n = len(points)
+    length = np.full(n, np.inf)
+    before = np.full(n, -1, np.int64)
+    length[0] = 0.0
+    for here in range(n - 1):
+        if flag[0] != 0:
+            return np.empty(0, np.int64)
+        x, y = points[here, 0], points[here, 1]
+        hidden = 0
+        for there in range(here + 1, n):
+            tx, ty = points[there, 0], points[there, 1]
+            total = length[here] + math.sqrt((tx - x) ** 2 + (ty - y) ** 2)
+            if total >= length[there] * (1.0 - BETTER):
+                continue
+            if sees(blocked, x, y, tx, ty, slack):
+                length[there], before[there] = total, here
+                hidden = 0
+            else:
+                hidden += 1
+                if hidden > LOST:
+                    break
+    path = np.empty(n, np.int64)
+    path[0], size = n - 1, 1
+    while path[size - 1] > 0:
+        path[size] = before[path[size - 1]]
+        size += 1
+    return path[:size][::-1].copy()
+
+
+class ShortcutGreedy(AnyDirection):
+    """A* along neighbours, then Algorithm 4 of the paper, see :func:`smooth`.
+
+    The paper searches over four neighbours (eq. 4). The default is eight, which gives shorter paths.
+    """
+
+    name = "shortcut-greedy"
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.INTERRUPT})
+    options: ClassVar[Mapping[str, Option]] = {
+        "neighbours": Option("8", "Neighbours for A*; the paper has 4.", str, choices=("4", "8")),
+    }
+    summary = "A* along neighbours, then the farthest points in sight (Algorithm 4)"
+    how: ClassVar[How] = "greedy"
+
+    def leg(self, ground: Ground, goal: Floats, ceiling: float, request: Request) -> Leg:
+        """Search along neighbours, and straighten the path."""
+        from .exact import AStar
+
+        cell = np.floor(goal[::-1]).astype(np.int64) - 1
+        connectivity = Connectivity(request.options["neighbours"])
+        along = GridPath(ground.problem.map, ground.problem.start, cell, connectivity)
+        answer = request.within(AStar(), along)
+        if answer.point is None:
+            return Leg(None, stopped=answer.limit is not None)
+        path = ground.sight.cells(answer.point.paths[0])
+        flag = request.control.flag
+        return Leg(straighten(ground.sight, ground.corners, path, self.how, flag))
+
+
+class ShortcutVisibility(ShortcutGreedy):
+    """A* along neighbours, then shortest paths over points of its path and nearby corners."""
+
+    name = "shortcut-visibility"
+    summary = "A* along neighbours, then shortest paths over lines of sight near it; ours"
+    how: ClassVar[How] = "visibility"

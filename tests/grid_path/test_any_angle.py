@@ -18,8 +18,7 @@ from crosstrack.models.grid_path import GridMap, Sight, line_of_sight
 from crosstrack.models.grid_path.sight import convex_corners, sees
 from crosstrack.solvers import Control, Limit, Termination
 from crosstrack.solvers.contract.backend import Request
-from crosstrack.solvers.grid_path.any_angle import AnyAngle
-from crosstrack.solvers.grid_path.any_angle_kernels import STOPPED, search
+from crosstrack.solvers.grid_path.any_angle import STOPPED, AnyAngle, search
 from crosstrack.solvers.grid_path.free_paths import line_tables
 
 #: Maximum distance, in cells, between connected corners of mazes in brute force.

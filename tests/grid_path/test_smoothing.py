@@ -15,9 +15,7 @@ from crosstrack.models.grid_path import GridMap, GridPlan, Sight, path_between
 from crosstrack.models.grid_path.sight import sees
 from crosstrack.solvers import Control, Limit
 from crosstrack.solvers.contract.backend import Request
-from crosstrack.solvers.grid_path.shortcut import ShortcutVisibility
-from crosstrack.solvers.grid_path.smoothing import smooth
-from crosstrack.solvers.grid_path.smoothing_kernels import farthest, shortest
+from crosstrack.solvers.grid_path.smoothing import ShortcutVisibility, farthest, shortest, smooth
 
 GO = np.zeros(1, np.int8)
 

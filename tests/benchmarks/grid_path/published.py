@@ -24,7 +24,7 @@ from crosstrack.solvers.contract.backend import Request  # noqa: E402
 from crosstrack.solvers.grid_path.any_angle import AnyAngle  # noqa: E402
 from crosstrack.solvers.grid_path.exact import JumpPoint  # noqa: E402
 from crosstrack.solvers.grid_path.rrt_star import RRTStar  # noqa: E402
-from crosstrack.solvers.grid_path.shortcut import ShortcutGreedy, ShortcutVisibility  # noqa: E402
+from crosstrack.solvers.grid_path.smoothing import ShortcutGreedy, ShortcutVisibility  # noqa: E402
 from crosstrack.solvers.grid_path.theta_star import ThetaStar  # noqa: E402
 
 #: Scenarios of each map.
