@@ -52,9 +52,6 @@ class Staged(Backend):
     features = frozenset({Feature.SEED, Feature.THREADS, Feature.INTERRUPT})
     options: ClassVar[Mapping[str, Option]] = {
         "routing": Option("fleet-search", "Backend for the routes.", str),
-        "routing_seconds": Option(
-            None, "Seconds for the routes; by default 0.04 for each node.", lower=0.0
-        ),
         "paths": Option(
             "any-angle", "Backend for the paths from node to node, in any direction.", str
         ),
@@ -87,9 +84,7 @@ class Staged(Backend):
         solver = taking("trajectories", own["trajectories"], MinimumSnap, QuadraticProgram)
         with stages.clock("gridding"):
             problem.map  # noqa: B018 - made when it is first asked for
-        seconds, left = own["routing_seconds"], request.left()
-        if seconds is None:
-            seconds = SECONDS_A_NODE * len(problem.nodes)
+        seconds, left = SECONDS_A_NODE * len(problem.nodes), request.left()
         if left is not None:
             seconds = min(seconds, ROUTING_SHARE * left)
         with stages.clock("distances"):

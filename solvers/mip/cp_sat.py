@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ...errors import UnsupportedFormulation
 from ...models.programs.linear import MixedIntegerProgram
-from ..contract.backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Request
 from ..programs.attempts import Clock, Ended, Ending, forward_stop, loosened_cutoff, stop_reason
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
@@ -39,9 +39,6 @@ class CpSat(ProgramBackend):
     # See Highs: ortools and highspy exclude one another.
     conflict_group = "highs"
     natives = ("ortools.math_opt.core.python.solver", "ortools.sat.python.cp_model_helper")
-    options: ClassVar[Mapping[str, Option]] = {
-        "linearization_level": Option(1, "Extent of the linear relaxation.", int, (0, 1, 2))
-    }
     summary = "OR-Tools CP-SAT: exact, for all-integer programs"
 
     def refuses(self, problem: MixedIntegerProgram) -> str:
@@ -207,7 +204,6 @@ def _configure(solver: Any, request: Request) -> None:
     parameters.absolute_gap_limit = 0.0
     parameters.catch_sigint_signal = False
     parameters.log_search_progress = request.verbose
-    parameters.linearization_level = request.options["linearization_level"]
     if request.seed is not None:
         parameters.random_seed = request.seed % (2**31)
     if request.threads is not None:

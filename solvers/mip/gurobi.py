@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ...errors import BackendBroken
 from ...models.programs.linear import MixedIntegerProgram
-from ..contract.backend import Feature, Limit, Option, Request
+from ..contract.backend import Feature, Limit, Request
 from ..programs.attempts import (
     Clock,
     Ended,
@@ -36,9 +35,6 @@ class Gurobi(ProgramBackend):
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("gurobipy",)
     extra = "gurobi"
-    options: ClassVar[Mapping[str, Option]] = {
-        "mip_focus": Option(0, "0 balanced, 1 solutions, 2 proof, 3 bound.", int, (0, 1, 2, 3)),
-    }
     summary = "Gurobi: commercial; without a licence only small programs"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
@@ -72,7 +68,6 @@ def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any
         "FeasibilityTol": tolerance,
         "OptimalityTol": tolerance,
         "IntFeasTol": tolerance,
-        "MIPFocus": request.options["mip_focus"],
     }
     if request.seed is not None:
         parameters["Seed"] = request.seed % 2_000_000_000

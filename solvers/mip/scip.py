@@ -40,12 +40,6 @@ class Scip(ProgramBackend):
     requires = ("pyscipopt",)
     extra = "scip"
     options: ClassVar[Mapping[str, Option]] = {
-        "emphasis": Option(
-            "default",
-            "Emphasis of the search.",
-            str,
-            ("default", "optimality", "feasibility", "easycip", "hardlp", "numerics"),
-        ),
         "memory_limit": Option(
             None, "Deprecated: MiB; use memory_limit of the call.", float, lower=1
         ),
@@ -86,9 +80,6 @@ class Scip(ProgramBackend):
 
 def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request) -> None:
     model.hideOutput(quiet=not request.verbose)
-    emphasis = request.options["emphasis"]
-    if emphasis != "default":
-        model.setEmphasis(getattr(pyscipopt.SCIP_PARAMEMPHASIS, emphasis.upper()), quiet=True)
     # SCIP forbids a feasibility tolerance below its epsilon, 1e-9.
     tolerance = solver_tolerance(request.tolerance, 1e-9)
     model.setParams(

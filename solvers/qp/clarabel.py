@@ -36,10 +36,6 @@ class Clarabel(ConvexBackend):
     options: ClassVar[Mapping[str, Option]] = {
         "polish": POLISH,
         "max_iter": Option(200, "Limit on interior-point iterations.", int, lower=1),
-        "equilibrate_enable": Option(True, "Whether to scale the data first.", bool),
-        "direct_solve_method": Option(
-            "qdldl", "Factorisation of the linear systems.", str, ("qdldl", "faer")
-        ),
     }
     deterministic = True
     summary = "Clarabel: interior point, sparse, finds infeasibility fast"

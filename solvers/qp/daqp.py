@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from ...models.programs.linear import QuadraticProgram
-from ..contract.backend import Feature, Limit, Option, Request
-from ..programs.attempts import Clock, Ended, Ending, Meaning, solver_options, solver_tolerance
+from ..contract.backend import Feature, Limit, Request
+from ..programs.attempts import Clock, Ended, Ending, Meaning, solver_tolerance
 from .base import COMMON, QuadraticBackend
-from .settings import POLISH, too_large
+from .settings import too_large
 
 __all__ = ["Daqp"]
 
@@ -19,6 +19,8 @@ __all__ = ["Daqp"]
 INFINITE = 1e30
 #: Types of a row: an inequality, or an equality that never leaves the working set.
 INEQUALITY, EQUALITY = 0, 5
+#: Limit on iterations, more than the default of DAQP.
+ITERATIONS = 100_000
 
 
 class Daqp(QuadraticBackend):
@@ -32,17 +34,6 @@ class Daqp(QuadraticBackend):
     features = COMMON | {Feature.WARM_START}
     requires = ("daqp",)
     extra = "qp"
-    options: ClassVar[Mapping[str, Option]] = {
-        "polish": POLISH,
-        "iter_limit": Option(100_000, "Limit on iterations.", int, lower=1),
-        "eps_prox": Option(
-            -1.0, "Proximal weight for singular Hessians; negative: automatic, 0: none.", float
-        ),
-        "primal_tol": Option(
-            None, "Largest violation. Default: a thousandth of the tolerance.", float,
-            lower=1e-14, upper=1e-3,
-        ),
-    }  # fmt: skip
     deterministic = True
     summary = "DAQP: dual active set, dense; the fastest on small programs"
 
@@ -67,7 +58,8 @@ class Daqp(QuadraticBackend):
         settings: dict[str, Any] = {
             "primal_tol": tolerance,
             "dual_tol": tolerance,
-            **solver_options(request),
+            "iter_limit": ITERATIONS,
+            "eps_prox": -1.0,  # chosen by DAQP for singular Hessians
         }
         hessian, matrix = program.hessian.toarray(), program.matrix.toarray()
         start = request.warm_start

@@ -39,11 +39,6 @@ class Osqp(QuadraticBackend):
         "max_iter": Option(200_000, "Limit on iterations.", int, lower=1),
         "rho": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
         "scaling": Option(10, "Rounds of scaling the data; 0: none.", int, lower=0),
-        "polishing": Option(
-            False,
-            "Whether OSQP polishes its own solution; it prints a message if that fails.",
-            bool,
-        ),
     }
     deterministic = True
     summary = "OSQP: operator splitting, sparse, warm starts"

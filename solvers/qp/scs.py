@@ -43,7 +43,6 @@ class Scs(ConvexBackend):
         "eps": EPS,
         "max_iters": Option(200_000, "Limit on iterations.", int, lower=1),
         "scale": Option(0.1, "Initial weight of the constraints.", float, lower=1e-6, upper=1e6),
-        "acceleration_lookback": Option(10, "Memory of the acceleration; 0: none.", int, lower=0),
     }
     deterministic = True
     summary = "SCS: first-order, sparse, warm starts; many iterations for high precision"
