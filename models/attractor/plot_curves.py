@@ -141,18 +141,10 @@ def draw_slopes(curve: Curve, axes: Axes) -> None:
 
 def _finish(curve: Curve, axes: Axes, label: str) -> None:
     """Shade the scaling region, and write the slope above the panel."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     axes.axvspan(*curve.region, color=_SHADE, alpha=0.25, lw=0, zorder=0.7, gid="region")
     words = f"{curve.symbol} = {slope_text(curve.slope)} {curve.unit}".rstrip()
     axes.set_title(words, fontsize=8.5, color=kit.BLACK, loc="left", pad=3)
     dress(axes, curve.labels[0], label)
-    if not curve.log:
-        return
-    # Logarithmic radii, with a legible number of ticks.
-    axes.set_xscale("log")
-    few = bool(curve.x[-1] < 30 * curve.x[0])
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=5))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    if few:
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: kit.number(value, 3)))
+    if curve.log:
+        axes.set_xscale("log")
+        kit.log_ticks(axes.xaxis, curve.x[0], curve.x[-1])

@@ -11,6 +11,7 @@ from ...errors import InvalidData
 from .curves import Curve, Limit, Panel, Span
 from .options import check_option, is_number
 from .panels import panel_sheet
+from .style import log_ticks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -78,6 +79,7 @@ def draw_progress(
     )  # fmt: skip
     for axes in figure.axes:
         axes.set_xscale("log")
+        log_ticks(axes.xaxis, first, last)
         axes.set_xlim(first / 1.1, last * 1.1)
     return figure
 

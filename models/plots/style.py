@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..verification import Verification
 from .options import check_size
 
@@ -14,8 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLACK", "DARK", "GREY", "LABEL", "LINE", "MOST_KNOTS", "RED", "RING", "axis_style", "bare",
-    "colour_of", "headline", "inches", "key", "label_axes", "legend_row", "legend_rows", "many", "number",
-    "pretty_unit", "sheet", "title_of", "with_unit",
+    "colour_of", "headline", "inches", "key", "label_axes", "legend_row", "legend_rows", "log_ticks",
+    "many", "number", "pretty_unit", "sheet", "title_of", "with_unit",
 ]  # fmt: skip
 
 # Colours of Okabe and Ito, which are distinguishable with colour blindness and as greys in print.
@@ -125,9 +127,25 @@ def legend_row(
 
 
 def legend_rows(keys: Sequence[Any], broad: float) -> int:
-    """Return the number of rows of a legend in a figure `broad` inches wide."""
-    letters = sum(6 + len(entry.get_label()) for entry in keys)
-    return min(len(keys), 1 + int(letters / (_LETTERS * broad)))
+    """Return the smallest number of rows of a legend that fits a figure `broad` inches wide."""
+    widths = [6 + len(entry.get_label()) for entry in keys]
+    for rows in range(1, len(keys)):
+        # Matplotlib fills the columns one after another, the first ones with one entry more.
+        columns = np.array_split(widths, -(-len(keys) // rows))
+        if sum(column.max() for column in columns) <= _LETTERS * broad:
+            return rows
+    return len(keys)
+
+
+def log_ticks(axis: Any, low: float, high: float) -> None:
+    """Set legible ticks on a logarithmic axis from `low` to `high`."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    few = bool(high < 30 * low)
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=5))
+    axis.set_minor_formatter(NullFormatter())
+    if few:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 3)))
 
 
 def number(value: float, digits: int = 6) -> str:

@@ -12,7 +12,7 @@ from ..contract.verdict import Outcome, Verdict
 from ..report.tables import number, seconds_text
 from .chart import Series, draw_steps
 from .draws import compare_on_instance
-from .markup import cell, figure, numeric, table, tested
+from .markup import cell, figure, numeric, table, tested, untested
 from .pictures import Load, draw_plan
 from .standing import measured_seconds, who
 from .statistics import RankTest
@@ -82,12 +82,11 @@ def describe_instance(case: Case, load: Load | None, instances: int) -> str:
 def _repeats(case: Case) -> str:
     """Return a table of repeated runs with their quartiles, empty without any."""
     quartiles = ("first quartile", "median", "third quartile")
-    heads = [("Backend", False), ("With a plan", False)]
-    heads += [(f"Objective, {word}", True) for word in quartiles]
-    heads += [(f"Time, {word}", True) for word in quartiles]
+    heads = ["Backend", "With a plan"]
+    heads += [f"{what}, {word}" for what in ("Objective", "Time") for word in quartiles]
     best, tests = compare_on_instance(case.verdict)
     if tests:
-        heads += [(f"Worse than {best}", False), ("p", True), ("Effect", True)]
+        heads += [f"Worse than {best}", "p", "Effect"]
     rows = [
         [
             cell(spread.label),
@@ -106,8 +105,7 @@ def _tested(spread: Spread, best: str, tests: dict[str, RankTest]) -> list[str]:
     label = spread.label
     if label in tests:
         return tested(tests[label])
-    words = "the best" if label == best else "too few seeds to tell"
-    return [cell(words), numeric(None, ""), numeric(None, "")]
+    return untested("the best" if label == best else "too few seeds to tell")
 
 
 def _progress(case: Case) -> str:

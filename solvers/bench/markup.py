@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
@@ -11,7 +11,21 @@ from ..contract.enums import Limit
 from ..contract.solution import Solution
 from .statistics import LEVEL, RankTest
 
-__all__ = ["cell", "choices", "count_cell", "ended", "figure", "many", "numeric", "table", "tested"]
+__all__ = [
+    "cell",
+    "choices",
+    "count_cell",
+    "ended",
+    "figure",
+    "many",
+    "numeric",
+    "table",
+    "tested",
+    "untested",
+]
+
+#: Beginning of a cell with a number.
+_NUMERIC = '<td class="n"'
 
 
 def many(number: int, noun: str) -> str:
@@ -33,7 +47,11 @@ def cell(text: str, *, long: bool = False) -> str:
 def numeric(value: float | None, text: str) -> str:
     """Return a table cell that is sorted by `value`; cells without a value come last."""
     known = value is not None and math.isfinite(value)
-    return f'<td class="n" data-v="{float(value) if known else ""}">{escape(text)}</td>'  # type: ignore[arg-type]
+    return f'{_NUMERIC} data-v="{float(value) if known else ""}">{escape(text)}</td>'  # type: ignore[arg-type]
+
+
+def _holds_numbers(cells: Iterable[str]) -> bool:
+    return all(cell.startswith(_NUMERIC) for cell in cells)
 
 
 def count_cell(value: int) -> str:
@@ -55,11 +73,7 @@ def tested(test: RankTest) -> list[str]:
         Three table cells.
     """
     if test.p_value is None:
-        return [
-            cell(f"{many(test.runs, 'value')}: too few to tell"),
-            numeric(None, ""),
-            numeric(None, ""),
-        ]
+        return untested(f"{many(test.runs, 'value')}: too few to tell")
     word = "no difference shown" if test.p_value >= LEVEL else "yes" if test.effect > 0 else "worse"
     return [
         cell(word),
@@ -68,9 +82,14 @@ def tested(test: RankTest) -> list[str]:
     ]
 
 
+def untested(text: str) -> list[str]:
+    """Return the cells of a missing test, with the reason."""
+    return [cell(text), numeric(None, ""), numeric(None, "")]
+
+
 def table(
-    heads: Iterable[tuple[str, bool]],
-    rows: Iterable[Any],
+    heads: Sequence[str],
+    rows: Sequence[Any],
     look: str,
     label: str,
     *,
@@ -80,9 +99,9 @@ def table(
 
     Parameters
     ----------
-    heads : iterable of (str, bool)
-        Headers, and whether the column holds numbers.
-    rows : iterable
+    heads : sequence of str
+        Headers. Those of columns with cells of :func:`numeric` only are aligned right.
+    rows : sequence
         The cells of each row, or a pair of HTML attributes and cells.
     look : str
         CSS class.
@@ -91,15 +110,14 @@ def table(
     tall : bool
         Whether the box has a limited height.
     """
+    pairs = [row if isinstance(row, tuple) else ("", row) for row in rows]
+    columns = list(zip(*(cells for _, cells in pairs), strict=True)) or [()] * len(heads)
     top = "".join(
         f'<th scope="col" aria-sort="none"{" class=n" if right else ""}>'
         f'<button type="button">{escape(head)}</button></th>'
-        for head, right in heads
+        for head, right in zip(heads, map(_holds_numbers, columns), strict=True)
     )
-    body = []
-    for row in rows:
-        attributes, cells = row if isinstance(row, tuple) else ("", row)
-        body.append(f"<tr{attributes}>{''.join(cells)}</tr>")
+    body = [f"<tr{attributes}>{''.join(cells)}</tr>" for attributes, cells in pairs]
     return (
         f'<div class="scroll{" tall" if tall else ""}" tabindex="0" role="region" aria-label="{escape(label)}">'
         f'<table class="{look}"><thead><tr>{top}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'

@@ -35,11 +35,14 @@ if TYPE_CHECKING:
 
 __all__ = ["write_page"]
 
-#: Headers of the tables of answers, and whether the column holds numbers.
-_HEADS = (
-    ("Instance", False), ("Backend", False), ("Ended", False), ("Solved", False),
-    ("Objective", True), ("Bound", True), ("Gap", True), ("Solving took", True), ("Building took", True),
-    ("Seed", True), ("Repeat", True), ("Message", False),
+#: Headers of the tables of answers, and of those of backends.
+_ANSWERS = (
+    "Instance", "Backend", "Ended", "Solved", "Objective", "Bound", "Gap", "Solving took",
+    "Building took", "Seed", "Repeat", "Message",
+)  # fmt: skip
+_STANDING = (
+    "Backend", "Runs", "Ran on", "Solved", "Rate (95 %)", "Proven", "Best plan", "Fastest", "Typical",
+    "Median", "Gap over time",
 )  # fmt: skip
 #: Text in place of a leader for problems without one.
 _APART = "none: each backend estimates something else"
@@ -177,8 +180,8 @@ def _leading(
                 *map(count_cell, (len(own), *counts)),
             ]
         )
-    heads = [("Problem", False), ("Leads", False), ("Instances", True)]
-    heads += [(word.capitalize(), True) for word, _, _ in OUTCOMES.values()]
+    outcomes = (word.capitalize() for word, _, _ in OUTCOMES.values())
+    heads = ["Problem", "Leads", "Instances", *outcomes]
     return table(heads, rows, "plain", "Verdicts by problem")
 
 
@@ -203,7 +206,7 @@ def _problem(
     anchor = f"p-{sorted({case.kind for case in cases}).index(kind)}"
     why = {id(s): reason for standing in standings for s, reason in standing.answers}
     rows = [_answer(case, s, why.get(id(s), REFERENCE)) for case in own for s in case.solutions]
-    used = [i for i in range(len(_HEADS)) if any(not c[i].endswith("></td>") for _, c in rows)]
+    used = [i for i in range(len(_ANSWERS)) if any(not c[i].endswith("></td>") for _, c in rows)]
     rows = [(attributes, [cells[i] for i in used]) for attributes, cells in rows]
     curves = [
         Series(standing.label, standing.profile) for standing in standings if standing.profile
@@ -225,7 +228,7 @@ def _problem(
         + _ranks([case.verdict for case in own], standings)
         + '<div data-table><p class="soft"><span data-shown></span> '
         '<button type="button" class="more" data-more hidden>Show all</button></p>'
-        + table([_HEADS[i] for i in used], rows, "answers", f"Answers on {kind}", tall=True)
+        + table([_ANSWERS[i] for i in used], rows, "answers", f"Answers on {kind}", tall=True)
         + "</div><h4>Instances: bounds over time, and the best plan</h4>"
         + "".join(describe_instance(case, load, len(cases)) for case in own)
         + "</section>"
@@ -236,17 +239,12 @@ def _evaluations(kind: str, own: Sequence[Case]) -> str:
     """Return the data profile of the backends that count evaluations, empty without any."""
     profiles = profile_evaluations([case.verdict for case in own])
     far = max((float(places[-1]) for places, _ in profiles.values()), default=0.0)
-    curves = [
-        Series(
-            label,
-            [
-                *((x, y) for x, y in zip(places.tolist(), shares.tolist(), strict=True) if x),
-                (far, float(shares[-1])),
-            ],
-        )
-        for label, (places, shares) in profiles.items()
-        if shares[-1]
-    ]
+    curves = []
+    for label, (places, shares) in profiles.items():
+        if shares[-1]:
+            pairs = zip(places.tolist(), shares.tolist(), strict=True)
+            points = [(x, y) for x, y in pairs if x]
+            curves.append(Series(label, [*points, (far, float(shares[-1]))]))
     drawn = draw_steps(
         curves, title=f"Data profile of {kind}", share=True,
         across="evaluations per (variables + 1)", up="instances solved",
@@ -267,8 +265,7 @@ def _ranks(verdicts: Sequence[Verdict], standings: Sequence[Standing]) -> str:
         return ""
     leader = next(standing.label for standing in standings if standing.solved)
     rows = [[cell(label), *tested(test), count_cell(test.runs)] for label, test in tests.items()]
-    heads = [("Compared with", False), ("Better plans", False), ("p", True), ("Effect", True)]
-    heads += [("Instances of both", True)]
+    heads = ["Compared with", "Better plans", "p", "Effect", "Instances of both"]
     return (
         f"<h4>Are the plans of {escape(leader)} better, or is it chance?</h4>"
         "<p class='note'>Some of these backends are randomised. Wilcoxon's test over the instances that both "
@@ -279,44 +276,25 @@ def _ranks(verdicts: Sequence[Verdict], standings: Sequence[Standing]) -> str:
 
 
 def _standing(standings: Sequence[Standing]) -> str:
-    heads = [("Backend", False)]
-    heads += [
-        (word, True)
-        for word in (
-            "Runs",
-            "Ran on",
-            "Solved",
-            "Rate (95 %)",
-            "Proven",
-            "Best plan",
-            "Fastest",
-            "Typical",
-            "Median",
-            "Gap over time",
+    """Return the table of the backends of a problem."""
+    rows = []
+    for standing in standings:
+        share = standing.integral
+        # Wilson's interval of the rate of solved instances.
+        low, high = success_interval(standing.solved, standing.of)
+        interval = f"{100 * low:.0f} to {100 * high:.0f} %"
+        rows.append(
+            [
+                cell(standing.label),
+                *map(count_cell, (standing.runs, standing.instances, standing.solved)),
+                numeric(standing.solved / standing.of, interval),
+                *map(count_cell, (standing.proven, standing.best, standing.fastest)),
+                numeric(standing.typical, seconds_text(standing.typical)),
+                numeric(standing.median, seconds_text(standing.median)),
+                numeric(share, "" if share is None else f"{100 * share:.3g} %"),
+            ]
         )
-    ]
-    rows = [
-        [
-            cell(standing.label),
-            *map(count_cell, (standing.runs, standing.instances, standing.solved)),
-            _interval(standing),
-            *map(count_cell, (standing.proven, standing.best, standing.fastest)),
-            numeric(standing.typical, seconds_text(standing.typical)),
-            numeric(standing.median, seconds_text(standing.median)),
-            numeric(
-                standing.integral,
-                "" if standing.integral is None else f"{100 * standing.integral:.3g} %",
-            ),
-        ]
-        for standing in standings
-    ]
-    return table(heads, rows, "plain", "Backends, the leading one first")
-
-
-def _interval(standing: Standing) -> str:
-    """Return the cell with Wilson's interval of the rate of solved instances."""
-    low, high = success_interval(standing.solved, standing.of)
-    return numeric(standing.solved / standing.of, f"{100 * low:.0f} to {100 * high:.0f} %")
+    return table(_STANDING, rows, "plain", "Backends, the leading one first")
 
 
 def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
@@ -356,13 +334,8 @@ def _contradiction(case: Case) -> str:
         rows.append([*map(cell, cells), cell(state, long=True)])
     heads = ("Backend", "Guarantee", "Ended", "Objective", "Bound", "Checks of its plan")
     given = named[0].options
-    line = [
-        "crosstrack",
-        "compare",
-        named[0].instance or case.name,
-        "--backends",
-        ",".join(dict.fromkeys(map(_asked, named))),
-    ]
+    backends = ",".join(dict.fromkeys(map(_asked, named)))
+    line = ["crosstrack", "compare", named[0].instance or case.name, "--backends", backends]
     own = {s.backend: options for s in named if (options := s.options.get("backend_options"))}
     hint = f" with <code>backend_options={escape(repr(own))}</code> in Python" if own else ""
     for flag, option in _FLAGS.items():
@@ -373,7 +346,7 @@ def _contradiction(case: Case) -> str:
     return (
         f"<h3>{escape(case.name)}</h3><p><span class='bad'>✗ contradict</span>: "
         f"{escape(case.verdict.evidence)}.</p>"
-        + table([(head, False) for head in heads], rows, "plain", f"Evidence on {case.name}")
+        + table(heads, rows, "plain", f"Evidence on {case.name}")
         + f"<p>To reproduce it{hint}:</p><pre>{escape(shlex.join(line))}</pre>"
     )
 
