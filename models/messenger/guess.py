@@ -14,7 +14,7 @@ from .model import MessengerTour
 from .motion import tour
 from .plan import TourPlan
 
-__all__ = ["guessed", "met_after"]
+__all__ = ["guess_tour", "met_after"]
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def met_after(
     return after
 
 
-def guessed(
+def guess_tour(
     model: MessengerTour, order: Sequence[int] | None, words: Sequence[str] | None
 ) -> TourPlan:
     """Return a tour that meets each vehicle at its centre, unless a given word cannot lead there.

@@ -70,7 +70,9 @@ class Layout(NamedTuple):
         return blocks
 
 
-def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]) -> dict[str, Any]:
+def equations(
+    x: Any, layout: Layout, signs: Sequence[float], data: dict[str, Any]
+) -> dict[str, Any]:
     """Return the objective and the rows as expressions of the columns.
 
     Parameters
@@ -78,9 +80,9 @@ def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]
     x, layout
         The columns, as casadi.SX, and the positions of their blocks.
     signs : sequence
-        Sign of every primitive's curvature: numbers, or symbols with the values -1, 0 or 1.
+        Sign of every primitive's curvature: -1, 0 or 1.
     data : dict
-        Numbers or symbols: ``"place"`` (n, 2), P_i in the order of encounters relative to the
+        ``"place"`` (n, 2), P_i in the order of encounters relative to the
         start, in m; ``"drift"`` (n, 2), c_i; ``"radius"``, the turning radius in m; ``"winding"``,
         the number of full circles of a closed tour; ``"blunt"``, the rounding of the tip of the
         cone of a leg without turns, in m.
@@ -108,12 +110,9 @@ def equations(x: Any, layout: Layout, signs: Sequence[Any], data: dict[str, Any]
             length, sign = part["length"][k], signs[k]
             if not layout.turning:
                 bend = chord = 0.0
-            elif isinstance(sign, float):
+            else:
                 bend = 0.5 * sign * length / r
                 chord = length if sign == 0 else 2.0 * r * ca.sin(0.5 * length / r)
-            else:
-                bend, turns = 0.5 * sign * length / r, sign * sign
-                chord = turns * 2.0 * r * ca.sin(0.5 * length / r) + (1.0 - turns) * length
             ahead += chord * ca.cos(heading + bend)
             left += chord * ca.sin(heading + bend)
             heading, way = heading + 2.0 * bend, way + length

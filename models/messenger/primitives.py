@@ -18,7 +18,7 @@ from ..programs.compiled import require_casadi
 from ..programs.nonlinear import NonlinearProgram
 from ..verification import ROUNDING
 from .checks import integrated
-from .guess import guessed
+from .guess import guess_tour
 from .model import MessengerTour
 from .motion import Layout, equations, tour, words_of
 from .plan import SIGNS, TourPlan
@@ -125,7 +125,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         """Plan passed to :meth:`fitted`, or an initial guess that may violate constraints."""
         if self.near is not None:
             return self.near
-        return guessed(self.model, self.order, self.words)
+        return guess_tour(self.model, self.order, self.words)
 
     @cached_property
     def turns(self) -> tuple[str, ...]:

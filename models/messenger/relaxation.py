@@ -41,12 +41,8 @@ class Field:
 
     Parameters
     ----------
-    centres : ndarray, shape (n + 1, 2)
-        P in units of `unit`, relative to `origin`.
-    velocities : ndarray, shape (n + 1, 2)
-        V / v.
-    radii : ndarray, shape (n + 1,)
-        r in units of `unit`; 0 for the start.
+    centres, velocities, radii : ndarray, shapes (n + 1, 2), (n + 1, 2) and (n + 1,)
+        P relative to `origin`, V / v, and r, in units of `unit`; 0 for the start.
     unit : float
         Length unit, in m.
     origin : ndarray, shape (2,)

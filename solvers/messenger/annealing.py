@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from .chain import FIXED, RIM, Scene, Stops, confine, fly, perturb, place, reach_next, where
-from .passing import CLOSEST, GAP, LEG, PIECE, PIECES, passed, trace
+from .passing import CLOSEST, GAP, LEG, PIECE, PIECES, passes, trace
 
 __all__ = ["anneal"]
 
@@ -123,7 +123,7 @@ def _next_missed(
     for i in range(n):
         if not member[i]:
             rim = scene.freedom[i] == RIM and scene.nodes[i, 4] > 0.0
-            if not passed(scene.nodes[i], pieces, size, rim, scene.speed, scene.r, near):
+            if not passes(scene.nodes[i], pieces, size, rim, scene.speed, scene.r, near):
                 missed[missing] = i
                 if missing == 0 or near[0, GAP] > extreme:
                     chosen, extreme = missing, near[0, GAP]
@@ -131,7 +131,7 @@ def _next_missed(
     if missing == 0:
         return -1
     i = int(missed[chosen if farthest else int(draw.integers(0, missing))])
-    passed(scene.nodes[i], pieces, size, False, scene.speed, scene.r, near)
+    passes(scene.nodes[i], pieces, size, False, scene.speed, scene.r, near)
     return i
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.relaxation import Field
-from .bound_kernels import Data, ascended, omissions, proven
+from .bound_kernels import Data, ascend, omissions, prove_length
 
 __all__ = ["Chains", "Path"]
 
@@ -72,7 +72,7 @@ class Chains:
 
     def prove(self, stops: Indices, directions: Floats) -> float:
         """Return the lower bound that `directions` prove, in the field's unit."""
-        return float(proven(self.data, stops, directions))
+        return float(prove_length(self.data, stops, directions))
 
     def solve(self, stops: Indices) -> Path:
         """Return the shortest path over the indices `stops`, shape (L + 1,)."""
@@ -117,7 +117,7 @@ class Chains:
 
     def _ascend(self, stops: Indices, directions: Floats) -> tuple[float, Floats]:
         result = np.empty_like(directions)
-        return float(ascended(self.data, stops, directions, result)), result
+        return float(ascend(self.data, stops, directions, result)), result
 
     def _omit_stops(self, bound: float, stops: Indices, directions: Floats) -> float:
         """Return the best bound after greedily omitting stops, as long as this increases the bound."""
@@ -146,33 +146,28 @@ class Chains:
         if legs in self._shapes:
             shape: tuple[Any, Indices, Floats] = self._shapes[legs]
             return shape
-        rows, columns, sources, signs = [], [], [], []
-
-        def entry(row: int, column: int, source: int, sign: float) -> None:
-            rows.append(row)
-            columns.append(column)
-            sources.append(source)
-            signs.append(-sign)  # the solver's rows are right - matrix @ x
-
-        for leg in range(legs):
-            for stop, sign in ((leg + 1, 1.0), (leg, -1.0)):
-                # Without a fixed start, the last stop is the first one.
-                own = 0 if self.field.free and stop == legs else stop
-                for axis in range(2):
-                    row = 3 * leg + 1 + axis
-                    if stop:
-                        entry(row, stop - 1, 1 + 2 * stop + axis, sign)
-                    entry(row, legs + 2 * own + axis, 1 + 2 * (legs + 1 + own) + axis, sign)
-                if stop:
-                    entry(3 * leg, stop - 1, 0, sign)
-        for stop in range(legs + 1):
-            for axis in range(2):
-                entry(3 * (legs + stop) + 1 + axis, legs + 2 * stop + axis, 0, 1.0)
+        # Without a fixed start, the last stop is the first one.
+        leg, stop = np.arange(legs), np.arange(legs + 1)
+        place = np.where(self.field.free & (stop == legs), 0, stop)
+        # Row, column, source and sign of the entries.
+        blocks = [(3 * leg, leg, 0 * leg, 1), (3 * leg[1:], leg[:-1], 0 * leg[1:], -1)]
+        for axis in range(2):
+            row, velocity, radius = 3 * leg + 1 + axis, 1 + axis, 1 + 2 * (legs + 1) + axis
+            blocks += [
+                (row, leg, velocity + 2 * stop[1:], 1),
+                (row[1:], leg[:-1], velocity + 2 * stop[1:-1], -1),
+                (row, legs + 2 * place[1:] + axis, radius + 2 * place[1:], 1),
+                (row, legs + 2 * place[:-1] + axis, radius + 2 * place[:-1], -1),
+                (3 * (legs + stop) + 1 + axis, legs + 2 * stop + axis, 0 * stop, 1),
+            ]
+        rows, columns, sources = (np.concatenate([block[k] for block in blocks]) for k in range(3))
+        # The solver's rows are right - matrix @ x.
+        signs = np.concatenate([np.full(len(block[0]), -float(block[3])) for block in blocks])
         number = np.arange(1, len(rows) + 1)
         size = (3 * (2 * legs + 1), legs + 2 * (legs + 1))
         matrix = sp.csc_matrix(sp.coo_matrix((number, (rows, columns)), size), dtype=float)
         at = matrix.data.astype(int) - 1
-        self._shapes[legs] = matrix, np.array(sources)[at], np.array(signs)[at]
+        self._shapes[legs] = matrix, sources[at], signs[at]
         return self._shapes[legs]  # type: ignore[no-any-return]
 
 

@@ -24,16 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .turn_kernels import between, corner, turned
+from .turn_kernels import between, corner, turn_loss
 
 __all__ = [
     "Data",
-    "ascended",
+    "ascend",
     "insertions",
     "omissions",
-    "proven",
-    "spliced",
-    "tabulated",
+    "prove_length",
+    "splice",
+    "tabulate",
 ]
 
 Floats = NDArray[np.float64]
@@ -119,14 +119,14 @@ def _end_terms(
         value -= data.radii[end] * before
     if headed:
         x, y = math.cos(data.heading), math.sin(data.heading)
-        value += data.r * after * turned(between(ux, uy, x, y), first)
+        value += data.r * after * turn_loss(between(ux, uy, x, y), first)
         if begin == end:
-            value += data.r * before * turned(between(vx, vy, x, y), last)
+            value += data.r * before * turn_loss(between(vx, vy, x, y), last)
     return value
 
 
 @kernel
-def tabulated(data: Data, stops: Indices, directions: Floats, table: Floats) -> float:
+def tabulate(data: Data, stops: Indices, directions: Floats, table: Floats) -> float:
     """Fill `table` with the parts of the bound that `directions` prove; return the sum of their sizes.
 
     Columns, with one row per leg: direction (2); weight lambda; half its least length divided by
@@ -167,14 +167,14 @@ def tabulated(data: Data, stops: Indices, directions: Floats, table: Floats) -> 
 
 
 @kernel
-def spliced(
+def splice(
     data: Data, stops: Indices, table: Floats, place: int, until: int, more: Indices, tried: Floats
 ) -> float:
     """Return the bound with the legs from `place` to before `until` replaced, up to rounding.
 
     The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs
     are unchanged, and their parts change by a common factor.
-    `table` of the original path is filled by :func:`tabulated`. `more`, shape (m + 1,), and
+    `table` of the original path is filled by :func:`tabulate`. `more`, shape (m + 1,), and
     `tried`, shape (m, 2), are the stops and directions of the m new legs.
     """
     legs = stops.size - 1
@@ -227,14 +227,14 @@ def spliced(
 
 
 @kernel(interpretable=True)
-def proven(data: Data, stops: Indices, directions: Floats) -> float:
+def prove_length(data: Data, stops: Indices, directions: Floats) -> float:
     """Return the length that `directions` prove for every path over `stops`, minus the rounding error."""
     legs = stops.size - 1
     if legs == 0:
         return 0.0
     table = np.empty((legs, 6))
     # Double the size to cover the terms of the ends.
-    size = 2.0 * tabulated(data, stops, directions, table)
+    size = 2.0 * tabulate(data, stops, directions, table)
     last = table[legs - 1]
     ux, uy = table[0, 2] * table[0, 0], table[0, 2] * table[0, 1]
     vx, vy = last[2] * last[0], last[2] * last[1]
@@ -264,7 +264,7 @@ def insertions(
         data.radii,
         np.empty((legs, 6)),
     )
-    size = tabulated(data, stops, directions, table)
+    size = tabulate(data, stops, directions, table)
     for place in range(bounds.size):
         last = place == legs
         more = np.empty(2 if last else 3, np.int64)
@@ -308,7 +308,7 @@ def insertions(
                 tried[1, 1] = oy + step * ((zy - y) / second - oy)
             tried[0, 0] = ox + step * ((x - qx) / first - ox)
             tried[0, 1] = oy + step * ((y - qy) / first - oy)
-            value = spliced(data, stops, table, place, legs if last else place + 1, more, tried)
+            value = splice(data, stops, table, place, legs if last else place + 1, more, tried)
             best = max(best, value)
         # Double the size to cover the new legs, whose weights are bounded by those of other legs.
         best -= SPLICED * (legs + 2) * (size + abs(best))
@@ -325,7 +325,7 @@ def omissions(data: Data, stops: Indices, directions: Floats, bounds: Floats) ->
     """
     legs = stops.size - 1
     table = np.empty((legs, 6))
-    tabulated(data, stops, directions, table)
+    tabulate(data, stops, directions, table)
     for k in range(legs):
         last = k == legs - 1
         bounds[k] = 0.0
@@ -340,12 +340,12 @@ def omissions(data: Data, stops: Indices, directions: Floats, bounds: Floats) ->
                 for axis in range(2):
                     first, second = directions[k, axis], directions[k + 1, axis]
                     tried[0, axis] = first + step * (second - first)
-            value = spliced(data, stops, table, k, min(k + 2, legs), more, tried)
+            value = splice(data, stops, table, k, min(k + 2, legs), more, tried)
             bounds[k] = max(bounds[k], value)
 
 
 @kernel(interpretable=True)
-def ascended(data: Data, stops: Indices, directions: Floats, best_directions: Floats) -> float:
+def ascend(data: Data, stops: Indices, directions: Floats, best_directions: Floats) -> float:
     """Increase the bound by coordinate ascent over the directions; return it and the directions.
 
     Each sweep rotates every direction in turn, and halves the step. The bound is at least that of
@@ -356,7 +356,7 @@ def ascended(data: Data, stops: Indices, directions: Floats, best_directions: Fl
     # Per direction: one step to either side, then the maximum of the parabola through the three
     # values.
     table, tried = np.empty((legs, 6)), np.empty((1, 2))
-    tabulated(data, stops, best_directions, table)
+    tabulate(data, stops, best_directions, table)
     step = 0.2
     for _ in range(SWEEPS):
         step *= 0.5
@@ -377,7 +377,7 @@ def ascended(data: Data, stops: Indices, directions: Floats, best_directions: Fl
                         angle = min(max(0.5 * (left - right) / bend, -3.0), 3.0) * step
                 c, s = math.cos(angle), math.sin(angle)
                 tried[0, 0], tried[0, 1] = c * x - s * y, s * x + c * y
-                value = spliced(data, stops, table, k, k + 1, more, tried)
+                value = splice(data, stops, table, k, k + 1, more, tried)
                 if trial == 0:
                     best = value
                 elif trial == 1:
@@ -386,9 +386,9 @@ def ascended(data: Data, stops: Indices, directions: Floats, best_directions: Fl
                     right = value
                 elif value > best:
                     best_directions[k, 0], best_directions[k, 1] = tried[0, 0], tried[0, 1]
-                    tabulated(data, stops, best_directions, table)
-    best = proven(data, stops, best_directions)
-    before = proven(data, stops, directions)
+                    tabulate(data, stops, best_directions, table)
+    best = prove_length(data, stops, best_directions)
+    before = prove_length(data, stops, directions)
     if before > best:
         best_directions[:] = directions
         return before

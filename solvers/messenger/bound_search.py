@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.relaxation import Field
 from .bound_conic import Chains, Path
-from .bound_kernels import insertions, tabulated
+from .bound_kernels import insertions, tabulate
 
 __all__ = ["Guide", "OrderSearch", "Ordered", "best_orders", "guide"]
 
@@ -238,7 +238,7 @@ class OrderSearch:
         at = {k: known.get(k, float(where[k])) for k in range(field.size)}
         order = tuple(sorted(at, key=lambda k: at[k]))
         if order not in self.tours:
-            self.tours[order] = flown(field, order, path, [at[k] for k in order])
+            self.tours[order] = fly_path(field, order, path, [at[k] for k in order])
 
     def _outermost(self) -> int:
         """Return the vehicle whose disc is farthest from the origin of the field."""
@@ -263,7 +263,7 @@ def _find_misses(field: Field, path: Path) -> tuple[Floats, Floats]:
     return away[leg, rows], leg + share[leg, rows]
 
 
-def flown(field: Field, order: tuple[int, ...], path: Path, at: list[float]) -> Ordered:
+def fly_path(field: Field, order: tuple[int, ...], path: Path, at: list[float]) -> Ordered:
     """Return the tour through a path's points, relative to the vehicles, at full speed.
 
     `path` meets the vehicles up to the solver's tolerance. `at` is the leg of the path plus the share
@@ -343,7 +343,7 @@ def guide(model: MessengerTour, order: Sequence[int]) -> Guide:
     stops = field.chain(order)
     path = chains.solve(stops)
     table = np.empty((len(stops) - 1, 6))
-    tabulated(chains.data, stops, path.directions, table)
+    tabulate(chains.data, stops, path.directions, table)
     ahead, weights = table[:, :2], table[:, 2:3]
     # Direction after each stop. After the last stop: none, or the first leg of a closed tour.
     after = np.roll(ahead, -1, axis=0)

@@ -14,7 +14,7 @@ from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import SIGNS, Primitive, TourPlan
 from ...models.messenger.sampling import outline, track
 from .chain import DISC, FIXED, RIM, TURNS, Scene, Stops, confine, leg, where
-from .passing import CLOSEST, GAP, PIECE, PIECES, TIME, passed, trace
+from .passing import CLOSEST, GAP, PIECE, PIECES, TIME, passes, trace
 
 __all__ = ["Chain", "cut", "move_to_boundary"]
 
@@ -92,7 +92,7 @@ class Chain:
         pieces, near = np.empty((PIECES * (problem.size + 2), PIECE)), np.empty((CLOSEST, GAP + 1))
         size = trace(self.stops, self.count, self.scene, pieces)
         for i in set(range(problem.size)) - set(met):
-            passed(nodes[i], pieces, size, False, speed, r, near)
+            passes(nodes[i], pieces, size, False, speed, r, near)
             met[i] = float(near[0, TIME]) * speed
         plan = cut(problem, where(nodes[order[0]], poses[order[0]], 0.0), primitives, met)
         return plan if self.interior else move_to_boundary(problem, plan) or plan

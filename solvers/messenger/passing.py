@@ -11,7 +11,7 @@ from ...jit import kernel
 from ...models.messenger.dubins import WORDS, advance
 from .chain import Scene, Stops, leg, where
 
-__all__ = ["CLOSEST", "GAP", "LEG", "PIECE", "PIECES", "TIME", "passed", "trace"]
+__all__ = ["CLOSEST", "GAP", "LEG", "PIECE", "PIECES", "TIME", "passes", "trace"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -77,7 +77,7 @@ def trace(stops: Stops, count: int, scene: Scene, pieces: Floats) -> int:
 
 
 @kernel
-def passed(
+def passes(
     node: Floats, pieces: Floats, count: int, rim: bool, speed: float, r: float, near: Floats
 ) -> bool:
     """Return whether a path comes within the radius of a node; ``near[0]`` describes the encounter.

@@ -31,21 +31,21 @@ from .last_leg import fly_to_rims, shorten_last_leg
 
 __all__ = ["TourSearch"]
 
-#: Temperatures, by the length of the tour: at a start, at a reheating, and at the end of both.
+#: Temperatures relative to the length of the tour: at a start, at a reheating, and at the end of both.
 HOT, WARM, COLD = 0.3, 0.02, 1e-3
-#: Steps of one annealing, by the number of vehicles, and the least.
+#: Steps of one annealing per vehicle, and the least number.
 STEPS, LEAST = 20, 300
 #: Least number of vehicles for annealing the flight from rim to rim instead of starting from scratch.
 MANY = 150
-#: Tours kept to be annealed again.
+#: Number of tours in the pool, which are annealed again.
 POOL = 4
-#: Share of the time for the bound, and again for orders; without a limit, programs solved for it.
+#: Share of the time for the bound, and again for orders; without a limit, number of programs solved.
 BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
-#: Programs that are solved for tours without curvature, where the bound's search met no whole order.
+#: Programs solved for tours without curvature if the search for the bound completed no order.
 SKETCH_PROGRAMS = 300
-#: By how much a tour must be shorter to count as such, relative.
+#: Least relative gain of a shorter tour that resets the patience.
 BETTER = 1e-6
-#: By how much a tour may be longer than the best to be polished.
+#: Ratio to the best length up to which a tour is polished.
 NEAR = 1.03
 
 
@@ -73,10 +73,7 @@ class TourSearch(Backend):
         "polish": Option(True, "Whether to polish tours by a nonlinear program.", bool),
         "bound": Option(True, "Whether to prove a bound as well.", bool),
         "patience": Option(
-            16,
-            "Annealings in a row without a shorter tour, after which the search ends.",
-            int,
-            lower=1,
+            16, "Annealings without a shorter tour after which the search ends.", int, lower=1
         ),
         "steps": Option(
             0, "Steps of one annealing; 0 means 20 a vehicle, and 300 at the least.", int, lower=0
@@ -85,7 +82,7 @@ class TourSearch(Backend):
     summary = "annealing, polish, and a proven bound; ours"
 
     def run(self, problem: MessengerTour, request: Request) -> Answer:
-        """Search until the time is up, the gap is closed, or nothing better comes any more."""
+        """Search until a limit is reached, the gap is closed, or the patience is exhausted."""
         return _Search(self, problem, request).answer()
 
 
@@ -108,7 +105,7 @@ class _Search:
         self.draw = np.random.default_rng(self.request.seed or 0)
 
     def answer(self) -> Answer:
-        """Search, and say what was found."""
+        """Search, and return the best tour with its bound."""
         begin = clock()
         request, options = self.request, self.request.options
         if request.warm_start is not None:
@@ -116,9 +113,9 @@ class _Search:
         if request.time_limit is not None:
             self.fly_nearest()
         if self.problem.start is not None:  # quick for any number of vehicles
-            self.anneal(1, self.flown(self.nearest()))
+            self.anneal(1, self.fly_rims(self.nearest()))
         if self.best is None or not self.many:
-            self.anneal(LEAST)  # something to fall back upon
+            self.anneal(LEAST)
         proven = clock()
         orders = self.prove() if options["bound"] else []
         proven = clock() - proven
@@ -136,16 +133,12 @@ class _Search:
             limit = Limit.TIME
         statistics = {"annealings": self.runs, "polishes": self.polishes}
         seconds = {"solve": clock() - begin, "bound": proven}
-        if self.best is None:
-            return Answer(
-                Termination.NO_SOLUTION, limit, None, None, self.bound, seconds=seconds,
-                statistics=statistics,
-                message=self.reason(limit),
-            )  # fmt: skip
-        done = self.within_gap
+        best, done = self.best, self.within_gap
+        found = Termination.OPTIMAL if done else Termination.FEASIBLE
         return Answer(
-            Termination.OPTIMAL if done else Termination.FEASIBLE, None if done else limit, self.best,
-            self.best.length, self.bound, seconds=seconds, statistics=statistics,
+            Termination.NO_SOLUTION if best is None else found, None if done else limit, best,
+            None if best is None else best.length, self.bound, seconds=seconds,
+            statistics=statistics, message=self.reason(limit) if best is None else "",
         )  # fmt: skip
 
     def reason(self, limit: Limit | None) -> str:
@@ -177,20 +170,20 @@ class _Search:
 
     @property
     def ended(self) -> bool:
-        """Whether the search is over."""
+        """Whether the search has ended."""
         if self.request.control.stopped or self.request.left() == 0.0 or self.within_gap:
             return True
         return self.idle >= int(self.request.options["patience"])
 
     @property
     def within_gap(self) -> bool:
-        """Whether the best tour is proven to be as good as was asked."""
+        """Whether the best tour is proven within the requested gap."""
         if self.best is None or self.bound is None:
             return False
         return self.best.length - self.bound <= self.request.gap * self.best.length
 
     def prove(self) -> list[tuple[int, ...]]:
-        """Prove a lower bound, and return the orders that came nearest to it."""
+        """Prove a lower bound, and return the orders with the least bounds."""
         from .bound import straight
         from .bound_search import OrderSearch, best_orders
 
@@ -203,7 +196,7 @@ class _Search:
             control.bound = bound
 
         def stopped() -> bool:
-            # Counted where it can be, so that the same seed gives the same plan.
+            # Without a limit, count programs, so that the same seed gives the same plan.
             many = left is None and search.chains.solved >= BOUND_PROGRAMS
             return control.stopped or many or clock() > end
 
@@ -248,7 +241,7 @@ class _Search:
             place, left = target, np.delete(left, k)
         return chain
 
-    def flown(self, chain: Chain) -> Chain:
+    def fly_rims(self, chain: Chain) -> Chain:
         """Offer the flight from rim to rim in the order of `chain`, and return it as a chain."""
         problem = self.problem
         if problem.heading is None or problem.turning_radius == 0.0:

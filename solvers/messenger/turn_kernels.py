@@ -24,11 +24,11 @@ import math
 
 from ...jit import kernel
 
-__all__ = ["between", "corner", "turned"]
+__all__ = ["between", "corner", "turn_loss"]
 
 
 @kernel
-def turned(angle: float, half: float) -> float:
+def turn_loss(angle: float, half: float) -> float:
     """Return f, a lower bound on the loss on half a leg whose heading is off by `angle` at its end."""
     lost = angle - math.sin(angle)
     if angle > half:
@@ -38,7 +38,7 @@ def turned(angle: float, half: float) -> float:
 
 @kernel
 def _steepness(angle: float, half: float) -> float:
-    """Return the derivative of :func:`turned` with respect to the angle."""
+    """Return the derivative of :func:`turn_loss` with respect to the angle."""
     return math.cos(max(angle - half, 0.0)) - math.cos(angle)
 
 
@@ -70,7 +70,7 @@ def corner(angle: float, before: float, first: float, after: float, second: floa
             return 0.0
         low = 2.0 * math.atan2(y, x)
         slope = before * _steepness(low, first) - after * _steepness(angle - low, second)
-        value = before * turned(low, first) + after * turned(angle - low, second)
+        value = before * turn_loss(low, first) + after * turn_loss(angle - low, second)
         return max(value - abs(slope) * angle, 0.0)
     if angle > 0.5 * (math.pi + min(first, second)):
         # f is concave beyond this angle. Minimise over cells, with a lower bound of both parts per
@@ -79,7 +79,7 @@ def corner(angle: float, before: float, first: float, after: float, second: floa
         least = math.inf
         for k in range(cells):
             low, rest = angle * k / cells, angle * (cells - 1 - k) / cells
-            least = min(least, before * turned(low, first) + after * turned(rest, second))
+            least = min(least, before * turn_loss(low, first) + after * turn_loss(rest, second))
         return least
     low, high = 0.0, angle
     for _ in range(9):
@@ -90,7 +90,7 @@ def corner(angle: float, before: float, first: float, after: float, second: floa
             high = x
     # A convex function is at least its tangent.
     slope = before * _steepness(low, first) - after * _steepness(angle - low, second)
-    value = before * turned(low, first) + after * turned(angle - low, second)
+    value = before * turn_loss(low, first) + after * turn_loss(angle - low, second)
     return max(value + min(slope, 0.0) * (high - low), 0.0)
 
 

@@ -15,8 +15,8 @@ from crosstrack.models.messenger.relaxation import Field, euclidean_relaxation
 from crosstrack.solvers import Control, Limit, Request, Termination
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.messenger.bound_conic import Chains
-from crosstrack.solvers.messenger.bound_kernels import insertions, proven
-from crosstrack.solvers.messenger.bound_search import OrderSearch, best_orders, flown
+from crosstrack.solvers.messenger.bound_kernels import insertions, prove_length
+from crosstrack.solvers.messenger.bound_search import OrderSearch, best_orders, fly_path
 
 
 def drawn(seed, n=None, **fixed):
@@ -58,7 +58,7 @@ def exhaustive(seed):
     field, chains = Field.of(model), Chains(model)
     at = [k + (not field.free) for k in range(model.size)]
     orders = itertools.permutations(range(model.size))
-    return min(flown(field, o, chains.solve(field.chain(o)), at).length for o in orders)
+    return min(fly_path(field, o, chains.solve(field.chain(o)), at).length for o in orders)
 
 
 def plain_bound(field, stops, directions):
@@ -164,12 +164,12 @@ def test_any_directions_prove_a_bound(seed, free):
     path = Chains(model).solve(stops)
     directions = path.directions + draw.normal(0, 10.0 ** draw.integers(-8, 1), (len(stops) - 1, 2))
     data = Chains(model).data
-    found = proven(data, stops, directions)
+    found = prove_length(data, stops, directions)
     plain = plain_bound(field, stops, directions)
     assert found <= max(plain, 0)
     assert found == pytest.approx(max(plain, 0), rel=1e-9, abs=1e-9 * np.abs(field.centres).max())
     at = [k + (not field.free) for k in range(4)]
-    best = flown(field, tuple(order.tolist()), path, at)
+    best = fly_path(field, tuple(order.tolist()), path, at)
     assert found * field.unit <= best.length * (1 + 1e-12)
     # The cost of another vehicle is never overestimated.
     fewer = field.chain(order[:3])
@@ -185,7 +185,7 @@ def test_any_directions_prove_a_bound(seed, free):
         else:
             at = [k + 1 for k in range(4)]
             inner = more[1:5]
-        tour = flown(field, tuple(inner.tolist()), way, at)
+        tour = fly_path(field, tuple(inner.tolist()), way, at)
         assert bound * field.unit <= tour.length * (1 + 1e-12)
 
 

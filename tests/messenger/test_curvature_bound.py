@@ -10,7 +10,7 @@ from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.checks import integrated
 from crosstrack.models.messenger.plan import Primitive, TourPlan
 from crosstrack.solvers.messenger.bound_conic import Chains
-from crosstrack.solvers.messenger.bound_kernels import spliced, tabulated
+from crosstrack.solvers.messenger.bound_kernels import splice, tabulate
 from crosstrack.solvers.messenger.bound_search import guide
 from crosstrack.solvers.messenger.turn_kernels import corner
 
@@ -173,10 +173,10 @@ def test_a_bound_with_legs_replaced_is_that_of_the_whole_path(seed):
     for taken in range(1, legs if model.closed else legs + 1):
         fewer, table = np.delete(stops, taken), np.empty((legs - 1, 6))
         rest = np.delete(directions, taken - 1, axis=0)
-        tabulated(chains.data, fewer, rest, table)
+        tabulate(chains.data, fewer, rest, table)
         more, tried = stops[taken - 1 : taken + 2], directions[taken - 1 : taken + 1]
         until = min(taken, legs - 1)
-        found = spliced(chains.data, fewer, table, taken - 1, until, more.copy(), tried.copy())
+        found = splice(chains.data, fewer, table, taken - 1, until, more.copy(), tried.copy())
         wanted = chains.prove(stops, directions)
         size = max(wanted, np.abs(chains.field.centres).max())
         assert max(found, 0) == pytest.approx(wanted, rel=1e-9, abs=1e-9 * size)

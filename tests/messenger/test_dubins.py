@@ -175,7 +175,7 @@ def test_equal_ends_have_length_0(radius, heading, place):
 
 
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 1e4])
-@pytest.mark.parametrize("turned", [1e-15, -1e-15])
+@pytest.mark.parametrize("turn_loss", [1e-15, -1e-15])
 def test_rounding_makes_no_full_circle(radius, turned):
     """Straight ahead, along an arc, and from an arc, with errors in the last bits of the coordinates."""
     h = 0.7

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from crosstrack.errors import InvalidData
 from crosstrack.models import MessengerTour, Model, Primitive, TourPlan
 from crosstrack.models.messenger.checks import integrated
-from crosstrack.models.messenger.guess import guessed
+from crosstrack.models.messenger.guess import guess_tour
 
 CURVATURE = {"L": 1.0, "S": 0.0, "R": -1.0}
 
@@ -26,7 +26,7 @@ def drawn(seed, n=5, side=150.0, **how):
 
 def bound(model):
     """Return a verified tour of `model` through the centre of every disc."""
-    plan = guessed(model, None, None)
+    plan = guess_tour(model, None, None)
     assert model.verify(plan, tolerance=1e-9).ok
     return plan
 
@@ -237,7 +237,7 @@ def test_without_a_radius_the_field_is_the_scale():
 @settings(max_examples=40, deadline=None)
 def test_answers_scale(seed, scale, off):
     model = drawn(seed, closed=bool(seed % 2))
-    plan = guessed(model, None, None)
+    plan = guess_tour(model, None, None)
     plan = replace(plan, points=plan.points + off * 5.0, times=plan.times * (1 + off))
     large = replace(
         model, positions=scale * model.positions, velocities=scale * model.velocities,

@@ -11,7 +11,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.checks import integrated
-from crosstrack.models.messenger.guess import guessed
+from crosstrack.models.messenger.guess import guess_tour
 from crosstrack.models.messenger.motion import tour
 from crosstrack.solvers import Limit, Request
 from crosstrack.solvers.messenger.newton import improve
@@ -111,7 +111,7 @@ def test_slopes_are_those_of_the_motion():
 
 def test_rows_hold_for_a_tour_and_no_other():
     model = drawn(4, n=4)
-    plan = guessed(model, None, None)
+    plan = guess_tour(model, None, None)
     fitted = model.formulate("primitives").fitted(plan)
     point = fitted.encode(plan)
     assert fitted.program.verify(point, tolerance=1e-9).ok
@@ -135,7 +135,7 @@ def test_rows_hold_for_a_tour_and_no_other():
 
 def test_words_of_any_length_are_kept():
     model = drawn(5, n=3)
-    plan = guessed(model, [1, 2, 0], None)
+    plan = guess_tour(model, [1, 2, 0], None)
     first = plan.primitives[0]
     half = 0.5 * first.length
     turned = first.heading + {"L": 1, "R": -1, "S": 0}[first.turn] * half / model.turning_radius
@@ -184,7 +184,7 @@ def test_lines_have_no_turns():
 
 def test_without_turns_the_surplus_is_flown_out_and_back():
     model = drawn(1, n=2, turning_radius=0.0, radius=10.0)
-    plan = guessed(model, None, None)
+    plan = guess_tour(model, None, None)
     fitted = model.formulate("primitives").fitted(plan)
     point = fitted.encode(plan)
     part = fitted.layout.split(point)
@@ -223,7 +223,7 @@ def posed(model, plan):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_method_agrees_with_slsqp(seed):
     model = drawn(seed, n=4)
-    plan = guessed(model, None, None)
+    plan = guess_tour(model, None, None)
     arguments, unit = posed(model, plan)
     steps = improve(*arguments, 1e-3, 100, 1e-12)
     assert 0 < steps < 80
@@ -250,7 +250,7 @@ def test_the_method_agrees_with_slsqp(seed):
 def test_a_polished_tour_is_verified_and_no_longer(name):
     for seed in (1, 2):
         model = wild(name, seed)
-        start = guessed(model, None, None)
+        start = guess_tour(model, None, None)
         found = polish(model, start, Request())
         assert found.order == start.order
         assert model.verify(found, tolerance=1e-9).ok
@@ -274,7 +274,7 @@ def test_a_polished_tour_is_verified_and_no_longer(name):
 def test_polish_reverses_turns_if_that_is_shorter():
     # Flying around in the wrong direction costs most of a circle at each end of each leg.
     model = MessengerTour([[30.0, 4.0], [60.0, 8.0]], radius=0.0, start=(0.0, 0.0, 0.0))
-    wrong = guessed(model, [0, 1], ["RSR", "RSR"])
+    wrong = guess_tour(model, [0, 1], ["RSR", "RSR"])
     assert model.verify(wrong).ok
     found = polish(model, wrong, Request())
     assert found.length < wrong.length - 25.0
@@ -284,7 +284,7 @@ def test_polish_reverses_turns_if_that_is_shorter():
 
 def test_time_and_stop_leave_the_start_or_better():
     model = drawn(3, n=6)
-    start = guessed(model, None, None)
+    start = guess_tour(model, None, None)
     found = polish(model, start, Request(), seconds=0.0)
     assert found.length <= start.length
     request = Request()
@@ -294,7 +294,7 @@ def test_time_and_stop_leave_the_start_or_better():
 
 def test_plans_of_other_words_are_left_to_the_program():
     model = drawn(5, n=3)
-    plan = guessed(model, None, None)
+    plan = guess_tour(model, None, None)
     # A winding path that three primitives cannot represent.
     pieces, heading = [], plan.start[2]
     for turn in "LRLRLR":
@@ -303,7 +303,7 @@ def test_plans_of_other_words_are_left_to_the_program():
     end = tour(model, [], ["LRLRLR"], plan.start, np.full(6, 0.5))
     pose = integrated(end, model.turning_radius)[-1]
     there = replace(model, start=pose)
-    rest = guessed(there, None, None)
+    rest = guess_tour(there, None, None)
     shifted = list(rest.primitives)
     words = ["LRLRLR" + "".join(p.turn for p in shifted if p.leg == 0)]
     words += ["".join(p.turn for p in shifted if p.leg == k) for k in (1, 2)]
@@ -321,7 +321,7 @@ def test_plans_of_other_words_are_left_to_the_program():
 
 def test_a_warm_start_of_another_order_fits_the_program_to_itself():
     model = MessengerTour([[60.0, 20.0], [10.0, 70.0], [50.0, 80.0]], [[1.0, 0.0]] * 3)
-    default = guessed(model, None, None).order
+    default = guess_tour(model, None, None).order
     order = [default[0], default[2], default[1]]
     words = ["LSR", "RSL", "LSL"]
     how = {"backend_options": MONOTONE}
