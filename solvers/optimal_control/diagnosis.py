@@ -89,16 +89,14 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
         answer, widenings = _relax(request, program, *blocks, ALONE)
         if answer.termination is Termination.LOCALLY_OPTIMAL:
             alone += widenings
+    summary = "no motion near the search satisfies all limits"
     if alone:
-        summary = "no motion near the search satisfies all limits; relaxing one of these is enough:"
-        findings = tuple(
-            widening.finding for widening in sorted(alone, key=lambda widening: widening.share)
-        )
+        summary += "; relaxing one of these is enough:"
+        alone.sort(key=lambda widening: widening.share)
     else:
-        summary = "no motion near the search satisfies all limits, and relaxing one is not enough:"
-        findings = tuple(
-            widening.finding for widening in sorted(needed, key=lambda widening: -widening.share)
-        )
+        summary += ", and relaxing one is not enough:"
+        alone = sorted(needed, key=lambda widening: -widening.share)
+    findings = tuple(widening.finding for widening in alone)
     return Diagnosis(model.name, False, method, summary, findings)
 
 
@@ -152,21 +150,19 @@ def _relaxable_blocks(
     fixed = ("dynamics of ", "definition of integral ", "time goes forward", "calm controls")
     rows = [block for block in program.rows if not block.name.startswith(fixed)]
     columns: list[Block] = []
-    states = {name for phase in model.definition.phases for name in phase.state_names}
-    several = len(model.definition.phases) > 1
     names = {
-        f"{name} of {phase.name}" if several else name
+        name + suffix
         for phase in model.definition.phases
         for name in phase.state_names
-    } | states
+        for suffix in ("", f" of {phase.name}")
+    }
     low, high = program.column_lower, program.column_upper
     for block in program.columns:
         bounded = np.isfinite(low[block.slice]) | np.isfinite(high[block.slice])
         if block.name in names:
             inner = Block(block.name, "", block.start + 1, block.size - 2, unit=block.unit)
-            last = Block(
-                f"final value of {block.name}", "", block.start + block.size - 1, 1, unit=block.unit
-            )
+            name, end = f"final value of {block.name}", block.start + block.size - 1
+            last = Block(name, "", end, 1, unit=block.unit)
             if inner.size > 0 and bounded[1:-1].any():
                 columns.append(inner)
             if bounded[-1]:
