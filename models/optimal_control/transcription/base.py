@@ -20,9 +20,8 @@ from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
 from ..sampling import courses, endpoint
 from ..sizes import Sizes, sizes_at
-from .assembly import Assembly
+from .assembly import Assembly, functions_of
 from .dependence import dependences, drop_dependent
-from .derivatives import functions_of
 from .layout import Layout
 from .mesh import Mesh, even, read_mesh
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change

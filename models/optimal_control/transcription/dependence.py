@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from ...programs.nonlinear import NonlinearProgram
 from ..definition import Definition, Phase
-from .assembly import Assembly
-from .derivatives import Twice, functions_of
+from .assembly import Assembly, Twice, functions_of
 
 __all__ = ["Dependence", "dependences", "drop_dependent"]
 
