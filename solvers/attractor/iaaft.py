@@ -30,11 +30,6 @@ def match_ends(series: Floats) -> tuple[int, int, float]:
     Surrogates have the spectrum of a periodic repetition, in which a jump at the seam adds
     frequencies. At most a tenth is cut at each end, or a quarter if that is not sufficient.
 
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-
     Returns
     -------
     first, end : int

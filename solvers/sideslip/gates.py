@@ -144,9 +144,9 @@ def apply_gates(
                 f"{100 * share:.2g} % of the samples are outside of the training range of {', '.join(names)}, at "
                 f"{time_ranges(drive, outside)}: deviations are wider there"
             )
-    found = np.sqrt(variance)
-    found = np.where(found > deviation, np.minimum(found, np.hypot(UNKNOWN, sideslip)), deviation)
-    return Gated(found, contradicted, outside, tuple(messages))
+    wider = np.minimum(np.sqrt(variance), np.hypot(UNKNOWN, sideslip))
+    wider = np.where(variance > deviation**2, wider, deviation)
+    return Gated(wider, contradicted, outside, tuple(messages))
 
 
 def time_ranges(drive: Recording, flags: NDArray[np.bool_]) -> str:
@@ -203,15 +203,15 @@ def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation
     own = np.arange(len(times))
     begins = [np.searchsorted(times, times - window * (1 + 1e-9)) for window in WINDOWS]
     begins = [np.where(halts[own + 1] == halts[begin], begin, own) for begin in begins]
-    found = np.zeros(len(times))
+    differences = np.zeros(len(times))
     gate_path(
         times, moving, np.ascontiguousarray(sideslip, dtype=float),
         np.ascontiguousarray(deviation, dtype=float),
         _sums(0.5 * (rate[1:] + rate[:-1]) * steps), _sums(noise), _sums(lacking),
         BIASES[0] ** 2 + (BIASES[1] / speed) ** 2,
-        np.ascontiguousarray(np.stack(begins, axis=1), dtype=np.int64), own.copy(), found,
+        np.ascontiguousarray(np.stack(begins, axis=1), dtype=np.int64), own.copy(), differences,
     )  # fmt: skip
-    return found
+    return differences
 
 
 def _sums(steps: Floats) -> Floats:
@@ -223,9 +223,9 @@ def _sums(steps: Floats) -> Floats:
 def gate_path(
     times: Floats, moving: NDArray[np.bool_], angle: Floats, claim: Floats,
     change: Floats, noise: Floats, lacking: Floats, bias: Floats,
-    begins: NDArray[np.int64], origin: NDArray[np.int64], found: Floats,
+    begins: NDArray[np.int64], origin: NDArray[np.int64], differences: Floats,
 ) -> None:  # fmt: skip
-    """Fill `found` with the differences that are contradictions.
+    """Fill `differences` with the differences that are contradictions.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def gate_path(
         First sample of each window.
     origin : ndarray, shape (n,)
         Starting point of each sample's reference; on entry the sample itself, on return changed.
-    found : ndarray, shape (n,)
+    differences : ndarray, shape (n,)
         Zero on entry; on return the differences (rad) of contradicted samples.
     """
     limit = THRESHOLD * THRESHOLD
@@ -267,7 +267,7 @@ def gate_path(
             rest = max(abs(apart) - CLAIMED * claim[k], 0.0)
             if rest * rest > worst * allowed:
                 worst, reason, reach = rest * rest / allowed, i, allowed
-                found[k] = apart
+                differences[k] = apart
             if allowed < least:
                 least, nearest = allowed, i
         if reason < k:
@@ -278,9 +278,9 @@ def gate_path(
             if not opened or apart * apart > limit * (allowed + bias[k] * span * span):
                 doubt = times[k]
             span = times[k] - times[reason]
-            rest = max(abs(found[k]) - CLAIMED * claim[k], 0.0)
+            rest = max(abs(differences[k]) - CLAIMED * claim[k], 0.0)
             if times[k] - doubt >= HOLD and rest * rest <= limit * (reach + bias[k] * span * span):
-                found[k], start, variance, rate = 0.0, k, bias[k], 0.0
+                differences[k], start, variance, rate = 0.0, k, bias[k], 0.0
                 reason, nearest = k, k
         opened = reason < k
         origin[k] = reason if opened else nearest
@@ -386,5 +386,5 @@ def measure_history_distance(problem: SideslipEstimation) -> Floats:
 def _beyond(known: Floats, here: Floats, slack: Floats) -> Floats:
     """Return the distance from the range of each column."""
     low, high = known.min(axis=0) - slack, known.max(axis=0) + slack
-    found: Floats = np.maximum(np.maximum(low - here, here - high), 0.0)
-    return found
+    distance: Floats = np.maximum(np.maximum(low - here, here - high), 0.0)
+    return distance

@@ -25,7 +25,7 @@ _WRONG = 2.0
 
 def claim(
     problem: SideslipEstimation,
-    found: FilterPass,
+    filter_pass: FilterPass,
     sideslip: Floats,
     variance: Floats,
     *,
@@ -37,24 +37,26 @@ def claim(
     ----------
     problem : SideslipEstimation
         The model.
-    found : FilterPass
+    filter_pass : FilterPass
         Result of the Kalman filter on the model.
     sideslip, variance : ndarray, shape (n,)
         The angle, rad, and its variance according to the model, rad².
     ahead : bool
         True if the estimate of a sample uses later samples; False by default.
     """
-    own = np.sqrt(np.maximum(variance, 0.0))
-    deviation = mismatch(problem, found, ahead=ahead).widen(own)
+    model_deviation = np.sqrt(np.maximum(variance, 0.0))
+    deviation = mismatch(problem, filter_pass, ahead=ahead).widen(model_deviation)
     moving = problem.recording.moving
-    wider = float(np.median(deviation[moving] / np.maximum(own[moving], 1e-300)))
+    widening = float(np.median(deviation[moving] / np.maximum(model_deviation[moving], 1e-300)))
     message = ""
-    if wider > _WRONG:
+    if widening > _WRONG:
         message = (
             "the measurements contradict the vehicle or the noises of the model: deviations are "
-            f"{wider:.2g} times what they would be"
+            f"{widening:.2g} times what they would be"
         )
-    statistics = {"widening": wider, **({"restarts": found.lost} if found.lost else {})}
+    statistics: dict[str, float] = {"widening": widening}
+    if filter_pass.lost:
+        statistics["restarts"] = filter_pass.lost
     return Estimate(sideslip, deviation, statistics, message)
 
 
@@ -66,10 +68,15 @@ class KalmanFilter(SideslipBackend):
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the filtered angles, or None if the run was stopped."""
-        found = filter_drive(problem, request.control)
-        if found is None:
+        filter_pass = filter_drive(problem, request.control)
+        if filter_pass is None:
             return None
-        return claim(problem, found, found.filtered[:, 0], found.filtered_covariance[:, 0, 0])
+        return claim(
+            problem,
+            filter_pass,
+            filter_pass.filtered[:, 0],
+            filter_pass.filtered_covariance[:, 0, 0],
+        )
 
 
 class RtsSmoother(SideslipBackend):
@@ -80,9 +87,9 @@ class RtsSmoother(SideslipBackend):
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the smoothed angles, or None if the run was stopped."""
-        found = filter_drive(problem, request.control)
-        if found is None:
+        filter_pass = filter_drive(problem, request.control)
+        if filter_pass is None:
             return None
-        smoothed = smooth_drive(problem, found)
+        smoothed = smooth_drive(problem, filter_pass)
         angles, variances = smoothed.states[:, 0], smoothed.covariance[:, 0, 0]
-        return claim(problem, found, angles, variances, ahead=True)
+        return claim(problem, filter_pass, angles, variances, ahead=True)

@@ -66,18 +66,20 @@ class Mismatch(NamedTuple):
         ndarray, shape (n,)
             Standard deviations that an estimate may claim, rad.
         """
-        found: Floats = np.sqrt(self.scale * deviation**2 + self.error**2)
-        return found
+        widened: Floats = np.sqrt(self.scale * deviation**2 + self.error**2)
+        return widened
 
 
-def mismatch(problem: SideslipEstimation, found: FilterPass, *, ahead: bool = False) -> Mismatch:
+def mismatch(
+    problem: SideslipEstimation, filter_pass: FilterPass, *, ahead: bool = False
+) -> Mismatch:
     """Return the mismatch between a model and the innovations of its filter.
 
     Parameters
     ----------
     problem : SideslipEstimation
         The model.
-    found : FilterPass
+    filter_pass : FilterPass
         Result of the Kalman filter on the model.
     ahead : bool
         If True, later innovations are weighted like earlier ones, for estimates that use all samples.
@@ -88,8 +90,18 @@ def mismatch(problem: SideslipEstimation, found: FilterPass, *, ahead: bool = Fa
     marks, terms = np.empty((n, count)), np.empty((n, 2 * count + 2))
     leave_marks(
         *(drive.times, drive.speed, drive.steering, drive.moving, parameters(problem.vehicle)),
-        *(noise_variances(problem), found.predicted, found.filtered, found.filtered_covariance),
-        *(found.innovations, found.innovation_covariance, found.model.step, found.model.slope),
+        *(
+            noise_variances(problem),
+            filter_pass.predicted,
+            filter_pass.filtered,
+            filter_pass.filtered_covariance,
+        ),
+        *(
+            filter_pass.innovations,
+            filter_pass.innovation_covariance,
+            filter_pass.model.step,
+            filter_pass.model.slope,
+        ),
         *(marks, terms),
     )
     marks = np.where(np.isfinite(marks), marks, 0.0)

@@ -84,17 +84,17 @@ class SideslipBackend(Backend):
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
         begin = clock()
         with np.errstate(all="ignore"):  # infinite and NaN angles are replaced below
-            found = self.estimate(problem, request)
+            estimate = self.estimate(problem, request)
         seconds = {"solve": clock() - begin}
-        if found is None:
+        if estimate is None:
             reason = request.control.reason or Limit.TIME
             return Answer(Termination.NO_SOLUTION, reason, seconds=seconds)
-        known = np.isfinite(found.sideslip) & np.isfinite(found.deviation)
-        lost = int((~known).sum())
-        angle = np.where(known, np.clip(found.sideslip, -math.pi / 2, math.pi / 2), 0.0)
-        claimed = np.clip(np.where(known, found.deviation, UNKNOWN), 0.0, UNKNOWN)
+        is_finite = np.isfinite(estimate.sideslip) & np.isfinite(estimate.deviation)
+        lost = int((~is_finite).sum())
+        angle = np.where(is_finite, np.clip(estimate.sideslip, -math.pi / 2, math.pi / 2), 0.0)
+        claimed = np.clip(np.where(is_finite, estimate.deviation, UNKNOWN), 0.0, UNKNOWN)
         with np.errstate(all="ignore"):
-            gated = apply_gates(problem, angle, claimed, found.spread, history=found.history)
+            gated = apply_gates(problem, angle, claimed, estimate.spread, history=estimate.history)
         deviation = np.where(problem.recording.moving, gated.deviation, UNKNOWN)
         plan = SideslipEstimate(angle, deviation)
         counts = {
@@ -102,7 +102,10 @@ class SideslipBackend(Backend):
             "samples contradicted by kinematics": int(gated.contradicted.sum()),
             "samples outside of the training range": int(gated.outside.sum()),
         }
-        own = {**found.statistics, **{name: count for name, count in counts.items() if count}}
+        statistics = {
+            **estimate.statistics,
+            **{name: count for name, count in counts.items() if count},
+        }
         limit = request.control.reason if request.control.stopped else None
         return Answer(
             Termination.FEASIBLE,
@@ -110,6 +113,6 @@ class SideslipBackend(Backend):
             plan,
             None,
             seconds=seconds,
-            statistics=own,
-            message="; ".join(part for part in (found.message, *gated.messages) if part),
+            statistics=statistics,
+            message="; ".join(part for part in (estimate.message, *gated.messages) if part),
         )

@@ -75,11 +75,6 @@ class SmoothedPass(NamedTuple):
 def noise_variances(problem: SideslipEstimation) -> Floats:
     """Return the variances of the disturbances per second and of the measurements.
 
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model.
-
     Returns
     -------
     ndarray, shape (4,)
@@ -98,13 +93,7 @@ def filter_drive(problem: SideslipEstimation, control: Control | None = None) ->
     """Run the (extended) Kalman filter over the drive.
 
     Measurements below 1 m/s are not used: the acceleration of a vehicle at rest does not depend on the angle.
-
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model. Its truth is not read.
-    control : Control, optional
-        Control whose stop flag is polled; by default the filter runs to its end.
+    The stop flag of `control` is polled.
 
     Returns
     -------
@@ -131,25 +120,18 @@ def filter_drive(problem: SideslipEstimation, control: Control | None = None) ->
     return FilterPass(predicted, before, filtered, after, innovations, between, model, lost)
 
 
-def smooth_drive(problem: SideslipEstimation, found: FilterPass) -> SmoothedPass:
+def smooth_drive(problem: SideslipEstimation, filter_pass: FilterPass) -> SmoothedPass:
     """Return the smoothed states, computed from the result of :func:`filter_drive`.
 
     The states equal those of Rauch, Tung and Striebel. They are computed in the form of D. C. Fraser and
     J. E. Potter (IEEE Transactions on Automatic Control 14, 1969), which inverts no covariance: covariances are
     nearly singular if the disturbance is small.
-
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model.
-    found : FilterPass
-        Result of the Kalman filter on the same model.
     """
     drive = problem.recording
     n = len(drive)
     smoothed = SmoothedPass(np.empty((n, 2)), np.empty((n, 2, 2)))
     smooth_path(
         *(drive.times, measurements(drive), drive.moving, noise_variances(problem)),
-        *(*found.model, found.filtered, found.filtered_covariance, *smoothed),
+        *(*filter_pass.model, filter_pass.filtered, filter_pass.filtered_covariance, *smoothed),
     )
     return smoothed
