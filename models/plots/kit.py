@@ -17,11 +17,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..verification import TOLERANCE
-from . import curves, labels, layers, levels, loads, options, panels, scene, style
+from . import curves, labels, layers, loads, options, panels, scene, style
 from .curves import *  # noqa: F403
 from .labels import *  # noqa: F403
 from .layers import *  # noqa: F403
-from .levels import *  # noqa: F403
 from .loads import *  # noqa: F403
 from .options import *  # noqa: F403
 from .panels import *  # noqa: F403
@@ -36,7 +35,6 @@ __all__ = ["TOLERANCE"]
 __all__ += curves.__all__
 __all__ += labels.__all__
 __all__ += layers.__all__
-__all__ += levels.__all__
 __all__ += loads.__all__
 __all__ += options.__all__
 __all__ += panels.__all__

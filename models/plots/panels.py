@@ -218,12 +218,12 @@ def draw_panel(
 
 
 def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
-    from matplotlib.ticker import FuncFormatter, MaxNLocator
+    from matplotlib.ticker import MaxNLocator
 
     broad, tall = np.array(axes.get_position().size) * inches(axes.figure)
     ticks = int(np.clip(2.1 * broad, 4, 9))
     axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    axes.xaxis.set_major_formatter(lambda value, _: number(value))
     if panel.log:
         axes.set_yscale("log")
         axes.set_ylim(low, high)
@@ -233,7 +233,7 @@ def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
     )
     # Enough digits to distinguish neighbouring ticks.
     digits = max(6, 3 + int(np.ceil(np.log10(max(abs(low), abs(high)) / (high - low)))))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, digits)))
+    axes.yaxis.set_major_formatter(lambda value, _: number(value, digits))
 
 
 # -- limits and marks ----------------------------------------------------------------------------

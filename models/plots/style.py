@@ -139,13 +139,13 @@ def legend_rows(keys: Sequence[Any], broad: float) -> int:
 
 def log_ticks(axis: Any, low: float, high: float) -> None:
     """Set legible ticks on a logarithmic axis from `low` to `high`."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     few = bool(high < 30 * low)
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=5))
     axis.set_minor_formatter(NullFormatter())
     if few:
-        axis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 3)))
+        axis.set_major_formatter(lambda value, _: number(value, 3))
 
 
 def number(value: float, digits: int = 6) -> str:
