@@ -1,8 +1,8 @@
-"""Imitation learning: runs in random scenes, with the expert's actions as labels."""
+"""Runs in random scenes for imitation learning, and the expert's actions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,28 +11,22 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.unknown_grid.plan import STEPS
-from ..contract.option import Option
-from ..learning.gradient import GradientTrainer
 from .memory import Memory, Observation
 
 if TYPE_CHECKING:
     import torch
 
 __all__ = [
-    "IMITATION",
     "TASKS",
     "Examples",
     "Recurrence",
     "Scenes",
-    "StepTrainer",
     "Task",
     "Walk",
     "best_actions",
     "choose_actions",
     "draw_scenes",
     "first_of",
-    "imitation_loss",
-    "judge_network",
     "shortest_ways",
     "walk_through",
 ]
@@ -282,156 +276,3 @@ def choose_actions(logits: Any) -> tuple[Ints, Ints]:
     """
     wrong = ~np.isfinite(logits)
     return np.where(wrong, -np.inf, logits).argmax(axis=1), wrong.sum(axis=1)
-
-
-def imitation_loss(logits: torch.Tensor, best: torch.Tensor) -> torch.Tensor:
-    """Return the negative logarithm of the total probability of the best actions, shape (n,).
-
-    Parameters
-    ----------
-    logits : Tensor, shape (n, 4)
-        Logits of the policy.
-    best : Tensor of bool, shape (n, 4)
-        True for each action that begins a shortest path; at least one per row.
-    """
-    import torch
-
-    chosen = logits.masked_fill(~best, -torch.inf)
-    return torch.logsumexp(logits, dim=1) - torch.logsumexp(chosen, dim=1)
-
-
-def judge_network(
-    network: torch.nn.Module, examples: Any, law: str, seed: int, count: int = 128, *, part: int = 0
-) -> dict[str, float]:
-    """Return the performance of a network in validation scenes of the paper's three tasks.
-
-    ``score`` is the share of targets reached, percent, ``collisions`` the mean number of collisions per scene, and
-    ``ratio`` the mean ratio of steps to fewest steps. The `count` scenes of each task depend only on `seed` and are
-    disjoint from the training scenes. The network may have a state, see :mod:`~.networks`. If `part` is 1 or 2, the
-    network decides only before or after the target was in the view, on O_g or O_p, and the expert decides the rest.
-
-    Parameters
-    ----------
-    network : torch.nn.Module
-        Network in evaluation mode.
-    examples : callable
-        Function that draws solvable scenes.
-    law : str
-        Law of the scenes.
-    seed : int
-        Seed of the scenes.
-    count : int, default 128
-        Number of scenes per task.
-    part : {0, 1, 2}, default 0
-        Part of the runs in which the network decides; 0 is the whole run.
-    """
-    reached, collisions, ratios = [], [], []
-    for number, task in enumerate(TASKS):
-        generator = np.random.default_rng([seed, 2**32 - 1, number])
-        scenes = draw_scenes(examples, law, task.shape, (2, 5), count, generator)
-        walk = Walk(scenes, task.view)
-        ways = shortest_ways(scenes.blocked, scenes.targets)
-        recurrence = Recurrence(network)
-
-        def choose(
-            observed: Observation,
-            rows: Ints,
-            ways: Lengths = ways,
-            network: Recurrence = recurrence,
-        ) -> Ints:
-            inputs = observed.tensors()
-            logits = network(inputs.in_view() if part == 2 else inputs, rows)
-            actions = choose_actions(logits.numpy())[0]
-            if not part:
-                return actions
-            expert = first_of(best_actions(ways[rows], observed.positions))
-            return np.where(observed.seen == (part == 2), actions, expert)
-
-        walk_through(walk, choose)
-        fewest = ways[np.arange(len(ways)), *scenes.starts.T]
-        reached.append(walk.reached)
-        collisions.append(walk.collisions)
-        ratios.append((walk.lengths / fewest)[walk.reached])
-    ratio = np.concatenate(ratios)
-    return {
-        "score": 100.0 * float(np.mean(reached)),
-        "collisions": float(np.mean(collisions)),
-        "ratio": float(ratio.mean()) if len(ratio) else float("nan"),
-    }
-
-
-#: Options of all trainings by imitation.
-IMITATION: Mapping[str, Option] = {
-    "law": Option("walls", "the law that scenes are drawn from", str),
-    "scenes": Option(192, "scenes of each task that an epoch is drawn from", int, lower=1),
-    "batches": Option(40, "steps of Adam in an epoch", int, lower=1),
-    "batch": Option(256, "decisions of a batch", int, lower=1),
-    "rate": Option(0.01, "the first learning rate", float, lower=0.0, upper=1.0),
-    "judged": Option(128, "scenes of each task that an epoch is judged by", int, lower=1),
-}
-
-
-class StepTrainer(GradientTrainer):
-    """Imitation trainer of networks without memory. Every decision is an independent example.
-
-    An epoch draws scenes. The expert decides in half of them and the current network in the other half, so
-    that the examples cover the states that the network's errors lead to (S. Ross, G. Gordon, D. Bagnell,
-    "DAgger", AISTATS 2011). The expert labels every decision.
-    """
-
-    _groups: list[tuple[Observation, torch.Tensor]]
-
-    def prepare(self, number: int, generator: np.random.Generator) -> None:
-        import torch
-
-        options, self._groups = self.course.options, []
-        self.network.eval()
-        for task in TASKS:
-            scenes = draw_scenes(
-                self.course.examples,
-                options["law"],
-                task.shape,
-                (2, 5),
-                options["scenes"],
-                generator,
-            )
-            looks, labels = self._run(scenes, task, generator)
-            observed = Observation(*map(np.concatenate, zip(*looks, strict=True)))
-            best = np.concatenate(labels)
-            labelled = best.any(axis=1)
-            examples = Observation._make(array[labelled] for array in observed)
-            self._groups.append((examples.tensors(), torch.from_numpy(best[labelled])))
-
-    def _run(
-        self, scenes: Scenes, task: Task, generator: np.random.Generator
-    ) -> tuple[list[Observation], list[Truths]]:
-        """Return the observations in some scenes, and the best actions of each."""
-        import torch
-
-        looks: list[Observation] = []
-        labels: list[Truths] = []
-        ways = shortest_ways(scenes.blocked, scenes.targets)
-        by_expert = generator.random(len(scenes.starts)) < 0.5
-
-        def choose(observed: Observation, rows: Ints) -> Ints:
-            best = best_actions(ways[rows], observed.positions)
-            looks.append(observed)
-            labels.append(best)
-            with torch.inference_mode():
-                logits, _ = self.network(observed.tensors(), None)
-            return np.where(by_expert[rows], first_of(best), choose_actions(logits.numpy())[0])
-
-        walk_through(Walk(scenes, task.view), choose)
-        return looks, labels
-
-    def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
-        observed, best = self._groups[batch % len(self._groups)]
-        rows = generator.integers(0, len(best), self.course.options["batch"])
-        logits, _ = self.network(Observation._make(array[rows] for array in observed), None)
-        return imitation_loss(logits, best[rows]).mean()
-
-    def judge(self) -> Mapping[str, float]:
-        options = self.course.options
-        return judge_network(
-            self.network, self.course.examples, options["law"], self.course.seed, options["judged"]
-        )

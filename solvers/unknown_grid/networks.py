@@ -27,8 +27,7 @@ from ..learning.gradient import fill
 from ..learning.trainer import Course, Trainer, Training
 from ..learning.weights import read_weights
 from . import gmgn, macn, small_vin, value_iteration
-from .episodes import EPISODES, DecisionTrainer, RunTrainer
-from .imitation import IMITATION, StepTrainer
+from .episodes import EPISODES, IMITATION, DecisionTrainer, RunTrainer, StepTrainer
 
 if TYPE_CHECKING:
     import torch

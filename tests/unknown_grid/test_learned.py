@@ -20,6 +20,7 @@ from crosstrack.solvers.learning.trainer import Course
 from crosstrack.solvers.learning.training import find_training, train
 from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights
 from crosstrack.solvers.unknown_grid import small_vin
+from crosstrack.solvers.unknown_grid.episodes import DecisionTrainer
 from crosstrack.solvers.unknown_grid.imitation import (
     NEVER,
     Recurrence,
@@ -32,7 +33,7 @@ from crosstrack.solvers.unknown_grid.imitation import (
     walk_through,
 )
 from crosstrack.solvers.unknown_grid.learned import LearnedPolicy, SmallVin, Vin
-from crosstrack.solvers.unknown_grid.memory import Memory
+from crosstrack.solvers.unknown_grid.memory import Memory, Observation
 from crosstrack.solvers.unknown_grid.networks import load_network, shipped_weights
 
 BACKENDS = {"small-vin": SmallVin, "vin": Vin}
@@ -157,6 +158,30 @@ def test_states_follow_the_active_scenes():
     for step, rows in enumerate([[0, 1, 2], [0, 2], [0, 2], [2]]):
         counts = recurrence(marks[rows], np.array(rows))
         assert counts.tolist() == [step] * len(rows)
+
+
+@pytest.mark.parametrize("part", [0, 1, 2])
+def test_a_network_is_judged_by_its_runs(part, monkeypatch):
+    """Arrays in place of tensors, and the planner or a walk to the left in place of a network."""
+    monkeypatch.setattr(Observation, "tensors", lambda observed: observed)
+
+    class Judged(DecisionTrainer):
+        def __init__(self, network):
+            self.course = Course(0, 1, {"law": "paper", "judged": 12}, draw_scene_arrays)
+            self.part, self.network = part, network
+
+    def answer(actions):
+        return SimpleNamespace(numpy=lambda: np.eye(4)[actions]), (actions,)
+
+    def planner(seen, _):
+        ways = shortest_ways((seen.current if part == 2 else seen.known) == 1, seen.targets)
+        return answer(first_of(best_actions(ways, seen.positions)))
+
+    good = Judged(planner).judge()
+    assert good["score"] == 100.0 and good["collisions"] == 0.0 and 1.0 <= good["ratio"] < 1.1
+    bad = Judged(lambda seen, _: answer(np.full(len(seen.targets), 2))).judge()
+    # The expert leads all runs into the view, and those that begin there to the target.
+    assert bad["score"] < 60.0 and bad["collisions"] > 1.0
 
 
 def test_without_pytorch_the_extra_is_named(monkeypatch):
