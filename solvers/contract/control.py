@@ -43,7 +43,7 @@ class Control:
     oracle : callable, optional
         Function that answers questions about the model's hidden data, see :meth:`ask`.
     proven : callable, optional
-        Function ``(bound)`` called with every improved lower bound of a stage.
+        Function ``(bound)`` called with every improved lower bound, in the thread that reports it.
 
     Attributes
     ----------

@@ -231,16 +231,19 @@ def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.
     model = job.model
     asking = Asking(channel) if model.is_blinded else None
 
-    control = Control(patience=PATIENCE, oracle=asking)
+    def proven(bound: float) -> None:
+        # At once, in the thread of the backend, because native code may block all others.
+        send({"event": "bound", "number": number, "bound": bound})
+
+    control = Control(patience=PATIENCE, oracle=asking, proven=proven)
     ours = is_ours(job.backend)
     stops.begin(number, control, ours)
     send({"event": "started", "number": number})
 
     def forward(event: Any) -> None:
-        if event.bound is not None:
-            send({"event": "bound", "number": number, "bound": event.bound})
-            return
         incumbent = event.incumbent
+        if incumbent is None:
+            return
         plan = None if incumbent.plan is None else model.plan_to_data(incumbent.plan)
         send(
             {

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from brute_force import shortest_length
+from listening import incumbents
 
 import crosstrack as ct
 from crosstrack.instances.error_correction.generator import random_small
@@ -74,7 +75,7 @@ def test_a_killed_solver_leaves_its_plan_and_bound(name):
                 threading.Timer(0.6, os.kill, (worker.pid, signal.SIGKILL)).start()
             heard.append(incumbent.objective)
 
-        left = worker.solve(Job(program, name, time_limit=60.0), listener=kill)
+        left = worker.solve(Job(program, name, time_limit=60.0), listener=incumbents(kill))
     assert left.termination == "feasible"
     assert "SIG" in left.message
     assert left.primal_bound == pytest.approx(min(heard))
