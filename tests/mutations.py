@@ -38,6 +38,13 @@ MODULES: dict[str, tuple[str, ...]] = {
     "satellite_slew/flight.py": ("*",),
     "sideslip/model.py": ("verify",),
 }
+#: Modules in ``models`` that all problems share: functions with checks, and the file of their tests.
+SHARED: dict[str, tuple[tuple[str, ...], str]] = {
+    "verification": (
+        ("check_entries", "count", "largest", "within", "worst_of", "share"),
+        "framework/test_checks.py",
+    ),
+}
 #: Mutations that change no verdict, as ``file:old source -> new source``: the reason for each.
 EQUIVALENT: dict[str, str] = {
     "models/satellite_slew/flight.py:np.abs((states[:, :4] ** 2).sum(axis=1) - 1.0) -> "
@@ -176,6 +183,8 @@ def choose_mutations(problem: str, number: int, seed: int = 1) -> list[Mutation]
     """Return `number` mutations of a problem's checks: every check's violation, then a draw."""
     folder = ROOT / "models" / problem
     every: list[Mutation] = []
+    if problem in SHARED:
+        every += find_mutations(folder.with_suffix(".py"), SHARED[problem][0])
     if (folder / "checks.py").exists():
         every += find_mutations(folder / "checks.py")
     for name, functions in MODULES.items():
@@ -215,6 +224,8 @@ class Suite:
 
     def __init__(self, problem: str, folder: Path) -> None:
         tests = sorted((ROOT / "tests" / problem).glob("test_*.py"))
+        if problem in SHARED:
+            tests = [ROOT / "tests" / SHARED[problem][1]]
         tests.sort(key=lambda path: "check_limits" not in path.name)
         of_checks = [path for path in tests if "check" in path.name]
         others = [path for path in tests if "check" not in path.name]
@@ -273,7 +284,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="file for the table")
     options = parser.parse_args()
     every = sorted(path.parent.name for path in (ROOT / "models").glob("*/checks.py"))
-    every = sorted({*every, *(name.split("/")[0] for name in MODULES)})
+    every = sorted({*every, *(name.split("/")[0] for name in MODULES), *SHARED})
     unknown = set(options.problems) - set(every)
     if unknown:
         parser.error(f"no problem {min(unknown)!r}; known: {', '.join(every)}")

@@ -156,17 +156,7 @@ def _squeezes(grid: GridMap, path: Floats, accepted: float) -> list[tuple[float,
 
 
 def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verification:
-    """Return the cost of `plan` in metres and the checks of all constraints of `model`.
-
-    Parameters
-    ----------
-    model : PathModel
-        Model of the paths.
-    plan : GridPlan
-        Paths, valid or not.
-    tolerance : float
-        Largest relative violation accepted.
-    """
+    """Return the cost of `plan` (m) and the checks of all constraints, see :meth:`.Model.verify`."""
     check_tolerance(tolerance)
     required("plan", plan, GridPlan)
     grid = model.map

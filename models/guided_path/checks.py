@@ -13,27 +13,7 @@ __all__ = ["verify_tour"]
 
 
 def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -> Verification:
-    """Return the length of `plan` and the violation of each constraint of `model`.
-
-    Parameters
-    ----------
-    model : GuidedPathData
-        The model.
-    plan : GuidedPathPlan
-        The plan.
-    tolerance : float
-        Largest relative violation accepted.
-
-    Returns
-    -------
-    Verification
-        Length (m) and checks.
-
-    Raises
-    ------
-    InvalidData
-        `plan` is not a GuidedPathPlan, or contains an unknown customer.
-    """
+    """Return the length of `plan` (m) and the violation of each constraint, see :meth:`.Model.verify`."""
     check_tolerance(tolerance)
     required("plan", plan, GuidedPathPlan)
     check_entries("order", plan.order, 1, model.size - 1, "order")

@@ -58,27 +58,7 @@ def integrated(plan: TourPlan, turning_radius: float) -> Floats:
 
 
 def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verification:
-    """Return the length of `plan` and the violation of each constraint of `model`.
-
-    Parameters
-    ----------
-    model : TourData
-        The model.
-    plan : TourPlan
-        The tour.
-    tolerance : float
-        Largest relative violation accepted.
-
-    Returns
-    -------
-    Verification
-        Length (m) and checks.
-
-    Raises
-    ------
-    InvalidData
-        `plan` is not a TourPlan, or its order contains an unknown vehicle.
-    """
+    """Return the length of `plan` (m) and the violation of each constraint, see :meth:`.Model.verify`."""
     check_tolerance(tolerance)
     required("plan", plan, TourPlan)
     n = model.size

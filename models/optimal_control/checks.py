@@ -113,26 +113,9 @@ def motion(problem: Any, plan: ControlPlan, phase: int | str = 0) -> Reintegrati
 def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) -> Verification:
     """Return the objective and every constraint of a problem, evaluated on `plan`.
 
-    Parameters
-    ----------
-    definition : Definition
-        Definition of the problem.
-    plan : ControlPlan
-        States, controls, times and parameters.
-    tolerance : float
-        Largest accepted violation, relative to the size of the bounded value: the bound, the
-        declared scale (capped at 1 for a state, control or parameter), or the range of the state.
-
-    Returns
-    -------
-    Verification
-        One check per kind of constraint.
-
-    Raises
-    ------
-    InvalidData
-        The phases, names or parameters of the plan differ from those of the problem, or a value is
-        not finite.
+    A tolerance is relative to the size of the bounded value: the bound, the declared scale (capped at 1
+    for a state, control or parameter), or the range of the state. Plans whose phases, names or
+    parameters differ from those of the problem raise ``InvalidData``.
     """
     check_tolerance(tolerance)
     phases = courses(definition, plan)

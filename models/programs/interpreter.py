@@ -79,22 +79,8 @@ def read(data: Any, field: str = "function") -> casadi.Function:
     return function
 
 
-#: Names in CasADi of structural operations without parameters.
-_PLAIN = {
-    "bilin": "bilin",
-    "diagcat": "diagcat",
-    "dot": "dot",
-    "horzcat": "horzcat",
-    "logsumexp": "logsumexp",
-    "mmax": "mmax",
-    "mmin": "mmin",
-    "norm1": "norm_1",
-    "normf": "norm_fro",
-    "norminf": "norm_inf",
-    "rank1": "rank1",
-    "transpose": "transpose",
-    "vertcat": "vertcat",
-}
+#: Names in CasADi of structural operations without parameters that differ from ours.
+_PLAIN = {"norm1": "norm_1", "normf": "norm_fro", "norminf": "norm_inf"}
 
 
 def _last_line(error: Exception) -> str:
@@ -376,7 +362,7 @@ class _Reader:
     def _plain(self, name: str, taken: list[Any]) -> list[Any]:
         # The result has as many entries as all arguments together.
         self.count(sum(value.nnz() + sum(value.shape) for value in taken))
-        return [getattr(self.casadi, _PLAIN[name])(*taken)]
+        return [getattr(self.casadi, _PLAIN.get(name, name))(*taken)]
 
     def _const(self, name: str, taken: list[Any], shape: Any, numbers: Any) -> list[Any]:
         sparsity = self.shape(shape)
