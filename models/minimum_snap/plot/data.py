@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 _POINTS = 8000
 #: Smallest and largest number of points per segment. Fewer hide its shape, more are invisible.
 _FEWEST, _MOST = 4, 240
+#: Place of a violation in the text of a check.
+_WHERE = re.compile(r"(?:knot (?P<knot>\d+), )?(?:axis (?P<axis>\d+) )?\(t = (?P<time>\S+) s\)")
 
 
 class Violation(NamedTuple):
@@ -131,61 +133,33 @@ class Scene:
     @cached_property
     def marks(self) -> tuple[Violation, ...]:
         """Locations of the largest violation of each failed check that has a location."""
-        return tuple(mark for check in self.violated for mark in self._located(check))
+        found = ((check, _WHERE.search(check.where)) for check in self.violated)
+        return tuple(self._located(check, place) for check, place in found if place is not None)
 
-    def _located(self, check: Check) -> Iterator[Violation]:
+    def _located(self, check: Check, place: re.Match[str]) -> Violation:
+        """Return the violation of a check at the place that it names."""
         plan = self._planned()
-        for bound in self.bounds:
-            if bound.name == check.name:
-                yield self._of_bound(check, bound)
-        spaces = self.halfspaces
-        if check.name == "polytope" and spaces is not None:
-            most = plan.extremes(0, direction=spaces.normals, segments=spaces.segments)
-            row = (most.largest[:, 0] - spaces.offsets).argmax()
-            time = float(most.largest_time[row, 0])
-            yield Violation(check, 0, -1, time, np.nan, plan(time))
-        for order in range(max(self.conditions.shape[1], plan.degree + 1)):
-            word = derivative_name(order)
-            begin, end = plan.at_ends(order)
-            if check.name == f"continuity of {word}":
-                yield self._at_knot(check, order, np.abs(begin[1:] - end[:-1]), begin[1:], 1)
-            elif order < self.conditions.shape[1] and (
-                check.name.startswith(f"{word} at ") or (order == 0 and check.name == "waypoints")
-            ):
-                chosen = np.ones(len(self.waypoints), bool)
-                if order:
-                    chosen[[0, -1]] = check.name.endswith("ends")
-                    chosen[1:-1] = not chosen[0]
-                fixed = self.conditions[:, order]
-                known = np.isfinite(fixed) & chosen[:, None]
-                wanted = np.where(known, fixed, 0.0)
-                before, after = np.vstack([begin[:1], end]), np.vstack([begin, end[-1:]])
-                late = np.abs(after - wanted) > np.abs(before - wanted)
-                values = np.where(late, after, before)
-                off = np.where(known, np.abs(values - wanted), 0.0)
-                yield self._at_knot(check, order, off, values, 0)
+        axis = -1 if place["axis"] is None else int(place["axis"])
+        order = self._order_of(check.name)
+        if place["knot"] is None:
+            time = float(place["time"])
+            value = np.nan if axis < 0 else float(plan(time, order)[axis])
+            return Violation(check, order, axis, time, value, plan(time))
+        # The derivative may jump at a knot: choose the side that is farther from the fixed value.
+        knot = int(place["knot"])
+        begin, end = plan.at_ends(order)
+        sides = np.concatenate([begin[knot : knot + 1, axis], end[max(knot - 1, 0) : knot, axis]])
+        fixed = self.conditions[knot, order, axis] if order < self.conditions.shape[1] else np.inf
+        farther = int(np.abs(sides - fixed).argmax()) if np.isfinite(fixed) else 0
+        time = float(self.flown[knot])
+        return Violation(check, order, axis, time, float(sides[farther]), plan(time))
 
-    def _at_knot(
-        self, check: Check, order: int, off: Floats, values: Floats, first: int
-    ) -> Violation:
-        # The check reports the largest violation relative to the local tolerance, which varies
-        # along the path. Find the location with the reported absolute violation.
-        near = int(np.abs(off - check.worst).argmin())
-        row, axis = (int(k) for k in np.unravel_index(near, off.shape))
-        time = float(self.flown[row + first])
-        return Violation(check, order, axis, time, float(values[row, axis]), self._planned()(time))
-
-    def _of_bound(self, check: Check, bound: Bound) -> Violation:
-        plan = self._planned()
-        found = plan.extremes(bound.derivative)
-        edges = np.stack([bound.lower, bound.upper])
-        off = np.stack([bound.lower - found.least, found.largest - bound.upper])
-        # Scaled like the check: relative to the bound if that is above 1.
-        share = off / np.maximum(1.0, np.where(np.isfinite(edges), np.abs(edges), 1.0))
-        side, row, axis = (int(k) for k in np.unravel_index(int(share.argmax()), share.shape))
-        time = float((found.least_time, found.largest_time)[side][row, axis])
-        value = float((found.least, found.largest)[side][row, axis])
-        return Violation(check, bound.derivative, axis, time, value, plan(time))
+    def _order_of(self, name: str) -> int:
+        """Return the order of the derivative that a check restricts; 0 for positions."""
+        count = max(self.conditions.shape[1], self._planned().degree + 1)
+        words = {derivative_name(k): k for k in range(count)}
+        orders = {bound.name: bound.derivative for bound in self.bounds}
+        return orders.get(name, words.get(name.removeprefix("continuity of ").split(" at ")[0], 0))
 
 
 def scene_of(model: Any, plan: Any, names: Any) -> Scene:
