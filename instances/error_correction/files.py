@@ -39,9 +39,8 @@ __all__ = [
 
 log = logging.getLogger("crosstrack")
 
-_COLUMNS = ("id", "x", "y", "z", "kind")
-#: Optional columns.
-_OPTIONAL = ("id", "fail")
+#: Columns, and those that may be missing.
+_COLUMNS, _OPTIONAL = ("id", "x", "y", "z", "kind"), ("id", "fail")
 #: Other names of columns; the Chinese ones are from the contest's file.
 _NAMES = {
     **{name: name for name in (*_COLUMNS, "fail")},
@@ -186,63 +185,51 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
         _refuse(rows, file)
     if layout.unused:
         log.warning("%s: not used: %s", file, ", ".join(map(show, layout.unused)))
-    places, width = layout.places, len(rows[max(layout.first - 1, 0)][1])
-    ids: dict[str, int] = {}
-    ends: dict[str, int] = {}
-    points: list[list[float]] = []
-    kinds: list[str] = []
-    fail: list[bool] = []
-    for line, row in rows[layout.first :]:
-        where = f"{file}, line {line}"
+    width = len(rows[max(layout.first - 1, 0)][1])
+    body = rows[layout.first :]
+    for line, row in body:
         if len(row) != width:
             above = "the header" if layout.first else "the first row"
-            raise InvalidData(f"{where}: {len(row)} values where {above} has {width} columns")
-        if "id" in places:
-            label = row[places["id"]]
-            if not label:
-                raise InvalidData(f"{where}, column id: must not be empty", field="ids")
-            if label in ids:
-                raise InvalidData(
-                    f"{where}, column id: {label!r} is in line {ids[label]} too: ids must differ",
-                    field="ids",
-                )
-            ids[label] = line
-        points.append(
-            [number(row[places[axis]], f"{where}, column {axis}", "points") for axis in "xyz"]
-        )
-        word = kind_word(row[places["kind"]], f"{where}, column kind:")
-        if word in ("A", "B"):
-            if word in ends:
-                raise InvalidData(
-                    f"{where}, column kind: a second {word}, the first is in line {ends[word]}",
-                    field="kinds",
-                )
-            ends[word] = line
-        kinds.append(word)
-        if "fail" in places:
-            mark = row[places["fail"]].casefold()
-            if mark not in _MARKS:
-                raise InvalidData(
-                    f"{where}, column fail: must be 1 or 0, got {show(row[places['fail']])}",
-                    field="suspect",
-                )
-            if _MARKS[mark] and word in ("A", "B"):
-                raise InvalidData(
-                    f"{where}, column fail: must be 0 for {word}, which corrects nothing",
-                    field="suspect",
-                )
-            fail.append(_MARKS[mark])
-    if not points:
+            raise InvalidData(
+                f"{file}, line {line}: {len(row)} values where {above} has {width} columns"
+            )
+    if not body:
         raise InvalidData(f"{file}: no points below the header", field="points")
+    lines = [line for line, _ in body]
+    # Cells of each known column with their places in the file.
+    cells = {
+        name: [(row[at], f"{file}, line {line}, column {name}") for line, row in body]
+        for name, at in layout.places.items()
+    }
+    points = [[number(*cell, "points") for cell in cells[axis]] for axis in "xyz"]
+    kinds = tuple(kind_word(cell, f"{place}:") for cell, place in cells["kind"])
     for word in ("A", "B"):
-        if word not in ends:
-            raise InvalidData(f"{file}: no point is of kind {word}", field="kinds")
+        ends = [k for k, kind in enumerate(kinds) if kind == word]
+        if len(ends) != 1:
+            raise InvalidData(
+                f"{cells['kind'][ends[1]][1]}: a second {word}, the first is in line {lines[ends[0]]}"
+                if ends
+                else f"{file}: no point is of kind {word}",
+                field="kinds",
+            )
     return PointTable(
-        np.array(points),
-        tuple(kinds),
-        _labels(list(ids)) if ids else None,
-        tuple(fail) if "fail" in places else None,
+        np.column_stack(points),
+        kinds,
+        _labels(cells["id"], lines) if "id" in cells else None,
+        _marks(cells["fail"], kinds) if "fail" in cells else None,
     )
+
+
+def _marks(cells: Sequence[tuple[str, str]], kinds: Sequence[str]) -> tuple[bool, ...]:
+    """Return whether the corrections may fail, from cells and their places."""
+    for (cell, place), kind in zip(cells, kinds, strict=True):
+        if cell.casefold() not in _MARKS:
+            raise InvalidData(f"{place}: must be 1 or 0, got {show(cell)}", field="suspect")
+        if _MARKS[cell.casefold()] and kind in ("A", "B"):
+            raise InvalidData(
+                f"{place}: must be 0 for {kind}, which corrects nothing", field="suspect"
+            )
+    return tuple(_MARKS[cell.casefold()] for cell, _ in cells)
 
 
 def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
@@ -303,13 +290,22 @@ def _refuse(rows: Sequence[tuple[int, list[str]]], file: str) -> NoReturn:
     )
 
 
-def _labels(words: list[str]) -> tuple[int | str, ...] | None:
-    if not all(_WHOLE.fullmatch(word) for word in words):
-        return tuple(words)
+def _labels(cells: Sequence[tuple[str, str]], lines: Sequence[int]) -> tuple[int | str, ...] | None:
+    """Return the names of the points, from cells and their places; None for 0, 1, 2, …."""
+    first: dict[str, int] = {}
+    for (label, place), line in zip(cells, lines, strict=True):
+        if not label:
+            raise InvalidData(f"{place}: must not be empty", field="ids")
+        if first.setdefault(label, line) != line:
+            raise InvalidData(
+                f"{place}: {label!r} is in line {first[label]} too: ids must differ", field="ids"
+            )
+    if not all(map(_WHOLE.fullmatch, first)):
+        return tuple(first)
     try:
-        numbers = tuple(map(int, words))
+        numbers = tuple(map(int, first))
     except ValueError:  # more digits than Python converts
-        return tuple(words)
+        return tuple(first)
     return None if numbers == tuple(range(len(numbers))) else numbers
 
 
