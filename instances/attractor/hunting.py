@@ -152,14 +152,14 @@ class Hunt(Declared):
         ndarray, shape (n,)
             Smallest gap between bodies, and between bodies and walls or obstacles; negative if they overlap.
         """
-        found: Floats = np.minimum(places, self.arena - places).min(axis=(1, 2)) - self.radius
+        smallest: Floats = np.minimum(places, self.arena - places).min(axis=(1, 2)) - self.radius
         for x, y, radius in self.obstacles.tolist():
             apart = np.hypot(places[..., 0] - x, places[..., 1] - y) - radius - self.radius
-            found = np.minimum(found, apart.min(axis=1))
+            smallest = np.minimum(smallest, apart.min(axis=1))
         for i, j in combinations(range(places.shape[1]), 2):
             apart = np.hypot(*(places[:, i] - places[:, j]).T) - 2.0 * self.radius
-            found = np.minimum(found, apart)
-        return found
+            smallest = np.minimum(smallest, apart)
+        return smallest
 
     def _start(self) -> Floats:
         rng = np.random.default_rng(self.seed)

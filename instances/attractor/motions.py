@@ -100,9 +100,9 @@ def orbit(motion: Motion, count: int, period: float) -> Floats:
     inner, step = _steps(motion, period)
     skipped = math.ceil(motion.transient / (inner * step))
     bounded_steps(skipped + count, inner)
-    found = np.empty((count, len(motion.start)))
-    _orbit(motion.kind, motion.constants, motion.start, step, inner, skipped, found)
-    return found
+    states = np.empty((count, len(motion.start)))
+    _orbit(motion.kind, motion.constants, motion.start, step, inner, skipped, states)
+    return states
 
 
 def bounded_steps(count: int, inner: int) -> None:
@@ -242,16 +242,16 @@ def _orbit(
     step: float,
     inner: int,
     skipped: int,
-    found: Floats,
+    states: Floats,
 ) -> None:
     """Fill in the states after `skipped` periods, and one period each thereafter."""
     count = len(start)
     state = start.copy()
     tangent, work = np.zeros(count), np.empty((6, count))
     _advance(kind, constants, state, tangent, step, inner * skipped, work)
-    for row in range(len(found)):
+    for row in range(len(states)):
         for k in range(count):
-            found[row, k] = state[k]
+            states[row, k] = state[k]
         _advance(kind, constants, state, tangent, step, inner, work)
 
 

@@ -118,10 +118,10 @@ def systems(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     return {
         "samples": len(model.series),
         "exponent, known": known.exponent,
-        **{one: _exponent(run(one).plan) or "none" for one in ("small-data-sets", "rosenstein", "kantz")},
+        **{backend: _exponent(run(backend).plan) or "none" for backend in ("small-data-sets", "rosenstein", "kantz")},
         "dimension, known": known.dimension,
-        **{one: _dimension(run(one).plan) or "none" for one in ("g-p", "correlation-dimension")},
+        **{backend: _dimension(run(backend).plan) or "none" for backend in ("g-p", "correlation-dimension")},
         "period, samples": period and period / known.period,
-        **{f"window, {one}": run(one).statistics["window"] for one in ("c-c", "improved-c-c")},
+        **{f"window, {backend}": run(backend).statistics["window"] for backend in ("c-c", "improved-c-c")},
         "source": known.source,
     }  # fmt: skip

@@ -258,8 +258,8 @@ def _normal(rng: np.random.Generator, count: int) -> Floats:
     """Return normal values from uniform ones, by the method of Box and Muller."""
     first, second = rng.random((2, count))
     values = np.sqrt(-2.0 * np.log(1.0 - first)) * np.cos(2.0 * np.pi * second)
-    found: Floats = np.round(values, _DIGITS)
-    return found
+    result: Floats = np.round(values, _DIGITS)
+    return result
 
 
 def _whole(period: float, count: int) -> int:
@@ -270,9 +270,9 @@ def _whole(period: float, count: int) -> int:
 def _logistic(rng: np.random.Generator, count: int, period: float) -> Floats:
     every = _whole(period, count)
     draws = rng.random(_DISCARDED + count * every)
-    found = np.empty(len(draws))
-    _iterate_logistic(draws, found)
-    return found[_DISCARDED::every].copy()
+    result = np.empty(len(draws))
+    _iterate_logistic(draws, result)
+    return result[_DISCARDED::every].copy()
 
 
 def _mackey_glass(rng: np.random.Generator, count: int, period: float) -> Floats:
@@ -280,9 +280,9 @@ def _mackey_glass(rng: np.random.Generator, count: int, period: float) -> Floats
     step = period / inner
     bounded_steps(count, inner)
     start = 0.5 + rng.random(max(round(_DELAY / step), 1) + 1)
-    found = np.empty(count)
-    _iterate_delayed(start, step, math.ceil(_TRANSIENT / step), inner, found)
-    return found
+    result = np.empty(count)
+    _iterate_delayed(start, step, math.ceil(_TRANSIENT / step), inner, result)
+    return result
 
 
 def _sines(
@@ -291,8 +291,8 @@ def _sines(
     phases = 2.0 * np.pi * rng.random(len(speeds))
     times = period * np.arange(count)
     waves = [np.sin(speed * times + phase) for speed, phase in zip(speeds, phases, strict=True)]
-    found: Floats = np.round(np.sum(waves, axis=0), _DIGITS)
-    return found
+    result: Floats = np.round(np.sum(waves, axis=0), _DIGITS)
+    return result
 
 
 def _filtered(
@@ -303,7 +303,7 @@ def _filtered(
 
     every = _whole(period, count)
     drive = _normal(rng, _DISCARDED + count * every)
-    values: Floats = lfilter([1.0], [1.0, *(-one for one in feedback)], drive)
+    values: Floats = lfilter([1.0], [1.0, *(-factor for factor in feedback)], drive)
     return values[_DISCARDED::every].copy()
 
 
@@ -333,17 +333,17 @@ _MAKERS: Mapping[System, Callable[[np.random.Generator, int, float], Floats]] = 
 
 
 @kernel(interpretable=True)
-def _iterate_logistic(draws: Floats, found: Floats) -> None:
+def _iterate_logistic(draws: Floats, result: Floats) -> None:
     """Fill in an orbit of the logistic map; the draws change its last digits, because rounding may end it at 0."""
     x = draws[0]
-    for k in range(len(found)):
+    for k in range(len(result)):
         x = 4.0 * x * (1.0 - x)
         x += (draws[k] - x) * 1e-13
-        found[k] = x
+        result[k] = x
 
 
 @kernel(interpretable=True)
-def _iterate_delayed(start: Floats, step: float, skipped: int, inner: int, found: Floats) -> None:
+def _iterate_delayed(start: Floats, step: float, skipped: int, inner: int, result: Floats) -> None:
     """Fill in an orbit of Mackey and Glass' equation by the trapezoidal rule, one value each `inner` steps.
 
     The formula is that of Grassberger and Procaccia, Physica D 9, 1983; `start` has the values of one delay.
@@ -355,9 +355,9 @@ def _iterate_delayed(start: Floats, step: float, skipped: int, inner: int, found
     square = past[0] * past[0]
     before = past[0] / (1.0 + square * square * square * square * square)
     row = 0
-    for k in range(skipped + (len(found) - 1) * inner + 1):
+    for k in range(skipped + (len(result) - 1) * inner + 1):
         if k >= skipped and (k - skipped) % inner == 0:
-            found[row] = x
+            result[row] = x
             row += 1
         following = past[(oldest + 1) % (last + 1)]
         square = following * following

@@ -124,8 +124,10 @@ _TABLE_1 = ResultTable(
         **dict.fromkeys(("α1", "α2", "β1", "β2", "θ"), "g"), "δ": "g",
     },
     rows={
-        (str(one.row),): (one.n, one.horizontal, one.printed_vertical, *one.thresholds, DELTA)
-        for one in SETTINGS.values()
+        (str(setting.row),): (
+            setting.n, setting.horizontal, setting.printed_vertical, *setting.thresholds, DELTA,
+        )
+        for setting in SETTINGS.values()
     },
     note="Row 4 prints 9 vertical points, which with 12 horizontal ones, A and B are 23 and not 25: 11 are taken.",
 )  # fmt: skip
@@ -139,8 +141,8 @@ _TABLE_2 = ResultTable(
         "optimal": "",
     },
     rows={
-        (str(row),): (one.gurobi, one.optimum, one.two_stage, one.optimum, "yes")
-        for row, one in TABLE_2.items()
+        (str(row),): (cells.gurobi, cells.optimum, cells.two_stage, cells.optimum, "yes")
+        for row, cells in TABLE_2.items()
     },
     ours={"proven optimum (m)": ".0f", "arc-flow (s)": ".2f", "label-setting (s)": ".4f", "runs": "d"},
     note=(
@@ -156,8 +158,8 @@ _TABLE_3 = ResultTable(
     keys=("row",),
     columns=dict.fromkeys(("T1", "T2", "T", "pulse", "DP"), ".4f"),
     rows={
-        (str(row),): (one.stage_1, one.stage_2, one.two_stage, one.pulse, one.dynamic_programming)
-        for row, one in TABLE_3.items()
+        (str(row),): (cells.stage_1, cells.stage_2, cells.two_stage, cells.pulse, cells.dynamic_programming)
+        for row, cells in TABLE_3.items()
     },
     ours={
         "label-setting": ".4f", "λ": "g",

@@ -27,7 +27,7 @@ def _length(run: Run) -> float | str:
 def _quickest(model: Any, backend: str, trials: Trials) -> Run:
     """Return the run with the shortest search time; these backends are deterministic."""
     runs = [trials.run(model, backend)[0] for _ in range(trials.runs)]
-    return min(runs, key=lambda one: one.statistics["search_seconds"])
+    return min(runs, key=lambda run: run.statistics["search_seconds"])
 
 
 def _is_optimal(run: Run) -> bool:
@@ -73,12 +73,12 @@ def table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         "label-setting": _seconds(best),
         "λ": stages.statistics["threshold factor"],
     }
-    for name, found, key in (("T1", stages, "stage1_seconds"), ("T2", stages, "stage2_seconds")):
-        ended = found.limit is None or name == "T1"
-        values[name] = found.statistics[key] if ended else f"{found.limit} limit"
+    for name, run, key in (("T1", stages, "stage1_seconds"), ("T2", stages, "stage2_seconds")):
+        ended = run.limit is None or name == "T1"
+        values[name] = run.statistics[key] if ended else f"{run.limit} limit"
     values |= {"T": _seconds(stages), "pulse": _seconds(pulse), "DP": _seconds(dynamic)}
-    for name, found in (("T2", stages), ("pulse", pulse), ("DP", dynamic)):
-        values[f"labels of {name}"] = found.statistics["labels extended"]
+    for name, run in (("T2", stages), ("pulse", pulse), ("DP", dynamic)):
+        values[f"labels of {name}"] = run.statistics["labels extended"]
     first = stages.statistics["stage1 length"]
     if best.primal_bound is not None and not isinstance(first, str):
         values["stage 1 over optimum"] = first / best.primal_bound

@@ -146,7 +146,7 @@ def table_2_model(path: str | os.PathLike[str], **fields: Any) -> FleetRouting:
 
 
 def _mean_seconds(answers: Sequence[Run]) -> float:
-    return float(np.mean([one.seconds["solve"] for one in answers]))
+    return float(np.mean([run.seconds["solve"] for run in answers]))
 
 
 def _has_card() -> bool:
@@ -195,7 +195,7 @@ def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         _LATEST.clear()
         _LATEST[key] = _known(path, model, trials)
     answers = trials.run(model, ALGORITHMS[algorithm])
-    sums = np.array([one.primal_bound for one in answers if one.primal_bound is not None])
+    sums = np.array([run.primal_bound for run in answers if run.primal_bound is not None])
     if not sums.size:
         return dict.fromkeys(TABLE_2.columns, "no routes within the time") | _LATEST[key]
     return {
@@ -217,7 +217,7 @@ def _known(path: Path, model: FleetRouting, trials: Trials) -> dict[str, Any]:
     demands[model.depots] = 0.0
     even = table_2_model(path, demands=demands, capacity=float(math.ceil(count / ROBOTS)))
     free, balanced = (
-        trials.run(one, "fleet-search", runs=1, time_limit=seconds)[0]
-        for one in (model, even.renamed(f"{path.stem}, equal nodes"))
+        trials.run(instance, "fleet-search", runs=1, time_limit=seconds)[0]
+        for instance in (model, even.renamed(f"{path.stem}, equal nodes"))
     )
     return {_LEAST: free.primal_bound, _BOUND: free.dual_bound, _EVEN: balanced.primal_bound}

@@ -142,7 +142,7 @@ def read_vrplib(
             field="service_time",
         )
     lengths = [sections[key] for key in ("distance", "vehicles_max_distance") if key in sections]
-    if any(isinstance(one, bool) or not isinstance(one, int | float) for one in lengths):
+    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in lengths):
         raise InvalidData(
             f"{file}: DISTANCE must be a number, got {show(lengths[0])}", field="distance"
         )
@@ -197,7 +197,7 @@ def _require_known(file: Path, text: str, known: frozenset[str], types: tuple[st
             raise InvalidData(f"{file}: {word} must be there once", field=word.lower())
         keywords.add(word)
         allowed = {"TYPE": types, "NODE_COORD_TYPE": _PLANES}.get(word)
-        if allowed and value.split()[:1] not in [[one] for one in allowed]:
+        if allowed and value.split()[:1] not in [[name] for name in allowed]:
             raise InvalidData(
                 f"{file}: {word} must be one of {', '.join(allowed)}, got {show(value)}",
                 field=word.lower(),
@@ -240,8 +240,8 @@ def _read(file: Path, known: frozenset[str], types: tuple[str, ...]) -> dict[str
     return {**sections, "matrix": words}
 
 
-def _size(file: Path, held: dict[str, Any]) -> int:
-    size = held.get("dimension")
+def _size(file: Path, sections: dict[str, Any]) -> int:
+    size = sections.get("dimension")
     if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= MOST:
         raise InvalidData(
             f"{file}: DIMENSION must be a whole number from 1 to {MOST}, got {show(size)}",
@@ -250,11 +250,11 @@ def _size(file: Path, held: dict[str, Any]) -> int:
     return size
 
 
-def _column(file: Path, held: dict[str, Any], name: str, shape: tuple[int, ...]) -> Floats:
+def _column(file: Path, sections: dict[str, Any], name: str, shape: tuple[int, ...]) -> Floats:
     """Return the numbers of a section; raise unless they have `shape`."""
     section = f"{name.upper()}_SECTION"
     try:
-        numbers = np.array(held[name], float)
+        numbers = np.array(sections[name], float)
     except KeyError:
         raise InvalidData(f"{file}: must have a {section}", field=name) from None
     except (TypeError, ValueError) as error:
@@ -268,14 +268,16 @@ def _column(file: Path, held: dict[str, Any], name: str, shape: tuple[int, ...])
     return numbers
 
 
-def _distances(file: Path, held: dict[str, Any], rounded: bool, display: bool) -> dict[str, Any]:
+def _distances(
+    file: Path, sections: dict[str, Any], rounded: bool, display: bool
+) -> dict[str, Any]:
     """Return the points and metric, or the costs, of an instance."""
     whole = Flag().coerce("rounded", rounded, {})
-    size, kind = _size(file, held), held.get("edge_weight_type")
+    size, kind = _size(file, sections), sections.get("edge_weight_type")
     if kind == "EXPLICIT" and not Flag().coerce("display", display, {}):
-        return {"costs": _matrix(file, held, size)}
+        return {"costs": _matrix(file, sections, size)}
     if kind in _ROUNDED:
-        points = _column(file, held, "node_coord", (size, 2))
+        points = _column(file, sections, "node_coord", (size, 2))
         costs = _ROUNDED[kind](points)
         np.fill_diagonal(costs, 0.0)
         return {"costs": costs}
@@ -285,9 +287,9 @@ def _distances(file: Path, held: dict[str, Any], rounded: bool, display: bool) -
             f"{file}: EDGE_WEIGHT_TYPE must be one of {names}, EXPLICIT, got {show(kind)}",
             field="edge_weight_type",
         )
-    name = "node_coord" if kind == "EUC_2D" or "node_coord" in held else "display_data"
+    name = "node_coord" if kind == "EUC_2D" or "node_coord" in sections else "display_data"
     metric = Metric.ROUNDED if whole else Metric.EUCLIDEAN
-    return {"points": _column(file, held, name, (size, 2)), "metric": metric}
+    return {"points": _column(file, sections, name, (size, 2)), "metric": metric}
 
 
 def _ceiled(points: Floats) -> Floats:
@@ -326,9 +328,9 @@ _ROUNDED: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-def _matrix(file: Path, held: dict[str, Any], size: int) -> Floats:
+def _matrix(file: Path, sections: dict[str, Any], size: int) -> Floats:
     """Return the distance matrix of the file, shape (size, size)."""
-    form, words = held.get("edge_weight_format"), held["matrix"]
+    form, words = sections.get("edge_weight_format"), sections["matrix"]
     if form not in _FORMATS:
         raise InvalidData(
             f"{file}: EDGE_WEIGHT_FORMAT must be one of {', '.join(_FORMATS)}, got {show(form)}",

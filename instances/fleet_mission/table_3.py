@@ -119,7 +119,7 @@ def _measured(q: str, trials: Trials) -> tuple[list[Run], float | None, Any]:
         ).renamed(f"routes of table 3, q = {q}")  # fmt: skip
         (best,) = trials.run(routing, "fleet-search", runs=1, time_limit=SECONDS)
         (ours,) = trials.run(model, "staged", runs=1)
-        routed = [one for one in answers if "grid path of robot 3" in one.statistics]
+        routed = [run for run in answers if "grid path of robot 3" in run.statistics]
         _LATEST.clear()
         _LATEST[key] = routed, best.primal_bound, ours.plan
     return _LATEST[key]
@@ -133,7 +133,7 @@ def measure_table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         return dict.fromkeys(TABLE_3.columns, "no routes within the time")
     grid, smoothed = (
         np.array(
-            [[one.statistics[f"{kind} path of robot {k}"] for k in range(4)] for one in answers]
+            [[run.statistics[f"{kind} path of robot {k}"] for k in range(4)] for run in answers]
         )
         for kind in ("grid", "smoothed")
     )
@@ -141,12 +141,12 @@ def measure_table_3(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     best = int(np.argmin(fitness))
     lengths = grid if path == GRID else smoothed
     sums, deviations = lengths.sum(axis=1), lengths.std(axis=1, ddof=1)
-    free = np.mean([one.plan is not None for one in answers])
+    free = np.mean([run.plan is not None for run in answers])
     more: dict[str, Any] = {"fitness": fitness[best], "best known fitness": known}
     if path == SMOOTHED:
         more = {}
         if staged is not None:
-            curves = [lengths_of(one).sum() for one in staged.trajectories]
+            curves = [lengths_of(trajectory).sum() for trajectory in staged.trajectories]
             more = {"staged total": sum(curves), "staged deviation": np.std(curves, ddof=1)}
     return {
         **dict(zip(_ROBOTS, lengths[best], strict=True)),

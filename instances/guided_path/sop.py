@@ -103,7 +103,7 @@ def _relation(precedes: NDArray[np.bool_]) -> dict[str, list[list[int]]]:
     # Omit pairs that other pairs imply.
     weights = precedes.astype(np.float32)
     pairs = (np.argwhere(precedes & (weights @ weights == 0)) + 1).tolist()
-    after = {int(one): int(other) for one, other in pairs}
+    after = {int(first): int(second) for first, second in pairs}
     followers = set(after.values())
     if len(after) < len(pairs) or len(followers) < len(pairs):
         return {"precedence": pairs}

@@ -65,18 +65,18 @@ def _moments(name: str, lengths: Floats) -> dict[str, Any]:
     }
 
 
-def _p_value(one: Floats, two: Floats) -> float:
+def _p_value(first: Floats, second: Floats) -> float:
     """Return the two-sided p of the Wilcoxon rank-sum test."""
     from scipy.stats import mannwhitneyu
 
-    return float(mannwhitneyu(one, two, alternative="two-sided").pvalue)
+    return float(mannwhitneyu(first, second, alternative="two-sided").pvalue)
 
 
-def _sign(one: Floats, two: Floats) -> int:
+def _sign(first: Floats, second: Floats) -> int:
     """Return 1 (-1) if `one` is significantly below (above) `two` at 0.05, 0 otherwise."""
-    if _p_value(one, two) >= 0.05:
+    if _p_value(first, second) >= 0.05:
         return 0
-    return 1 if np.median(one) < np.median(two) else -1
+    return 1 if np.median(first) < np.median(second) else -1
 
 
 def _row(model: MessengerTour, greedy: tuple[str, ...], trials: Trials) -> dict[str, Any]:

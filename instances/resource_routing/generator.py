@@ -45,19 +45,19 @@ def generate_electric(
     generator = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
     places = generator.random((count, 2)) * [400.0, 100.0]
     full = generator.random(count) < 1 / 3
-    kinds = ["full charge" if one else "quick charge" for one in full.tolist()]
-    found = sorted(set(kinds))
+    kinds = ["full charge" if is_full else "quick charge" for is_full in full.tolist()]
+    present_kinds = sorted(set(kinds))
     energy = Resource(
         "energy", 0.2, unit="kWh",
-        limits=dict.fromkeys([*found, "end"], 30.0),
-        resets={kind: {"full charge": 0.0, "quick charge": 10.0}[kind] for kind in found},
+        limits=dict.fromkeys([*present_kinds, "end"], 30.0),
+        resets={kind: {"full charge": 0.0, "quick charge": 10.0}[kind] for kind in present_kinds},
     )  # fmt: skip
     waits = {"full charge": 40 / 60, "quick charge": 15 / 60}
     time = Resource(
         "time",
         1 / 80,
         limits={"end": latest},
-        gains={kind: waits[kind] for kind in found},
+        gains={kind: waits[kind] for kind in present_kinds},
         unit="h",
     )
     return ResourceRouting(

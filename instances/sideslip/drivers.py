@@ -71,8 +71,8 @@ def uniform_design() -> NDArray[np.int64]:
     ndarray of int, shape (15, 8)
         Row i of column j is ``i h_j`` modulo 15, or 15 instead of 0.
     """
-    found: NDArray[np.int64] = np.outer(np.arange(1, ROWS + 1), FACTORS) % ROWS
-    return np.where(found == 0, ROWS, found)
+    table: NDArray[np.int64] = np.outer(np.arange(1, ROWS + 1), FACTORS) % ROWS
+    return np.where(table == 0, ROWS, table)
 
 
 def design_drivers(count: int, design: Design, rng: np.random.Generator) -> tuple[Driver, ...]:
@@ -98,4 +98,4 @@ def design_drivers(count: int, design: Design, rng: np.random.Generator) -> tupl
         levels = uniform_design()[:count, COLUMNS]
         shares[: len(levels)] = (levels - 1.0) / (ROWS - 1)
     parts: Any = np.round(low + (high - low) * shares, 6).tolist()
-    return tuple(Driver(**dict(zip(RANGES, one, strict=True)), **FIXED) for one in parts)
+    return tuple(Driver(**dict(zip(RANGES, factors, strict=True)), **FIXED) for factors in parts)

@@ -49,16 +49,16 @@ def write_sideslip_csv(
     """
     required("plan", plan, SideslipEstimate)
     required("model", model, SideslipEstimation)
-    seen = model.recording
-    if len(plan) != len(seen):
+    recording = model.recording
+    if len(plan) != len(recording):
         raise InvalidData(
-            f"sideslip must have {len(seen)} entries, one per sample, got {len(plan)}",
+            f"sideslip must have {len(recording)} entries, one per sample, got {len(plan)}",
             field="sideslip",
         )
     table = np.column_stack(
         [
-            *(seen.times, plan.sideslip, plan.deviation, seen.speed, seen.steering),
-            *(seen.yaw_rate, seen.lateral_acceleration),
+            *(recording.times, plan.sideslip, plan.deviation, recording.speed, recording.steering),
+            *(recording.yaw_rate, recording.lateral_acceleration),
         ]
     )
     return write_rows(path, _COLUMNS, table.tolist())

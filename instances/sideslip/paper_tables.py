@@ -45,7 +45,9 @@ def _discrepancy(columns: tuple[int, ...]) -> float:
 
 def table_2(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return the columns with the smallest centred discrepancy for a number of factors."""
-    best = min(combinations(range(1, 9), int(row[0])), key=lambda one: (_discrepancy(one), one))
+    best = min(
+        combinations(range(1, 9), int(row[0])), key=lambda columns: (_discrepancy(columns), columns)
+    )
     paper = tuple(int(cell) for cell in TABLE_2.rows[row] if cell is not None)
     return {
         **dict(zip(TABLE_2.columns, best, strict=False)),

@@ -124,8 +124,8 @@ def table_file(file: Path) -> dict[str, Any]:
         Fields of :class:`~crosstrack.models.sideslip.SideslipEstimation` by name.
     """
     drive = read_recording(file)
-    found = {
+    data = {
         "vehicle": Assumed(VEHICLE),
         "recording": Recording.from_data({**drive.data(), "sideslip": None}),
     }
-    return found if drive.sideslip is None else {**found, "truth": drive.sideslip}
+    return data if drive.sideslip is None else {**data, "truth": drive.sideslip}
