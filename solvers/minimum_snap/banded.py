@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .banded_kernels import accelerate, is_calm, is_usual, jerk, snap
 from .boundary import solve_boundary
 from .chain_kernels import factorise, solve_factors
 from .hermite import (
@@ -19,17 +18,13 @@ from .hermite import (
     table_of,
 )
 from .moment_kernels import differentiate
-from .refined_kernels import FUSED
+from .refined_kernels import MOST_ORDER, is_usual, refined
 
-__all__ = ["added", "certify", "knot_forces", "solve_hermite"]
+__all__ = ["added", "knot_forces", "solve_hermite"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Kernels for waypoints alone, and the largest ratio of neighbouring durations for which they are
-#: accurate to about 1e-11 of a segment's size without refinement. They take 0.6 of the time of the
-#: first solve of the refining kernels: ``tests/benchmarks/minimum_snap/test_minimum_snap_speed.py``.
-_CALM = {2: (accelerate, np.inf), 3: (jerk, 30.0), 4: (snap, 5.0)}
 #: Largest rounding error of J from moments in double precision, relative to J.
 _BLUR = 1e-9
 #: Pivots below this share of their column are rounding errors. Used if only pivots can detect a
@@ -71,7 +66,7 @@ def solve_hermite(
         order is free on each side of a knot. A fixed one is fixed on both sides.
     certify : bool
         Whether to refine until the last correction proves the shape. If False, stop as soon as the
-        next correction would prove it. Calm durations are not refined; use :func:`certify`.
+        next correction would prove it.
 
     Returns
     -------
@@ -84,19 +79,10 @@ def solve_hermite(
     weights = np.asarray(weights, np.float64)
     axes, knots, order = values.shape
     if is_usual(fixed, continuity) and not weights[:-1].any():
-        solve, ratio = _CALM.get(order, (None, 0.0))
-        if solve is not None and is_calm(durations, ratio):
-            jets, objective = np.empty((axes, knots - 1, 2, order)), np.empty(axes)
-            upper = np.empty((knots - 1, (order - 1) ** 2))
-            if solve(durations, values, jets, objective, upper) < 0:
-                objective *= weights[-1]
-                return Solved(
-                    jets, None, objective, Outcome.SOLVED, np.nan, 0, np.inf, 0, 1, "calm"
-                )
-        if order in FUSED:
-            fused = _refined(durations, values, weights, certify, None)
-            if fused.outcome is Outcome.SOLVED and fused.gap <= _BLUR * fused.objective.sum():
-                return fused
+        if order <= MOST_ORDER:
+            quick = _refined(durations, values, weights, certify)
+            if quick.outcome is Outcome.SOLVED and quick.gap <= _BLUR * quick.objective.sum():
+                return quick
     jets, objective = np.empty((axes, knots - 1, 2, order)), np.empty(axes)
     moments = np.empty((axes, knots - 1, order))
     groups = list(patterns(fixed))
@@ -135,26 +121,13 @@ def solve_hermite(
     )  # fmt: skip
 
 
-def certify(durations: Floats, values: Floats, weights: Floats, found: Solved) -> Solved:
-    """Refine a solution of `solve_hermite` that has no correction yet.
-
-    Parameters are those of :func:`solve_hermite`. If `found` has a correction, it is returned.
-    """
-    if found.correction >= 0.0 or found.outcome is not Outcome.SOLVED:
-        return found
-    return _refined(durations, np.ascontiguousarray(values), weights, True, found.jets.copy())
-
-
-def _refined(
-    durations: Floats, values: Floats, weights: Floats, certify: bool, given: Floats | None
-) -> Solved:
-    """Solve for waypoints alone and refine. `given` is a solution, which is modified in place."""
+def _refined(durations: Floats, values: Floats, weights: Floats, certify: bool) -> Solved:
+    """Solve for waypoints alone."""
     axes, knots, order = values.shape
     table = table_of(weights)
-    jets = np.empty((axes, knots - 1, 2, order)) if given is None else given
-    objective = np.empty(axes)
-    failed, steps, correction, segment, gap, rounding = FUSED[order](
-        durations, values, table.rows, table.factors, certify, given is not None, jets, objective,
+    jets, objective = np.empty((axes, knots - 1, 2, order)), np.empty(axes)
+    failed, steps, correction, segment, gap, rounding = refined(
+        tuple(range(1, order)), durations, values, table.rows, table.factors, certify, jets, objective,
         np.empty((knots - 1, 2, order - 1, order - 1)), np.empty((axes, knots - 1, order - 1)),
     )  # fmt: skip
     outcome = Outcome.SOLVED if failed < 0 else Outcome.ILL_CONDITIONED

@@ -78,8 +78,8 @@ class Solved(NamedTuple):
         Outcome of the solve.
     correction : float
         Error estimate of the scaled derivatives at the ends of the worst segment: the last Newton
-        step, relative to the largest of them. NaN for calm durations, for which the error is known
-        to be about 1e-11 and is not measured.
+        step, relative to the largest of them. 0 without refinement, for which the error is known to
+        be about 1e-11 and is not measured.
     segment : int
         Index of the worst segment.
     gap : float
@@ -90,8 +90,8 @@ class Solved(NamedTuple):
     factorisations : int
         Number of groups of axes with different patterns.
     method : str
-        ``"calm"`` or ``"refined"`` for the kernels for waypoints alone, ``"general"`` for the
-        kernels for any pattern, ``"boundary"`` for the slow method of :mod:`~.boundary`.
+        ``"refined"`` for the kernels for waypoints alone, ``"general"`` for the kernels for any
+        pattern, ``"boundary"`` for the slow method of :mod:`~.boundary`.
     """
 
     jets: Floats

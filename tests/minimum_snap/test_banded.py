@@ -17,13 +17,12 @@ from scipy.interpolate import make_interp_spline
 from crosstrack.models.minimum_snap import MinimumDerivative
 from crosstrack.solvers.minimum_snap import (
     banded,
-    banded_kernels,
     boundary,
     hermite,
     moment_kernels,
 )
 from crosstrack.solvers.minimum_snap.hermite import Outcome
-from crosstrack.solvers.minimum_snap.refined_kernels import FUSED
+from crosstrack.solvers.minimum_snap.refined_kernels import refined
 
 # -- against the references -----------------------------------------------------------------------
 
@@ -62,9 +61,7 @@ def test_shapes_of_many_paths(order, ratio):
         durations, values, fixed = through_waypoints(order, 300, ratio, seed=seed, kind=kind)
         weights = only(order)
         solved = banded.solve_hermite(durations, values, fixed, weights, order - 1, certify=True)
-        assert solved.method == "calm" or solved.correction <= hermite.CERTIFIED
-        proof = banded.certify(durations, values, weights, solved)
-        assert proof.correction <= 1e-11 if solved.method == "calm" else proof is solved
+        assert solved.correction <= hermite.CERTIFIED
         coefficients = hermite.jets_to_coefficients(durations, solved.jets, solved.moments)
         highest = 2 * order - 2 if ratio <= 4 and order < 5 else order - 1
         assert worst_jumps(durations, coefficients, highest).max() <= 1e-10
@@ -190,9 +187,7 @@ def test_ill_conditioned_problems_are_reported(monkeypatch):
 def test_all_kernels_agree(order, monkeypatch):
     durations, values, fixed = through_waypoints(order, 400)
     problem = (durations, values, fixed, only(order), order - 1)
-    found = {} if order > 4 else {"calm": banded.solve_hermite(*problem)}
-    monkeypatch.setattr(banded, "is_calm", lambda *_: False)
-    found["refined"] = banded.solve_hermite(*problem, certify=True)
+    found = {"refined": banded.solve_hermite(*problem, certify=True)}
     monkeypatch.setattr(banded, "is_usual", lambda *_: False)
     found["general"] = banded.solve_hermite(*problem)
     monkeypatch.setattr(banded, "CERTIFIED", -1.0)
@@ -207,44 +202,35 @@ def test_all_kernels_agree(order, monkeypatch):
         assert np.abs(mine - powers).max() <= 1e-11 * np.abs(powers).max()
 
 
-@pytest.mark.parametrize(
-    ("order", "calm"),
-    [(2, banded_kernels.accelerate), (3, banded_kernels.jerk), (4, banded_kernels.snap)],
-)
-def test_plain_python_means_the_same(order, calm):
-    durations, values, _ = through_waypoints(order, 30)
-    results = []
-    for function in (calm, calm.py_func):
-        jets, objective = np.empty((3, 30, 2, order)), np.empty(3)
-        assert function(durations, values, jets, objective, np.empty((30, (order - 1) ** 2))) == -1
-        results.append((jets, objective))
-    # Compiled code may not reorder, but a power may be rounded otherwise.
-    assert results[0][0] == pytest.approx(results[1][0], rel=1e-11, abs=1e-13)
-    assert results[0][1] == pytest.approx(results[1][1], rel=1e-14)
-
-
-def test_refinement_in_plain_python_means_the_same():
-    durations, values, _ = through_waypoints(3, 8, 400.0)
-    table = hermite.table_of(only(3))
-    results = []
-    for function in (FUSED[3], FUSED[3].py_func):
-        jets, objective = np.empty((3, 8, 2, 3)), np.empty(3)
-        room = np.empty((8, 2, 2, 2)), np.empty((3, 8, 2))
-        failed, steps, correction, *_ = function(
-            durations, values, table.rows, table.factors, True, False, jets, objective, *room
-        )
-        assert (failed, steps) == (-1, 1) and correction <= hermite.CERTIFIED
-        results.append((jets, objective))
-    assert results[0][0] == pytest.approx(results[1][0], rel=1e-11, abs=1e-13)
-    assert results[0][1] == pytest.approx(results[1][1], rel=1e-14)
+@pytest.mark.parametrize("ratio", [4.0, 400.0])
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_refinement_in_plain_python_means_the_same(order, ratio):
+    durations, values, _ = through_waypoints(order, 12, ratio)
+    table = hermite.table_of(only(order))
+    for certify in (False, True):
+        results = []
+        for function in (refined, refined.py_func):
+            jets, objective = np.empty((3, 12, 2, order)), np.empty(3)
+            room = np.empty((12, 2, order - 1, order - 1)), np.empty((3, 12, order - 1))
+            failed, steps, correction, *_ = function(
+                tuple(range(1, order)), durations, values, table.rows, table.factors, certify, jets,
+                objective, *room,
+            )  # fmt: skip
+            assert failed == -1 and correction <= hermite.CERTIFIED
+            assert steps >= certify
+            results.append((steps, jets, objective))
+        # Compiled code may not reorder, but a power may be rounded otherwise.
+        assert results[0][0] == results[1][0]
+        assert results[0][1] == pytest.approx(results[1][1], rel=1e-11, abs=1e-13)
+        assert results[0][2] == pytest.approx(results[1][2], rel=1e-14)
 
 
 def test_negligible_pivots_are_reported():
     durations, values, _ = through_waypoints(4, 6, 1e6, kind="alternating")
     table = hermite.table_of(only(4))
     room = np.empty((6, 2, 3, 3)), np.empty((3, 6, 3))
-    failed, *_ = FUSED[4](
-        durations, values, table.rows, table.factors, True, False, np.empty((3, 6, 2, 4)),
+    failed, *_ = refined(
+        (1, 2, 3), durations, values, table.rows, table.factors, True, np.empty((3, 6, 2, 4)),
         np.empty(3), *room,
     )  # fmt: skip
     assert failed > 0
