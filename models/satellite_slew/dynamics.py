@@ -74,7 +74,7 @@ class SlewMotion:
         """
         a, b, c, d, wx, wy, wz, d1, d2, d3, d4 = x.tolist()
         u1, u2, u3, u4 = u.tolist()
-        tx, ty, tz = (float(value) for value in outer)
+        tx, ty, tz = outer
         s1, s2, s3, s4 = sin(d1), sin(d2), sin(d3), sin(d4)
         c1, c2, c3, c4 = cos(d1), cos(d2), cos(d3), cos(d4)
         (cb, sb), h0 = self._skew, self.momentum  # type: ignore[attr-defined]

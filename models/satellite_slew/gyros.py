@@ -14,6 +14,7 @@ Problems in Engineering, 2016). If det(A_t A_tᵀ) = 0, the gyros produce no tor
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -23,9 +24,14 @@ __all__ = ["gimbal_jacobian", "momentum_direction", "singularity_measure"]
 
 Floats = NDArray[np.float64]
 
-#: Coefficients of the sines and cosines (with cβ) in the first two rows of A_t.
-_OF_SINES = np.array([[0.0, 1.0, 0.0, -1.0], [-1.0, 0.0, 1.0, 0.0]])
-_OF_COSINES = np.array([[-1.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]])
+
+@lru_cache(maxsize=16)
+def _coefficients(pyramid: float) -> tuple[Floats, Floats]:
+    """Return the coefficients of the sines and of the cosines in A_s·1, each of shape (3, 4)."""
+    cb, sb = np.cos(pyramid), np.sin(pyramid)
+    sines = np.array([[-cb, 0.0, cb, 0.0], [0.0, -cb, 0.0, cb], [sb, sb, sb, sb]])
+    cosines = np.array([[0.0, -1.0, 0.0, 1.0], [1.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    return sines, cosines
 
 
 def momentum_direction(gimbals: ArrayLike, pyramid: float) -> Floats:
@@ -43,24 +49,16 @@ def momentum_direction(gimbals: ArrayLike, pyramid: float) -> Floats:
     ndarray, shape (…, 3)
     """
     angles = np.asarray(gimbals, float)
-    s, c = np.sin(angles), np.cos(angles)
-    cb, sb = np.cos(pyramid), np.sin(pyramid)
-    result = np.empty((*angles.shape[:-1], 3))
-    result[..., 0] = -cb * s[..., 0] - c[..., 1] + cb * s[..., 2] + c[..., 3]
-    result[..., 1] = c[..., 0] - cb * s[..., 1] - c[..., 2] + cb * s[..., 3]
-    result[..., 2] = sb * s.sum(axis=-1)
+    of_sines, of_cosines = _coefficients(pyramid)
+    result: Floats = np.sin(angles) @ of_sines.T + np.cos(angles) @ of_cosines.T
     return result
 
 
 def gimbal_jacobian(gimbals: ArrayLike, pyramid: float) -> Floats:
     """Return A_t(δ) = ∂(A_s·1)/∂δ, shape (…, 3, 4); parameters as in :func:`momentum_direction`."""
-    angles = np.asarray(gimbals, float)
-    s, c = np.sin(angles), np.cos(angles)
-    cb, sb = np.cos(pyramid), np.sin(pyramid)
-    result = np.empty((*angles.shape[:-1], 3, 4))
-    result[..., 0, :] = s * _OF_SINES[0] + cb * c * _OF_COSINES[0]
-    result[..., 1, :] = s * _OF_SINES[1] + cb * c * _OF_COSINES[1]
-    result[..., 2, :] = sb * c
+    angles = np.asarray(gimbals, float)[..., None, :]
+    of_sines, of_cosines = _coefficients(pyramid)
+    result: Floats = of_sines * np.cos(angles) - of_cosines * np.sin(angles)
     return result
 
 

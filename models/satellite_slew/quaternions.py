@@ -26,25 +26,23 @@ Floats = NDArray[np.float64]
 
 #: Length of the vector part below which a rotation has no axis.
 STILL = 1e-12
-_SIGNS = np.array([1.0, -1.0, -1.0, -1.0])
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+#: Hamilton's product p ∘ q is the product of a matrix with q: its entries are those of p, in this order
+#: and with these signs.
+_ORDER = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+_SIGNS = np.array([[1, -1, -1, -1], [1, 1, -1, 1], [1, 1, 1, -1], [1, -1, 1, 1]], float)
 
 
 def product(left: ArrayLike, right: ArrayLike) -> Floats:
     """Return Hamilton's product `left` ∘ `right`, shape (…, 4)."""
     p, q = np.asarray(left, float), np.asarray(right, float)
-    a, b, c, d = (p[..., k] for k in range(4))
-    e, f, g, h = (q[..., k] for k in range(4))
-    result = np.empty(np.broadcast_shapes(p.shape, q.shape))
-    result[..., 0] = a * e - b * f - c * g - d * h
-    result[..., 1] = a * f + b * e + c * h - d * g
-    result[..., 2] = a * g - b * h + c * e + d * f
-    result[..., 3] = a * h + b * g - c * f + d * e
+    result: Floats = ((p[..., _ORDER] * _SIGNS) @ q[..., None])[..., 0]
     return result
 
 
 def conjugate(q: ArrayLike) -> Floats:
     """Return the conjugate, the inverse of a unit quaternion, shape (…, 4)."""
-    result: Floats = np.asarray(q, float) * _SIGNS
+    result: Floats = np.asarray(q, float) * _CONJUGATE
     return result
 
 

@@ -188,7 +188,8 @@ class ClosedLoop:
 
         def slope(k: int, y: Floats) -> tuple[tuple[Floats, Floats], Floats]:
             pair = self.command(times[k], courses[k], y)
-            return pair, np.array(motion.rate(y, np.clip(pair[1], -limit, limit)))
+            rates = np.minimum(np.maximum(pair[1], -limit), limit)
+            return pair, np.array(motion.rate(y, rates))
 
         first, a = slope(0, x)
         _, b = slope(1, x + 0.5 * long * a)

@@ -27,8 +27,8 @@ __all__ = ["GeneralisedInverse", "PseudoInverse", "RobustInverse", "SteeringLaw"
 
 Floats = NDArray[np.float64]
 
-#: Addition to A Aᵀ that makes it invertible, relative to its size.
-LEAST = 1e-12
+#: Addition to A Aᵀ, whose entries are about 1, that makes it invertible.
+LEAST = 1e-12 * np.eye(3)
 
 
 class SteeringLaw(ABC):
@@ -42,7 +42,7 @@ class SteeringLaw(ABC):
         """Return δ̇, shape (4,), for A of shape (3, 4) and y of shape (3,)."""
         square = jacobian @ jacobian.T
         result: Floats = jacobian.T @ np.linalg.solve(
-            square + self.damping(t, square) + LEAST * np.eye(3), wanted
+            square + self.damping(t, square) + LEAST, wanted
         )
         return result
 
@@ -102,6 +102,6 @@ class GeneralisedInverse(RobustInverse):
 
 def null_projection(jacobian: Floats, wanted: Floats) -> Floats:
     """Return the part of the gimbal rates `wanted` that produces no torque, shape (4,)."""
-    square = jacobian @ jacobian.T + LEAST * np.eye(3)
+    square = jacobian @ jacobian.T + LEAST
     result: Floats = wanted - jacobian.T @ np.linalg.solve(square, jacobian @ wanted)
     return result
