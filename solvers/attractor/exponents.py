@@ -266,26 +266,15 @@ def fit_exponent(search: Search, period: float) -> Fit | None:
     return Fit(slope, statistics)
 
 
-@dataclass(frozen=True)
-class Others:
-    """Exponents for other choices of embedding and method, in nats per second.
+def widen_exponent(
+    fit: Fit, search: Search, embedding: Embedding, problem: AttractorAnalysis
+) -> Fit | None:
+    """Return the fit with a deviation that includes regions, other choices and the calibrated error.
 
-    Parameters
-    ----------
-    values : list of float
-        Exponents in other embeddings, and for Kantz' method that of nearest neighbours.
-    finer : float, optional
-        Exponent with half the radius of Kantz' method.
+    The other choices are embeddings, and for Kantz' method nearest neighbours and half the radius. Those without
+    a scaling region are left out. None if the run was stopped.
     """
-
-    values: list[float]
-    finer: float | None = None
-
-
-def other_exponents(
-    problem: AttractorAnalysis, embedding: Embedding, search: Search
-) -> Others | None:
-    """Return the exponents for other choices that have a scaling region; None if the run was stopped."""
+    assert fit.slope is not None
     searches = [
         replace(
             search,
@@ -299,7 +288,7 @@ def other_exponents(
         searches.append(replace(search, method=Method.ROSENSTEIN, radius=None))
         if search.radius is not None:
             searches.append(replace(search, radius=search.radius / 2))
-    values, finer = [], None
+    values, change = [], 0.0
     for candidate in searches:
         ready = candidate.with_radius()
         result = "no radius" if ready is None else ready.region(REFERENCES)
@@ -312,21 +301,14 @@ def other_exponents(
         if candidate.radius is None:
             values.append(value)
         else:
-            finer = value
-    return Others(values, finer)
-
-
-def widen_exponent(found: Fit, others: Others, problem: AttractorAnalysis) -> Fit:
-    """Return the fit with a deviation that includes regions, embeddings and the calibrated error."""
-    assert found.slope is not None
-    region = float(found.statistics["spread over regions"])
-    value, values = found.slope.value, others.values
+            # The exponent is the limit of small distances. Without chaos the slope falls with the radius.
+            change = value - fit.slope.value
+    region = float(fit.statistics["spread over regions"])
     turn, duration = mean_turn(problem.series), len(problem.series) * problem.period
-    # The exponent is the limit of small distances. Without chaos the slope falls with the radius.
-    change = 0.0 if others.finer is None else others.finer - value
-    slope = widened_exponent(found.slope, region, values, turn, duration, change)
-    statistics = {**found.statistics, **describe_variants(slope, values)}
-    return replace(found, slope=slope, statistics=statistics)
+    slope = widened_exponent(fit.slope, region, values, turn, duration, change)
+    return replace(
+        fit, slope=slope, statistics={**fit.statistics, **describe_variants(slope, values)}
+    )
 
 
 _NONE = "no exponent: {}"
@@ -382,10 +364,9 @@ class Rosenstein(AttractorBackend):
             return None
         if fit.slope is not None and (low is None or high is None):
             open_search = replace(search, low=None, high=None, radius=fit.slope.radius)
-            others = other_exponents(problem, embedding, open_search)
-            if others is None:
+            fit = widen_exponent(fit, open_search, embedding, problem)
+            if fit is None:
                 return None
-            fit = widen_exponent(fit, others, problem)
         return Finding(embedding.plan(exponent=fit.slope), fit.statistics, fit.message)
 
 
