@@ -78,8 +78,8 @@ def animate_search(
     ----------
     model : BlackBoxMinimisation
         Model whose function is a :class:`~crosstrack.models.black_box.WaypointPath`.
-    incumbents : sequence of Incumbent
-        Incumbents in order: ``met`` after ``solve(model, "iafsa", on_incumbent=met.append)``.
+    incumbents : sequence of Incumbent or Event
+        Incumbents in order: ``met`` after ``solve(model, "iafsa", on_event=met.append)``.
     frames : int
         Largest number of frames, at least 2; if there are more improvements, some are omitted.
     interval : float
@@ -105,9 +105,12 @@ def animate_search(
     function = path_function(required("model", model, BlackBoxMinimisation))
     stage = kit.Stage(model, title, size, frames, interval)
     plain = isinstance(incumbents, list | tuple)
+    if plain:  # other events have no incumbent
+        parts = [getattr(item, "incumbent", item) for item in incumbents]
+        incumbents = [part for part in parts if part is not None]
     if not plain or not incumbents or not all(hasattr(line, "plan") for line in incumbents):
         raise InvalidData(
-            "incumbents must be a list of at least one, as on_incumbent is given them, got "
+            "incumbents must be a list of at least one, as on_event receives them, got "
             f"{show(incumbents)}",
             field="incumbents",
         )

@@ -324,3 +324,11 @@ def test_what_no_animation_shows(walled):
         animate_search(model, [], frames=1)
     with pytest.raises(InvalidData, match="function must be a WaypointPath"):
         animate_search(BlackBoxMinimisation("sphere", [[0, 1]]), [])
+
+
+def test_the_animation_takes_the_events_of_a_run(walled):
+    events = []
+    ct.solve(walled[0], "random-search", seed=3, evaluations=600, on_event=events.append)
+    animation = animate_search(walled[0], events, frames=2, size=(3, 3))
+    assert len(list(animation.new_frame_seq())) == 2
+    animation._draw_was_started = True
