@@ -1,1 +1,1 @@
-"""What a backend is and returns: request, answer, solution, limits, registry, verdict."""
+"""Contract of backends: request, answer, solution, limits, registry and verdict."""
