@@ -31,7 +31,6 @@ __all__ = [
     "Spec",
     "Text",
     "Whole",
-    "count_rows",
     "declared",
     "frozen",
     "required",

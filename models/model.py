@@ -212,14 +212,11 @@ class Model(Declared, ABC, Generic[PlanT]):
                 raise InvalidData(
                     f"key {key!r} is missing: a model is {{'model', 'data'}}", field=key
                 )
-        if not isinstance(data["model"], str):
-            raise InvalidData(f"model must be a string, got {show(data['model'])}", field="model")
-        name = data.get("name", "")
-        if not isinstance(name, str):
-            raise InvalidData(f"name must be a string, got {show(name)}", field="name")
+        kind = Text().coerce("model", data["model"], {})
+        name = Text().coerce("name", data.get("name", ""), {})
         token = TRUSTED.set(trusted)
         try:
-            result: Model[Any] = model_type(data["model"]).from_data(data["data"], name=name)
+            result: Model[Any] = model_type(kind).from_data(data["data"], name=name)
         finally:
             TRUSTED.reset(token)
         return result

@@ -44,21 +44,10 @@ class PathModel(Protocol):
 
 
 def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
-    """Return the depth of a polyline in a blocked cell or outside the map.
+    """Return the depth of a polyline in a blocked cell or outside the map, and its segment.
 
-    Parameters
-    ----------
-    grid : GridMap
-        Map of free and blocked cells.
-    path : ndarray, shape (k, 2)
-        Points x, y in cells. The map's corner is (0, 0).
-
-    Returns
-    -------
-    depth : float
-        Maximum depth in cells, at most 1/2 inside the map.
-    segment : int
-        Index of the segment with this depth.
+    The points of `path` are x, y in cells, shape (k, 2); the map's corner is (0, 0). The depth is in cells,
+    at most 1/2 inside the map.
     """
     rows, columns = grid.shape
     outside = np.maximum(-path, path - [columns, rows]).max(axis=1)

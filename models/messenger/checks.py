@@ -25,20 +25,10 @@ UNDECIDABLE = "not decidable in double precision"
 
 
 def integrated(plan: TourPlan, turning_radius: float) -> Floats:
-    """Return the poses at the ends of the primitives, each integrated from the previous one.
+    """Return the poses at the ends of the k primitives, each integrated from the previous one.
 
-    Parameters
-    ----------
-    plan : TourPlan
-        The tour.
-    turning_radius : float
-        Turning radius, in m. With 0, the UAV turns on the spot to the heading of the next
-        primitive.
-
-    Returns
-    -------
-    ndarray, shape (k + 1, 3)
-        x, y (m) and heading (rad), at the start and after each of the k primitives.
+    The poses are x, y (m) and heading (rad), shape (k + 1, 3), at the start and after each primitive. With a
+    turning radius (m) of 0, the UAV turns on the spot to the heading of the next primitive.
     """
     pieces = plan.primitives
     lengths = np.array([primitive.length for primitive in pieces])

@@ -17,59 +17,25 @@ WINDOW = 1.0
 
 @np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
 def mean_error(recording: Recording, sideslip: Floats, other: Floats) -> float:
-    """Return the mean absolute difference of two angles over the samples at 1 m/s or more, in degrees.
-
-    Parameters
-    ----------
-    recording : Recording
-        The drive, which determines the samples that count.
-    sideslip, other : ndarray, shape (n,)
-        Angles, rad.
-
-    Returns
-    -------
-    float
-        The mean difference, degrees.
-    """
+    """Return the mean absolute difference of two angles (rad, shape (n,)) in degrees, at 1 m/s or more."""
     return float(np.degrees(np.abs(sideslip - other)[recording.moving].mean()))
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def kinematic_error(recording: Recording, sideslip: Floats) -> float:
-    """Return the mean error of the angle's changes relative to kinematics, in degrees.
+    """Return the mean error of the angle's changes (rad, shape (n,)) relative to kinematics, in degrees.
 
     On a level road ``dβ/dt = a/u - ω`` holds for small angles and any tyres. The change over one second is
     compared with the integral of the measurements by the trapezoidal rule, averaged over all
-    seconds without a halt. A recording shorter than one second is compared as a whole.
-
-    Parameters
-    ----------
-    recording : Recording
-        The drive.
-    sideslip : ndarray, shape (n,)
-        Estimated angle, rad.
-
-    Returns
-    -------
-    float
-        The mean error, degrees; 0 if the vehicle never moves at two consecutive samples.
+    seconds without a halt. A recording shorter than one second is compared as a whole. The error is 0 if the
+    vehicle never moves at two consecutive samples.
     """
     apart, _, _ = kinematic_differences(recording, sideslip)
     return float(np.degrees(np.abs(apart).mean())) if apart.size else 0.0
 
 
 def kinematic_rate(recording: Recording) -> Floats:
-    """Return the measured rate of the angle, ``a/u - ω``, in rad/s; ``-ω`` below 1 m/s.
-
-    Parameters
-    ----------
-    recording : Recording
-        The drive.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return the measured rate of the angle, ``a/u - ω``, rad/s, shape (n,); ``-ω`` below 1 m/s."""
     rate = recording.lateral_acceleration / np.where(recording.moving, recording.speed, np.inf)
     return np.asarray(rate - recording.yaw_rate)
 
@@ -80,22 +46,9 @@ def kinematic_differences(
 ) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
     """Return the estimated minus the measured change of the angle over each second without a halt.
 
-    If every second contains a halt, neighbouring samples are compared. The result is empty if the vehicle never
-    moves at two consecutive samples.
-
-    Parameters
-    ----------
-    recording : Recording
-        The drive.
-    sideslip : ndarray, shape (n,)
-        Estimated angle, rad.
-
-    Returns
-    -------
-    differences : ndarray, shape (m,)
-        Differences of the changes, rad.
-    first, last : ndarray, shape (m,)
-        Indices of the first and the last sample of each interval.
+    The result is the differences (rad), and the indices of the first and the last sample of each interval,
+    all of shape (m,). If every second contains a halt, neighbouring samples are compared. The result is empty
+    if the vehicle never moves at two consecutive samples.
     """
     times, moving = recording.times, recording.moving
     rate = kinematic_rate(recording)

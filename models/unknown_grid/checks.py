@@ -35,17 +35,7 @@ class Replay(NamedTuple):
 
 
 def replay(blocked: Truths, start: tuple[int, int], actions: str) -> Replay:
-    """Return the positions and collisions that `actions` cause on a map.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        True map.
-    start : tuple of int
-        Row and column of a free cell.
-    actions : str
-        Letters U, D, L and R.
-    """
+    """Return the positions and collisions that `actions` (letters U, D, L, R) cause on a map, true if blocked."""
     rows, columns = blocked.shape
     row, column = start
     positions, collided = [(row, column)], []
@@ -63,15 +53,7 @@ def replay(blocked: Truths, start: tuple[int, int], actions: str) -> Replay:
 
 
 def has_way(blocked: Truths, start: tuple[int, int], target: tuple[int, int]) -> bool:
-    """Return whether a path over free cells connects two cells.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        Map, true if blocked.
-    start, target : tuple of int
-        Row and column of free cells.
-    """
+    """Return whether a path over free cells of a map, true if blocked, connects two free cells."""
     from scipy.ndimage import label
 
     parts, _ = label(~blocked)
