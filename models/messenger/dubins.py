@@ -18,9 +18,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from ...errors import InvalidData
 from ...jit import kernel
 
 __all__ = [
@@ -30,8 +28,6 @@ __all__ = [
     "R",
     "S",
     "advance",
-    "dubins_length",
-    "dubins_path",
     "relaxed",
     "relaxed_length",
     "shortest",
@@ -51,7 +47,6 @@ ROUNDING = 4e-15
 #: Tolerance below a full circle, in rad, within which a turn is set to 0.
 NO_TURN = 1e-12
 
-Floats = NDArray[np.float64]
 Length3 = tuple[float, float, float]
 
 
@@ -218,13 +213,20 @@ def outside(u: float, v: float, r: float, slack: float) -> float:
 
 
 @kernel
-def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float:
-    """Return the turning angle of LS to (`u`, `v`); `b` is the length of the straight line."""
+def tangent(u: float, v: float, b: float, r: float) -> tuple[float, float]:
+    """Return sine and cosine, up to a factor, of the turn of LS to (`u`, `v`) with a line of length `b`."""
     rise = r * (u - b) + v * b
     if u > 0.0:  # without cancellation: u² - b² = v (2 r - v)
         rise = r * min(v * (2.0 * r - v) / (u + b), u) + v * b
+    return rise, u * b + r * (r - v)
+
+
+@kernel
+def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float:
+    """Return the turning angle of LS to (`u`, `v`); `b` is the length of the straight line."""
+    rise, run = tangent(u, v, b, r)
     tolerance = NO_TURN + slack / (b + r) if b + r > 0.0 else NO_TURN
-    return turn(math.atan2(rise, u * b + r * (r - v)), tolerance)
+    return turn(math.atan2(rise, run), tolerance)
 
 
 @kernel
@@ -265,20 +267,7 @@ def relaxed(
 
     To a point on the left the path is LS. If the point is inside the left turning circle, the path
     is RL with a second turn of more than half a circle. Points on the right use the mirror image.
-
-    Parameters
-    ----------
-    x0, y0, h0 : float
-        Start: coordinates (m) and heading (rad).
-    x1, y1 : float
-        Target (m).
-    r : float
-        Turning radius (m), at least 0.
-
-    Returns
-    -------
-    tuple of float, float, int
-        Lengths of the two primitives, and the row of :data:`RELAXED_WORDS`.
+    The parameters are those of :func:`shortest`; the word is a row of :data:`RELAXED_WORDS`.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     return relaxed_local(u, v, r, slack)
@@ -321,96 +310,3 @@ def advance(x: float, y: float, h: float, s: float, sign: int, r: float) -> Leng
     half = 0.5 * sign * s / r
     chord = 2.0 * r * math.sin(0.5 * s / r)
     return x + chord * math.cos(h + half), y + chord * math.sin(h + half), h + 2.0 * half
-
-
-@kernel(interpretable=True)
-def _all_shortest(
-    start: Floats, end: Floats, radius: Floats, lengths: Floats, words: NDArray[np.int64]
-) -> None:
-    """Fill `lengths` (n, 3) and `words` (n,) with the shortest paths between rows (n, 3)."""
-    for i in range(len(start)):
-        a, b, c, word = shortest(
-            start[i, 0], start[i, 1], start[i, 2], end[i, 0], end[i, 1], end[i, 2], radius[i]
-        )
-        lengths[i, 0], lengths[i, 1], lengths[i, 2], words[i] = a, b, c, word
-
-
-def _shortest_paths(
-    start: ArrayLike, end: ArrayLike, r: ArrayLike
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Return lengths, shape (…, 3), and words, shape (…), for arguments broadcast to each other."""
-    first, last = np.asarray(start, float), np.asarray(end, float)
-    radius = np.asarray(r, float)
-    for name, ends in (("start", first), ("end", last)):
-        if ends.shape[-1:] != (3,) or not np.isfinite(ends).all():
-            raise InvalidData(
-                f"{name} must be finite x, y, heading along the last axis; got {ends}"
-            )
-    if not (np.isfinite(radius).all() and (radius >= 0.0).all()):
-        raise InvalidData(f"r must be finite and 0 or above; got {radius}")
-    shape = np.broadcast_shapes(first.shape[:-1], last.shape[:-1], radius.shape)
-    first, last = (
-        np.ascontiguousarray(np.broadcast_to(ends, (*shape, 3))).reshape(-1, 3)
-        for ends in (first, last)
-    )
-    radius = np.ascontiguousarray(np.broadcast_to(radius, shape)).reshape(-1)
-    lengths, words = np.empty((len(first), 3)), np.empty(len(first), np.int64)
-    _all_shortest(first, last, radius, lengths, words)
-    return lengths.reshape(*shape, 3), words.reshape(shape)
-
-
-def dubins_length(start: ArrayLike, end: ArrayLike, r: ArrayLike) -> Floats:
-    """Return the lengths of the shortest paths between configurations.
-
-    Parameters
-    ----------
-    start, end : array_like, shape (…, 3)
-        x, y (m) and heading (rad); leading axes broadcast, also against `r`.
-    r : array_like
-        Turning radius (m), at least 0.
-
-    Returns
-    -------
-    ndarray, shape (…)
-        Lengths (m).
-
-    Raises
-    ------
-    InvalidData
-        A configuration is not finite or not of three numbers, or a radius is negative.
-    """
-    lengths, _ = _shortest_paths(start, end, r)
-    total: Floats = lengths.sum(axis=-1)
-    return total
-
-
-def dubins_path(start: ArrayLike, end: ArrayLike, r: float) -> list[tuple[str, float]]:
-    """Return the shortest path between two configurations as primitives with their lengths (m).
-
-    Primitives of length 0 are omitted.
-
-    Parameters
-    ----------
-    start, end : array_like, shape (3,)
-        x, y (m) and heading (rad).
-    r : float
-        Turning radius (m), at least 0.
-
-    Returns
-    -------
-    list of (str, float)
-        ``"L"``, ``"S"`` or ``"R"``, and the length.
-
-    Raises
-    ------
-    InvalidData
-        A configuration is not finite or not of three numbers, or the radius is negative.
-    """
-    lengths, words = _shortest_paths(start, end, r)
-    if words.ndim:
-        raise InvalidData(f"start, end and r must describe one path; got shape {words.shape}")
-    return [
-        ("RSL"[sign + 1], float(length))
-        for sign, length in zip(WORDS[words], lengths, strict=True)
-        if length > 0.0
-    ]

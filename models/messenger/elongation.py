@@ -34,9 +34,9 @@ from __future__ import annotations
 import math
 
 from ...jit import kernel
-from .dubins import FULL, NO_TURN, L, R, S, local, outside, relaxed_local, right_left
+from .dubins import FULL, NO_TURN, L, R, S, local, outside, relaxed_local, right_left, tangent
 
-__all__ = ["elongated", "gap"]
+__all__ = ["elongated", "gap_local", "has_gap", "left_straight_whole", "reachable"]
 
 #: Families of paths by their first part: S then L, S then R, R then L.
 TOWARDS, AWAY, FIRST_AWAY = 0, 1, 2
@@ -53,10 +53,7 @@ def left_straight_whole(u: float, v: float, r: float) -> tuple[float, float, flo
     Unlike :func:`.dubins.left_straight`, it returns a full circle if rounding yields one.
     """
     b = math.sqrt(max(u * u + v * v - 2.0 * r * v, 0.0))
-    rise = r * (u - b) + v * b
-    if u > 0.0:
-        rise = r * min(v * (2.0 * r - v) / (u + b), u) + v * b
-    run = u * b + r * (r - v)
+    rise, run = tangent(u, v, b, r)
     angle = math.atan2(rise, run)
     size = math.sqrt(rise * rise + run * run)
     return angle if angle >= 0.0 else angle + FULL, b, run / size if size > 0.0 else 1.0
@@ -132,7 +129,10 @@ def has_gap(u: float, v: float, r: float, slack: float) -> bool:
 
 @kernel
 def gap_local(u: float, v: float, r: float, slack: float) -> tuple[float, float]:
-    """Return :func:`gap` for the origin with heading 0 and the target (`u`, `v`)."""
+    """Return the open interval of lengths above the shortest that no path to (`u`, `v`) attains.
+
+    The path begins at the origin with heading 0. The ends are inf if every length is attained.
+    """
     v = abs(v)
     if not has_gap(u, v, r, slack):
         return math.inf, math.inf
@@ -150,28 +150,6 @@ def reachable(u: float, v: float, r: float, d: float, slack: float) -> bool:
     low, high = gap_local(u, v, r, slack)
     slight = NO_TURN * (d + r) + slack
     return d >= first + second - slight and (d <= low + slight or d >= high - slight)
-
-
-@kernel(interpretable=True)
-def gap(x0: float, y0: float, h0: float, x1: float, y1: float, r: float) -> tuple[float, float]:
-    """Return the open interval of lengths (m) above the shortest that no path to a point attains.
-
-    Parameters
-    ----------
-    x0, y0, h0 : float
-        Start: coordinates (m) and heading (rad).
-    x1, y1 : float
-        Target (m); the final heading is free.
-    r : float
-        Turning radius (m), at least 0.
-
-    Returns
-    -------
-    low, high : float
-        Ends of the interval (m); inf if every length is attained.
-    """
-    u, v, slack = local(x0, y0, h0, x1, y1, r)
-    return gap_local(u, v, r, slack)
 
 
 @kernel(interpretable=True)

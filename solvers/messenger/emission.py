@@ -144,22 +144,9 @@ def cut(
 ) -> TourPlan:
     """Return the plan of a path, with its primitives cut at the encounters.
 
-    Parameters
-    ----------
-    problem : MessengerTour
-        The model.
-    start : sequence of 3 float
-        x, y (m), heading (rad).
-    path : iterable of (int, float, float)
-        Sign of the curvature and length (m) of each primitive, and its heading (rad) if the UAV
-        turns on the spot.
-    stops : dict of int to float
-        Length flown (m) at the encounter with each vehicle. An open tour ends at the last one.
-
-    Returns
-    -------
-    TourPlan
-        The plan.
+    `path` contains the sign of the curvature and the length (m) of each primitive, and its heading
+    (rad) if the UAV turns on the spot. `stops` contains the length flown (m) at the encounter with
+    each vehicle; an open tour ends at the last one.
     """
     r, speed = problem.turning_radius, problem.speed
     order = sorted(stops, key=lambda i: (stops[i], i))

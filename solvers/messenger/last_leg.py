@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.messenger.dubins import advance, dubins_path
+from ...models.messenger.dubins import WORDS, advance, shortest
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import SIGNS, Primitive, TourPlan
 from .emission import cut
@@ -148,7 +148,8 @@ def fly_to_rims(
         missed[target] = False
         stops.setdefault(target, flown)
     if problem.closed:
-        path += [(int(SIGNS[turn]), part, None) for turn, part in dubins_path(pose, start, r)]
+        *parts, word = shortest(*pose, *start, r)
+        path += [(sign, part, None) for sign, part in zip(WORDS[word].tolist(), parts, strict=True)]
     return cut(problem, start, path, stops)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -42,14 +41,9 @@ FINE = 1e-2
 class _Point(NamedTuple):
     """Iterate of the method: a tour in m and rad, relative to the start of the original plan.
 
-    Parameters
-    ----------
-    states : ndarray, shape (k + 1, 4)
-        x, y, heading and length flown at the start and at the end of each leg.
-    signs, lengths : ndarray, shape (k, 3)
-        Sign of the curvature, and length, of each primitive.
-    costs : ndarray, shape (k, 3, 3), optional
-        Result of :func:`_costs` at a local optimum.
+    `states`, shape (k + 1, 4), are x, y, heading and length flown at the start and at the end of
+    each leg. `signs` and `lengths`, shape (k, 3), describe the primitives. `costs` is the result of
+    :func:`_costs` at a local optimum.
     """
 
     states: Floats
@@ -63,9 +57,7 @@ class _Point(NamedTuple):
         return float(self.states[-1, 3])
 
 
-def polish(
-    problem: MessengerTour, plan: TourPlan, request: Request, *, seconds: float | None = None
-) -> TourPlan:
+def polish(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan:
     """Return a verified tour of the same order that is at most as long as `plan`.
 
     Lengths and encounters move to a local optimum for the words of the legs, with three primitives
@@ -81,8 +73,6 @@ def polish(
         if the turning radius is 0, Ipopt optimises the lengths for the given words.
     request : Request
         The run that provides clock and stop flag.
-    seconds : float, optional
-        Time limit, in s, in addition to that of the run.
 
     Returns
     -------
@@ -91,9 +81,7 @@ def polish(
     """
     words = _three(problem, plan) if problem.turning_radius > 0 else None
     if words is None:
-        return _by_program(problem, plan, request, seconds)
-    limits = [limit for limit in (request.left(), seconds) if limit is not None]
-    end = time.perf_counter() + min(limits, default=math.inf)
+        return _by_program(problem, plan, request)
     field = _Field(problem, plan)
     point = field.point(words)
     optimum = field.solved(point) or field.solved(point, near=True)
@@ -102,7 +90,7 @@ def polish(
     optima = [optimum]
     while len(optima) <= ROUNDS:
         for point in _other(optima[-1], problem.turning_radius):
-            if time.perf_counter() > end or request.control.stopped:
+            if request.left() == 0.0 or request.control.stopped:
                 return field.best(optima)
             optimum = field.solved(point)
             if optimum is not None and optimum.length < optima[-1].length * (1.0 - GAIN):
@@ -279,15 +267,13 @@ def _other(optimum: _Point, r: float) -> Iterator[_Point]:
             yield optimum._replace(signs=candidate, lengths=rest)
 
 
-def _by_program(
-    problem: MessengerTour, plan: TourPlan, request: Request, seconds: float | None
-) -> TourPlan:
+def _by_program(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan:
     """Return the result of Ipopt for the program fitted to `plan`, or `plan` if it is not better."""
     from ..contract.registry import find_backend
 
     fitted = problem.formulate("primitives").fitted(plan)
     answer = request.within(
-        find_backend("ipopt"), fitted.program, time_limit=seconds, warm_start=fitted.encode(plan),
+        find_backend("ipopt"), fitted.program, warm_start=fitted.encode(plan),
         # With an adaptive barrier strategy, one program in ten failed to converge (measured).
         options={"mu_strategy": "monotone"},
     )  # fmt: skip

@@ -3,10 +3,31 @@
 import math
 
 import numpy as np
+from numba import njit
 
 from crosstrack.models.messenger import Primitive, TourPlan
+from crosstrack.models.messenger.dubins import shortest
 
 TURNS = {"L": 1.0, "R": -1.0}
+
+
+@njit  # not cached: a cache would be stale after changes of the callees
+def fill_lengths(start, end, radius, lengths):
+    for i in range(len(start)):
+        a, b, c, _ = shortest(
+            start[i, 0], start[i, 1], start[i, 2], end[i, 0], end[i, 1], end[i, 2], radius[i]
+        )
+        lengths[i] = a + b + c
+
+
+def shortest_lengths(start, end, r):
+    """Return the lengths of the shortest paths between configurations, which broadcast."""
+    start, end, r = np.asarray(start, float), np.asarray(end, float), np.asarray(r, float)
+    shape = np.broadcast_shapes(start.shape[:-1], end.shape[:-1], r.shape)
+    start, end = (np.broadcast_to(part, (*shape, 3)).reshape(-1, 3).copy() for part in (start, end))
+    lengths = np.empty(len(start))
+    fill_lengths(start, end, np.broadcast_to(r, shape).ravel(), lengths)
+    return lengths.reshape(shape)
 
 
 def toward(pose, place, radius, turn):

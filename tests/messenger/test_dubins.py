@@ -8,15 +8,13 @@ import math
 import mpmath
 import numpy as np
 import pytest
+from messenger.flights import shortest_lengths
 from numba import njit
 
-from crosstrack.errors import InvalidData
 from crosstrack.models.messenger.dubins import (
     RELAXED_WORDS,
     WORDS,
     advance,
-    dubins_length,
-    dubins_path,
     relaxed,
     relaxed_length,
     shortest,
@@ -131,13 +129,13 @@ def test_shortest_lengths_are_those_of_ompl(tmp_path, run_python):
     np.save(tmp_path / "rows.npy", rows)
     run_python("-c", OMPL, "rows.npy", cwd=tmp_path)
     theirs = np.load(tmp_path / "rows.npy")
-    ours = dubins_length(rows[:, :3], rows[:, 3:6], rows[:, 6])
+    ours = shortest_lengths(rows[:, :3], rows[:, 3:6], rows[:, 6])
     np.testing.assert_allclose(ours, theirs, rtol=1e-12)
 
 
 def test_wild_lengths_are_those_of_long_numbers():
     rows, radius = wild(np.random.default_rng(3), 100)
-    ours = dubins_length(rows[:, :3], rows[:, 3:], radius)
+    ours = shortest_lengths(rows[:, :3], rows[:, 3:], radius)
     exact = [exact_lengths(row, r) for row, r in zip(rows, radius, strict=True)]
     np.testing.assert_allclose(ours, exact, rtol=1e-14)
 
@@ -169,22 +167,22 @@ def test_a_path_to_a_point_is_the_best_over_end_headings():
 @pytest.mark.parametrize("place", [(0.0, 0.0), (1e7, -3e6), (1e-3, 2e-3)])
 def test_equal_ends_have_length_0(radius, heading, place):
     start = (*place, heading)
-    assert dubins_length(start, start, radius) == 0.0
-    assert dubins_path(start, start, radius) == []
+    assert shortest_lengths(start, start, radius) == 0.0
+    assert shortest(*start, *start, radius)[:3] == (0.0, 0.0, 0.0)
     assert relaxed_length(*start, *place, radius) == 0.0
 
 
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 1e4])
-@pytest.mark.parametrize("turn_loss", [1e-15, -1e-15])
+@pytest.mark.parametrize("turned", [1e-15, -1e-15])
 def test_rounding_makes_no_full_circle(radius, turned):
     """Straight ahead, along an arc, and from an arc, with errors in the last bits of the coordinates."""
     h = 0.7
     ahead = (1e6 + 5 * math.cos(h), -2e6 + 5 * math.sin(h), h + turned)
-    assert dubins_length((1e6, -2e6, h), ahead, radius) == pytest.approx(5, abs=1e-8)
+    assert shortest_lengths((1e6, -2e6, h), ahead, radius) == pytest.approx(5, abs=1e-8)
     assert relaxed_length(1e6, -2e6, h, *ahead[:2], radius) == pytest.approx(5, abs=1e-8)
     for angle in (0.5, 3.0, 6.0):
         end = advance(1e6, -2e6, h, radius * angle, 1, radius)
-        length = dubins_length((1e6, -2e6, h), (end[0], end[1], end[2] + turned), radius)
+        length = shortest_lengths((1e6, -2e6, h), (end[0], end[1], end[2] + turned), radius)
         assert length == pytest.approx(radius * angle, abs=1e-7 + 1e-7 * radius)
 
 
@@ -193,15 +191,17 @@ def test_lengths_scale_with_the_plane():
     scale = 2.0**30  # a power of two keeps every bit
     larger = rows.copy()
     larger[:, [0, 1, 3, 4]] *= scale
-    ours = dubins_length(rows[:, :3], rows[:, 3:], radius)
-    np.testing.assert_array_equal(dubins_length(larger[:, :3], larger[:, 3:], radius * scale), ours * scale)  # fmt: skip
+    ours = shortest_lengths(rows[:, :3], rows[:, 3:], radius)
+    np.testing.assert_array_equal(shortest_lengths(larger[:, :3], larger[:, 3:], radius * scale), ours * scale)  # fmt: skip
 
 
 def test_with_radius_0_paths_are_straight():
     rows, _ = wild(np.random.default_rng(7), 2000)
     straight = np.hypot(rows[:, 3] - rows[:, 0], rows[:, 4] - rows[:, 1])
-    np.testing.assert_allclose(dubins_length(rows[:, :3], rows[:, 3:], 0.0), straight, rtol=1e-14)
-    assert [name for name, _ in dubins_path((0, 0, 0), (-1, 1, 2), 0.0)] == ["S"]
+    np.testing.assert_allclose(
+        shortest_lengths(rows[:, :3], rows[:, 3:], 0.0), straight, rtol=1e-14
+    )
+    assert shortest(0.0, 0.0, 0.0, -1.0, 1.0, 2.0, 0.0)[:3] == (0.0, math.sqrt(2.0), 0.0)
 
 
 def test_interpreted_kernels_give_the_same_bits():
@@ -209,28 +209,3 @@ def test_interpreted_kernels_give_the_same_bits():
     for row, r in zip(rows.tolist(), radius.tolist(), strict=True):
         for function, arguments in ((shortest, (*row, r)), (relaxed, (*row[:5], r))):
             assert function.py_func(*arguments) == function.dispatcher(*arguments)
-
-
-def test_configurations_broadcast():
-    start = np.zeros((4, 1, 3))
-    end = np.random.default_rng(9).uniform(-3, 3, (5, 3))
-    lengths = dubins_length(start, end, np.array([[1.0], [2.0], [0.5], [0.0]]))
-    assert lengths.shape == (4, 5)
-    pieces = dubins_path(start[0, 0], end[2], 2.0)
-    assert math.fsum(length for _, length in pieces) == pytest.approx(lengths[1, 2], rel=1e-15)
-    assert {name for name, _ in pieces} <= set("LSR")
-
-
-@pytest.mark.parametrize(
-    ("start", "end", "radius", "message"),
-    [
-        ((0, 0, math.nan), (1, 1, 1), 1.0, "start must be finite"),
-        ((0, 0, 0), (1, 1), 1.0, "end must be finite x, y, heading"),
-        ((0, 0, 0), (1, 1, 1), -1.0, "r must be finite and 0 or above; got -1.0"),
-        ((0, 0, 0), (1, 1, 1), math.inf, "r must be finite"),
-        ((0, 0, 0), [(1, 1, 1)], 1.0, "must describe one path"),
-    ],
-)
-def test_bad_configurations_are_named(start, end, radius, message):
-    with pytest.raises(InvalidData, match=message):
-        dubins_path(start, end, radius)

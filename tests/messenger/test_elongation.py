@@ -9,8 +9,15 @@ import pytest
 from numba import njit
 from scipy.optimize import minimize
 
-from crosstrack.models.messenger.dubins import advance, relaxed_length
-from crosstrack.models.messenger.elongation import elongated, gap
+from crosstrack.models.messenger.dubins import advance, local, relaxed_length
+from crosstrack.models.messenger.elongation import elongated, gap_local
+
+
+@njit
+def gap(x0, y0, h0, x1, y1, r):
+    """Return the open interval of lengths above the shortest that no path to a point attains."""
+    u, v, slack = local(x0, y0, h0, x1, y1, r)
+    return gap_local(u, v, r, slack)
 
 
 @njit  # not cached: a cache would be stale after changes of the callees
@@ -191,4 +198,5 @@ def test_interpreted_kernels_give_the_same_bits():
     wanted = lengths_of(np.random.default_rng(17), *known.T, radius)
     for row, r, d in zip(rows.tolist(), radius.tolist(), wanted.tolist(), strict=True):
         assert elongated.py_func(*row, r, d) == elongated.dispatcher(*row, r, d)
-        assert gap.py_func(*row, r) == gap.dispatcher(*row, r)
+        u, v, slack = local(*row, r)
+        assert gap_local.py_func(u, v, r, slack) == gap_local.dispatcher(u, v, r, slack)

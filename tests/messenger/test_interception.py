@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from messenger.flights import shortest_lengths
 from numba import njit
 
-from crosstrack.models.messenger.dubins import dubins_length, relaxed_length, word_lengths
+from crosstrack.models.messenger.dubins import relaxed_length, word_lengths
 from crosstrack.models.messenger.elongation import elongated
 from crosstrack.models.messenger.interception import intercept, intercept_heading
 
@@ -118,7 +119,7 @@ def test_a_point_at_rest_is_met_by_the_shortest_path():
     for x, y, h, t0, px, py, _, _, _, r, h1 in cases.tolist():
         way = relaxed_length(x, y, h, px, py, r)
         assert intercept(x, y, h, t0, px, py, 0.0, 0.0, 3.0, r) == pytest.approx(t0 + way / 3)
-        whole = dubins_length((x, y, h), (px, py, h1), r)
+        whole = shortest_lengths((x, y, h), (px, py, h1), r)
         t, word = intercept_heading(x, y, h, t0, px, py, 0.0, 0.0, h1, 3.0, r)
         assert t == pytest.approx(t0 + whole / 3, rel=1e-13)
         assert sum(word_lengths(x, y, h, px, py, h1, r, word)) == pytest.approx(whole, rel=1e-13)

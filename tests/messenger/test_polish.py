@@ -285,7 +285,7 @@ def test_polish_reverses_turns_if_that_is_shorter():
 def test_time_and_stop_leave_the_start_or_better():
     model = drawn(3, n=6)
     start = guess_tour(model, None, None)
-    found = polish(model, start, Request(), seconds=0.0)
+    found = polish(model, start, Request(time_limit=0.0))
     assert found.length <= start.length
     request = Request()
     request.control.stop(Limit.INTERRUPTED)

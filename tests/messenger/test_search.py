@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from listening import incumbents
+from messenger.flights import shortest_lengths
 from numpy.random import default_rng
 
 import crosstrack as ct
@@ -13,7 +14,6 @@ from crosstrack import jit
 from crosstrack.instances.messenger import generate
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.checks import integrated
-from crosstrack.models.messenger.dubins import dubins_length
 from crosstrack.solvers.messenger import search
 from crosstrack.solvers.messenger.chain import arrive
 from crosstrack.solvers.messenger.emission import Chain, cut
@@ -92,7 +92,7 @@ def legs_are_possible(model, plan):
     lengths = np.array([one.length for one in plan.primitives])
     for leg in np.unique(legs):
         at = np.flatnonzero(legs == leg)
-        least = dubins_length(poses[at[0]], poses[at[-1] + 1], model.turning_radius)
+        least = shortest_lengths(poses[at[0]], poses[at[-1] + 1], model.turning_radius)
         size = lengths[at].sum() + np.abs(poses[:, :2]).max()
         if model.turning_radius > 0:
             # Because of rounding, a turn of angle 0 may become a full circle.
@@ -137,10 +137,10 @@ def test_at_points_at_rest_it_beats_a_grid_of_headings(seed, closed):
         poses, lengths = np.array([model.start]), np.zeros(1)
         for i in order:
             new = np.column_stack([np.tile(model.positions[i], (48, 1)), headings])
-            legs = dubins_length(poses[:, None], new[None], model.turning_radius)
+            legs = shortest_lengths(poses[:, None], new[None], model.turning_radius)
             poses, lengths = new, (lengths[:, None] + legs).min(axis=0)
         if closed:
-            lengths = lengths + dubins_length(poses, model.start, model.turning_radius)
+            lengths = lengths + shortest_lengths(poses, model.start, model.turning_radius)
         best = min(best, lengths.min())
     found = searched(model, steps=800, patience=3)
     assert found.primal_bound <= best * (1 + 1e-9)
