@@ -119,6 +119,14 @@ class Piecewise:
                 result[k] = shared
         return tuple(result)
 
+    @cached_property
+    def _tables(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[Floats]]:
+        """Group of each interval in :attr:`alike`, its place in the group, and the groups' values."""
+        group, place = np.empty((2, self.intervals), np.int64)
+        for number, rows in enumerate(self.alike):
+            group[rows], place[rows] = number, np.arange(rows.size)
+        return group, place, [np.stack([self.values[k] for k in rows]) for rows in self.alike]
+
     def _cut(self, values: Floats) -> Floats:
         if self.lower is None and self.upper is None:
             return values
@@ -133,15 +141,13 @@ class Piecewise:
     def at(self, intervals: NDArray[np.int64], points: Floats) -> Floats:
         """Return the values at positions `points` in [-1, 1] of `intervals`, shape (points, size)."""
         result = np.empty((points.size, self.size))
-        group, place = np.empty((2, self.intervals), np.int64)
-        for number, rows in enumerate(self.alike):
-            group[rows], place[rows] = number, np.arange(rows.size)
-        for number, rows in enumerate(self.alike):
+        group, place, tables = self._tables
+        for number in np.unique(group[intervals]):
             chosen = np.flatnonzero(group[intervals] == number)
-            first = rows[0]
+            first = self.alike[number][0]
             matrix = interpolation(self.nodes[first], points[chosen], self.weights[first])
-            table = np.stack([self.values[k] for k in rows])[place[intervals[chosen]]]
-            result[chosen] = (matrix[:, None, :] @ table)[:, 0]
+            values = tables[number][place[intervals[chosen]]]
+            result[chosen] = (matrix[:, None, :] @ values)[:, 0]
         return self._cut(result)
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Floats:
