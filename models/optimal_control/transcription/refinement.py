@@ -99,22 +99,10 @@ class History:
 class Finding:
     """Assessment of a plan on its meshes, and the resulting action.
 
-    Parameters
-    ----------
-    meshes : tuple of Mesh, optional
-        Finer meshes; None if the plan is good enough, or no finer mesh is possible.
-    error : float
-        Largest relative error or violation of an interval.
-    words : str
-        Action and reason.
-    change : float
-        Relative difference of the objective from that of the last meshes; infinite for the first.
-    verified : bool, optional
-        Whether the plan verifies; None if the verification was skipped.
-    errors, accepted
-        See :class:`History`.
-    settled : bool
-        Whether this plan, or the one accepted before, is good enough.
+    `meshes` is None if the plan is good enough, or no finer mesh is possible. `error` is the largest
+    relative error or violation of an interval. `change` is the relative difference of the objective from
+    that of the last meshes, infinite for the first ones. `verified` is None if the verification was
+    skipped. `settled` states whether this plan, or the one accepted before, is good enough.
     """
 
     meshes: tuple[Mesh, ...] | None

@@ -113,20 +113,11 @@ def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
 class _Group(NamedTuple):
     """Intervals with equal nodes, with the values of the plan and its functions at the same positions.
 
-    Attributes
-    ----------
-    rows : ndarray of int, shape (intervals,)
-        Indices of the intervals.
-    half : ndarray, shape (intervals,)
-        Half their lengths.
-    nodes : ndarray
-        Positions of the controls, in [-1, 1].
-    controls : ndarray, shape (intervals, nodes, size)
-        Values of the controls at their nodes, without saturation.
-    fine, between, own, quadrature : tuple of ndarray and dict
-        Positions in [-1, 1], and tables of shape (intervals, positions, size): a finer grid with
-        both ends, a grid that clusters towards the ends, the controls' nodes, and a quadrature rule
-        with as many nodes.
+    `rows` are the indices of the intervals, `half` half their lengths, and `nodes` the positions of the
+    controls in [-1, 1]. `controls` are the values there without saturation, shape (intervals, nodes,
+    size). The last four are positions with tables of shape (intervals, positions, size): a finer grid
+    with both ends, a grid that clusters towards the ends, the controls' nodes, and a quadrature rule with
+    as many nodes.
     """
 
     rows: NDArray[np.int64]
@@ -135,7 +126,7 @@ class _Group(NamedTuple):
     controls: Floats
     fine: _Look
     between: _Look
-    own: _Look
+    at_nodes: _Look
     quadrature: _Look
 
 
@@ -237,7 +228,7 @@ def _decays(phase: Phase, group: _Group) -> tuple[Floats, Floats]:
 
 def _windows(phase: Phase, group: _Group) -> Iterator[tuple[tuple[float, float], ...]]:
     """Yield the pairs of neighbouring nodes between which a constraint becomes active or inactive."""
-    tau, tables = group.own
+    tau, tables = group.at_nodes
     changes = np.zeros((group.rows.size, tau.size - 1), bool)
     for what, name in (("states", "states"), ("controls", "controls"), ("paths", "path")):
         scale = BINDING * phase.stacked(what, "scale")
