@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,7 @@ from ..programs.attempts import Clock, Ended, Ending, limit_reached
 from ..programs.casadi_plugins import ended_by_words, last_line, load_plugin, status_of, vector
 from .base import COMMON, NonlinearBackend
 from .quality import estimated_duals
-
-if TYPE_CHECKING:
-    from .scaled import Scaled
+from .scaled import Scaled
 
 __all__ = ["DERIVATIVES", "CasadiNlp"]
 
@@ -70,8 +68,6 @@ class CasadiNlp(NonlinearBackend):
     ) -> Ending:
         """Pass the program to the plugin, with a callback if it supports one."""
         import casadi
-
-        from .scaled import Scaled
 
         self.load(request)
         scaled = Scaled(program)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,7 @@ from ..programs.attempts import Clock, Ended, Ending, limit_reached, solver_tole
 from ..programs.casadi_plugins import ended_by_words, status_of
 from .base import COMMON, HESSIAN, most_iterations
 from .casadi_nlp import DERIVATIVES, CasadiNlp
-
-if TYPE_CHECKING:
-    from .scaled import Scaled
+from .scaled import Scaled
 
 __all__ = ["Ipopt"]
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
+
+if TYPE_CHECKING:
+    import casadi
 
 __all__ = ["Scaled"]
 
@@ -29,10 +31,12 @@ class Scaled:
     """
 
     def __init__(self, program: NonlinearProgram) -> None:
+        import casadi
+
         self.program = program
         self._z = casadi.MX.sym("x", program.size)
         #: Columns in the units of the program.
-        self._x = self._z * casadi.DM(program.column_scale)
+        self._x = self._z * _dm(program.column_scale)
 
     # -- numbers ---------------------------------------------------------------------------------
 
@@ -106,6 +110,8 @@ class Scaled:
     @cached_property
     def whole_hessian(self) -> casadi.Function:
         """``(x, p, lam_f, lam_g) -> (hess_gamma_x_x)``, both triangles."""
+        import casadi
+
         multipliers, upper = self._hessian
         return self._function("nlp_hess_l", multipliers, hess_gamma_x_x=casadi.triu2symm(upper))
 
@@ -115,6 +121,8 @@ class Scaled:
         self, name: str, more: dict[str, Any] | None = None, /, **results: Any
     ) -> casadi.Function:
         """Return a function of x, p and the symbols `more`."""
+        import casadi
+
         arguments = {"x": self._z, "p": casadi.MX.sym("p", 0), **(more or {})}
         return casadi.Function(
             name, [*arguments.values()], [*results.values()], [*arguments], [*results]
@@ -133,26 +141,35 @@ class Scaled:
     @cached_property
     def _hessian(self) -> tuple[dict[str, Any], Any]:
         """Multipliers of objective and rows as symbols, and the scaled upper triangle."""
+        import casadi
+
         weight, duals = casadi.MX.sym("lam_f"), casadi.MX.sym("lam_g", self.program.row_count)
         upper = self.program.second_order(
             self._x, weight / self.program.objective_scale, self._rows(duals)
         )
         row, column = _places(upper)
         scale = self.program.column_scale
-        factor = casadi.DM(upper.sparsity(), scale[row] * scale[column])
+        factor = _dm(scale[row] * scale[column], upper.sparsity())
         return {"lam_f": weight, "lam_g": duals}, upper * factor
 
     def _rows(self, rows: Any) -> Any:
-        return rows * casadi.DM(1.0 / self.program.row_scale)
+        return rows * _dm(1.0 / self.program.row_scale)
 
     def _gradient(self, grad: Any) -> Any:
-        scale = self.program.column_scale / self.program.objective_scale
-        return casadi.densify(grad) * casadi.DM(scale)
+        import casadi
+
+        return casadi.densify(grad) * _dm(self.program.column_scale / self.program.objective_scale)
 
     def _jacobian(self, jac: Any) -> Any:
         row, column = _places(jac)
         factor = self.program.column_scale[column] / self.program.row_scale[row]
-        return jac * casadi.DM(jac.sparsity(), factor)
+        return jac * _dm(factor, jac.sparsity())
+
+
+def _dm(values: Vector, sparsity: Any = None) -> Any:
+    import casadi
+
+    return casadi.DM(values) if sparsity is None else casadi.DM(sparsity, values)
 
 
 def _places(matrix: Any) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -165,6 +182,8 @@ def _part(function: Any, result: str) -> Any:
 
     A function that is not an expression, such as a user's callback, is kept whole.
     """
+    import casadi
+
     try:
         return function.factory(f"only_{result}", ["x"], [result])
     except RuntimeError:

@@ -17,6 +17,7 @@ from ..contract.backend import Feature, Limit, Request
 from ..programs.attempts import Clock, Ended, Ending, Meaning, limit_reached, stop_reason
 from ..programs.casadi_plugins import last_line, vector
 from .base import COMMON, NonlinearBackend, most_iterations
+from .scaled import Scaled
 
 __all__ = ["Slsqp", "TrustConstr"]
 
@@ -41,8 +42,6 @@ class _Posed:
     def __init__(
         self, program: NonlinearProgram, limit_reached: Callable[[], bool], start: Vector
     ) -> None:
-        from .scaled import Scaled  # needs CasADi
-
         self.scaled = Scaled(program)
         bounds = self.scaled.bounds
         self.lower, self.upper = bounds["lbx"], bounds["ubx"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import casadi
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -226,6 +225,8 @@ def _elastic(program: NonlinearProgram, rows: list[Block], columns: list[Block])
     All other rows and bounds are unchanged. The objective is the sum of the slacks relative to their
     block's typical size. As a sum, it relaxes few blocks if few suffice.
     """
+    import casadi
+
     n, rest, groups = program.size, program.row_count, [*rows, *columns]
     # Bounded quantities of the original program: rows first, then columns.
     low = np.concatenate([program.row_lower, program.column_lower])

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -307,6 +306,8 @@ class PreparedSolver:
 
     def _make_solver(self, more: Mapping[str, Any]) -> Any:
         """Return ``nlpsol`` with the options of the backend and `more` options of the plugin."""
+        import casadi
+
         backend, posed = self.backend, self.posed
         options: dict[str, Any] = {
             "error_on_fail": False,
