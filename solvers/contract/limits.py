@@ -178,7 +178,7 @@ class Limits:
     --------
     >>> import crosstrack as ct
     >>> quick = ct.Limits(time_limit=5, seed=1)
-    >>> ct.solve(ct.load("fleet/grid-8"), limits=quick).seed
+    >>> ct.solve(ct.load("fleet/example"), "fleet-search", limits=quick).seed
     1
     """
 

@@ -411,6 +411,6 @@ def test_export(tmp_path):
     # The file is a recording of the drive with the estimate as angle, exact to the last digit.
     back = read_recording(file)
     assert back.data() == {**model.recording.data(), "sideslip": plan.sideslip.tolist()}
-    with pytest.raises(InvalidData, match="sideslip must have 50 entries, one a sample, got 49"):
+    with pytest.raises(InvalidData, match="sideslip must have 50 entries, one per sample, got 49"):
         export_plan(model, SideslipEstimate(np.zeros(49), np.zeros(49)), tmp_path / "b.csv")
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
