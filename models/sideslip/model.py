@@ -184,7 +184,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
         required("plan", plan, SideslipEstimate)
         if len(plan) != len(self.recording):
             raise InvalidData(
-                f"sideslip must have {len(self.recording)} entries, one a sample, got {len(plan)}",
+                f"sideslip must have {len(self.recording)} entries, one per sample, got {len(plan)}",
                 field="sideslip",
             )
         return plan

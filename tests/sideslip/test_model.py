@@ -131,7 +131,7 @@ def test_a_model_that_is_refused(fields, message, field):
     [
         (
             {"sideslip": [0.0] * 9, "deviation": [0.0] * 9},
-            "must have 10 entries, one a sample, got 9",
+            "must have 10 entries, one per sample, got 9",
         ),
         (
             {"sideslip": [0.0] * 10, "deviation": [0.0] * 9},

@@ -185,7 +185,7 @@ def test_plans_of_another_drive_are_refused():
     model = kinematic()
     for one in (model, model.blinded()):
         with pytest.raises(
-            InvalidData, match="sideslip must have 201 entries, one a sample, got 7"
+            InvalidData, match="sideslip must have 201 entries, one per sample, got 7"
         ):
             ct.plot(one, estimate(np.zeros(7)))
         with pytest.raises(InvalidData, match="got 8"):
