@@ -31,6 +31,7 @@ from ...models.optimal_control.plan import ControlPlan
 from ...models.optimal_control.transcription.base import Transcription
 from ...models.verification import TOLERANCE, Verification
 from ..contract.backend import Request
+from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
 from ..nlp.casadi_nlp import CasadiNlp
 from ..programs.attempts import Ended
@@ -337,8 +338,9 @@ def prepare(
     backend: str = "ipopt",
     formulation: str | None = None,
     mesh: Any = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     time_limit: float | None = None,
+    limits: Limits | None = None,
     backend_options: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> PreparedSolver:
@@ -358,11 +360,13 @@ def prepare(
     mesh : Solution, ControlPlan, Mesh or sequence of float, optional
         Ends of the intervals, as fractions from 0 to 1. A solution or plan provides its own mesh,
         such as a refined one, and the guess.
-    tolerance : float
-        Largest violation of a scaled row, and tolerance of the backend.
+    tolerance : float, optional
+        Largest violation of a scaled row, and tolerance of the backend (default 1e-6).
     time_limit : float, optional
         Time limit of a search in seconds, for backends that support it. A step that is repeated may
         take twice as long.
+    limits : Limits, optional
+        Record with the tolerance and the time limit; other limits are refused.
     backend_options : mapping, optional
         Options of the backend.
     **options
@@ -410,6 +414,14 @@ def prepare(
             f"got {show(backend)}"
         )
     chosen_backend.require()
+    record = limits_of("prepare", limits, {})
+    for name, value in record.fields().items():
+        if name not in ("tolerance", "time_limit") and value != getattr(Limits(), name):
+            raise UnsupportedOption(
+                f"prepare does not support {name}={show(value)}; supported: time_limit, tolerance"
+            )
+    tolerance = record.verification_tolerance if tolerance is None else tolerance
+    time_limit = record.time_limit if time_limit is None else time_limit
     tolerance = Real(0.0, 1.0, strict=True).coerce("tolerance", tolerance, {})
     plan = getattr(mesh, "plan", mesh)
     if isinstance(plan, ControlPlan):

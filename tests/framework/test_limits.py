@@ -78,6 +78,14 @@ def test_diagnose_refuses_limits_that_have_no_effect():
     ).feasible
 
 
+def test_prepare_takes_the_record_of_its_limits():
+    model = ct.load("optimal-control/brachistochrone")
+    solver = ct.prepare(model, limits=ct.Limits(tolerance=1e-5, time_limit=20))
+    assert solver.request.time_limit == 20
+    with pytest.raises(UnsupportedOption, match="prepare does not support seed=3; supported: time"):
+        ct.prepare(model, limits=ct.Limits(seed=3))
+
+
 @pytest.mark.parametrize("isolate", [False, True])
 def test_a_run_reports_incumbents_and_bounds(isolate):
     events = []
