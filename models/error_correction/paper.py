@@ -116,8 +116,10 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         kept_h = np.where(model.codes == HORIZONTAL, limit[:, 1], 0.0)
 
         b = ProgramBuilder()
-        pairs = np.column_stack([arcs.tail, arcs.head])
-        along: dict[str, Any] = {"template": "along arc {0}-{1}", "index": pairs}
+        along: dict[str, Any] = {
+            "template": "along arc {0}-{1}",
+            "index": np.column_stack([arcs.tail, arcs.head]),
+        }
         x = b.columns(
             "arc used", len(arcs), upper=1, integral=True, equation="23",
             template="arc {0}-{1}", index=along["index"],
