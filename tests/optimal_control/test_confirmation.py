@@ -7,7 +7,7 @@ from control_declared import rest_to_rest, two_phases
 import crosstrack as ct
 from crosstrack.models import ControlPlan, OptimalControlProblem
 from crosstrack.models.optimal_control.transcription import base
-from crosstrack.solvers.run import looking
+from crosstrack.solvers.run import starts
 
 
 def path_tracking_robot():
@@ -65,7 +65,7 @@ def test_skips_the_confirmation_without_refinement():
 
 
 def test_names_a_skipped_confirmation(monkeypatch):
-    monkeypatch.setattr(looking, "ROOM", 1e9)
+    monkeypatch.setattr(starts, "ROOM", 1e9)
     found = ct.solve(rest_to_rest().ocp, time_limit=30)
     assert found.statistics["second look"] == "skipped"
     assert "a second, drawn start was skipped" in found.message
