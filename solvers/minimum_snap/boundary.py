@@ -14,8 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .hermite import Outcome, Solved
-from .tables import moment_tables
+from .hermite import Outcome, Solved, moment_tables
 
 __all__ = ["solve_boundary"]
 

@@ -23,7 +23,6 @@ __all__ = [
     "largest_of",
     "multiply",
     "newton_step",
-    "rescale",
     "row_values",
     "solve_factors",
     "times",
@@ -298,15 +297,6 @@ def advance(array: Floats, factor: float, step: Floats) -> None:
     for i in range(array.shape[0]):
         for j in range(array.shape[1]):
             array[i, j] += factor * step[i, j]
-
-
-@kernel
-def rescale(arrays: Floats, factor: float) -> None:
-    """Multiply an array of three dimensions by `factor`."""
-    for k in range(arrays.shape[0]):
-        for i in range(arrays.shape[1]):
-            for j in range(arrays.shape[2]):
-                arrays[k, i, j] *= factor
 
 
 @kernel

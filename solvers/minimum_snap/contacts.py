@@ -23,11 +23,10 @@ from ...models.minimum_snap.polynomials import derived, horner
 from .banded import added, knot_forces
 from .chain import Chain
 from .chain_kernels import bound_gradient, factorise, row_values, solve_factors
-from .hermite import has_one_optimum, jets_to_coefficients
+from .hermite import has_one_optimum, jets_to_coefficients, table_of
 from .interior_kernels import STOPPED
 from .interior_state import State
 from .moment_kernels import differentiate
-from .tables import table_of
 
 __all__ = ["CERTIFIED", "Certified", "certify_chain", "uncertifiable"]
 

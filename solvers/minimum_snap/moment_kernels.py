@@ -70,7 +70,7 @@ def differentiate(
     durations : ndarray, shape (M,)
         T_k, s.
     rows, factors, orders : ndarray
-        Fields of ``tables.Table``.
+        Fields of ``hermite.Table``.
     jets, lows : ndarray, shape (A, M, 2, r)
         Derivatives at both ends of each segment, and their rounding remainders.
     forces, rests : ndarray, shape (A, M, 2, r)
@@ -136,7 +136,7 @@ def blend(
     factorials: Floats,
     coefficients: Floats,
 ) -> None:
-    """Fill `coefficients`, shape (M, 2r, A), with the tables of ``tables.moment_tables``.
+    """Fill `coefficients`, shape (M, 2r, A), with the tables of ``hermite.moment_tables``.
 
     `moments`, shape (A, M, r), are those of the r-th derivative. If A is 0, they are computed from
     the jets.

@@ -317,7 +317,7 @@ def refined(
     values : ndarray, shape (A, M + 1, r)
         Positions at all knots, derivatives at the two ends.
     rows, factors : ndarray
-        Fields of ``tables.Table``.
+        Fields of ``hermite.Table``.
     certify : bool
         Whether to refine at least once and until the last correction proves the shape.
     jets : ndarray, shape (A, M, 2, r)

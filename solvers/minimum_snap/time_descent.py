@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from .time_barrier import Barrier, Inner
-from .time_inner import Spline
+from .time_barrier import Barrier, Inner, Spline
 from .time_search import Descent
 
 __all__ = ["Allocated", "Factor", "Variables", "allocate"]

@@ -53,7 +53,7 @@ def _concluded(
     message: str = "",
 ) -> Answer:
     """Return the answer with the plan at `durations`, even after the deadline."""
-    from .time_inner import Spline
+    from .time_barrier import Spline
 
     limit = None
     if request.control.stopped:
@@ -135,11 +135,9 @@ class TimeGradient(Backend):
 
     def _descend(self, problem: TimeAllocation, request: Request) -> Answer:
         """Return the answer of the descent, with its final gradient."""
-        from .time_barrier import Barrier, inner_problem
+        from .time_barrier import Barrier, Spline, inner_problem
         from .time_descent import Allocated, allocate
-        from .time_inner import Spline
-        from .time_merging import coarser, runs_of, subdivided
-        from .time_rules import resumed, typical
+        from .time_rules import coarsen, restore_path, runs_of, set_barrier, subdivide
 
         begin = clock()
         control = request.control
@@ -160,7 +158,7 @@ class TimeGradient(Backend):
                     control.incumbent(problem.objective(plan), plan)
                 told[0] = clock()
 
-        for now, model in coarser(problem) if nested else [(runs, problem)]:
+        for now, model in coarsen(problem) if nested else [(runs, problem)]:
             if control.stopped:
                 break
             last = model is problem
@@ -170,7 +168,7 @@ class TimeGradient(Backend):
                 if carried:
                     if found is None or counts is now or not isinstance(own, Barrier):
                         continue
-                    start = resumed(model, own, subdivided(found.durations, counts, now))
+                    start = restore_path(model, own, subdivide(found.durations, counts, now))
                 else:
                     start = _start(model, own, request)
                 if start is None:
@@ -202,9 +200,9 @@ class TimeGradient(Backend):
                 else "no durations were found that leave a path within the "
                 "bounds; this is no proof that there are none",
             )
-        durations = subdivided(found.durations, counts, runs)
+        durations = subdivide(found.durations, counts, runs)
         if isinstance(inner, Barrier) and counts is not runs:
-            typical(problem, inner, Spline(problem), durations)
+            set_barrier(problem, inner, Spline(problem), durations)
         inner.solves += solves
         inner.steps += steps
         statistics: dict[str, Any] = {
@@ -242,8 +240,15 @@ def _no_worse(problem: TimeAllocation, request: Request, answer: Answer) -> Answ
 
 def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | None:
     """Return durations with a path, from the warm start or the better rule, or None."""
-    from .time_inner import Spline
-    from .time_rules import distance, hurried, resumed, scaled, started, trapezoid
+    from .time_barrier import Spline
+    from .time_rules import (
+        distance,
+        prepare_start,
+        restore_path,
+        scale_durations,
+        shorten_total,
+        trapezoid,
+    )
 
     generator = np.random.default_rng(request.seed) if request.seed else None
 
@@ -256,19 +261,19 @@ def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | 
         given = varied(np.asarray(request.warm_start.durations, float))
         if problem.total_time is not None:
             given = given * (problem.total_time / given.sum())
-        return resumed(problem, inner, given) if not isinstance(inner, Spline) else given
+        return restore_path(problem, inner, given) if not isinstance(inner, Spline) else given
     spline = Spline(problem)
     ranked = []
     rules = {"trapezoid": trapezoid, "distance": distance}
     asked = request.options.get("rule", "choose")
     for rule in rules.values() if asked == "choose" else (rules[asked],):
-        durations = scaled(problem, spline, varied(rule(problem)))
+        durations = scale_durations(problem, spline, varied(rule(problem)))
         cost = spline.value(durations).objective
         price = problem.time_weight * float(durations.sum())
         ranked.append((cost + price if np.isfinite(cost) else np.inf, durations))
     ranked.sort(key=lambda pair: pair[0])
     for _, durations in ranked:
-        found = started(problem, inner, durations)
+        found = prepare_start(problem, inner, durations)
         if found is not None:
             return found
-    return hurried(problem, inner, ranked[0][1]) if not isinstance(inner, Spline) else None
+    return shorten_total(problem, inner, ranked[0][1]) if not isinstance(inner, Spline) else None

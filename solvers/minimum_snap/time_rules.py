@@ -1,4 +1,4 @@
-"""Heuristic durations, and methods that modify durations until the bounds allow a path.
+"""Heuristic durations, methods that modify durations until the bounds allow a path, and free knots.
 
 Source of the trapezoid: Richter, Bry and Roy 2013 and common practice. Each segment is a motion from
 rest to rest with limited acceleration and velocity.
@@ -8,19 +8,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData
 from ...models.minimum_snap.time_allocation import TimeAllocation
-from .time_barrier import Barrier, Inner
+from .time_barrier import Barrier, Inner, Spline
 from .time_descent import SLOWER, allocate
-from .time_inner import Spline
 
-__all__ = ["distance", "fitted", "hurried", "resumed", "scaled", "started", "trapezoid", "typical"]
+__all__ = [
+    "distance",
+    "prepare_start",
+    "restore_path",
+    "scale_durations",
+    "set_barrier",
+    "shorten_total",
+    "stretch_durations",
+    "trapezoid",
+]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
+#: Largest number of free knots that are added one by one. With more, the number doubles.
+SINGLY = 20
 #: Minimum length of a segment, as a share of the mean length.
 LEAST = 1e-2
 #: Relative complementarity of the barrier problem that tests for a feasible path.
@@ -81,7 +95,7 @@ def trapezoid(model: TimeAllocation) -> Floats:
     return durations
 
 
-def scaled(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats:
+def scale_durations(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats:
     """Return `durations` times the optimal factor for J + ρ ΣT without bounds.
 
     From rest to rest J is proportional to ``s^(1-2r)``, so that ``s^2r = (2r - 1) J / (ρ ΣT)``. For a
@@ -130,7 +144,7 @@ def _factors(model: TimeAllocation) -> Iterator[float]:
             yield 2.0 ** (-k / 4)
 
 
-def fitted(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
+def stretch_durations(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
     """Return `durations` stretched until a path satisfies the bounds, or None without success.
 
     From rest to rest, slower motions satisfy all limits. With an end in motion, a slower path may
@@ -141,7 +155,7 @@ def fitted(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats |
         durations = durations * max(1.0, 1.02 * _peaks(model, spline, durations))
     for factor in _factors(model):
         now = durations * factor
-        typical(model, inner, spline, now)
+        set_barrier(model, inner, spline, now)
         if np.isfinite(inner.settle(now, BETWEEN).value):
             return now
         if inner.flag[0]:
@@ -149,21 +163,21 @@ def fitted(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats |
     return None
 
 
-def resumed(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
-    """Return feasible `durations` or slightly longer ones with a path, like :func:`fitted`."""
+def restore_path(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
+    """Return feasible `durations` or slightly longer ones with a path, like :func:`stretch_durations`."""
     slower = SLOWER if model.from_rest_to_rest and model.total_time is None else ()
     spline = Spline(model)
     for share in (0.0, *slower):
         now: Floats = durations * np.exp(share)
-        typical(model, inner, spline, now)
+        set_barrier(model, inner, spline, now)
         if np.isfinite(inner.settle(now, BETWEEN).value):
             return now
         if inner.flag[0]:
             return None
-    return fitted(model, inner, durations)
+    return stretch_durations(model, inner, durations)
 
 
-def typical(model: TimeAllocation, inner: Barrier, spline: Spline, durations: Floats) -> None:
+def set_barrier(model: TimeAllocation, inner: Barrier, spline: Spline, durations: Floats) -> None:
     """Set the barrier parameter from the cost of the path without bounds."""
     cost = spline.value(durations).objective
     price = model.time_weight * float(durations.sum())
@@ -173,14 +187,14 @@ def typical(model: TimeAllocation, inner: Barrier, spline: Spline, durations: Fl
     inner.mu = ROUGH * (inner.unit + price) / inner.pairs
 
 
-def started(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats | None:
+def prepare_start(model: TimeAllocation, inner: Inner, durations: Floats) -> Floats | None:
     """Return `durations` scaled for J + ρ ΣT and, with bounds, stretched until a path exists."""
     if isinstance(inner, Spline):
-        return scaled(model, inner, durations)
-    return fitted(model, inner, scaled(model, Spline(model), durations))
+        return scale_durations(model, inner, durations)
+    return stretch_durations(model, inner, scale_durations(model, Spline(model), durations))
 
 
-def hurried(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
+def shorten_total(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
     """Return durations of the given total with a path within the bounds, or None without success.
 
     From rest to rest, a faster path can be slowed down. Therefore the total is free and its cost is
@@ -191,7 +205,7 @@ def hurried(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats 
         return None
     spline = Spline(model)
     free = replace(model, total_time=None, time_weight=1.0)
-    begin = fitted(free, inner, durations)
+    begin = stretch_durations(free, inner, durations)
     if begin is None:
         return None
     cost = spline.value(begin).objective
@@ -212,5 +226,85 @@ def hurried(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats 
     if not found:
         return None
     now = found[-1] * (total / float(found[-1].sum()))
-    typical(model, inner, spline, now)
+    set_barrier(model, inner, spline, now)
     return now if np.isfinite(inner.settle(now, BETWEEN).value) else None
+
+
+# -- merging of free knots -------------------------------------------------------------------------
+# Splitting a segment at any point turns a path into one with more segments. Therefore a solution with
+# fewer free knots is a start for more, and additional free knots never increase the objective.
+
+
+def runs_of(model: TimeAllocation) -> Ints:
+    """Return the number of segments in each run between knots that are not free, shape (runs,).
+
+    A knot is free if it has no fixed entry and its two segments have the same bounds.
+    """
+    free = np.asarray(~np.isfinite(model.conditions).any(axis=(1, 2)))[1:-1]
+    for bound in model.bounds:
+        for side in (bound.lower, bound.upper):
+            free &= (side[1:] == side[:-1]).all(axis=1)
+    spaces = model.halfspaces
+    if spaces is not None:
+        rows = np.column_stack([spaces.normals, spaces.offsets])
+        sets = [{*map(tuple, rows[spaces.segments == k])} for k in range(model.segments)]
+        free &= [one == other for one, other in pairwise(sets)]
+    ends = np.concatenate([[0], np.flatnonzero(~free) + 1, [model.segments]])
+    return np.diff(ends).astype(np.int64)
+
+
+def coarsen(model: TimeAllocation) -> Iterator[tuple[Ints, TimeAllocation]]:
+    """Yield segment counts per run and models, from one segment per run up to `model` itself."""
+    runs = runs_of(model)
+    counts = [runs]
+    while counts[-1].max() > 1:
+        now = counts[-1].copy()
+        if (now - 1).sum() > SINGLY:
+            now = np.maximum(now // 2, 1)
+        else:
+            now[now.argmax()] -= 1
+        counts.append(now)
+    for now in reversed(counts[1:]):
+        try:
+            fewer = _merged(model, runs, now)
+        except InvalidData:
+            continue  # a closed loop of one segment may have no motion
+        yield now, fewer
+    yield runs, model
+
+
+def _merged(model: TimeAllocation, runs: Ints, counts: Ints) -> TimeAllocation:
+    """Return the model with `counts` segments in its runs."""
+    begin = np.cumsum(runs) - runs
+    segments = np.concatenate(
+        [at + np.arange(count) for at, count in zip(begin, counts, strict=True)]
+    )
+    knots = np.append(segments, model.segments)
+    fields: dict[str, Any] = {"waypoints": model.waypoints[knots]}
+    if model.derivatives is not None:
+        fields["derivatives"] = model.derivatives[knots]
+    for name in (
+        "corridor_lower", "corridor_upper", "velocity_limit", "acceleration_limit", "jerk_limit",
+    ):  # fmt: skip
+        value = getattr(model, name)
+        fields[name] = None if value is None else value[segments]
+    if model.polytope_segments is not None:
+        at = [np.flatnonzero(model.polytope_segments == k) for k in segments]
+        fields["polytope_segments"] = np.repeat(np.arange(segments.size), [len(a) for a in at])
+        take = np.concatenate(at)
+        fields["polytope_normals"] = model.polytope_normals[take]  # type: ignore[index]
+        fields["polytope_offsets"] = model.polytope_offsets[take]  # type: ignore[index]
+    return replace(model, **fields)
+
+
+def subdivide(durations: Floats, runs: Ints, counts: Ints) -> Floats:
+    """Return the durations after halving the longest segments of each run."""
+    parts = []
+    for part, count in zip(np.split(durations, np.cumsum(runs)[:-1]), counts, strict=True):
+        now = part
+        while now.size < count:
+            at = int(now.argmax())
+            now = np.insert(now, at, 0.5 * now[at])
+            now[at + 1] *= 0.5
+        parts.append(now)
+    return np.concatenate(parts)

@@ -12,9 +12,8 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import MinimumDerivative, Model, TimeAllocation, Trajectory
 from crosstrack.solvers.contract.registry import recommended
-from crosstrack.solvers.minimum_snap.time_barrier import Barrier
-from crosstrack.solvers.minimum_snap.time_inner import Spline
-from crosstrack.solvers.minimum_snap.time_rules import distance, started, trapezoid
+from crosstrack.solvers.minimum_snap.time_barrier import Barrier, Spline
+from crosstrack.solvers.minimum_snap.time_rules import distance, prepare_start, trapezoid
 
 # -- the model -----------------------------------------------------------------------------------
 
@@ -193,7 +192,7 @@ def test_a_total_so_short_that_the_rules_shares_find_no_path():
     model = TimeAllocation(POINTS, total_time=1.01 * free.plan.duration, **LIMITS)
     inner = Barrier(model, np.zeros(1, np.int8))
     for rule in (trapezoid, distance):
-        assert started(model, inner, rule(model)) is None
+        assert prepare_start(model, inner, rule(model)) is None
     found = ct.solve(model)
     assert found.termination == "locally_optimal"
     assert found.plan.duration == pytest.approx(model.total_time, rel=1e-12)

@@ -7,7 +7,7 @@ import pytest
 
 import crosstrack as ct
 from crosstrack.models import TimeAllocation
-from crosstrack.solvers.minimum_snap.time_merging import coarser, runs_of, subdivided
+from crosstrack.solvers.minimum_snap.time_rules import coarsen, runs_of, subdivide
 
 #: A line of 10 m within limits of 2 m/s, 3 m/s² and 20 m/s³.
 LIMITS = {"velocity_limit": 2.0, "acceleration_limit": 3.0, "jerk_limit": 20.0}
@@ -39,7 +39,7 @@ def test_merged_models_are_equivalent():
         "polytope_offsets": [6, 6, 6],
     }  # fmt: skip
     model = TimeAllocation(points, 1.0, corridor_upper=upper, **walls)
-    found = list(coarser(model))
+    found = list(coarsen(model))
     assert [runs.tolist() for runs, _ in found] == [
         [1, 1], [1, 2], [2, 2], [2, 3], [3, 3], [4, 3]
     ]  # fmt: skip
@@ -49,7 +49,7 @@ def test_merged_models_are_equivalent():
         assert fewer.corridor_upper.tolist() == np.repeat(upper[[0, 6]], runs, axis=0).tolist()
         assert fewer.polytope_segments.tolist() == list(range(runs[0], runs.sum()))
         durations = np.linspace(1, 2, runs.sum())
-        split = subdivided(durations, runs, np.array([4, 3]))
+        split = subdivide(durations, runs, np.array([4, 3]))
         ends = np.cumsum(durations)
         assert np.isin(ends.round(12), np.cumsum(split).round(12)).all()
 
@@ -58,7 +58,7 @@ def test_a_loop_is_never_merged_into_one_segment():
     model = TimeAllocation([[0.0], [None], [None], [0.0], [1.0]], 1.0, velocity_limit=1.0)
     with pytest.raises(ct.errors.InvalidData, match="repeats"):
         TimeAllocation([[0.0], [0.0], [1.0]], 1.0)
-    assert [runs.tolist() for runs, _ in coarser(model)] == [[2, 1], [3, 1]]
+    assert [runs.tolist() for runs, _ in coarsen(model)] == [[2, 1], [3, 1]]
 
 
 @pytest.mark.parametrize("weight", [1e2, 1e8])

@@ -10,9 +10,8 @@ import crosstrack as ct
 from crosstrack.models import TimeAllocation
 from crosstrack.solvers.minimum_snap.interior_kernels import CONVERGED, centre
 from crosstrack.solvers.minimum_snap.interior_state import smooth_start
-from crosstrack.solvers.minimum_snap.time_barrier import Barrier
+from crosstrack.solvers.minimum_snap.time_barrier import Barrier, Spline
 from crosstrack.solvers.minimum_snap.time_descent import Variables
-from crosstrack.solvers.minimum_snap.time_inner import Spline
 from crosstrack.solvers.minimum_snap.time_search import Descent
 
 
