@@ -41,24 +41,9 @@ class Chains(Spec):
 
 
 def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, ...]:
-    """Return customers 1 … size - 1 in a topological order; ties by number.
+    """Return customers 1 … size - 1 in a topological order of direct precedence pairs; ties by number.
 
-    Parameters
-    ----------
-    size : int
-        Number of customers plus 1.
-    pairs : iterable of (int, int)
-        Direct precedence pairs.
-
-    Returns
-    -------
-    tuple of int
-        The order.
-
-    Raises
-    ------
-    InvalidData
-        The relation has a cycle. The message contains the cycle.
+    Raise :class:`InvalidData` with the cycle if the relation has one.
     """
     sorter = TopologicalSorter(dict.fromkeys(range(1, size), ()))
     for before, after in pairs:
@@ -80,21 +65,10 @@ def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, 
 
 
 def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]) -> Truths:
-    """Return the transitive closure of the relation.
+    """Return the transitive closure: True if i must precede j, directly or indirectly.
 
-    Parameters
-    ----------
-    size : int
-        Number of customers plus 1. Row and column 0, those of the start, are False.
-    pairs : iterable of (int, int)
-        Direct precedence pairs.
-    order : sequence of int
-        Result of :func:`sorted_customers`.
-
-    Returns
-    -------
-    ndarray of bool, shape (size, size)
-        True if i must precede j, directly or indirectly.
+    `order` is the result of :func:`sorted_customers` for the same pairs. Row and column 0, those of the start,
+    are False.
     """
     after: list[list[int]] = [[] for _ in range(size)]
     for one, other in pairs:
@@ -113,21 +87,8 @@ def joined_chains(
     """Return chains that contain every customer once, by a greedy method.
 
     Each customer is appended to a chain that ends with one of its direct predecessors. If the
-    relation consists of disjoint chains, the result is these chains, which is the minimum.
-
-    Parameters
-    ----------
-    size : int
-        Number of customers plus 1.
-    pairs : iterable of (int, int)
-        Direct precedence pairs.
-    order : sequence of int
-        Result of :func:`sorted_customers`.
-
-    Returns
-    -------
-    tuple of tuple of int
-        The chains.
+    relation consists of disjoint chains, the result is these chains, which is the minimum. The arguments are
+    those of :func:`closure_of`.
     """
     before: list[list[int]] = [[] for _ in range(size)]
     for one, other in pairs:
@@ -150,19 +111,8 @@ def chain_cover(closure: Truths, order: Sequence[int]) -> tuple[tuple[int, ...],
     Each customer of a chain must precede the next, directly or through other customers. The number
     of chains is the width of the relation. Source: R. P. Dilworth, "A decomposition theorem for
     partially ordered sets", Annals of Mathematics 51, 1950. Method: bipartite matching, D. R.
-    Fulkerson, "Note on Dilworth's decomposition theorem", Proceedings of the AMS 7, 1956.
-
-    Parameters
-    ----------
-    closure : ndarray of bool, shape (size, size)
-        Result of :func:`closure_of`.
-    order : sequence of int
-        Result of :func:`sorted_customers`.
-
-    Returns
-    -------
-    tuple of tuple of int
-        The chains.
+    Fulkerson, "Note on Dilworth's decomposition theorem", Proceedings of the AMS 7, 1956. The arguments are
+    the results of :func:`closure_of` and :func:`sorted_customers`.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching

@@ -39,17 +39,7 @@ def turning(gaps: Gaps, side: int) -> Iterator[int]:
     the last one, the tour is left of x, and so is the start. Each customer is served once, so the
     turns have distinct customers.
 
-    Parameters
-    ----------
-    gaps : Gaps
-        Gaps of the model.
-    side : int
-        1 for sweeps to the right, -1 for sweeps to the left.
-
-    Yields
-    ------
-    int
-        A customer.
+    `side` is 1 for sweeps to the right, and -1 for sweeps to the left.
     """
     x = side * gaps.at
     for c in range(1, gaps.model.size):
@@ -71,19 +61,8 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
     R turns to the left and L turns to the right satisfy R - L = c_p-1 - c_p; at the start, at which
     the tour begins and ends, up to one more or less. Each c_g is at least the number that chains
     require, R and L are at most the number of customers of :func:`turning` at p, and the length of
-    all crossings is at most `length`. A linear program maximises the number of turns.
-
-    Parameters
-    ----------
-    gaps : Gaps
-        Gaps of the model.
-    length : float
-        Length of a known tour, in m; inf if none is known.
-
-    Returns
-    -------
-    int
-        The number of sweeps, at least 1.
+    all crossings is at most `length`, that of a known tour in m, or inf. A linear program maximises the number
+    of turns.
     """
     from scipy.optimize import linprog
     from scipy.sparse import bmat, diags_array, eye_array
@@ -125,16 +104,6 @@ def some_length(gaps: Gaps) -> float:
 
     Beam search by the number of customers served. Each state is extended to the nearest available
     customer on either side. States are ranked by their length plus the crossings still required.
-
-    Parameters
-    ----------
-    gaps : Gaps
-        Gaps of the model.
-
-    Returns
-    -------
-    float
-        The length.
     """
     model, at, lengths = gaps.model, gaps.at, gaps.lengths
     size = model.size

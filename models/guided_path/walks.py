@@ -168,20 +168,8 @@ def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:
 def passed(model: GuidedPathData, stops: Sequence[int]) -> tuple[int, ...]:
     """Return the order of service with the other customers inserted between the stops.
 
-    The other customers are served when the vehicle passes them (Algorithm 1).
-
-    Parameters
-    ----------
-    model : GuidedPathData
-        The model.
-    stops : sequence of int
-        Customers in the order of service. The other customers must have no relation, and the path
-        between the stops must pass them.
-
-    Returns
-    -------
-    tuple of int
-        All customers.
+    The other customers are served when the vehicle passes them (Algorithm 1). They must have no relation, and
+    the path between the stops must pass them.
     """
     x = model.coordinates.tolist()
     left = sorted(set(range(1, model.size)).difference(stops), key=lambda c: (x[c], c))
@@ -199,26 +187,9 @@ def passed(model: GuidedPathData, stops: Sequence[int]) -> tuple[int, ...]:
 
 
 def kept_order(model: GuidedPathData, numbers: Sequence[int], plan: GuidedPathPlan) -> list[int]:
-    """Return the order of service in the smaller model of :func:`reduced`.
+    """Return the order of service of a plan in the smaller model of :func:`reduced`, which gave `numbers`.
 
-    Parameters
-    ----------
-    model : GuidedPathData
-        The model.
-    numbers : sequence of int
-        Numbers of the relevant customers, as :func:`reduced` returns them.
-    plan : GuidedPathPlan
-        Plan of `model`.
-
-    Returns
-    -------
-    list of int
-        Customers of the smaller model.
-
-    Raises
-    ------
-    InvalidData
-        `plan` does not contain each customer once.
+    Raise :class:`InvalidData` if `plan` does not contain each customer once.
     """
     required("plan", plan, GuidedPathPlan)
     if sorted(plan.order) != list(range(1, model.size)):
