@@ -193,7 +193,7 @@ def search(
         First column of the run of free cells that contains each cell, -1 for blocked cells; and the first
         column after the run of cells in the same state.
     corners : ndarray of int8, shape (rows, columns)
-        Kinds of corners, see :func:`.sight.convex_corners`.
+        Kinds of corners, see :func:`crosstrack.models.grid_path.sight.convex_corners`.
     onward : ndarray of int32, shape (rows, columns + 1)
         Column of the next corner of a line from each column on, or `columns`.
     start, goal : ndarray, shape (2,)

@@ -64,15 +64,7 @@ def _length(points: Floats, parents: Ints, k: int) -> float:
 
 @kernel
 def trunk(tree: Tree, size: int) -> tuple[Ints, float]:
-    """Return the points of the shortest path, from the last before the goal to the root, and its length.
-
-    Parameters
-    ----------
-    tree : Tree
-        Tree of points.
-    size : int
-        Number of points in the tree.
-    """
+    """Return the points of the shortest path, from the last before the goal to the root, and its length."""
     points, parents, ends = tree.points, tree.parents, tree.ends
     best, last = np.inf, -1
     for k in range(size):
@@ -102,24 +94,16 @@ def grow(
         Tree, changed in place.
     size, steps : int
         Number of points in the tree, and of random points to draw.
-    blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        Padded map.
-    cells : ndarray of int64
-        Flat indices of the free cells.
-    goal : ndarray, shape (2,)
-        Point x, y.
-    bias : float
-        Probability that the random point is the goal.
-    reach : float
-        Longest edge, cells.
-    gamma : float
-        Constant of the radius of rewiring.
+    blocked, cells : ndarray
+        Padded map, and flat indices of its free cells.
+    goal, bias
+        Point x, y, and the probability that it is the random point.
+    reach, gamma : float
+        Longest edge, in cells, and constant of the radius of rewiring.
     slack : float
         Distance, in cells, below which a segment passes through a corner.
-    rng : numpy.random.Generator
-        Source of random numbers.
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the growth.
+    rng, flag
+        Source of random numbers, and the stop flag.
     """
     points, parents, ends = tree.points, tree.parents, tree.ends
     columns = blocked.shape[1]

@@ -85,18 +85,8 @@ def straighten(
 ) -> Floats:
     """Smooth a path in cells of the padded map, see :func:`smooth`.
 
-    Parameters
-    ----------
-    sight : Sight
-        Map.
-    corners : ndarray of int8, shape (rows + 2, columns + 2)
-        Kinds of corners, see :func:`~crosstrack.models.grid_path.sight.convex_corners`.
-    path : ndarray, shape (k, 2)
-        Points x, y in cells of the padded map.
-    how : {"visibility", "greedy"}
-        Method.
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the method, which then returns a valid path.
+    `corners` are those of :func:`~crosstrack.models.grid_path.sight.convex_corners`. A nonzero `flag` stops the
+    method, which then returns a valid path.
     """
     hidden = int(first_hidden(sight.blocked, path, sight.slack))
     if hidden < len(path) - 1:
@@ -179,16 +169,8 @@ def first_hidden(blocked: Truths, path: Floats, slack: float) -> int:
 def farthest(blocked: Truths, path: Floats, slack: float, flag: Flag) -> Ints:
     """Return the indices of points that remain if each connects to its farthest visible point.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        Padded map.
-    path : ndarray, shape (n, 2)
-        Points x, y of a path through free cells.
-    slack : float
-        Distance, in cells, below which a segment passes through a corner.
-    flag : ndarray of int8, shape (1,)
-        If nonzero, the remaining points stay.
+    `blocked` is the padded map, and `slack` the distance, in cells, below which a segment passes through a
+    corner. If `flag` is nonzero, the remaining points stay.
     """
     n = len(path)
     chosen = np.empty(n, np.int64)
@@ -209,16 +191,7 @@ def farthest(blocked: Truths, path: Floats, slack: float, flag: Flag) -> Ints:
 def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
     """Return the indices of a shortest path from first to last point along forward lines of sight.
 
-    The result is empty if `flag` stopped the search.
-
-    Parameters
-    ----------
-    blocked, slack
-        See :func:`farthest`.
-    points : ndarray, shape (n, 2)
-        Points x, y in the order of the path.
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+    The points are in the order of the path. The result is empty if `flag` stopped the search.
     """
     n = len(points)
     length = np.full(n, np.inf)

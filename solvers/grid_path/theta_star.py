@@ -24,25 +24,10 @@ Truths = NDArray[np.bool_]
 def theta(
     blocked: Truths, start: int, goal: int, slack: float, flag: NDArray[np.int8]
 ) -> tuple[Ints, int]:
-    """Search for a path between the centres of two cells.
+    """Return the cells of a path from the goal to the start, and the number of expanded cells.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        Padded map.
-    start, goal : int
-        Cells, as row times columns plus column.
-    slack : float
-        Distance, in cells, below which a segment passes through a corner.
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
-
-    Returns
-    -------
-    path : ndarray of int
-        Cells from the goal to the start; empty if the goal was not reached.
-    expanded : int
-        Number of expanded cells.
+    The path is empty if the goal was not reached. `blocked` is the padded map, and `start` and `goal` are flat
+    indices. A segment closer to a corner than `slack`, in cells, passes through it.
     """
     columns = blocked.shape[1]
     cost = np.full(blocked.size, np.inf)
