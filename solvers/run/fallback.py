@@ -26,7 +26,7 @@ MORE = 3
 AT_LEAST, TIMES = 60.0, 10.0
 
 #: Share of the time limit for the heuristic before a local solver of programs. Steering laws of a slew take
-#: 1.1 to 3.5 s, and the program 4 to 13 s.
+#: 0.3 to 2 s, and the program 4 to 13 s.
 BEFORE = 0.5
 
 _PROVEN = (Termination.OPTIMAL, Termination.INFEASIBLE, Termination.UNBOUNDED)
