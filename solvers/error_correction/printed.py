@@ -22,12 +22,12 @@ from ..contract.backend import (
     Request,
     Termination,
 )
-from ..resource_routing.elementary import Found
 from .native import RoutingBackend
 from .outcomes import FOUND, NOTHING, OPEN, STOPPED
 
 if TYPE_CHECKING:
     from .airspace import Airspace
+    from .elementary import Found
 
 __all__ = [
     "FACTORS",
@@ -147,10 +147,11 @@ class PrintedSearch(RoutingBackend):
         return super().refuses(problem)
 
     def search(
-        self, space: Airspace, ceiling: float, request: Request
+        self, space: Airspace, revisits: bool, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the printed algorithm and compare its route with the shortest walk."""
         from .ceiling_kernels import climb
+        from .elementary import Found
 
         found, own = self.find_as_printed(space, ceiling, request)
         if found.status not in (FOUND, NOTHING):
@@ -195,6 +196,7 @@ class Pulse(PrintedSearch):
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the pulse algorithm from A without a known route."""
+        from .elementary import Found
         from .printed_kernels import send_pulses
 
         begin = clock()
@@ -217,6 +219,7 @@ class DynamicProgramming(PrintedSearch):
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Correct labels until no label changes."""
+        from .elementary import Found
         from .printed_kernels import correct_labels
 
         begin = clock()
@@ -239,6 +242,7 @@ class TwoStage(PrintedSearch):
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the two stages."""
+        from .elementary import Found
         from .printed_kernels import send_pulses
 
         begin = clock()

@@ -4,8 +4,8 @@
 SHARED = (
     "diagnosis.diagnose_resources",
     "elementary.Found",
+    "elementary.elementary",
     "first.route_in_time",
-    "labelling.ResourceLabelling",
     "native.RouteSearch",
     "outcomes.FOUND",
     "outcomes.FULL",

@@ -55,11 +55,9 @@ class ResourceLabelling(RouteSearch):
         return walk_route(problem, plan)[0][-1].distance
 
     def find(
-        self, problem: ResourceRouting, cutoff: float, request: Request, least: float = 0.0
+        self, problem: ResourceRouting, cutoff: float, request: Request
     ) -> tuple[Found, Mapping[str, float | int | str]]:
         """Return the best route no longer than `cutoff`, and the number of arcs.
-
-        `least` is a known lower bound on the length of every route.
 
         If all pairs of points are arcs, points far from the straight line are left out first. A run with
         a time limit begins with searches that keep few labels per point, see :mod:`.first` and
@@ -73,7 +71,7 @@ class ResourceLabelling(RouteSearch):
         start = Start(problem, request)
         start.begin()
         made = settled = 0
-        for rows, proven, ceiling in _stages(problem, cutoff, least):
+        for rows, proven, ceiling in _stages(problem, cutoff):
             found, arcs = _under(problem, rows, ceiling, request.control.flag, start)
             made, settled = made + found.made, settled + found.settled
             known = start.route is not None and start.length * (1.0 + MARGIN) <= ceiling
@@ -89,7 +87,7 @@ class ResourceLabelling(RouteSearch):
 
 
 def _stages(
-    problem: ResourceRouting, cutoff: float, least: float
+    problem: ResourceRouting, cutoff: float
 ) -> Iterator[tuple[NDArray[np.int64], float, float]]:
     """Return points, a bound on all routes, and the length up to which no route needs other points.
 
@@ -101,11 +99,11 @@ def _stages(
 
     count, share = len(problem.kinds), LEAST
     if problem.arcs is not None:
-        yield np.arange(count), least, cutoff
+        yield np.arange(count), 0.0, cutoff
         return
     assert problem.points is not None
     detour = distances(problem.points, problem.start) + distances(problem.points, problem.end)
-    proven = straight = max(float(detour[problem.start]), least)
+    proven = straight = float(detour[problem.start])
     while True:
         ceiling = straight * (1 + share)
         rows = np.flatnonzero(detour <= ceiling * (1 + SLACK))

@@ -17,9 +17,12 @@ from crosstrack.models import ErrorCorrectionRouting
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.contract.backend import Limit
 from crosstrack.solvers.error_correction.airspace import airspace
+from crosstrack.solvers.error_correction.elementary import Found, critical_bits, elementary
 from crosstrack.solvers.error_correction.grid import build, near
 from crosstrack.solvers.error_correction.reachability import reachable, refusals
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
+from crosstrack.solvers.error_correction.sweep_kernels import best_first
+from crosstrack.solvers.error_correction.way_kernels import plain_ways
 
 PRINTED = ["two-stage", "pulse", "dynamic-programming"]
 EXACT = ["label-setting", *PRINTED]
@@ -262,6 +265,23 @@ def test_the_grid_finds_near_points(seed):
                 assert np.allclose(np.sort(away[:count]), np.sort(distance[sorted(near_points)]))
 
 
+def test_more_critical_points_than_bits_in_a_word():
+    """With every point critical, masks of several words: the same simple route."""
+    model = uniform_slab(150, (25, 20, 25, 25, 30), seed=5)
+    space = airspace(model)
+    grid = build(space, np.ones(len(model.points), np.bool_))
+    critical = np.flatnonzero((model.codes == 1) | (model.codes == 2))
+    bits, words = critical_bits(grid, critical)
+    assert words == 3
+    assert sorted(bits[bits >= 0]) == list(range(len(critical)))
+    flag = np.zeros(1, np.int8)
+    ways = plain_ways(distances_to(grid, len(grid.x) - 1))
+    found = Found(*best_first(space, grid, ways, bits, words, np.inf, flag))
+    best = ct.solve(model)
+    assert found.length == pytest.approx(best.primal_bound)
+    assert len(set(found.route.tolist())) == len(found.route)
+
+
 def test_bounds_on_the_remaining_length():
     model = ct.load("error-correction/8")
     space = airspace(model)
@@ -277,3 +297,20 @@ def test_bounds_on_the_remaining_length():
         slot = places[stop.point]
         assert behind[slot] <= stop.distance + 1e-6
         assert ahead[slot] <= best.primal_bound - stop.distance + 1e-6
+
+
+def test_rounds_go_on_until_no_point_repeats():
+    walks = [[0, 1, 2, 1, 9], [0, 3, 1, 3, 9], [0, 1, 4, 9]]
+    asked = []
+
+    def search(critical, bound):
+        asked.append(critical.tolist())
+        return Found(1, np.array(walks[len(asked) - 1]), 1.0, 1.0, 10, 5)
+
+    found = elementary(search, revisits=False)
+    assert asked == [[], [1], [1, 3]]
+    assert (found.rounds, found.critical, found.made, found.settled) == (3, 2, 30, 15)
+    assert (
+        elementary(lambda *_: Found(1, np.array(walks[0]), 1.0, 1.0, 1, 1), revisits=True).rounds
+        == 1
+    )

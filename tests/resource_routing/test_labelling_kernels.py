@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 from resource_draws import neighbours, random_branches, random_model, rng_of
 
-import crosstrack as ct
-from crosstrack.instances.error_correction.generator import uniform_slab
 from crosstrack.solvers.resource_routing.arc_kernels import all_pairs, count_pairs
-from crosstrack.solvers.resource_routing.elementary import Found, elementary
-from crosstrack.solvers.resource_routing.label_kernels import best_first
 from crosstrack.solvers.resource_routing.network import distances, lengths_to, network
 
 RUNS = np.zeros(1, np.int8)
@@ -171,31 +167,3 @@ def test_distances_are_scaled():
     points = np.array([[0.0, 0.0], [3.0, 4.0]])
     for scale in (1e-320, 1e-200, 1.0, 1e200):
         assert distances(points * scale, 0)[1] == pytest.approx(5 * scale)
-
-
-def test_more_critical_points_than_bits_in_a_word():
-    """With every point critical, masks of several words: the same simple route."""
-    model = uniform_slab(150, (25, 20, 25, 25, 30), seed=5)
-    points = np.arange(len(model.points))
-    net = network(model.lower(), points, RUNS)
-    ahead = np.ascontiguousarray(lengths_to(net, np.array([net.end]))[:, 0])
-    via = lengths_to(net, points) + ahead
-    _, route, length, *_ = best_first(net, ahead, via, points, np.inf, RUNS)
-    assert via.shape[1] > 128
-    assert length == pytest.approx(ct.solve(model).primal_bound)
-    assert len(set(route.tolist())) == len(route)
-
-
-def test_rounds_go_on_until_no_point_repeats():
-    walks = [[0, 1, 2, 1, 9], [0, 3, 1, 3, 9], [0, 1, 4, 9]]
-    searched = []
-
-    def search(critical, bound):
-        searched.append(critical.tolist())
-        return Found(1, np.array(walks[len(searched) - 1]), 1.0, 1.0, 10, 5)
-
-    result = elementary(search, revisits=False)
-    assert searched == [[], [1], [1, 3]]
-    assert (result.rounds, result.critical, result.made, result.settled) == (3, 2, 30, 15)
-    once = elementary(lambda *_: Found(1, np.array(walks[0]), 1.0, 1.0, 1, 1), revisits=True)
-    assert once.rounds == 1
