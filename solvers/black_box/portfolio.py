@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from .native import BlackBoxBackend, Objective
 from .pymoo_searches import CmaEs
 from .scipy_searches import Direct, DualAnnealing
@@ -32,16 +34,13 @@ class Portfolio(BlackBoxBackend):
     summary = "direct, cma-es and dual-annealing in turn, each from the best point so far"
     requires = ("scipy",)
 
-    def prepare(self) -> None:
-        """Import the libraries of the searches, outside of the time limit."""
-        for kind, _ in _STAGES:
-            if not kind().missing():
-                kind().prepare()
-
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Run the searches in turn."""
+        """Evaluate the centre, then run the searches in turn."""
+        # Importing the libraries may take as long as a short time limit.
+        objective(np.full((1, objective.dimension), 0.5))
         for kind, share in _STAGES:
             search = kind()
             if not (search.missing() or search.refuses(objective.problem)):
+                search.prepare()
                 objective.run_stage(share, search)
         return {}
