@@ -43,8 +43,8 @@ class Reached:
     iterations, evaluations : int
         Numbers of iterations and of evaluations.
     settled : bool
-        Whether the gradient satisfies the tolerance. If False, the descent reached a limit or made
-        no further progress.
+        Whether the gradient or the predicted decrease satisfies its tolerance. If False, the descent
+        reached a limit or made no further progress.
     """
 
     point: Floats
@@ -105,6 +105,7 @@ class Descent:
         *,
         stopped: Callable[[], bool] = lambda: False,
         heard: Callable[[Floats, float], None] | None = None,
+        decrement: float = 0.0,
     ) -> Reached:
         """Minimise `function` from a `point` with a finite value.
 
@@ -123,6 +124,9 @@ class Descent:
             Function that returns True to stop, called before every evaluation.
         heard : callable, optional
             Callback for every improved point and its value.
+        decrement : float
+            Predicted decrease, relative to the value, at which the descent has converged. In a narrow
+            valley the gradient may be large without a possible decrease.
 
         Returns
         -------
@@ -137,7 +141,12 @@ class Descent:
                 break
             iterations += 1
             way = self._direction(now.slope)
-            if not float(way @ now.slope) < 0.0:
+            fall = float(way @ now.slope)
+            informed = len(self.pairs) >= min(way.size, MEMORY)
+            if informed and 0.0 < -0.5 * fall < decrement * abs(now.value):
+                settled = True
+                break
+            if not fall < 0.0:
                 self.pairs.clear()
                 way = -now.slope
             trial, count = self._search(function, now, way, stopped)
