@@ -77,12 +77,12 @@ def figures(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         others.append(figure.read(answer.plan))
     known = [value for value in ours if value is not None]
     other = [value for value in others if value is not None]
-    found = f"{np.median(other):.3g}" if other else "no value"
+    result = f"{np.median(other):.3g}" if other else "no value"
     return {
         "value": float(np.median(known)) if known else "no scaling region",
         "deviation": float(np.std(known, ddof=1)) if len(known) > 1 else None,
         "backend": figure.backend,
-        "recommended backend": f"{figure.other}: {found} ({len(other)} of {trials.runs})",
+        "recommended backend": f"{figure.other}: {result} ({len(other)} of {trials.runs})",
         "true value": figure.truth,
         "runs": trials.runs,
     }
@@ -100,8 +100,8 @@ def slopes(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         model = generate(name, SAMPLES, period=period, name=f"{name}, 1000 samples")
         known = SYSTEMS[System(name)].dimension
     (answer,) = trials.run(model, "g-p", runs=1, options=options)
-    found = {f"m = {m}": answer.statistics.get(f"slope, dimension {m}") for m in range(2, 11)}
-    shown = {name: "none" if value is None else value for name, value in found.items()}
+    result = {f"m = {m}": answer.statistics.get(f"slope, dimension {m}") for m in range(2, 11)}
+    shown = {name: "none" if value is None else value for name, value in result.items()}
     return {**shown, "largest": _dimension(answer.plan) or "none", "true dimension": known}
 
 

@@ -119,13 +119,13 @@ def corridor_with_way(
 
 def _spans(count: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Return the number of segments, 2 to 5, of each change of the velocity."""
-    found: list[int] = []
+    result: list[int] = []
     left = count
     while left > 5:
-        found.append(3 if rng.random() < 0.5 else 4)
-        left -= found[-1]
+        result.append(3 if rng.random() < 0.5 else 4)
+        left -= result[-1]
     # The rest is split into two spans, so that even four segments contain a motion.
-    return np.array([*found, left] if found and left > 1 else [*found, left - 2, 2])
+    return np.array([*result, left] if result and left > 1 else [*result, left - 2, 2])
 
 
 def _ramps(owner: NDArray[np.int64]) -> Floats:
@@ -137,15 +137,15 @@ def _ramps(owner: NDArray[np.int64]) -> Floats:
 
 def _velocities(spans: int, axes: int, pace: float, rng: np.random.Generator) -> Floats:
     """Return the velocity between spans: along one axis at a time, at rest at both ends."""
-    found = np.zeros((spans + 1, axes))
+    result = np.zeros((spans + 1, axes))
     axis, sign = 0, 1.0
     for at in range(1, spans):
         if axes > 1 and rng.random() < 0.4:
             # Switch to another axis, so that the path does not return through the previous box.
             axis = (axis + 1 + int((axes - 1) * rng.random())) % axes
             sign = 1.0 if rng.random() < 0.5 else -1.0
-        found[at, axis] = sign * pace * (0.9 + 0.2 * rng.random())
-    return np.round(found, 2)
+        result[at, axis] = sign * pace * (0.9 + 0.2 * rng.random())
+    return np.round(result, 2)
 
 
 def _way(velocities: Floats, owner: NDArray[np.int64], times: Floats) -> Trajectory:

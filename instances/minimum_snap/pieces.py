@@ -197,9 +197,9 @@ def _seconds(name: str, trajectory: Trajectory) -> Floats:
     kept = np.zeros((trajectory.segments, trajectory.dimensions, 8))
     kept[:, :, : scaled.shape[1]] = np.moveaxis(scaled[:, :8], 1, 2)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        found: Floats = kept / (trajectory.durations[:, None] ** np.arange(8.0))[:, None, :]
-    found[kept == 0] = 0.0
-    beyond = np.argwhere(~np.isfinite(found))
+        result: Floats = kept / (trajectory.durations[:, None] ** np.arange(8.0))[:, None, :]
+    result[kept == 0] = 0.0
+    beyond = np.argwhere(~np.isfinite(result))
     if beyond.size:
         piece, axis, power = (int(k) for k in beyond[0])
         raise InvalidData(
@@ -207,7 +207,7 @@ def _seconds(name: str, trajectory: Trajectory) -> Floats:
             f"value: the segment lasts {trajectory.durations[piece]:g} s",
             field=name,
         )
-    return frozen(found)
+    return frozen(result)
 
 
 def _parsed(file: Path) -> Poly7:
@@ -215,11 +215,11 @@ def _parsed(file: Path) -> Poly7:
     line, header = next(rows, (1, []))
     names = [name.lstrip("# ").replace(" ", "").casefold() for name in header]
     for column, wanted in enumerate(_COLUMNS):
-        found = names[column] if column < len(names) else None
-        if found != wanted:
+        result = names[column] if column < len(names) else None
+        if result != wanted:
             raise InvalidData(
                 f"{file}, line {line}, column {column + 1}: the header must hold {wanted!r}, got "
-                f"{show(found) if found is not None else 'nothing'}; it is {_COLUMNS[0]},"
+                f"{show(result) if result is not None else 'nothing'}; it is {_COLUMNS[0]},"
                 f"{_COLUMNS[1]},…,{_COLUMNS[8]},{_COLUMNS[9]},…,{_COLUMNS[-1]}",
                 field="header",
             )

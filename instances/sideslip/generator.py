@@ -208,14 +208,14 @@ class _Noise(NamedTuple):
         signals = np.stack([drive.yaw_rate, drive.lateral_acceleration])
         power = np.sqrt((signals**2).mean(axis=1)) * 10.0 ** (-decibels / 20.0)
         # Digits in which platforms agree. The limit is for a vehicle that never turns.
-        yaw_rate, acceleration = (max(float(f"{one:.6g}"), 1e-9) for one in power)
+        yaw_rate, acceleration = (max(float(f"{entry:.6g}"), 1e-9) for entry in power)
         return self._replace(yaw_rate=yaw_rate, acceleration=acceleration)
 
 
 def _normal(rng: np.random.Generator, count: int) -> Floats:
     """Return standard normal numbers, shape (count, 2)."""
-    found: Floats = ndtri(rng.random((count, 2)) + 2.0**-54)  # avoids 0
-    return found
+    result: Floats = ndtri(rng.random((count, 2)) + 2.0**-54)  # avoids 0
+    return result
 
 
 def _part(kind: Any, name: str, value: Any) -> Any:
@@ -240,8 +240,8 @@ def _speeds(kind: RoadKind, speed: Any, samples: int | None, period: float) -> F
             field="speed",
         )
     whole = _whole(knots[-1, 0], period) if count is None else count
-    found: Floats = np.round(np.interp(np.arange(whole) * period, *knots.T), _DIGITS)
-    return found
+    result: Floats = np.round(np.interp(np.arange(whole) * period, *knots.T), _DIGITS)
+    return result
 
 
 def _whole(duration: float, period: float) -> int:
@@ -279,7 +279,7 @@ def _spoilt(
     # A stale sample repeats the last sample that is not stale.
     shown = np.maximum.accumulate(np.where(draw[1] < stale, 0, np.arange(len(recording))))
     kept = np.flatnonzero(draw[0] >= missing)
-    found = dataclasses.replace(
+    result = dataclasses.replace(
         recording,
         times=recording.times[kept],
         speed=recording.speed[kept],
@@ -289,7 +289,7 @@ def _spoilt(
             recording.lateral_acceleration[shown][kept] + bias[1], _DIGITS
         ),
     )
-    return found, kept
+    return result, kept
 
 
 def _believed(truth: Vehicle, tyre: str | None, mismatch: Mapping[str, float] | None) -> Vehicle:

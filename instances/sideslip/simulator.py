@@ -124,20 +124,20 @@ def simulate(
     grip = friction if v.tyre is Tyre.SATURATING else np.full(len(speed), math.inf)
     limits = grip[:, None] * np.array(v.loads)
     who = (driver.preview, driver.correction, driver.gain, driver.delay, driver.lag)
-    found = np.zeros((7, len(speed)))
+    result = np.zeros((7, len(speed)))
     wanted = np.zeros(steps * (len(speed) - 1) + 1)
     _drive(
         parameters, road.along, road.aside, road.sine, who, np.asarray(speed, dtype=float), limits, shocks,
-        period / steps, steps, wanted, found,
+        period / steps, steps, wanted, result,
     )  # fmt: skip
-    if not (np.abs(found[3]) < 0.5 * math.pi).all():
-        first = int(np.flatnonzero(~(np.abs(found[3]) < 0.5 * math.pi))[0])
+    if not (np.abs(result[3]) < 0.5 * math.pi).all():
+        first = int(np.flatnonzero(~(np.abs(result[3]) < 0.5 * math.pi))[0])
         raise InvalidData(
             f"the vehicle spins {first * period:g} s after the start, and its sideslip angle must stay below 90°: "
             "choose a lower speed, more friction or another driver",
             field="speed",
         )
-    return Drive(*found)
+    return Drive(*result)
 
 
 @kernel
@@ -160,13 +160,13 @@ def _rates(
     least = max(speed, LOW_SPEED)
     # Slip by the lateral speed of each axle, which vanishes at rest for any angle.
     aside = speed * sideslip
-    one = (speed * steering - aside - p[2] * yaw_rate) / least
+    entry = (speed * steering - aside - p[2] * yaw_rate) / least
     two = (p[3] * yaw_rate - aside) / least
     # An infinite limit marks linear tyres.
-    one = p[4] * one if front == math.inf else _force(one, p[4], front)
+    entry = p[4] * entry if front == math.inf else _force(entry, p[4], front)
     two = p[5] * two if rear == math.inf else _force(two, p[5], rear)
-    acceleration = (one + two) / p[0]
-    return acceleration / least - yaw_rate, (p[2] * one - p[3] * two) / p[1], acceleration
+    acceleration = (entry + two) / p[0]
+    return acceleration / least - yaw_rate, (p[2] * entry - p[3] * two) / p[1], acceleration
 
 
 @kernel

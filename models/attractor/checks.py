@@ -71,16 +71,16 @@ class Sample:
         apart = np.empty((min(count, len(taken)), last))
         for start in range(0, len(taken), count):
             some = taken[start : start + count]
-            found, apart = np.zeros((len(some), last)), apart[: len(some)]
+            result, apart = np.zeros((len(some), last)), apart[: len(some)]
             for column in columns:
                 np.subtract(column[some, None], column, out=apart)
                 if largest:
-                    np.maximum(found, np.abs(apart, out=apart), out=found)
+                    np.maximum(result, np.abs(apart, out=apart), out=result)
                 else:
-                    found += np.square(apart, out=apart)
+                    result += np.square(apart, out=apart)
             for row, i in enumerate(some.tolist()):
-                found[row, max(i - self.theiler, 0) : i + self.theiler + 1] = np.inf
-            yield some, found
+                result[row, max(i - self.theiler, 0) : i + self.theiler + 1] = np.inf
+            yield some, result
 
     def slope(self, slope: Slope, period: float) -> tuple[float, float, float]:
         """Return the slope of a curve within a region, its uncertainty, and the width of the region.
@@ -108,23 +108,23 @@ class Sample:
             return np.nan, np.nan, width
         weights = (x - x.mean()) / ((x - x.mean()) ** 2).sum()
         with np.errstate(all="ignore"):
-            found = float(read(np.nanmean(rows, axis=0)) @ weights)
+            result = float(read(np.nanmean(rows, axis=0)) @ weights)
             if self.whole and not tied:
-                return found, 0.0, width
+                return result, 0.0, width
             # The jackknife, which leaves out each state once.
             count = np.isfinite(rows).sum(axis=0)
             others = (np.nansum(rows, axis=0) - np.nan_to_num(rows)) / (count - np.isfinite(rows))
             slopes = read(others) @ weights
             error = float(np.sqrt((len(rows) - 1) * slopes.var()))
-        return found, error, width
+        return result, error, width
 
     def _counts(self, radii: Floats) -> Floats:
         """Return the number of states within each radius of every state of the sample."""
-        found = [
+        result = [
             np.stack([(apart <= r).sum(axis=1) for r in radii], axis=1)
             for _, apart in self.blocks(len(self.states), largest=True)
         ]
-        return np.concatenate(found).astype(float)
+        return np.concatenate(result).astype(float)
 
     def divergence(self, slope: Slope, ahead: Ints) -> Floats:
         """Return the curve of an exponent: the mean logarithm of the distance from neighbours.
@@ -152,8 +152,8 @@ class Sample:
         last, taken = len(self.states), self.taken(len(self.states))
         near = np.minimum(taken + self.theiler, last - 1) - np.maximum(taken - self.theiler, 0) + 1
         pairs = float((last - near).sum())
-        found = self._counts(radii).sum(axis=0)
-        return found / pairs if pairs else np.full(len(radii), np.nan)
+        result = self._counts(radii).sum(axis=0)
+        return result / pairs if pairs else np.full(len(radii), np.nan)
 
     def reach(self) -> tuple[float, float]:
         """Return an estimate of the smallest positive distance between states, and an upper bound of all."""
@@ -171,7 +171,7 @@ class Sample:
         if last < 2:
             return np.full((0, len(ahead)), np.nan), False
         most = max(BLOCK // (len(ahead) * self.states.shape[1]), 1)
-        found, tied = [], False
+        result, tied = [], False
         for some, squares in self.blocks(last, largest=False):
             squares[squares == 0] = np.inf  # equal states never diverge
             for i, row in zip(some.tolist(), squares, strict=True):
@@ -193,8 +193,8 @@ class Sample:
                     moved = self.states[there] - self.states[i + ahead]
                     total += np.sqrt((moved**2).sum(axis=2)).sum(axis=0)
                 with np.errstate(divide="ignore"):
-                    found.append(np.where(total > 0, np.log(total / near.size), np.nan))
-        return np.array(found).reshape(-1, len(ahead)), tied
+                    result.append(np.where(total > 0, np.log(total / near.size), np.nan))
+        return np.array(result).reshape(-1, len(ahead)), tied
 
 
 def prediction_error(sample: Sample, ahead: int) -> float:

@@ -164,32 +164,32 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         return Verification(prediction_error(sample, plan.delay), tuple(checks))
 
     def _slope_check(self, name: str, sample: Sample, slope: Slope, tolerance: float) -> Check:
-        found, error, width = sample.slope(slope, self.period)
+        result, error, width = sample.slope(slope, self.period)
         # The smallest relevant slope is a change of 1 over the region.
         scale = max(abs(slope.value), 1.0 / width)
         # For small samples, the allowance is limited to the slope or to one nat over the region.
-        worst = max(abs(slope.value - found) - min(5.0 * error, scale), 0.0)
+        worst = max(abs(slope.value - result) - min(5.0 * error, scale), 0.0)
         unit = "nats/s" if name == "exponent" else ""
         return Check.scaled(
             f"{name} is the slope of its curve", "13-14" if unit else "15-17", worst, unit,
-            f"{slope.low:g} … {slope.high:g}, computed again {found:.6g}", tolerance, scale,
+            f"{slope.low:g} … {slope.high:g}, computed again {result:.6g}", tolerance, scale,
         )  # fmt: skip
 
     def _errors(self, plan: AttractorEstimate) -> list[float]:
         """Return the relative errors of the known figures."""
-        found = []
+        result = []
         for known, slope, least in (
             (self.true_exponent, plan.exponent, SLOW / self.period),
             (self.true_dimension, plan.correlation, 1e-9),
         ):
             if known is not None:
                 apart = 1.0 if slope is None else abs(slope.value - known) / max(abs(known), least)
-                found.append(min(apart, 1.0))
+                result.append(min(apart, 1.0))
         if self.chaotic is not None:
             claimed = plan.surrogates
             right = claimed is not None and (claimed.judgement is Judgement.CHAOTIC) == self.chaotic
-            found.append(0.0 if right else 1.0)
-        return found
+            result.append(0.0 if right else 1.0)
+        return result
 
     def distance(self, plan: AttractorEstimate, other: AttractorEstimate) -> float:
         """Return the largest relative difference of the figures that both plans claim.
@@ -198,12 +198,12 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         If both plans claim nothing but an embedding, the delays are compared.
         """
         apart = [
-            abs(one.value - two.value) / max(abs(one.value), abs(two.value), least)
-            for one, two, least in (
+            abs(entry.value - two.value) / max(abs(entry.value), abs(two.value), least)
+            for entry, two, least in (
                 (plan.exponent, other.exponent, SLOW / self.period),
                 (plan.correlation, other.correlation, 1e-9),
             )
-            if one is not None and two is not None
+            if entry is not None and two is not None
         ]
         if plan.surrogates is not None and other.surrogates is not None:
             same = plan.surrogates.judgement is other.surrogates.judgement
@@ -220,20 +220,20 @@ class AttractorAnalysis(Model[AttractorEstimate]):
 
 def _judgement_check(plan: AttractorEstimate, tolerance: float) -> Check:
     """Check that the ranks support the judgement: 5 % to reject, and a positive exponent for chaos."""
-    found = plan.surrogates
-    assert found is not None
+    result = plan.surrogates
+    assert result is not None
     over = 0.0
-    if found.judgement is not Judgement.NOISE:
-        over = max(found.p_value - 0.05, 0.0)
+    if result.judgement is not Judgement.NOISE:
+        over = max(result.p_value - 0.05, 0.0)
     sure = plan.exponent is not None and plan.exponent.value > 0
-    if found.judgement is Judgement.CHAOTIC and not sure:
+    if result.judgement is Judgement.CHAOTIC and not sure:
         over = 1.0
     return Check.scaled(
         "judgement follows from the ranks",
         "",
         over,
         "",
-        f"p = {found.p_value:.3g}",
+        f"p = {result.p_value:.3g}",
         tolerance,
         0.05,
     )

@@ -89,16 +89,16 @@ def draw(
         The value of an option is not allowed.
     """
     kit.check_choice("view", view, "curves", "slopes", "attractor")
-    found = kit.verified_plan(model, plan, AttractorEstimate, tolerance)
+    result = kit.verified_plan(model, plan, AttractorEstimate, tolerance)
     curves: list[Curve] = []
     delay, dimension = 1, 2
     if plan is not None:
         delay, dimension = plan.delay, plan.dimension
         if view != "attractor":
             curves = curves_of(model, plan)
-    text = kit.title_of(model, _parts(model, plan, found), found, title)
+    text = kit.title_of(model, _parts(model, plan, result), result, title)
     default = (5.2, 5.2) if view == "attractor" else (9.6, 5.4 if curves else 3.9)
-    scene = kit.Scene(text, found, size, default)
+    scene = kit.Scene(text, result, size, default)
     lines = textwrap.wrap(_verdict(plan), max(int((scene.broad - 0.2) / _LETTER), 20))
     foot = 0.25 * bool(curves)
     places = _places(scene, view, len(curves), dimension, below=foot + 0.15 * len(lines))

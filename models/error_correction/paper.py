@@ -145,11 +145,11 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         use[corrections] = y
         place[corrections] = np.arange(len(corrections))
 
-        one: dict[str, Any] = {"lower": 1, "upper": 1}
+        item: dict[str, Any] = {"lower": 1, "upper": 1}
         zero: dict[str, Any] = {"lower": 0, "upper": 0}
         out, into = arcs.tail == model.start, arcs.head == model.end
-        b.rows("one arc out of A", 1, (0, x[out], 1.0), **one, equation="2")
-        b.rows("one arc into B", 1, (0, x[into], 1.0), **one, equation="3")
+        b.rows("one arc out of A", 1, (0, x[out], 1.0), **item, equation="2")
+        b.rows("one arc into B", 1, (0, x[into], 1.0), **item, equation="3")
         if model.corrections_limit is not None:
             arcs_most = model.corrections_limit + 1.0
             b.rows("corrections at most", 1, (0, x, 1.0), upper=arcs_most, unit="arcs")

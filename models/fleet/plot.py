@@ -84,12 +84,12 @@ def draw(
     if legs == "paths" and model.map is None:
         raise UnsupportedOption("legs can be 'paths' only if the model has a map")
     kit.check_flags(optional=True, labels=labels)
-    found = kit.verified_plan(model, plan, FleetPlan, tolerance)
-    text = kit.title_of(model, _words(model, plan, found), found, title)
+    result = kit.verified_plan(model, plan, FleetPlan, tolerance)
+    text = kit.title_of(model, _words(model, plan, result), result, title)
     bars = 0 if plan is None else len(plan.routes)
     high = {"routes": 6.0, "loads": min(6.0, 1.5 + 0.3 * bars)}
     whole = sum(_WIDE[part] for part in shown)
-    scene = kit.Scene(text, found, size, (whole, max(high[part] for part in shown)))
+    scene = kit.Scene(text, result, size, (whole, max(high[part] for part in shown)))
     left = 0.0
     for part in shown:
         wide = _WIDE[part] * scene.broad / whole

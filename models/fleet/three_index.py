@@ -309,7 +309,7 @@ class ThreeIndexFormulation(CutFormulation):
         m = model.vehicles
         used = np.rint(point[: m * edges.size]).reshape(m, -1)
         cuts = merge_cuts(
-            self.cuts, (Cut(s) for one in used for s in find_isolated_sets(edges, one))
+            self.cuts, (Cut(s) for entry in used for s in find_isolated_sets(edges, entry))
         )
         more = self._more
         loads = (used * self._lengths).sum(axis=1)

@@ -47,7 +47,7 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
     required("plan", plan, MissionPlan)
     for k, route in enumerate(plan.routes):
         check_entries(f"routes[{k}]", route, 0, len(model.nodes) - 1, "routes")
-    flown = [(k, one) for k, one in enumerate(plan.trajectories) if one is not None]
+    flown = [(k, entry) for k, entry in enumerate(plan.trajectories) if entry is not None]
     checks = [
         *_counts(model, plan),
         *_places(model, plan, flown, tolerance),
@@ -60,8 +60,8 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
     if len(plan.routes) != model.vehicles:
         return Verification(None, tuple(checks))
     loads = np.zeros(model.vehicles)
-    for k, one in flown:
-        loads[k] = lengths_of(one).sum()
+    for k, entry in flown:
+        loads[k] = lengths_of(entry).sum()
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective == "range" else 0.0
     # Only objective, q and deviation are read, which are fields of both models.
@@ -77,7 +77,7 @@ def _counts(model: MissionData, plan: MissionPlan) -> Iterator[Check]:
     wrong = [f"node {model.label(int(k))}" for k in np.flatnonzero(visits != 1)]
     idle = [f"robot {k}" for k, route in enumerate(plan.routes) if not route]
     pairs = enumerate(zip(plan.routes, plan.trajectories, strict=True))
-    lacking = [f"robot {k}" for k, (route, one) in pairs if bool(route) == (one is None)]
+    lacking = [f"robot {k}" for k, (route, entry) in pairs if bool(route) == (entry is None)]
     yield Check.count("one route for each robot", abs(len(plan.routes) - model.vehicles))
     yield Check.count("each node visited once", wrong)
     yield Check.count("every robot used", idle)
@@ -237,7 +237,7 @@ def _collision(model: MissionData, flown: Flown, tolerance: float) -> Check:
     if not flown:
         return _worst(name, "m", tolerance, [])
     depth, robot, time, place = deepest(
-        [pieces_of(one, k) for k, one in flown], model.solids, model.radius, slack, model.cell
+        [pieces_of(entry, k) for k, entry in flown], model.solids, model.radius, slack, model.cell
     )
     where = (
         f"robot {robot} (t = {time:.6g} s), x {place[0]:.6g}, y {place[1]:.6g} m"
@@ -257,7 +257,7 @@ def _separation(model: MissionData, flown: Flown, tolerance: float) -> Check:
     name = "distance between robots" if model.separation > 0 else "separation not required"
     # The search error adds to the tolerance, so it must be much smaller.
     slack = SEARCHED * (tolerance * model.cell + _digits(model))
-    closest = nearest([one for _, one in flown], slack)
+    closest = nearest([entry for _, entry in flown], slack)
     where = "never two under way at one time"
     if np.isfinite(closest.distance):
         a, b = (flown[k][0] for k in closest.pair)

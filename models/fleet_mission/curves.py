@@ -175,7 +175,7 @@ def _common(
 ) -> tuple[Pieces, Pieces] | None:
     """Return both curves of each pair, split into pieces with common times; None without overlap."""
     sides: list[list[Pieces]] = [[], []]
-    degree = max(one.degree for one in trajectories)
+    degree = max(entry.degree for entry in trajectories)
     matrix = bernstein_matrix(degree)
     binomial = np.array(
         [[float(math.comb(k, j)) for k in range(degree + 1)] for j in range(degree + 1)]
@@ -183,20 +183,22 @@ def _common(
     lag = np.maximum(np.arange(degree + 1) - np.arange(degree + 1)[:, None], 0)
     for number, pair in enumerate(pairs):
         both = [trajectories[int(k)] for k in pair]
-        begin, end = (f(*(one.times[side] for one in both)) for f, side in ((max, 0), (min, -1)))
-        knots = np.unique(np.concatenate([one.times for one in both]))
+        begin, end = (
+            f(*(entry.times[side] for entry in both)) for f, side in ((max, 0), (min, -1))
+        )
+        knots = np.unique(np.concatenate([entry.times for entry in both]))
         knots = knots[(knots >= begin) & (knots <= end)]
         if knots.size < 2:
             continue
         times = np.stack([knots[:-1], knots[1:]], axis=1)
-        for one, pieces in zip(both, sides, strict=True):
-            index = np.searchsorted(one.times, times.mean(axis=1), "right") - 1
-            index = np.clip(index, 0, one.segments - 1)
-            long = one.durations[index]
-            s = (times[:, 0] - one.times[index]) / long
+        for entry, pieces in zip(both, sides, strict=True):
+            index = np.searchsorted(entry.times, times.mean(axis=1), "right") - 1
+            index = np.clip(index, 0, entry.segments - 1)
+            long = entry.durations[index]
+            s = (times[:, 0] - entry.times[index]) / long
             width = (times[:, 1] - times[:, 0]) / long
             powers = np.zeros((len(times), degree + 1, 2))
-            powers[:, : one.degree + 1] = one.coefficients[index]
+            powers[:, : entry.degree + 1] = entry.coefficients[index]
             moved = np.einsum("jk,njk,nkd->njd", binomial, s[:, None, None] ** lag, powers)
             moved *= width[:, None, None] ** np.arange(degree + 1)[:, None]
             pieces.append(Pieces(matrix @ moved, times, np.full(len(times), number)))
@@ -239,8 +241,8 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
             distance = np.hypot(*(a - b).T)
             k = int(np.argmin(distance))
             if distance[k] < best.distance:
-                one, other = pairs[first.owner[k]].tolist()
-                best = Near(float(distance[k]), float(times[k]), (one, other))
+                entry, other = pairs[first.owner[k]].tolist()
+                best = Near(float(distance[k]), float(times[k]), (entry, other))
         between = first.control - second.control
         # Bounding boxes are cheap, so they are tested first.
         box = np.maximum(np.maximum(between.min(axis=1), -between.max(axis=1)), 0.0)
@@ -253,7 +255,7 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
         open_ = open_[long > 1e-14 * np.maximum(size, 1e-300)]
         if open_.size > MOST:
             k = open_[int(np.argmin(np.hypot(*box[open_].T)))]
-            one, other = pairs[first.owner[k]].tolist()
-            return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (one, other))
+            entry, other = pairs[first.owner[k]].tolist()
+            return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (entry, other))
         first, second = first.take(open_).halve(), second.take(open_).halve()
     return best

@@ -41,10 +41,10 @@ def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:
     The distance is NaN if fewer than two robots are under way.
     """
     places = np.full((len(plan.trajectories), len(times), 2), np.nan)
-    for k, one in enumerate(plan.trajectories):
-        if one is not None:
-            under_way = (times >= one.times[0]) & (times <= one.times[-1])
-            places[k, under_way] = one(times[under_way])
+    for k, entry in enumerate(plan.trajectories):
+        if entry is not None:
+            under_way = (times >= entry.times[0]) & (times <= entry.times[-1])
+            places[k, under_way] = entry(times[under_way])
     least = np.full(len(times), np.inf)
     for k in range(len(places) - 1):
         distances = np.hypot(*np.moveaxis(places[k + 1 :] - places[k], -1, 0))
@@ -66,10 +66,10 @@ def _places_of(plan: MissionPlan, check: Check) -> Iterator[Floats]:
     """Yield the positions of the robots named by a check, at its time or at their ends."""
     who, when = _WHO.search(check.where), _WHEN.search(check.where)
     for robot in map(int, filter(None, who.groups() if who else ())):
-        one = plan.trajectories[robot] if robot < len(plan.trajectories) else None
-        if one is None:
+        entry = plan.trajectories[robot] if robot < len(plan.trajectories) else None
+        if entry is None:
             continue
         if when is not None:
-            yield one(np.clip(float(when[1]), one.times[0], one.times[-1]))
+            yield entry(np.clip(float(when[1]), entry.times[0], entry.times[-1]))
         elif check.where.endswith((", start", ", end")):
-            yield one(one.times[0 if check.where.endswith("start") else -1])
+            yield entry(entry.times[0 if check.where.endswith("start") else -1])

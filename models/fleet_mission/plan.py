@@ -80,15 +80,17 @@ class MissionPlan(Plan):
         None for a robot without a trajectory.
         """
         return tuple(
-            None if one is None else (float(one(one.times[0])[0]), float(one(one.times[0])[1]))
-            for one in self.trajectories
+            None
+            if entry is None
+            else (float(entry(entry.times[0])[0]), float(entry(entry.times[0])[1]))
+            for entry in self.trajectories
         )
 
     @property
     def end(self) -> float:
         """Return time of the last robot, s."""
         return max(
-            (float(one.times[-1]) for one in self.trajectories if one is not None), default=0
+            (float(entry.times[-1]) for entry in self.trajectories if entry is not None), default=0
         )
 
     def __str__(self) -> str:

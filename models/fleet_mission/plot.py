@@ -102,8 +102,8 @@ def draw(
             raise UnsupportedOption("parts can hold more than 'map' only with a plan")
     drawn_layers = kit.check_words("layers", layers, tuple(_LAYERS))
     kit.check_flags(optional=True, labels=labels)
-    found = kit.verified_plan(model, plan, MissionPlan, tolerance)
-    text = kit.title_of(model, _words(model, plan, found), found, title)
+    result = kit.verified_plan(model, plan, MissionPlan, tolerance)
+    text = kit.title_of(model, _words(model, plan, result), result, title)
     left, right = ([part for part in side if part in shown] for side in (_LEFT, _RIGHT))
     panels = []
     if plan is not None and right:
@@ -112,7 +112,7 @@ def draw(
     below = bars + 0.9 * bool(bars)
     tall = below + 6.4 * ("map" in left) + 0.5 * (left == ["loads"])
     widths = [6.6] * bool(left) + [5.8] * bool(right)
-    scene = kit.Scene(text, found, size, (sum(widths), max(tall, 1.4 + 1.3 * len(panels))))
+    scene = kit.Scene(text, result, size, (sum(widths), max(tall, 1.4 + 1.3 * len(panels))))
     sides: Sequence[kit.Frame] = scene.halves(*widths) if len(widths) > 1 else [scene]
     foot = 0.0
     if plan is not None and "loads" in left:
@@ -122,7 +122,7 @@ def draw(
     if "map" in left:
         rows = 2 if drawn_layers == ["curve"] else 3
         axes = sides[0].axes(0.74, foot + 0.56 + kit.LINE * rows, 0.16, scene.head)
-        keys = _draw_map(model, plan, found, axes, drawn_layers, labels)
+        keys = _draw_map(model, plan, result, axes, drawn_layers, labels)
         keys += (
             kit.name_vehicles(len(plan.routes), "robot") if plan is not None and not foot else []
         )

@@ -61,9 +61,9 @@ class Gaps:
         result = np.zeros(size, np.int16)
         for c in self.model.sorted_customers:
             counts = so_far[c]
-            for one in before[c]:
-                candidate = so_far[one].copy()
-                candidate[at[one] : at[c]] += 1
+            for entry in before[c]:
+                candidate = so_far[entry].copy()
+                candidate[at[entry] : at[c]] += 1
                 np.maximum(counts, candidate, out=counts)
             home = counts.copy()
             home[at[c] : at[0]] += 1
@@ -85,14 +85,16 @@ class Gaps:
         # Largest number of changes of side up to each customer, and the customer before it.
         best: dict[int, tuple[int, int]] = {0: (0, 0)}
         for c in self.model.sorted_customers:
-            best[c] = max((best[one][0] + (right[one] != right[c]), one) for one in before[c])
+            best[c] = max(
+                (best[entry][0] + (right[entry] != right[c]), entry) for entry in before[c]
+            )
         c = max(best, key=lambda c: (best[c][0], -c))
         customers: list[int] = []
         while c:
-            one = best[c][1]
-            if right[one] != right[c]:
+            entry = best[c][1]
+            if right[entry] != right[c]:
                 customers.append(c)
-            c = one
+            c = entry
         customers.reverse()
         # The return to the start adds the last crossing.
         return tuple(customers[:-1] if len(customers) % 2 == 0 else customers)
@@ -101,17 +103,17 @@ class Gaps:
     def before(self) -> list[list[int]]:
         """Direct predecessors of each customer; [0], the start, if it has none."""
         lists: list[list[int]] = [[] for _ in range(self.model.size)]
-        for one, other in self.model.pairs:
-            lists[other].append(one)
-        return [one or [0] for one in lists]
+        for entry, other in self.model.pairs:
+            lists[other].append(entry)
+        return [entry or [0] for entry in lists]
 
     @cached_property
     def after(self) -> list[list[int]]:
         """Direct successors of each customer; [0], the start, if it has none."""
         lists: list[list[int]] = [[] for _ in range(self.model.size)]
-        for one, other in self.model.pairs:
-            lists[one].append(other)
-        return [one or [0] for one in lists]
+        for entry, other in self.model.pairs:
+            lists[entry].append(other)
+        return [entry or [0] for entry in lists]
 
     def between(self, one: int, other: int) -> NDArray[np.bool_]:
         """Return a mask of the gaps between two places."""

@@ -99,14 +99,14 @@ def draw(
         raise UnsupportedOption("parts can contain 'tour' only if plan is given")
     kit.check_choice("over", over, "walked", "stops")
     kit.check_flags(optional=True, lines=lines, labels=labels)
-    found = kit.verified_plan(model, plan, GuidedPathPlan, tolerance)
+    result = kit.verified_plan(model, plan, GuidedPathPlan, tolerance)
     words = [model.describe()]
-    if found is not None and found.objective is not None:
-        words.append(f"{kit.number(found.objective)} m")
+    if result is not None and result.objective is not None:
+        words.append(f"{kit.number(result.objective)} m")
     row = 0.3 + 0.004 * min(max(map(len, groups), default=0), 300)
     high = {"chains": float(np.clip(0.5 + row * (len(groups) + 1), 1.3, 6.0)), "tour": 5.0}
     whole = sum(high[part] for part in shown)
-    scene = kit.Scene(kit.title_of(model, words, found, title), found, size, (6.6, whole + 1.4))
+    scene = kit.Scene(kit.title_of(model, words, result, title), result, size, (6.6, whole + 1.4))
     # The panels share the remaining height.
     unit = max(scene.tall - scene.head - 0.88, 0.3 * scene.tall) / whole
     keys, top = (

@@ -71,8 +71,8 @@ def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]
     are False.
     """
     after: list[list[int]] = [[] for _ in range(size)]
-    for one, other in pairs:
-        after[one].append(other)
+    for entry, other in pairs:
+        after[entry].append(other)
     closure = np.zeros((size, size), bool)
     for k in reversed(order):
         for other in after[k]:
@@ -91,12 +91,12 @@ def joined_chains(
     those of :func:`closure_of`.
     """
     before: list[list[int]] = [[] for _ in range(size)]
-    for one, other in pairs:
-        before[other].append(one)
+    for entry, other in pairs:
+        before[other].append(entry)
     ends: dict[int, list[int]] = {}
     chains: list[list[int]] = []
     for customer in order:
-        last = next((one for one in before[customer] if one in ends), None)
+        last = next((entry for entry in before[customer] if entry in ends), None)
         chain = [] if last is None else ends.pop(last)
         if last is None:
             chains.append(chain)

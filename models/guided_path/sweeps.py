@@ -159,15 +159,15 @@ class SweepsFormulation(KeptFormulation):
             upper=free.ravel(), template="sweep {0}, customer {1}", index=index,
         )  # fmt: skip
         pairs = np.array(kept.pairs, np.int64).reshape(-1, 2)
-        one, other = pairs.T
+        entry, other = pairs.T
         # True if the predecessor also comes first on the way of the sweep.
-        same = sides[:, None] * (at[other] - at[one]) >= 0
+        same = sides[:, None] * (at[other] - at[entry]) >= 0
         rows = _count(same)
         earlier = np.broadcast_to(np.arange(last)[:, None], same.shape) - ~same
         known = earlier >= 0
         b.rows(
             "precedence", same.size, (rows, z[:, other - 1], 1.0),
-            (rows[known], z[earlier, one - 1][known], -1.0), upper=0,
+            (rows[known], z[earlier, entry - 1][known], -1.0), upper=0,
             template="sweep {0}, customer {1} before {2}",
             index=np.column_stack(
                 [np.repeat(np.arange(1, last + 1), len(pairs)),

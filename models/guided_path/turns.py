@@ -75,9 +75,9 @@ def enough_sweeps(gaps: Gaps, length: float) -> int:
         np.bincount(gaps.at[list(turning(gaps, side))], minlength=size + 1) for side in (1, -1)
     ]
     change = diags_array([np.ones(size), -np.ones(size)], offsets=[0, -1], shape=(size + 1, size))
-    one = eye_array(size + 1)
+    entry = eye_array(size + 1)
     slack = (np.arange(size + 1) == start).astype(float)
-    rows = bmat([[change, one, -one], [-change, -one, one]])
+    rows = bmat([[change, entry, -entry], [-change, -entry, entry]])
     turns = np.repeat([0.0, 1.0, -1.0], [size, size + 1, size + 1])
     unit = float(gaps.lengths.max())
     total = np.concatenate([2 * gaps.lengths / unit, np.zeros(2 * size + 2)])
@@ -110,7 +110,7 @@ def some_length(gaps: Gaps) -> float:
     if size > _MOST + 1:
         return np.inf
     customers = range(1, size)
-    needs = [sum(1 << one for one in came if one) for came in gaps.before]
+    needs = [sum(1 << entry for entry in came if entry) for came in gaps.before]
     # Crossings in both directions from each customer on, up to the return to the start.
     onwards = np.zeros((size, lengths.size))
     for c in reversed(model.sorted_customers):

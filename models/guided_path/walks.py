@@ -59,9 +59,9 @@ def _reduced(model: GuidedPathData, passing: bool) -> tuple[GuidedPathData, tupl
     x = model.coordinates.tolist()
     before: list[set[int]] = [set() for _ in x]
     after: list[set[int]] = [set() for _ in x]
-    for one, other in model.pairs:
-        before[other].add(one)
-        after[one].add(other)
+    for entry, other in model.pairs:
+        before[other].add(entry)
+        after[entry].add(other)
     relevant = set(range(1, model.size))
     last = model.sorted_customers[-1]
     todo = list(reversed(model.sorted_customers)) if passing else []
@@ -82,8 +82,8 @@ def _reduced(model: GuidedPathData, passing: bool) -> tuple[GuidedPathData, tupl
         ):
             relevant.discard(c)
             todo += [*before[c], *after[c]]
-            for one in before[c]:
-                after[one] = (after[one] - {c}) | after[c]
+            for entry in before[c]:
+                after[entry] = (after[entry] - {c}) | after[c]
             for other in after[c]:
                 before[other] = (before[other] - {c}) | before[c]
     free = sorted((x[c], c) for c in relevant if not before[c] and not after[c])
@@ -95,7 +95,7 @@ def _reduced(model: GuidedPathData, passing: bool) -> tuple[GuidedPathData, tupl
         relevant.add(min(c for there, c in free if there == free[-1][0]))
     numbers = (0, *sorted(relevant or {last}))
     at = {c: k for k, c in enumerate(numbers)}
-    pairs = [(at[one], at[other]) for one in relevant for other in after[one]]
+    pairs = [(at[entry], at[other]) for entry in relevant for other in after[entry]]
     relation = np.array(sorted(pairs), np.int64).reshape(-1, 2)
     return GuidedPathData(model.coordinates[list(numbers)], precedence=relation), numbers
 
@@ -127,13 +127,15 @@ def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:
     x = model.coordinates.tolist()
     after: list[list[int]] = [[] for _ in x]
     missing = [0] * model.size
-    for one, other in model.pairs:
-        after[one].append(other)
+    for entry, other in model.pairs:
+        after[entry].append(other)
         missing[other] += 1
     ready = [c for c in range(1, model.size) if not missing[c]]
     # Heaps of available customers on each side, nearest first, as pairs of signed place and number.
     ahead = {side: [(side * x[c], c) for c in ready] for side in (1, -1)}
-    ahead = {side: [one for one in heap if one[0] >= side * x[0]] for side, heap in ahead.items()}
+    ahead = {
+        side: [entry for entry in heap if entry[0] >= side * x[0]] for side, heap in ahead.items()
+    }
     for heap in ahead.values():
         heapify(heap)
     order: list[int] = []

@@ -89,13 +89,13 @@ def draw(
     """
     kit.check_choice("colour", colour, "time", "leg")
     kit.check_flags(optional=True, labels=labels, zoom=zoom)
-    found, tour = kit.verified_plan(model, plan, TourPlan, tolerance), None
+    result, tour = kit.verified_plan(model, plan, TourPlan, tolerance), None
     parts = [model.describe()]
-    if plan is not None and found is not None:
-        tour = Drawn(model, plan, found)
-        if found.objective is not None:
-            parts = [kit.many(model.size, "vehicle"), f"{kit.number(found.objective)} m"]
-            parts.append(f"{kit.number(found.objective / model.speed, 5)} s")
+    if plan is not None and result is not None:
+        tour = Drawn(model, plan, result)
+        if result.objective is not None:
+            parts = [kit.many(model.size, "vehicle"), f"{kit.number(result.objective)} m"]
+            parts.append(f"{kit.number(result.objective / model.speed, 5)} s")
     reach = model.radius[:, None]
     start = np.empty((0, 2)) if model.start is None else model.start[None, :2]
     places = np.concatenate([model.positions - reach, model.positions + reach, start])
@@ -106,8 +106,8 @@ def draw(
             maps.append(near)
     boxes = [(part.min(axis=0), part.max(axis=0)) for part in maps]
     several = len(boxes) > 1
-    text = kit.title_of(model, parts, found, title)
-    scene = kit.Scene(text, found, size, (12.4, 6.2) if several else (7.2, 6.4))
+    text = kit.title_of(model, parts, result, title)
+    scene = kit.Scene(text, result, size, (12.4, 6.2) if several else (7.2, 6.4))
     rows, head = (1, scene.head + 0.2) if several else (2, scene.head)
     foot = 0.64 + kit.LINE * rows
     scaled = tour is not None and colour == "time"

@@ -437,9 +437,9 @@ def _real(name: str, value: Any) -> Floats:
     """Return `value` as an array of floats of any shape, or raise :class:`InvalidData`."""
     try:
         array = np.asarray(value)
-        found = np.asarray(array, float) if array.dtype.kind in "iufO" else None
+        result = np.asarray(array, float) if array.dtype.kind in "iufO" else None
     except Exception:  # a third-party `__array__` may raise any exception
-        found = None
-    if found is None:
+        result = None
+    if result is None:
         raise InvalidData(f"{name} must be numbers, got {show(value)}", field=name)
-    return found
+    return result

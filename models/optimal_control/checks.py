@@ -130,14 +130,14 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
         )
         named = list(zip(phases, _labels(phases), strict=True))
         groups: list[list[Check]] = [
-            [_motion(*pair, one, tolerance) for pair, one in zip(named, motions, strict=True)],
+            [_motion(*pair, entry, tolerance) for pair, entry in zip(named, motions, strict=True)],
             [_continuity(*pair, tolerance) for pair in named],
             [check for pair in named for check in _times(*pair, tolerance)],
             *(
                 [
                     check
-                    for pair, one in zip(named, motions, strict=True)
-                    for check in _ends(*pair, one, end, tolerance)
+                    for pair, entry in zip(named, motions, strict=True)
+                    for check in _ends(*pair, entry, end, tolerance)
                 ]
                 for end in (0, 1)
             ),
@@ -150,8 +150,8 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             *_boundaries(definition, boundary, sizes.boundaries, tolerance),
             *(
                 checks
-                for pair, one in zip(named, motions, strict=True)
-                for checks in _invariants(*pair, one, tolerance)
+                for pair, entry in zip(named, motions, strict=True)
+                for checks in _invariants(*pair, entry, tolerance)
             ),
             _objective(definition, phases, motions, objective, sizes.objective, tolerance),
         ]  # fmt: skip

@@ -93,7 +93,7 @@ def draw(
     """
     definition = model.definition
     kit.check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)
-    found = kit.verified_plan(model, plan, ControlPlan, tolerance)
+    result = kit.verified_plan(model, plan, ControlPlan, tolerance)
     drawn = guessed(definition) if plan is None else plan
     phases = courses(definition, drawn)
     panels = list(_panels(phases, paths and plan is not None, tolerance))
@@ -113,7 +113,7 @@ def draw(
     )
     return kit.panel_sheet(
         panels, [kit.Span(part.name, part.start, part.end, part.states.knots) for part in drawn],
-        title=kit.title_of(model, _parts(model, drawn, found), found, title), wrong=kit.is_wrong(found),
+        title=kit.title_of(model, _parts(model, drawn, result), result, title), wrong=kit.is_wrong(result),
         columns=min(int(columns), len(panels)), mesh=mesh, guess=plan is None, size=size,
         label=kit.with_unit("time", definition.phases[0].time_unit),
     )  # fmt: skip

@@ -275,7 +275,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     def decode(self, point: Floats) -> Route:
         """Return the route formed by the used arcs; separate cycles are dropped."""
         arcs = self.arcs
-        count = len(arcs) + sum(one.carrying.size + one.either.size for one in self._levels)
+        count = len(arcs) + sum(entry.carrying.size + entry.either.size for entry in self._levels)
         if point.size != count:
             raise InvalidData(f"point must have {count} entries, got {point.size}", field="point")
         used = point[: len(arcs)] > 0.5

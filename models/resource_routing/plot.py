@@ -66,7 +66,7 @@ def draw(
     UnsupportedOption
         An option has an invalid value.
     """
-    found = kit.verified_plan(model, plan, Route, tolerance)
+    result = kit.verified_plan(model, plan, Route, tolerance)
     visits: list[Visit] = [] if plan is None else walk_route(model, plan)[0]
     if labels is None:
         labels = (len(visits) or len(model.kinds)) <= _MOST_LABELS
@@ -77,15 +77,15 @@ def draw(
     over[:1] = False
     where = places_of(model)
     parts = [model.describe()]
-    if found is not None:
+    if result is not None:
         parts = [
-            "no length" if found.objective is None else f"length {kit.number(found.objective)}"
+            "no length" if result.objective is None else f"length {kit.number(result.objective)}"
         ]
-    text = kit.title_of(model, parts, found, title)
+    text = kit.title_of(model, parts, result, title)
     panels = bool(len(visits) > 1 and model.resources and np.isfinite(visits[-1].distance))
     wide = 6.2 * (where is not None or not panels) + 5.4 * panels
     tall = max(4.8, 1.2 + 1.5 * len(model.resources) * panels)
-    scene = kit.Scene(text, found, size, (wide, tall))
+    scene = kit.Scene(text, result, size, (wide, tall))
     beside = panels and where is not None
     left, right = scene.halves(1.15, 1.0) if beside else (scene, scene)
     if panels:

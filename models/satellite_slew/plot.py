@@ -100,19 +100,19 @@ def draw(
         raise UnsupportedOption("tracking is drawn over time, beside a plan")
     if plan is not None:
         slew_phase(plan)
-    found = kit.verified_plan(model, plan, ControlPlan, tolerance)
+    result = kit.verified_plan(model, plan, ControlPlan, tolerance)
     axis, angle = model.turn
     around = ", ".join(kit.number(float(x), 3) for x in axis)
     parts = [f"{kit.number(float(np.rad2deg(angle)), 5)}° about ({around})"]
     if model.margin:
         parts.append(f"{kit.number(100 * model.margin, 4)} % in reserve")
-    if found is not None and found.objective is not None:
-        parts.append(f"J = {kit.number(found.objective)} s")
+    if result is not None and result.objective is not None:
+        parts.append(f"J = {kit.number(result.objective)} s")
     if plan is not None:
         parts.append(f"tf = {kit.number(plan.end, 5)} s")
-    text = kit.title_of(model, parts, found, title)
+    text = kit.title_of(model, parts, result, title)
     if view == "axis":
-        scene = kit.Scene(text, found, size, (6.4, 6.0))
+        scene = kit.Scene(text, result, size, (6.4, 6.0))
         draw_axes(model, plan, scene)
         return scene.figure
     drawn = _guessed(model) if plan is None else plan
@@ -130,7 +130,7 @@ def draw(
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
     return kit.panel_sheet(
         panels, [kit.Span("slew", part.start, end, part.states.knots)], columns=2, title=text,
-        wrong=kit.is_wrong(found), label="time (s)", size=size, mesh=mesh, guess=plan is None,
+        wrong=kit.is_wrong(result), label="time (s)", size=size, mesh=mesh, guess=plan is None,
     )  # fmt: skip
 
 

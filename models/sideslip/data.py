@@ -85,19 +85,19 @@ class Times(Array):
     """Array of strictly increasing times with at most :data:`MOST_GAP` seconds between neighbours."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        found = super().coerce(name, value, sizes)
-        if not LEAST <= len(found) <= MOST:
+        result = super().coerce(name, value, sizes)
+        if not LEAST <= len(result) <= MOST:
             raise InvalidData(
-                f"{name} must hold {LEAST} … {MOST} samples, got {len(found)}", field=name
+                f"{name} must hold {LEAST} … {MOST} samples, got {len(result)}", field=name
             )
-        steps = np.diff(found)
+        steps = np.diff(result)
         bad = np.flatnonzero(~(steps > 0))
         if bad.size:
             k = int(bad[0]) + 1
-            what = "a sample twice" if found[k] == found[k - 1] else "a step back"
+            what = "a sample twice" if result[k] == result[k - 1] else "a step back"
             raise InvalidData(
-                f"{name} must rise strictly, got {what}: {name}[{k}] = {show(float(found[k]))} s after "
-                f"{show(float(found[k - 1]))} s",
+                f"{name} must rise strictly, got {what}: {name}[{k}] = {show(float(result[k]))} s after "
+                f"{show(float(result[k - 1]))} s",
                 field=name,
             )
         wide = np.flatnonzero(steps > MOST_GAP * (1 + 1e-9))
@@ -105,10 +105,10 @@ class Times(Array):
             k = int(wide[0])
             raise InvalidData(
                 f"{name} must leave no gap above {MOST_GAP:g} s, got {steps[k]:g} s after "
-                f"{name}[{k}] = {show(float(found[k]))} s: split the recording there",
+                f"{name}[{k}] = {show(float(result[k]))} s: split the recording there",
                 field=name,
             )
-        return found
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,5 +167,5 @@ class Recording(Declared):
     @property
     def moving(self) -> NDArray[np.bool_]:
         """True for samples at 1 m/s or more, whose angle is defined, shape (n,)."""
-        found: NDArray[np.bool_] = self.speed >= LOW_SPEED
-        return found
+        result: NDArray[np.bool_] = self.speed >= LOW_SPEED
+        return result

@@ -174,10 +174,10 @@ class SideslipEstimation(Model[SideslipEstimate]):
         InvalidData
             The truth is unknown, or the plan does not fit this model.
         """
-        found = self._checked(self.as_plan(plan))
+        result = self._checked(self.as_plan(plan))
         if self.truth is None:
             raise InvalidData("truth is not known, so no coverage can be measured", field="truth")
-        within = np.abs(found.sideslip - self.truth) <= deviations * found.deviation
+        within = np.abs(result.sideslip - self.truth) <= deviations * result.deviation
         return float(within[self.recording.moving].mean())
 
     def _checked(self, plan: SideslipEstimate) -> SideslipEstimate:
@@ -191,8 +191,8 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
     def distance(self, plan: SideslipEstimate, other: SideslipEstimate) -> float:
         """Return the mean absolute difference of two estimates, in degrees."""
-        one, two = self._checked(plan), self._checked(other)
-        return mean_error(self.recording, one.sideslip, two.sideslip)
+        entry, two = self._checked(plan), self._checked(other)
+        return mean_error(self.recording, entry.sideslip, two.sideslip)
 
     def describe(self) -> str:
         """Return a one-line summary: samples, duration, training drives and tyre law."""

@@ -130,23 +130,23 @@ def draw(
         _Named(label, k + (plan is None), entry.plan)
         for k, (label, entry) in enumerate(zip(labels, plans, strict=True))
     ]
-    found = None if plan is None else plans[0].found
+    result = None if plan is None else plans[0].found
     parts = [model.describe()]
-    if plan is not None and found is not None:
+    if plan is not None and result is not None:
         times = model.recording.times
         parts = [f"{kit.number(float(times[-1] - times[0]), 4)} s"]
-        if found.objective is not None:
-            error = f"{kit.number(found.objective, 3)}°"
+        if result.objective is not None:
+            error = f"{kit.number(result.objective, 3)}°"
             known = model.truth is not None
             parts.append(f"mean error {error}" if known else f"changes in a second off by {error}")
         if model.truth is not None:
             parts.append(f"{kit.number(100 * model.coverage(plan), 3)} % within 2 deviations")
-    text = kit.title_of(model, parts, found, title)
+    text = kit.title_of(model, parts, result, title)
     samples = _Samples(model.recording)
     rests = samples.rests()
     upper = _upper(model, samples, estimates, rests)
     tall = 0.73 + kit.LINE * (2 + text.count("\n")) + len(upper) * _TALL + 2 * _LOW
-    scene = kit.Scene(text, found, size, (7.2, tall))
+    scene = kit.Scene(text, result, size, (7.2, tall))
     _draw_panels(scene, model, samples, estimates, upper, rests)
     return scene.figure
 

@@ -127,11 +127,11 @@ class Stretch:
             if k < self.count - 1:
                 covariance = step[k] @ before[k] @ step[k].T + np.diag(self.disturbance[k] ** 2)
         after = np.zeros((2, 2))
-        found = np.empty(self.count)
+        result = np.empty(self.count)
         for k in range(self.count - 1, -1, -1):
-            found[k] = np.linalg.solve(eye + before[k] @ after, before[k])[0, 0]
+            result[k] = np.linalg.solve(eye + before[k] @ after, before[k])[0, 0]
             if k:
                 after = after + seen[k]
                 spread = np.diag(self.disturbance[k - 1] ** 2)
                 after = step[k - 1].T @ after @ np.linalg.solve(eye + spread @ after, step[k - 1])
-        return np.sqrt(np.maximum(found, 0.0))
+        return np.sqrt(np.maximum(result, 0.0))

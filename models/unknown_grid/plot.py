@@ -115,14 +115,14 @@ def draw(
     # The first colour is reserved for `plan`.
     looks = map(kit.axis_style, _COLOURS if plan is not None else _COLOURS[1:])
     runs = [
-        _Run(name, look, entry, found, walk_of(model, entry, scene))
-        for (name, entry, found), look in zip(plans, looks, strict=False)
+        _Run(name, look, entry, result, walk_of(model, entry, scene))
+        for (name, entry, result), look in zip(plans, looks, strict=False)
     ]
     main = None if plan is None else runs[0]
     chosen = _moments(moments, main)
     shortest = model.fewest_steps() if model.blocked.size <= _MOST_CELLS else None
-    found = None if main is None else main.found
-    text = kit.title_of(model, _words(model, scene, main, shortest), found, title)
+    result = None if main is None else main.found
+    text = kit.title_of(model, _words(model, scene, main, shortest), result, title)
     several = model.scenes > 1 and bool(runs)
     keys = _keys(runs, main, moving=bool(chosen), several=several)
     keys += [kit.key("shortest ways", **_SHORTEST)] * (several and shortest is not None)
@@ -133,7 +133,7 @@ def draw(
         (broad, tall), Box(model.starts[scene], model.shape), part, len(chosen),
         head=1 + text.count("\n"), foot=rows, panel=several,
     )  # fmt: skip
-    sheet = kit.Scene(text, found, size, layout.size)
+    sheet = kit.Scene(text, result, size, layout.size)
     _draw_map(_axes(sheet, layout.map), model, scene, runs, main, layout.map)
     for step, place in zip(chosen, layout.moments, strict=True):
         assert main is not None

@@ -140,17 +140,17 @@ class CorrelationIntegral(AttractorBackend):
 
     def _chosen(self, series: Floats, request: Request) -> tuple[int, int, list[str]]:
         """Return delay and window in samples, and messages about both."""
-        found = curves(
+        result = curves(
             series / np.abs(series).max(),
             longest_delay(len(series), request.options["lags"]),
             stopped=lambda: request.control.stopped,
         )
         delay, message = (
-            first_zero_crossing(found.mean)
+            first_zero_crossing(result.mean)
             if request.options["criterion"] == "zero"
-            else first_local_minimum(found.spread)
+            else first_local_minimum(result.spread)
         )
-        window, other = self.window(found, delay)
+        window, other = self.window(result, delay)
         return delay, window, [text for text in (message, other) if text]
 
     def window(self, found: Curves, delay: int) -> tuple[int, str]:

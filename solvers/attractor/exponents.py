@@ -197,10 +197,10 @@ class Search:
         span = (self.embedding.dimension - 1) * self.embedding.delay
         shortest = max(span, mean_turn(self.states[:, 0]))
         earliest = span if self.embedding.delay > 1 else 0
-        found = scaling_region(first, level, shortest, earliest, self.low, self.high)
-        if found is None or found[1].best is None:
+        result = scaling_region(first, level, shortest, earliest, self.low, self.high)
+        if result is None or result[1].best is None:
             return "there is no scaling region, neighbours do not part at a steady rate"
-        return found
+        return result
 
 
 def fit_exponent(search: Search, period: float) -> Fit | None:
@@ -239,12 +239,12 @@ def fit_exponent(search: Search, period: float) -> Fit | None:
     if ready is None:
         return Fit(None, message=_NONE.format("states have too few neighbours for a radius"))
     if low is None or high is None:
-        found = ready.region(FIRST)
-        if found is None:
+        result = ready.region(FIRST)
+        if result is None:
             return None
-        if isinstance(found, str):
-            return Fit(None, message=_NONE.format(found))
-        begin, stretches = found
+        if isinstance(result, str):
+            return Fit(None, message=_NONE.format(result))
+        begin, stretches = result
         assert stretches.best is not None
         low, high = (begin + place for place in stretches.best)
         spread = stretches.spread / period

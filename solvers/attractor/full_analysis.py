@@ -85,10 +85,10 @@ class FullAnalysis(AttractorBackend):
             chosen["dimension"] = None if plan is None else plan.dimension
         embedding = embed(problem, chosen)
         where = asdict(embedding)
-        found = part(_EXPONENTS[options["exponent_method"]](), "exponent", where)
-        exponent = None if found is None else found.exponent
-        found = part(CorrelationDimension(), "correlation dimension", where)
-        correlation = None if found is None else found.correlation
+        result = part(_EXPONENTS[options["exponent_method"]](), "exponent", where)
+        exponent = None if result is None else result.exponent
+        result = part(CorrelationDimension(), "correlation dimension", where)
+        correlation = None if result is None else result.correlation
         seed = 0 if request.seed is None else request.seed
         ranking = None
         if not request.control.stopped:

@@ -93,25 +93,25 @@ def surrogates_of(
     n = len(series)
     values = np.sort(series)
     wanted = np.abs(fft.rfft(series))
-    found = generator.permuted(np.tile(series, (count, 1)), axis=1)
+    result = generator.permuted(np.tile(series, (count, 1)), axis=1)
     limit = _ITERATIONS
     if n > _SHORT:
-        spectra = fft.rfft(found, axis=1)
+        spectra = fft.rfft(result, axis=1)
         size = np.abs(spectra)
         spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
-        found, limit = fft.irfft(spectra, n, axis=1), _FEWER
-    order = np.argsort(found, axis=1, kind="stable")
+        result, limit = fft.irfft(spectra, n, axis=1), _FEWER
+    order = np.argsort(result, axis=1, kind="stable")
     if n > _SHORT:
-        np.put_along_axis(found, order, np.broadcast_to(values, found.shape), 1)
+        np.put_along_axis(result, order, np.broadcast_to(values, result.shape), 1)
     open_ = np.arange(count)
     while open_.size and limit and not stopped():
-        spectra = fft.rfft(found[open_], axis=1)
+        spectra = fft.rfft(result[open_], axis=1)
         size = np.abs(spectra)
         spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
         new = np.argsort(fft.irfft(spectra, n, axis=1), axis=1, kind="stable")
         moved = (new != order[open_]).any(axis=1)
         order[open_] = new
-        np.put_along_axis(found, order, np.broadcast_to(values, found.shape), 1)
+        np.put_along_axis(result, order, np.broadcast_to(values, result.shape), 1)
         open_ = open_[moved]
         limit -= 1
-    return found
+    return result

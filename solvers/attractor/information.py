@@ -65,9 +65,9 @@ def autocorrelation(series: Floats, lags: int) -> Floats:
 
     x = standardised(series)
     size = fft.next_fast_len(len(x) + lags, real=True)
-    found: Floats = fft.irfft(np.abs(fft.rfft(x, size)) ** 2, size)[: lags + 1]
-    found /= found[0]
-    return found
+    result: Floats = fft.irfft(np.abs(fft.rfft(x, size)) ** 2, size)[: lags + 1]
+    result /= result[0]
+    return result
 
 
 def decorrelation(series: Floats, level: float) -> int:
@@ -137,16 +137,16 @@ def mutual_information(series: Floats, lags: Ints) -> tuple[Floats, float, float
     code = _ranked(series, bins)
     bins = int(code.max()) + 1
     first = code[at] * bins
-    found = np.empty(len(lags))
+    result = np.empty(len(lags))
     for k, lag in enumerate(lags.tolist()):
         share = np.bincount(first + code[at + lag], minlength=bins**2).reshape(bins, bins) / len(at)
         alone = share.sum(axis=1)[:, None] * share.sum(axis=0)
         held = share > 0
-        found[k] = (share[held] * np.log(share[held] / alone[held])).sum()
+        result[k] = (share[held] * np.log(share[held] / alone[held])).sum()
     alone = np.bincount(code) / len(code)
     entropy = -float((alone[alone > 0] * np.log(alone[alone > 0])).sum())
     bias = (bins - 1) ** 2 / (2 * len(at))
-    return found - bias, (bins - 1) / (math.sqrt(2) * len(at)), entropy
+    return result - bias, (bins - 1) / (math.sqrt(2) * len(at)), entropy
 
 
 def lags_up_to(most: int) -> Ints:
@@ -183,13 +183,13 @@ def minimum_of_information(series: Floats) -> tuple[int, bool]:
     most = first_zero(series)
     # A little further, to detect the rise.
     lags = lags_up_to(min(most + max(most // 4, 2), longest(len(series))))
-    found, deviation, entropy = mutual_information(series, lags)
+    result, deviation, entropy = mutual_information(series, lags)
     low = 0
     for k in range(1, len(lags)):
-        if found[k] < found[low]:
+        if result[k] < result[low]:
             low = k
-        elif found[low] < entropy / 2 and found[k] - found[low] > max(
-            _SURE * deviation, _RISE * (found[0] - found[low])
+        elif result[low] < entropy / 2 and result[k] - result[low] > max(
+            _SURE * deviation, _RISE * (result[0] - result[low])
         ):
             return min(int(lags[low]), most), bool(lags[low] <= most)
     return most, False

@@ -193,7 +193,7 @@ def mean_partings(
         place = places[row]
         i = times[place]
         total[:] = 0.0
-        found = 0
+        result = 0
         for side in range(-1, 2, 2):
             other = place + side
             while 0 <= other < m:
@@ -213,7 +213,7 @@ def mean_partings(
                         break
                 if square == 0.0 or square > square_radius:
                     continue
-                found += 1
+                result += 1
                 for k in range(ahead + 1):
                     square = 0.0
                     for column in range(d):
@@ -221,10 +221,10 @@ def mean_partings(
                         square += apart * apart
                     total[k] += math.sqrt(square)
         for k in range(ahead + 1):
-            if found > 0 and total[k] > 0.0:
-                sums[k] += math.log(total[k] / found)
+            if result > 0 and total[k] > 0.0:
+                sums[k] += math.log(total[k] / result)
                 counts[k] += 1
-        neighbours += found
+        neighbours += result
     return sums, counts, neighbours
 
 
@@ -251,7 +251,7 @@ def count_pairs(
     m, d = states.shape
     last = len(radii) - 1
     most = radii[last]
-    found, visits = np.zeros(last + 1, np.int64), 0
+    result, visits = np.zeros(last + 1, np.int64), 0
     for row in range(len(places)):
         place = places[row]
         for side in range(-1, 2, 2):
@@ -271,6 +271,6 @@ def count_pairs(
                     k = last
                     while k > 0 and far <= radii[k - 1]:
                         k -= 1
-                    found[k] += 1
+                    result[k] += 1
                 other += side
-    return found, visits
+    return result, visits

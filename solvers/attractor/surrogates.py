@@ -247,22 +247,22 @@ class Surrogates(AttractorBackend):
         options = request.options
         embedding = embed(problem, options)
         seed = 0 if request.seed is None else request.seed
-        found = ranks(
+        result = ranks(
             problem.series, embedding, options, seed, stopped=lambda: request.control.stopped
         )
-        if found is None:
+        if result is None:
             return None
         exponent, messages = None, []
-        if found.rejected:
+        if result.rejected:
             answer = request.within(Rosenstein(), problem, options=asdict(embedding))
             if answer.point is None:
                 return None
             exponent = answer.point.exponent
             messages.append(answer.message)
-        test, said = judge(found, exponent, len(problem.series) * problem.period)
+        test, said = judge(result, exponent, len(problem.series) * problem.period)
         messages.append(said)
         plan = embedding.plan(exponent=exponent, surrogates=test)
-        return Finding(plan, statistics(found), "; ".join(filter(None, messages)))
+        return Finding(plan, statistics(result), "; ".join(filter(None, messages)))
 
 
 def statistics(found: Ranks) -> dict[str, Any]:

@@ -57,8 +57,8 @@ def thin_out(count: int, most: int) -> Ints:
 
 def states_of(series: Floats, at: Ints, delay: int, dimension: int) -> Floats:
     """Return the states that begin at the given samples, shape (len(at), dimension)."""
-    found: Floats = series[at[:, None] + delay * np.arange(dimension)]
-    return found
+    result: Floats = series[at[:, None] + delay * np.arange(dimension)]
+    return result
 
 
 def nearest(
@@ -93,7 +93,7 @@ def nearest(
     # and the last state of a group show whether any is distant in time.
     first, last = _repeats(states)
     tree = KDTree(states[first])
-    found = np.full(len(asked), -1)
+    result = np.full(len(asked), -1)
     apart = np.full(len(asked), np.inf)
     left, count = np.arange(len(asked)), _FIRST
     while left.size and count <= _MOST:
@@ -105,11 +105,11 @@ def nearest(
         some = good.any(axis=1)
         best = good[some].argmax(axis=1)[:, None]
         which = np.where(before, early, late)[some]
-        found[left[some]] = np.take_along_axis(which, best, 1)[:, 0]
+        result[left[some]] = np.take_along_axis(which, best, 1)[:, 0]
         apart[left[some]] = np.take_along_axis(far[some], best, 1)[:, 0]
         left = left[~some] if count < len(first) else left[:0]
         count *= 4
-    return found, apart
+    return result, apart
 
 
 def _repeats(states: Floats) -> tuple[Ints, Ints]:
@@ -151,9 +151,9 @@ def neighbours(series: Floats, delay: int, dimension: int, theiler: int, norm: f
     at = thin_out(len(series) - dimension * delay, _AMONG)
     states = states_of(series, at, delay, dimension + 1)
     asked = thin_out(len(at), _ASKED)
-    found, apart = nearest(states[:, :dimension], at, asked, theiler, norm)
-    good = found >= 0
-    return Neighbours(apart[good], np.abs(states[asked[good], -1] - states[found[good], -1]))
+    result, apart = nearest(states[:, :dimension], at, asked, theiler, norm)
+    good = result >= 0
+    return Neighbours(apart[good], np.abs(states[asked[good], -1] - states[result[good], -1]))
 
 
 def cao_curves(
@@ -185,10 +185,10 @@ def cao_curves(
     """
     grows, moves = np.full(most + 1, np.nan), np.full(most + 1, np.nan)
     for k in range(most + 1):
-        found = neighbours(series, delay, k + 1, delay if theiler is None else theiler, np.inf)
-        if found.new.size:
-            grows[k] = np.maximum(found.new / found.apart, 1.0).mean()
-            moves[k] = found.new.mean()
+        result = neighbours(series, delay, k + 1, delay if theiler is None else theiler, np.inf)
+        if result.new.size:
+            grows[k] = np.maximum(result.new / result.apart, 1.0).mean()
+            moves[k] = result.new.mean()
     with np.errstate(all="ignore"):
         return grows[1:] / grows[:-1], moves[1:] / moves[:-1]
 
@@ -247,8 +247,8 @@ def false_shares(series: Floats, delay: int, most: int, theiler: int) -> Floats:
     shares = np.full(most, np.nan)
     size = float(series.std())
     for k in range(most):
-        found = neighbours(series, delay, k + 1, theiler, 2)
-        if found.new.size:
-            far = np.hypot(found.new, found.apart) > _ATTRACTOR * size
-            shares[k] = (far | (found.new > _RATIO * found.apart)).mean()
+        result = neighbours(series, delay, k + 1, theiler, 2)
+        if result.new.size:
+            far = np.hypot(result.new, result.apart) > _ATTRACTOR * size
+            shares[k] = (far | (result.new > _RATIO * result.apart)).mean()
     return shares

@@ -115,15 +115,15 @@ def limit_cases() -> tuple[Case, ...]:
     def expect(limit: Limit | None, *termination: Termination) -> Expectation:
         return Expectation(termination, best_known=_BEST_KNOWN, floor=_FLOOR, limit=limit)
 
-    found = expect(Limit.TIME, Termination.FEASIBLE)
+    result = expect(Limit.TIME, Termination.FEASIBLE)
     first, *others = timed_cases(
         "", hard, start, best_known=_BEST_KNOWN, floor=_FLOOR, seconds=0.5, stop_after=0.4
     )
     *others, kept = others
     return (
-        replace(first, expectation=found, further=_knows_a_bound),
+        replace(first, expectation=result, further=_knows_a_bound),
         *others,
-        replace(kept, expectation=found),
+        replace(kept, expectation=result),
         Case(
             "gap: a wide one ends the run",
             hard,
@@ -141,7 +141,7 @@ def limit_cases() -> tuple[Case, ...]:
         Case(
             "warm start: with its own cutoff",
             hard,
-            found,
+            result,
             frozenset({Feature.WARM_START, Feature.CUTOFF}),
             {"time_limit": 0.5, "warm_start": start, "cutoff": _BEST_KNOWN},
             further=no_worse,
@@ -149,7 +149,7 @@ def limit_cases() -> tuple[Case, ...]:
         Case(
             "incumbents: each better and feasible",
             hard,
-            found,
+            result,
             frozenset({Feature.INCUMBENTS}),
             {"time_limit": 0.5},
             further=_monotone,
@@ -157,7 +157,7 @@ def limit_cases() -> tuple[Case, ...]:
         Case(
             "threads: one is one",
             hard,
-            found,
+            result,
             frozenset({Feature.THREADS}),
             {"time_limit": 0.6, "threads": 1},
             further=_one_core,

@@ -130,9 +130,9 @@ def _accepted_types(backend: Backend) -> tuple[type[Model[Any]], ...]:
 
 def _shared(backend: Backend, other: Backend) -> str:
     """Return the kind of a problem that both backends accept; empty if they share none."""
-    for one, two in itertools.product(_accepted_types(backend), _accepted_types(other)):
-        if issubclass(one, two) or issubclass(two, one):
-            return repr(getattr(one, "kind", one.__name__))
+    for entry, two in itertools.product(_accepted_types(backend), _accepted_types(other)):
+        if issubclass(entry, two) or issubclass(two, entry):
+            return repr(getattr(entry, "kind", entry.__name__))
     return ""
 
 
@@ -193,7 +193,7 @@ def _declared(name: str | None = None) -> Sequence[_Declared]:
 
 def backend_names() -> tuple[str, ...]:
     """Return the names of all backends, native algorithms first."""
-    return tuple(dict.fromkeys(one.name for one in _declared()))
+    return tuple(dict.fromkeys(entry.name for entry in _declared()))
 
 
 def find_backend(

@@ -153,7 +153,7 @@ def under(
     smallest = np.full(count, np.inf)
     # Waiting label of least error at each slot: it dominates many others before they are stored.
     waiting, waiting_length = np.full(count, np.inf), np.empty(count)
-    found = np.empty(count, np.int64)
+    result = np.empty(count, np.int64)
     away = np.empty(count)
     room = 1024
     slots = np.empty(room, np.int64)
@@ -212,10 +212,10 @@ def under(
                 done = radius_of(space, kind, head, before)
             if radius <= done:
                 continue
-            k = near(grid, here, head, radius, found, away)
+            k = near(grid, here, head, radius, result, away)
             arcs += k
             for m in range(k):
-                there = found[m]
+                there = result[m]
                 d = away[m]
                 # Within rounding, an arc is taken twice rather than never.
                 if d <= done * (1.0 - 1e-12):

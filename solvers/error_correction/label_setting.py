@@ -49,5 +49,5 @@ class LabelSetting(RoutingBackend):
             return simple_below(space, critical, bound, ceiling, flag, best_first)
 
         begin = clock()
-        found = elementary(search_once, revisits=revisits)
-        return found, {"search_seconds": clock() - begin}
+        result = elementary(search_once, revisits=revisits)
+        return result, {"search_seconds": clock() - begin}

@@ -153,18 +153,18 @@ class PrintedSearch(RoutingBackend):
         from .ceiling_kernels import climb
         from .elementary import Found
 
-        found, own = self.find_as_printed(space, ceiling, request)
-        if found.status not in (FOUND, NOTHING):
-            return found, own
-        least = min(ceiling, found.length) * (1 + 1e-12)
+        result, own = self.find_as_printed(space, ceiling, request)
+        if result.status not in (FOUND, NOTHING):
+            return result, own
+        least = min(ceiling, result.length) * (1 + 1e-12)
         walk = Found(*climb(space, least, request.control.flag))
         if walk.status == NOTHING:
-            bound = min(walk.bound, found.length)
-            return replace(found, bound=bound), own
-        if walk.status == FOUND and walk.length >= found.length * (1 - 1e-12):
-            return replace(found, bound=found.length), own
+            bound = min(walk.bound, result.length)
+            return replace(result, bound=bound), own
+        if walk.status == FOUND and walk.length >= result.length * (1 - 1e-12):
+            return replace(result, bound=result.length), own
         status = OPEN if walk.status == FOUND else STOPPED
-        return replace(found, status=status, bound=walk.bound), own
+        return replace(result, status=status, bound=walk.bound), own
 
     @abstractmethod
     def find_as_printed(
@@ -200,8 +200,8 @@ class Pulse(PrintedSearch):
         from .printed_kernels import send_pulses
 
         begin = clock()
-        found = Found(*send_pulses(space, ceiling, request.control.flag))
-        return found, {"search_seconds": clock() - begin}
+        result = Found(*send_pulses(space, ceiling, request.control.flag))
+        return result, {"search_seconds": clock() - begin}
 
 
 class DynamicProgramming(PrintedSearch):
@@ -223,8 +223,8 @@ class DynamicProgramming(PrintedSearch):
         from .printed_kernels import correct_labels
 
         begin = clock()
-        found = Found(*correct_labels(space, ceiling, request.control.flag))
-        return found, {"search_seconds": clock() - begin}
+        result = Found(*correct_labels(space, ceiling, request.control.flag))
+        return result, {"search_seconds": clock() - begin}
 
 
 class TwoStage(PrintedSearch):
@@ -250,10 +250,10 @@ class TwoStage(PrintedSearch):
         between = clock()
         has_route = first.route.size > 0 and first.length <= ceiling
         bound = first.length if has_route else ceiling
-        found = Found(*send_pulses(space, bound, request.control.flag))
-        if has_route and not found.route.size:
-            status = FOUND if found.status == NOTHING else found.status
-            found = replace(found, status=status, route=first.route, length=first.length)
+        result = Found(*send_pulses(space, bound, request.control.flag))
+        if has_route and not result.route.size:
+            status = FOUND if result.status == NOTHING else result.status
+            result = replace(result, status=status, route=first.route, length=first.length)
         statistics = {
             "stage1_seconds": between - begin,
             "stage2_seconds": clock() - between,
@@ -262,4 +262,4 @@ class TwoStage(PrintedSearch):
             "stage1 labels": first.made,
             "threshold factor": first.factor,
         }
-        return found, statistics
+        return result, statistics

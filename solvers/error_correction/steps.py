@@ -102,7 +102,7 @@ def remaining(
     best = np.full(count, np.inf)
     best[root] = 0.0
     straight = distances_to(grid, root)
-    found = np.empty(count, np.int64)
+    result = np.empty(count, np.int64)
     away = np.empty(count)
     reaches = np.array([0.0, reach(space, HORIZONTAL), reach(space, VERTICAL), reach(space, END)])
     heap = [(0.0, root)]
@@ -121,10 +121,10 @@ def remaining(
         for other in (HORIZONTAL, VERTICAL):
             # The head's thresholds limit the length of an arc.
             radius = reaches[other] if forward else reaches[kind]
-            k = near(grid, here, other, radius, found, away)
+            k = near(grid, here, other, radius, result, away)
             left -= k + 1
             for m in range(k):
-                there, total = found[m], nearest + away[m]
+                there, total = result[m], nearest + away[m]
                 if total < best[there]:
                     best[there] = total
                     heappush(heap, (total, there))
@@ -171,7 +171,7 @@ def least_errors(
     count = len(grid.x)
     start, end = count - 2, count - 1
     least = np.full(count, np.inf)
-    found = np.empty(count, np.int64)
+    result = np.empty(count, np.int64)
     away = np.empty(count)
     to_end = distances_to(grid, end)
     least[start] = 0.0
@@ -186,9 +186,9 @@ def least_errors(
             if until:
                 break
         for head in (HORIZONTAL, VERTICAL):
-            k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
+            k = near(grid, here, head, radius_of(space, kind, head, error), result, away)
             for m in range(k):
-                there = found[m]
+                there = result[m]
                 left = arrive(space, kind, head, error, away[m])
                 if left != REFUSED and left < least[there]:
                     least[there] = left

@@ -67,7 +67,7 @@ def best_first(
     count = len(grid.x)
     start, end = count - 2, count - 1
     heads = np.full(count, -1)
-    found = np.empty(count, np.int64)
+    result = np.empty(count, np.int64)
     away = np.empty(count)
     to_end = distances_to(grid, end)
     room = 2 * count + 1024
@@ -103,9 +103,9 @@ def best_first(
                 heappush(heap, (labels.length[used], used))
                 used += 1
         for head in (HORIZONTAL, VERTICAL):
-            k = near(grid, here, head, radius_of(space, kind, head, error), found, away)
+            k = near(grid, here, head, radius_of(space, kind, head, error), result, away)
             for m in range(k):
-                there = found[m]
+                there = result[m]
                 total = length + away[m]
                 if total + least(ways, there) > ceiling or visited(labels, label, bits[there]):
                     continue

@@ -149,7 +149,7 @@ def ways_on(
     first, last = np.full(count, -1), np.full(count, -1)
     # Waiting label of largest allowed error at each slot.
     waiting, waiting_length = np.full(count, -1.0), np.empty(count)
-    found = np.empty(count, np.int64)
+    result = np.empty(count, np.int64)
     away = np.empty(count)
     room = 2 * count + 1024
     slots, parents = np.empty(room, np.int64), np.empty(room, np.int64)
@@ -201,11 +201,11 @@ def ways_on(
                 continue
             if tail == START:
                 k = 1
-                found[0], away[0] = start, distance(grid, here, start)
+                result[0], away[0] = start, distance(grid, here, start)
             else:
-                k = near(grid, here, tail, radius, found, away)
+                k = near(grid, here, tail, radius, result, away)
             for m in range(k):
-                there, d = found[m], away[m]
+                there, d = result[m], away[m]
                 if d <= done * (1.0 - 1e-12):
                     continue
                 total = length + d

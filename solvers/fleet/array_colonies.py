@@ -129,7 +129,7 @@ class ArrayColonies(Colonies):
 
             held, sizes, places = (xp.as_tensor(x, device=self.device) for x in (d, size, numbers))
             tours = array_tours(xp, held, sizes, places, model.symmetric, self.settings, draw)
-            lengths, orders = (one.cpu().numpy() for one in tours)
+            lengths, orders = (entry.cpu().numpy() for entry in tours)
         stops = [nodes[i, order[1 : len(parts[i]) + 1]].tolist() for i, order in enumerate(orders)]
         routes = [stops[i : i + m] for i in range(0, len(stops), m)]
         loads = np.ldexp(lengths.reshape(-1, m), self.exponent)

@@ -165,7 +165,7 @@ class _Proof:
         """Starts, ends and counts; merged into one depot if vehicles may stay idle."""
         if self.fixed:
             return self.starts, self.ends, self.counts
-        ways = (one.min(axis=0, keepdims=True) for one in (self.starts, self.ends))
+        ways = (entry.min(axis=0, keepdims=True) for entry in (self.starts, self.ends))
         return *ways, np.array([self.most])
 
     def round_trips(self) -> tuple[float, float]:
@@ -282,7 +282,7 @@ class _Proof:
             values += prices.sum()
             pick = int(np.argmin(values / share))
             value, number = float(values[pick]), int(routes[pick])
-            added = sum(float(np.abs(one).sum()) for one in (weights, prices, away, home))
+            added = sum(float(np.abs(entry).sum()) for entry in (weights, prices, away, home))
             best = max(best, (value - ROUNDING * added) / (number if each else 1))
             used = order[: n - number]
             slope = 1.0 - np.array([np.bincount(x[used], minlength=n) for x in (tails, heads)])

@@ -96,11 +96,11 @@ class PyVrpRouting(FleetHeuristic):
             limit = math.floor(longest * (1.0 - max(step, LEAST)))
             if not 0 < limit < longest:
                 break
-            found = look(limit, routes, patience, True)
-            if found is None:
+            result = look(limit, routes, patience, True)
+            if result is None:
                 step /= 2
             else:
-                routes = found
+                routes = result
         if best.problem.objective is Objective.LEXICOGRAPHIC and not request.control.stopped:
             counts["searches"] += 1
             look(posed.longest(routes), routes, patience, False)
@@ -141,8 +141,8 @@ class _Posed:
             demands, capacity = whole_demands(model, LARGEST)
             # PyVRP's penalty per unit of overload is at most 1e5, so demands must be large numbers.
             factor = max(1, round(DEAR * len(self.customers) / max(sum(demands), 1)))
-            self.demands = [factor * one for one in demands]
-            capacity = [factor * one for one in capacity]
+            self.demands = [factor * entry for entry in demands]
+            capacity = [factor * entry for entry in capacity]
         battery = [math.inf] * self.vehicles
         if model.battery is not None:
             battery = np.floor(model.battery * scale * (1 + 1e-12)).tolist()
@@ -175,7 +175,7 @@ class _Posed:
         from pyvrp.IteratedLocalSearch import IteratedLocalSearchCallbacks
 
         data = self._data(limit)
-        found: list[Routes] = []
+        outcome: list[Routes] = []
         since = 0
         read = self._read
 
@@ -184,13 +184,13 @@ class _Posed:
                 nonlocal since
                 since = 0
                 if best.is_feasible():
-                    found.append(read(best))
-                    tell(found[-1])
+                    outcome.append(read(best))
+                    tell(outcome[-1])
 
         def over(best_cost: int) -> bool:
             nonlocal since
             since += 1
-            return stopped() or since > patience + 1 or (first and bool(found))
+            return stopped() or since > patience + 1 or (first and bool(outcome))
 
         initial = None
         if start is not None:
@@ -212,10 +212,10 @@ class _Posed:
                 params=params,
                 initial_solution=initial,
             )
-        if result.is_feasible() and not found:  # the initial solution was never improved
-            found.append(read(result.best))
-            tell(found[-1])
-        return (found[-1] if found else None), result.num_iterations
+        if result.is_feasible() and not outcome:  # the initial solution was never improved
+            outcome.append(read(result.best))
+            tell(outcome[-1])
+        return (outcome[-1] if outcome else None), result.num_iterations
 
     def _data(self, limit: float) -> Any:
         from pyvrp import Client, Depot, Location, ProblemData, VehicleType
@@ -251,7 +251,7 @@ class _Posed:
         return ProblemData(
             [Location(0, 0) for _ in lengths],
             [Client(place, load) for place, load in zip(places, loads, strict=True)],
-            [Depot(home) for home in homes], types, matrices, [0 * one for one in matrices],
+            [Depot(home) for home in homes], types, matrices, [0 * entry for entry in matrices],
         )  # fmt: skip
 
     def _read(self, solution: Any) -> Routes:

@@ -221,7 +221,7 @@ class _Search:
 
     def _offer(self, owned: list[int]) -> None:
         """Make the plan with the sets `owned` the incumbent if it is better."""
-        routes = tuple(self._route(k, one) for k, one in enumerate(owned))
+        routes = tuple(self._route(k, entry) for k, entry in enumerate(owned))
         plan = FleetPlan(routes)
         value = objective_of(self.model, loads_of(self.model, plan))
         if value < self.value:

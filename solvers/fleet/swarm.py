@@ -76,8 +76,8 @@ class Colonies:
             first = 1
 
         def part(first: int, last: int) -> None:
-            for one in range(first, last):
-                work(one)
+            for entry in range(first, last):
+                work(entry)
 
         parts = max(min(self.threads, count - first), 1)
         ends = np.linspace(first, count, parts + 1).astype(int).tolist()
@@ -85,8 +85,8 @@ class Colonies:
             self.pool.submit(part, *pair) for pair in itertools.pairwise(ends[1:])
         ]  # fmt: skip
         part(first, ends[1] if others else count)
-        for one in others:
-            one.result()
+        for entry in others:
+            entry.result()
 
     def tours(self, labels: Ints, draws: list[Generator]) -> tuple[Floats, list[Routes], int]:
         """Find the routes of each particle by ant colonies.

@@ -37,11 +37,11 @@ def departures(
         return list(flights)
     # The longest trajectory first, as the shorter ones are easier to fit in.
     order = sorted(range(len(flights)), key=lambda k: -flights[k].duration)
-    step = sum(one.duration for one in flights) / TRIED
+    step = sum(entry.duration for entry in flights) / TRIED
     fine = step / max(1, int(np.ceil(step / max(flights[order[-1]].duration / 200, 1e-12))))
     placed: dict[int, Trajectory] = {}
     for k in order:
-        latest = max((float(one.times[-1]) for one in placed.values()), default=0.0)
+        latest = max((float(entry.times[-1]) for entry in placed.values()), default=0.0)
         for delay in (*np.arange(0.0, latest, step).tolist(), latest):
             moved = Trajectory(flights[k].times + delay, flights[k].coefficients)
             if all(

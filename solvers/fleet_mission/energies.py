@@ -59,8 +59,8 @@ def leg_energies(problem: MissionData, reading: Reading) -> Floats:
     places, units = problem.places, unit_energies(problem.places)
     if reading == "direct":
         sight = Sight(problem.map)
-        for one, other in zip(*np.triu_indices(len(places), 1), strict=True):
-            if sight.between(places[one], places[other]):
-                units[one, other] = units[other, one] = 1.0
+        for entry, other in zip(*np.triu_indices(len(places), 1), strict=True):
+            if sight.between(places[entry], places[other]):
+                units[entry, other] = units[other, entry] = 1.0
     step = places[:, None] - places[None]
     return np.asarray(np.hypot(step[..., 0], step[..., 1]) * units)

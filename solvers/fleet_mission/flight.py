@@ -114,8 +114,8 @@ def slowed(problem: FleetMission, one: Trajectory, unit: float = 1.0) -> Traject
     """
     shares = []
     for order, limit in ((1, problem.velocity_limit), (2, problem.acceleration_limit)):
-        found = one.extremes(order)
-        most = np.maximum(-found.least, found.largest).max(axis=0)
+        result = one.extremes(order)
+        most = np.maximum(-result.least, result.largest).max(axis=0)
         shares.append(float((most / limit).max()) ** (1.0 / order) / unit)
     share = max(*shares, 1e-12) * (1.0 + SPARE)
     return Trajectory(one.times[0] + (one.times - one.times[0]) * share, one.coefficients)
@@ -170,19 +170,19 @@ def fly(
     share = 1.0
     for _ in range(ROUNDS):
         model = MinimumSnap(points, first.times * share, **boxes, **limits)
-        found: Trajectory | None = first
+        result: Trajectory | None = first
         if share < 1.0:
             programs += 1
             try:
-                found = programmed(backend, model, request, threads).point
+                result = programmed(backend, model, request, threads).point
             except OutOfTime:
                 break
-        if found is not None and model.verify(found, tolerance=request.tolerance).ok:
+        if result is not None and model.verify(result, tolerance=request.tolerance).ok:
             high = share
-            along = float(lengths_of(found, 1e-9).sum())
+            along = float(lengths_of(result, 1e-9).sum())
             if along < length:
                 length = along
-                best = Flight(Trajectory(found.times * unit, found.coefficients), programs, False)
+                best = Flight(Trajectory(result.times * unit, result.coefficients), programs, False)
         else:
             low = share
         if request.control.stopped:

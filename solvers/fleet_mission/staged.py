@@ -100,15 +100,15 @@ class Staged(Backend):
         )
         with stages.clock("trajectories"):
             flights = self._flights(stages, solver, corridors)
-        counts["minimum-snap problems"] = sum(one.programs for one in flights)
-        plan, found = self._put_together(stages, routes, corridors, flights)
-        if not found.ok:  # a stop at every knot repairs violations by rounding
+        counts["minimum-snap problems"] = sum(entry.programs for entry in flights)
+        plan, result = self._put_together(stages, routes, corridors, flights)
+        if not result.ok:  # a stop at every knot repairs violations by rounding
             flights = [Flight(resting(problem, way), 0, True) for way in corridors]
-            plan, found = self._put_together(stages, routes, corridors, flights)
-        counts["robots that rest at knots"] = sum(one.rests for one in flights)
-        if not found.ok:
-            return Answer(Termination.NO_SOLUTION, stages.stopped(), message=found.summary())
-        return Answer(Termination.FEASIBLE, stages.stopped(), plan, found.objective)
+            plan, result = self._put_together(stages, routes, corridors, flights)
+        counts["robots that rest at knots"] = sum(entry.rests for entry in flights)
+        if not result.ok:
+            return Answer(Termination.NO_SOLUTION, stages.stopped(), message=result.summary())
+        return Answer(Termination.FEASIBLE, stages.stopped(), plan, result.objective)
 
     def _put_together(
         self, stages: Stages, routes: FleetPlan, ways: list[Corridor], flights: list[Flight]
@@ -117,7 +117,7 @@ class Staged(Backend):
         problem, tolerance = stages.problem, stages.request.tolerance
         with stages.clock("departures"):
             slack = 1e-3 * tolerance * problem.cell
-            moved = departures(problem, [one.trajectory for one in flights], slack)
+            moved = departures(problem, [entry.trajectory for entry in flights], slack)
         plan = planned(routes, moved, [way.stops for way in ways])
         with stages.clock("verification"):
             return plan, problem.verify(plan, tolerance=tolerance)

@@ -52,7 +52,7 @@ def taking(option: str, name: str, kind: type[Model[Any]], *programs: type[Model
     """
     backend = find_backend(name, problem=problem_of(kind.kind))
     accepted = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
-    if not any(issubclass(one, accepted) for one in (kind, *programs)):
+    if not any(issubclass(entry, accepted) for entry in (kind, *programs)):
         raise UnsupportedOption(
             f"option {option!r} must name a backend for {kind.kind}, got {name!r}, which takes "
             f"{backend.accepted_kinds()}"
@@ -171,5 +171,5 @@ def planned(
     return MissionPlan(
         tuple(tuple(node - 1 for node in route) for route in routes.routes),
         tuple(flights),
-        tuple(one.times[knots[1:-1]] for one, knots in zip(flights, stops, strict=True)),
+        tuple(entry.times[knots[1:-1]] for entry, knots in zip(flights, stops, strict=True)),
     )

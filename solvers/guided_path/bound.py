@@ -133,8 +133,8 @@ def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints
     """Return the requirements of each customer in other chains, without those implied by its chain."""
     before: list[list[tuple[int, int]]] = [[] for _ in range(model.size - 1)]
     chain = np.searchsorted(first, np.arange(model.size - 1), side="right") - 1
-    for one, other in model.pairs:
-        a, b = int(number[one]), int(number[other])
+    for entry, other in model.pairs:
+        a, b = int(number[entry]), int(number[other])
         if chain[a] != chain[b]:
             before[b].append((int(chain[a]), a - int(first[chain[a]]) + 1))
     starts, rows = [0], list[tuple[int, int]]()
@@ -153,8 +153,8 @@ def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints
 def _fields(most: list[int]) -> tuple[Ints, int]:
     """Return word, shift and mask of integers up to `most`, and the number of words."""
     rows, word, shift = [], 0, 0
-    for one in most:
-        bits = one.bit_length()
+    for entry in most:
+        bits = entry.bit_length()
         if shift + bits > WORD:
             word, shift = word + 1, 0
         rows.append((word, shift, (1 << bits) - 1))
@@ -164,8 +164,8 @@ def _fields(most: list[int]) -> tuple[Ints, int]:
 
 def _crossings(model: GuidedPathData, number: Ints, place: Ints, gaps: int) -> NDArray[np.int16]:
     after: list[list[int]] = [[] for _ in range(model.size)]
-    for one, other in model.pairs:
-        after[one].append(int(number[other]))
+    for entry, other in model.pairs:
+        after[entry].append(int(number[other]))
     crossings = np.zeros((model.size - 1, gaps), np.int16)
     for c in reversed(model.sorted_customers):
         row = crossings[number[c]]

@@ -134,9 +134,9 @@ class _Search:
         statistics = {"annealings": self.runs, "polishes": self.polishes}
         seconds = {"solve": clock() - begin, "bound": proven}
         best, done = self.best, self.within_gap
-        found = Termination.OPTIMAL if done else Termination.FEASIBLE
+        result = Termination.OPTIMAL if done else Termination.FEASIBLE
         return Answer(
-            Termination.NO_SOLUTION if best is None else found, None if done else limit, best,
+            Termination.NO_SOLUTION if best is None else result, None if done else limit, best,
             None if best is None else best.length, self.bound, seconds=seconds,
             statistics=statistics, message=self.reason(limit) if best is None else "",
         )  # fmt: skip

@@ -91,30 +91,32 @@ def solve_hermite(
     for members in groups:
         pattern = fixed[members[0]]
         unique = has_one_optimum(durations, pattern, weights, continuity)
-        found: Solved | None = None
+        result: Solved | None = None
         if unique is not False:
             system = _System(durations, pattern, weights, continuity)
             if system.factorise(_SINGULAR if unique is None else 0.0):
-                found = system.descend(values[members])
-            if (found is None and unique) or (found is not None and found.correction > CERTIFIED):
+                result = system.descend(values[members])
+            if (result is None and unique) or (
+                result is not None and result.correction > CERTIFIED
+            ):
                 # With free positions it was observed to converge to a point that is not optimal.
                 if not weights[:-1].any() and pattern[:, 0].all():
-                    found = solve_boundary(
+                    result = solve_boundary(
                         durations, values[members], pattern, weights[-1], continuity,
                         system.floor(values[members]),
                     )  # fmt: skip
-        if found is None or found.outcome is not Outcome.SOLVED:
+        if result is None or result.outcome is not Outcome.SOLVED:
             jets[:], objective[:] = np.nan, np.nan
-            outcome = Outcome.ILL_CONDITIONED if unique or found else Outcome.NOT_UNIQUE
+            outcome = Outcome.ILL_CONDITIONED if unique or result else Outcome.NOT_UNIQUE
             return Solved(
                 jets, None, objective, outcome, np.nan, 0, np.inf, 0, len(groups), "general"
             )
-        jets[members], moments[members] = found.jets, found.moments
-        objective[members] = found.objective
-        segment = found.segment if found.correction > correction else segment
-        correction, gap = max(correction, found.correction), gap + found.gap
-        most = max(most, found.refinements)
-        methods.add(found.method)
+        jets[members], moments[members] = result.jets, result.moments
+        objective[members] = result.objective
+        segment = result.segment if result.correction > correction else segment
+        correction, gap = max(correction, result.correction), gap + result.gap
+        most = max(most, result.refinements)
+        methods.add(result.method)
     return Solved(
         jets, moments, objective, Outcome.SOLVED, correction, segment, gap, most, len(groups),
         min(methods),

@@ -70,15 +70,15 @@ def solve_boundary(
     order = np.concatenate([which[mask] for mask, _, which in kinds])
     kind = np.repeat(np.arange(6), [np.count_nonzero(mask) for mask, *_ in kinds])
     side, pair = np.array([0, 1, 0, 1, 1, 1])[kind], kind >= 4
-    one, other = at - side, np.minimum(at, count - 1)
+    item, other = at - side, np.minimum(at, count - 1)
     # Residuals use extended precision if the platform supports it.
     long = durations.astype(np.longdouble)
-    least = np.where(pair, np.minimum(long[one], long[other]), long[one])
+    least = np.where(pair, np.minimum(long[item], long[other]), long[item])
     ends = np.zeros((2, size, size), np.longdouble)
     for j in range(size):
         ends[0, j, j] = math.factorial(j)
         ends[1, j, j:] = [math.perm(p, j) for p in range(j, size)]
-    mine = ends[side, order] * _power(least / long[one], order)[:, None]
+    mine = ends[side, order] * _power(least / long[item], order)[:, None]
     next_ = ends[0, order] * (pair * _power(least / long[other], order))[:, None]
     # Positions are relative to the previous fixed position.
     known = np.flatnonzero(fixed[:, 0])
@@ -89,12 +89,12 @@ def solve_boundary(
     wanted = np.zeros((at.size, axes), np.longdouble)
     given = kind < 2
     wanted[given] = values[:, at[given], order[given]].T
-    wanted -= (order == 0)[:, None] * (origin[one] - pair[:, None] * origin[other])
+    wanted -= (order == 0)[:, None] * (origin[item] - pair[:, None] * origin[other])
     wanted *= _power(least, order)[:, None]
 
     # Scale each unknown by its largest entry.
     place, columns = np.repeat(np.arange(at.size), size), np.arange(size)
-    where = [(segment[:, None] * size + columns).ravel() for segment in (one, other)]
+    where = [(segment[:, None] * size + columns).ravel() for segment in (item, other)]
     entries = [mine.astype(float).ravel(), -next_.astype(float).ravel()]
     largest = np.zeros(count * size)
     for spot, entry in zip(where, entries, strict=True):
@@ -117,7 +117,7 @@ def solve_boundary(
     except RuntimeError:  # exactly singular
         steps = _STEPS + 1
     while steps <= _STEPS:
-        rest = wanted - (mine[:, None] @ powers[one])[:, 0]
+        rest = wanted - (mine[:, None] @ powers[item])[:, 0]
         rest += (next_[:, None] @ powers[other])[:, 0]
         step = factors.solve(rest.astype(float)) * units[:, None]
         step = step.reshape(count, size, axes)
@@ -153,7 +153,7 @@ def solve_boundary(
 
 def _power(base: NDArray[np.longdouble], order: NDArray[np.int64]) -> NDArray[np.longdouble]:
     """Return ``base**order`` by products, because powers of long doubles take a microsecond each."""
-    found = np.ones(np.broadcast_shapes(base.shape, order.shape), np.longdouble)
+    result = np.ones(np.broadcast_shapes(base.shape, order.shape), np.longdouble)
     for j in range(1, int(order.max()) + 1):
-        found *= np.where(order >= j, base, 1)
-    return found
+        result *= np.where(order >= j, base, 1)
+    return result

@@ -113,9 +113,9 @@ class _Contacts(NamedTuple):
         weight = np.abs(ours.force) + 1e-300
         s = np.bincount(group, weight * ours.at.s) / np.bincount(group, weight)
         first = np.flatnonzero(np.concatenate([[True], apart]))
-        one = ours.taken(first)
-        return one._replace(
-            at=one.at._replace(s=s), force=np.bincount(group, ours.force).astype(float)
+        entry = ours.taken(first)
+        return entry._replace(
+            at=entry.at._replace(s=s), force=np.bincount(group, ours.force).astype(float)
         )
 
 
@@ -149,9 +149,9 @@ def certify_chain(state: State, threshold: float) -> Certified | None:
     for depth in (None, *DEPTHS):
         if depth is not None and not _deeper(state, depth):
             return None
-        found = _refined(state, threshold)
-        if found is not None:
-            return found
+        result = _refined(state, threshold)
+        if result is not None:
+            return result
     return None
 
 

@@ -84,7 +84,7 @@ class Banded(Backend):
         durations = np.array(problem.durations)
         values = np.ascontiguousarray(values)
         weights = problem.order_weights
-        found = solve_hermite(
+        result = solve_hermite(
             durations,
             values,
             np.ascontiguousarray(np.moveaxis(fixed, 2, 0)),
@@ -93,13 +93,13 @@ class Banded(Backend):
             certify=True,
         )
         statistics: dict[str, float | int | str] = {
-            "refinements": found.refinements,
-            "factorisations": found.factorisations,
-            "method": found.method,
+            "refinements": result.refinements,
+            "factorisations": result.factorisations,
+            "method": result.method,
         }
-        if found.outcome is not Outcome.SOLVED:
+        if result.outcome is not Outcome.SOLVED:
             seconds = {"solve": clock() - begin}
-            if found.outcome is Outcome.NOT_UNIQUE:
+            if result.outcome is Outcome.NOT_UNIQUE:
                 statistics["unique"] = "no"
                 message = (
                     "some motion costs nothing and moves nothing that is fixed, so there is no "
@@ -110,20 +110,22 @@ class Banded(Backend):
             return Answer(
                 Termination.NO_SOLUTION, seconds=seconds, statistics=statistics, message=message
             )
-        plan = Trajectory(problem.times, jets_to_coefficients(durations, found.jets, found.moments))
-        objective = float(found.objective.sum())
-        statistics["correction"] = found.correction
-        proven = found.correction <= CERTIFIED
+        plan = Trajectory(
+            problem.times, jets_to_coefficients(durations, result.jets, result.moments)
+        )
+        objective = float(result.objective.sum())
+        statistics["correction"] = result.correction
+        proven = result.correction <= CERTIFIED
         return Answer(
             Termination.OPTIMAL if proven else Termination.FEASIBLE,
             point=plan,
             primal_bound=objective,
             # J is a sum of squares, so 0 is a valid bound.
-            dual_bound=max(0.0, objective - found.gap) if proven else 0.0,
+            dual_bound=max(0.0, objective - result.gap) if proven else 0.0,
             seconds={"solve": clock() - begin},
             statistics=statistics,
             message=_doubt(problem, plan) if proven else (
-                f"the shape of segment {found.segment} is certain to {found.correction:.1g} of its size "
+                f"the shape of segment {result.segment} is certain to {result.correction:.1g} of its size "
                 f"only (asked: {CERTIFIED:g}), since the durations differ too much"
             ),
         )  # fmt: skip

@@ -128,9 +128,9 @@ def solve_chain(chain: Chain, settings: Settings, flag: NDArray[np.int8]) -> Cha
         if abs(objective - bound) <= small and primal <= 1e-7:
             status = "solved"
         else:
-            found = find_contradiction(state)
-            if found is not None:
-                status, conflict = "infeasible", found
+            result = find_contradiction(state)
+            if result is not None:
+                status, conflict = "infeasible", result
     powers, correction = state.powers(), np.inf
     if status == "solved" and settings.certify:
         path = certify_chain(state, min(settings.between, BETWEEN))

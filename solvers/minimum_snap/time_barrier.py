@@ -100,23 +100,23 @@ class Spline:
         """Return the result of the banded solver, or None without a solution."""
         self.solves += 1
         continuity = min(self.model.continuity, self.model.order - 1)
-        found = solve_hermite(durations, self.values, self.fixed, self.weights, continuity)
-        return found if found.outcome is Outcome.SOLVED else None
+        result = solve_hermite(durations, self.values, self.fixed, self.weights, continuity)
+        return result if result.outcome is Outcome.SOLVED else None
 
     def value(self, durations: Floats) -> Value:
         """Return J and its slope at `durations`."""
-        found = self.solve(durations)
-        if found is None:
+        result = self.solve(durations)
+        if result is None:
             return Value(np.inf, np.inf, np.zeros(durations.size))
-        objective = float(found.objective.sum())
-        return Value(objective, objective, duration_gradient(durations, found.jets, self.weights))
+        objective = float(result.objective.sum())
+        return Value(objective, objective, duration_gradient(durations, result.jets, self.weights))
 
     def plan(self, durations: Floats) -> Trajectory | None:
         """Return the optimal spline at `durations`, or None without a solution."""
-        found = self.solve(durations)
-        if found is None:
+        result = self.solve(durations)
+        if result is None:
             return None
-        powers = jets_to_coefficients(durations, found.jets, found.moments)
+        powers = jets_to_coefficients(durations, result.jets, result.moments)
         powers[:, 0] += self.origin
         return Trajectory(self.model.times(durations), powers)
 
@@ -301,12 +301,12 @@ class Barrier:
 
     def settle(self, durations: Floats, threshold: float, rounds: int = 25) -> Value:
         """Return the value at `durations` after imposing the bounds at all violations."""
-        found = self.value(durations, afresh=True)
+        result = self.value(durations, afresh=True)
         for _ in range(rounds):
-            if not np.isfinite(found.value) or not self.exchange(durations, threshold):
+            if not np.isfinite(result.value) or not self.exchange(durations, threshold):
                 break
-            found = self.value(durations, afresh=True)
-        return found
+            result = self.value(durations, afresh=True)
+        return result
 
     def plan(self, durations: Floats) -> Trajectory | None:
         """Return the optimal trajectory at `durations`, with a negligible barrier, or None.
@@ -317,15 +317,15 @@ class Barrier:
         kept, mu, latest = [replace(group) for group in self.groups], self.mu, self._latest
         try:
             powers = None
-            found = self.settle(durations, BETWEEN)
+            result = self.settle(durations, BETWEEN)
             whole = self.unit + self.model.time_weight * float(durations.sum())
             least = SHARP * whole / self.pairs
-            while np.isfinite(found.value):
+            while np.isfinite(result.value):
                 powers = [group.powers(durations) for group in self.groups]
                 if self.mu <= least:
                     break
                 self.mu = max(least, 1e-2 * self.mu)
-                found = self.settle(durations, BETWEEN)
+                result = self.settle(durations, BETWEEN)
         finally:
             self.groups, self.mu, self._latest = kept, mu, latest
         if powers is None:

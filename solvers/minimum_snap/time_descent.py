@@ -166,9 +166,9 @@ def allocate(
         now = variables.durations(point)
         if not (np.all(now > 1e-100) and np.all(np.isfinite(now))):
             return np.inf, point
-        found = inner.value(now)
-        value = found.value + model.time_weight * float(now.sum())
-        return value, variables.slope(now, found.slope)
+        outcome = inner.value(now)
+        value = outcome.value + model.time_weight * float(now.sum())
+        return value, variables.slope(now, outcome.slope)
 
     descent = Descent()
     if isinstance(inner, Spline):
@@ -226,14 +226,14 @@ def allocate(
                 break
             settled = False
         now = variables.durations(x)
-        found = inner.value(now)
-        if lost or not np.isfinite(found.value):
+        outcome = inner.value(now)
+        if lost or not np.isfinite(outcome.value):
             settled = False
             break
         safe = x
-        size = found.objective + price * float(now.sum())
+        size = outcome.objective + price * float(now.sum())
         heard(now, size)
-        slope = variables.slope(now, found.slope)
+        slope = variables.slope(now, outcome.slope)
         result.gradient = float(np.abs(slope).max()) / max(size, 1e-300)
         if last:
             best = min(best, (size, x), key=_first)

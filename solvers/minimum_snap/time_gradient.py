@@ -147,7 +147,7 @@ class TimeGradient(Backend):
         most = request.options.get("iterations", 2000)
         nested = problem.bounded and request.warm_start is None
         runs = runs_of(problem)
-        found: Allocated | None = None
+        result: Allocated | None = None
         counts = runs
         iterations = evaluations = solves = steps = 0
 
@@ -166,9 +166,9 @@ class TimeGradient(Backend):
             for carried in (False, True):
                 own = inner if last else inner_problem(model, control.flag)
                 if carried:
-                    if found is None or counts is now or not isinstance(own, Barrier):
+                    if result is None or counts is now or not isinstance(own, Barrier):
                         continue
-                    start = restore_path(model, own, subdivide(found.durations, counts, now))
+                    start = restore_path(model, own, subdivide(result.durations, counts, now))
                 else:
                     start = _start(model, own, request)
                 if start is None:
@@ -186,9 +186,9 @@ class TimeGradient(Backend):
                 evaluations += more.evaluations
                 if not last:
                     solves, steps = solves + own.solves, steps + own.steps
-                if found is None or more.value < found.value:
-                    found, counts = more, now
-        if found is None:
+                if result is None or more.value < result.value:
+                    result, counts = more, now
+        if result is None:
             stopped = control.stopped
             return Answer(
                 Termination.NO_SOLUTION,
@@ -200,7 +200,7 @@ class TimeGradient(Backend):
                 else "no durations were found that leave a path within the "
                 "bounds; this is no proof that there are none",
             )
-        durations = subdivide(found.durations, counts, runs)
+        durations = subdivide(result.durations, counts, runs)
         if isinstance(inner, Barrier) and counts is not runs:
             set_barrier(problem, inner, Spline(problem), durations)
         inner.solves += solves
@@ -208,13 +208,13 @@ class TimeGradient(Backend):
         statistics: dict[str, Any] = {
             "iterations": iterations,
             "evaluations": evaluations,
-            "gradient": found.gradient,
+            "gradient": result.gradient,
         }
         shortest = float(durations.min() / durations.max())
         statistics["shortest to longest"] = shortest
-        done = Termination.LOCALLY_OPTIMAL if found.settled else Termination.FEASIBLE
+        done = Termination.LOCALLY_OPTIMAL if result.settled else Termination.FEASIBLE
         message = (
-            "" if found.settled else "the steps no longer helped before the gradient was small"
+            "" if result.settled else "the steps no longer helped before the gradient was small"
         )
         if shortest < 1e-8:
             message = "a duration falls to 0: its segment may be better left out"
@@ -273,7 +273,7 @@ def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | 
         ranked.append((cost + price if np.isfinite(cost) else np.inf, durations))
     ranked.sort(key=lambda pair: pair[0])
     for _, durations in ranked:
-        found = prepare_start(problem, inner, durations)
-        if found is not None:
-            return found
+        result = prepare_start(problem, inner, durations)
+        if result is not None:
+            return result
     return shorten_total(problem, inner, ranked[0][1]) if not isinstance(inner, Spline) else None

@@ -126,8 +126,8 @@ def _peaks(model: TimeAllocation, spline: Spline, durations: Floats) -> float:
     factor = 0.0
     for bound in model.bounds:
         if bound.derivative:
-            found = plan.extremes(bound.derivative)
-            size = np.maximum(np.abs(found.least), np.abs(found.largest))
+            result = plan.extremes(bound.derivative)
+            size = np.maximum(np.abs(result.least), np.abs(result.largest))
             share = float((size / np.where(bound.upper > 0, bound.upper, np.inf)).max())
             factor = max(factor, share ** (1.0 / bound.derivative))
     return factor
@@ -210,22 +210,22 @@ def shorten_total(model: TimeAllocation, inner: Barrier, durations: Floats) -> F
         return None
     cost = spline.value(begin).objective
     price = cost / float(begin.sum()) if np.isfinite(cost) and cost > 0 else 1.0
-    found: list[Floats] = []
+    result: list[Floats] = []
 
     def heard(now: Floats, value: float) -> None:
         if float(now.sum()) <= total:
-            found.append(now)
+            result.append(now)
 
     for dear in DEAR:
         begin = allocate(
             replace(free, time_weight=dear * price), inner, begin, tolerance=1e-4, most=300,
-            between=1e-6, heard=heard, stopped=lambda: bool(found) or bool(inner.flag[0]),
+            between=1e-6, heard=heard, stopped=lambda: bool(result) or bool(inner.flag[0]),
         ).durations  # fmt: skip
-        if found or inner.flag[0]:
+        if result or inner.flag[0]:
             break
-    if not found:
+    if not result:
         return None
-    now = found[-1] * (total / float(found[-1].sum()))
+    now = result[-1] * (total / float(result[-1].sum()))
     set_barrier(model, inner, spline, now)
     return now if np.isfinite(inner.settle(now, BETWEEN).value) else None
 
@@ -248,7 +248,7 @@ def runs_of(model: TimeAllocation) -> Ints:
     if spaces is not None:
         rows = np.column_stack([spaces.normals, spaces.offsets])
         sets = [{*map(tuple, rows[spaces.segments == k])} for k in range(model.segments)]
-        free &= [one == other for one, other in pairwise(sets)]
+        free &= [entry == other for entry, other in pairwise(sets)]
     ends = np.concatenate([[0], np.flatnonzero(~free) + 1, [model.segments]])
     return np.diff(ends).astype(np.int64)
 

@@ -297,7 +297,7 @@ class Run:
         return replace(answer, limit=limit, message=_joined(answer, best, ending.ended, findings))
 
     def findings(self, ending: Ending, feasible: Quality | None) -> Findings:
-        found = examined(
+        result = examined(
             self.problem,
             ray=ending.duals if ending.ended is Ended.INFEASIBLE else None,
             direction=ending.point if ending.ended is Ended.UNBOUNDED else None,
@@ -305,7 +305,7 @@ class Run:
             left=self.clock.left,
         )
         self.clock.lap("proof")
-        return found
+        return result
 
     def kept(self, best: Quality | None) -> Quality | None:
         """Return the better of `best` and the warm start, which must not be lost."""

@@ -67,10 +67,10 @@ def _keeping(model: ResourceRouting, parts: list[tuple[int, str]]) -> ResourceRo
     """Return the model with only the limits `parts`: pairs of resource index and kind."""
     resources = tuple(
         Resource(
-            one.name, one.rate, one.initial, gains=one.gains, resets=one.resets,
-            limits={word: value for word, value in one.limits if (k, word) in parts},
+            entry.name, entry.rate, entry.initial, gains=entry.gains, resets=entry.resets,
+            limits={word: value for word, value in entry.limits if (k, word) in parts},
         )
-        for k, one in enumerate(model.resources)
+        for k, entry in enumerate(model.resources)
     )  # fmt: skip
     return replace(model, resources=resources)
 

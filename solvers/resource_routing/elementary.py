@@ -73,18 +73,18 @@ def elementary(search: Callable[[NDArray[np.int64], float], Found], *, revisits:
     made = settled = rounds = 0
     bound = -np.inf
     while True:
-        found = search(critical, bound)
+        result = search(critical, bound)
         # Every round is a relaxation, so bounds of earlier rounds remain valid.
-        bound = max(bound, found.bound)
-        made, settled, rounds = made + found.made, settled + found.settled, rounds + found.rounds
-        points, times = np.unique(found.route, return_counts=True)
+        bound = max(bound, result.bound)
+        made, settled, rounds = made + result.made, settled + result.settled, rounds + result.rounds
+        points, times = np.unique(result.route, return_counts=True)
         repeated = points[times > 1]
         total = replace(
-            found, bound=bound, made=made, settled=settled, rounds=rounds, critical=critical.size
+            result, bound=bound, made=made, settled=settled, rounds=rounds, critical=critical.size
         )
         if revisits or repeated.size == 0:
             return total
-        if found.status in (STOPPED, FULL):
+        if result.status in (STOPPED, FULL):
             # The walk repeats points, and the search cannot continue.
             return replace(total, route=np.empty(0, np.int64), length=np.inf)
         critical = np.union1d(critical, repeated)

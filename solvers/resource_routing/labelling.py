@@ -72,18 +72,18 @@ class ResourceLabelling(RouteSearch):
         start.begin()
         made = settled = 0
         for rows, proven, ceiling in _stages(problem, cutoff):
-            found, arcs = _under(problem, rows, ceiling, request.control.flag, start)
-            made, settled = made + found.made, settled + found.settled
+            result, arcs = _under(problem, rows, ceiling, request.control.flag, start)
+            made, settled = made + result.made, settled + result.settled
             known = start.route is not None and start.length * (1.0 + MARGIN) <= ceiling
-            if found.status == NOTHING and known:
+            if result.status == NOTHING and known:
                 # Rounding hides the known route, which no route is shorter than.
-                found = replace(found, status=FOUND)
-            bound = max(found.bound, min(proven, found.length))
-            if found.status != NOTHING:
+                result = replace(result, status=FOUND)
+            bound = max(result.bound, min(proven, result.length))
+            if result.status != NOTHING:
                 break
-        if start.route is not None and not found.route.size and found.status != NOTHING:
-            found = replace(found, route=np.array(start.route.route), length=start.length)
-        return replace(found, made=made, settled=settled, bound=bound), {"arcs": arcs}
+        if start.route is not None and not result.route.size and result.status != NOTHING:
+            result = replace(result, route=np.array(start.route.route), length=start.length)
+        return replace(result, made=made, settled=settled, bound=bound), {"arcs": arcs}
 
 
 def _stages(
@@ -160,5 +160,5 @@ def _under(
                 bound = math.inf
             return Found(status, route, length, max(bound, below), made, settled, rounds)
 
-    found = elementary(search, revisits=problem.revisits)
-    return replace(found, route=rows[found.route]), len(net.head)
+    result = elementary(search, revisits=problem.revisits)
+    return replace(result, route=rows[result.route]), len(net.head)

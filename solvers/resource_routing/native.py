@@ -48,34 +48,34 @@ class RouteSearch(Backend):
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
         cutoff = math.inf if request.cutoff is None else request.cutoff * (1 + 1e-9)
-        found, details = self.find(problem, cutoff, request)
+        result, details = self.find(problem, cutoff, request)
         seconds = {"solve": clock() - begin}
-        plan = Route(tuple(found.route.tolist())) if found.route.size else None
+        plan = Route(tuple(result.route.tolist())) if result.route.size else None
         termination, limit, message = Termination.INFEASIBLE, None, ""
         # Rounding must not lift the bound above the correctly rounded length.
         primal = None if plan is None else self.measure(problem, plan)
-        least = float(found.bound) if primal is None else min(float(found.bound), primal)
+        least = float(result.bound) if primal is None else min(float(result.bound), primal)
         bound = least if math.isfinite(least) else None
-        if found.status == FOUND:
+        if result.status == FOUND:
             termination = Termination.OPTIMAL
-        elif found.status in (STOPPED, FULL, OPEN):
+        elif result.status in (STOPPED, FULL, OPEN):
             termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
-            if found.status == OPEN:
+            if result.status == OPEN:
                 message = (
                     "the search ended without a proof: a walk that visits points twice is shorter"
                 )
             else:
                 limit = request.control.reason or Limit.INTERRUPTED
-            if found.status == FULL:
+            if result.status == FULL:
                 limit, message = Limit.MEMORY, "no room for more labels"
         elif request.cutoff is not None:
             termination, bound = Termination.NO_SOLUTION, request.cutoff
             message = "no plan better than the cutoff"
         statistics = {
-            "labels made": found.made,
-            "labels extended": found.settled,
-            "rounds": found.rounds,
-            "critical points": found.critical,
+            "labels made": result.made,
+            "labels extended": result.settled,
+            "rounds": result.rounds,
+            "critical points": result.critical,
             **details,
         }
         return Answer(

@@ -69,11 +69,11 @@ def execute(
     job = job.resolved()
     asked = job.model.digest
     control = control or Control()
-    found = claim(job, listener=listener, on_prepare=on_prepare, control=control)
+    result = claim(job, listener=listener, on_prepare=on_prepare, control=control)
     if isinstance(job.backend, Backend) and not is_ours(job.backend):
-        job, found = _as_asked(job, asked, found)
+        job, result = _as_asked(job, asked, result)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # the point is verified
-        solution = assemble(job, found)
+        solution = assemble(job, result)
     solution = solution.lasting(time.perf_counter() - begin)
     solution = start_again(job, solution, partial(execute, listener=listener), control)
     return solution.lasting(time.perf_counter() - begin)
@@ -262,7 +262,7 @@ def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Cl
     known, bound = proves(target), None
     if known and answer.termination not in CLAIMS_NONE:
         bounds = (proven_bound(problem, answer), reported)
-        bound = max((one for one in bounds if one is not None), default=None)
+        bound = max((entry for entry in bounds if entry is not None), default=None)
     spent, laps = dict(run.seconds), dict(answer.seconds)
     seconds = {
         "build": spent.get("build", 0.0) + laps.pop("build", 0.0),
@@ -329,7 +329,7 @@ def multistart(
     results: list[Solution[Any]] = []
     try:
         with on_interrupt(partial(whole.stop, Limit.INTERRUPTED)):
-            for one in jobs:
+            for entry in jobs:
                 left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
                 if results and (whole.stopped or (left is not None and left <= 0)):
                     break
@@ -337,12 +337,12 @@ def multistart(
                     left = max(left, NO_TIME)  # the first start reports the lack of time
                 pays = len(results) == 1 and results[0].seconds.get("total", 0.0) > LONG
                 if together is not None and pays and job.criterion is None:
-                    results += together([replace(one, time_limit=left) for one in jobs[1:]])
+                    results += together([replace(entry, time_limit=left) for entry in jobs[1:]])
                     if any(result.limit is Limit.INTERRUPTED for result in results):
                         whole.stop(Limit.INTERRUPTED)
                     break
                 with whole.stage(left) as part:
-                    results.append(run(replace(one, time_limit=left), control=part))
+                    results.append(run(replace(entry, time_limit=left), control=part))
                 if results[-1].limit in (Limit.INTERRUPTED, Limit.TARGET):
                     whole.stop(results[-1].limit)
     finally:

@@ -54,10 +54,10 @@ def begin(job: Job, run: Callable[[Job], Solution[Any]]) -> Solution[Any] | None
         if not isinstance(job.model, backend.accepts):
             continue
         try:
-            found = run(replace(job, backend=backend, time_limit=BEFORE * job.time_limit))
+            result = run(replace(job, backend=backend, time_limit=BEFORE * job.time_limit))
         except (BackendMissing, UnsupportedOption):
             continue
-        return found if found.plan is not None else None
+        return result if result.plan is not None else None
     return None
 
 
@@ -112,22 +112,22 @@ def go_on(job: Job, first: Solution[Any], run: Callable[[Job], Solution[Any]]) -
     others: Iterable[Backend] = guaranteed(job.model, Guarantee.EXACT, job.formulation)
     if late:  # native backends would interpret the same kernels
         others = (other for other in others if not isinstance(job.model, other.accepts))
-    others = (one for one in others if one.name != job.backend.name)
+    others = (entry for entry in others if entry.name != job.backend.name)
     for backend in islice(others, MORE):
         left = whole - (time.perf_counter() - begin)
         if left <= 0:
             break
         other = replace(job, backend=backend, time_limit=left, has_fallback=False)
         try:
-            found = run(other)
+            result = run(other)
         except (BackendMissing, UnsupportedOption, UnsupportedFormulation):
             continue  # it cannot do what was asked of the first
-        tried.append(f"{found.backend}: {found.termination}")
+        tried.append(f"{result.backend}: {result.termination}")
         # A verified plan refutes every claim of infeasibility.
-        proven = found.termination in _PROVEN and (found.plan is not None or best.plan is None)
-        if proven or _rank(found) < _rank(best):
-            best = found
-        if proven or found.limit is Limit.INTERRUPTED:
+        proven = result.termination in _PROVEN and (result.plan is not None or best.plan is None)
+        if proven or _rank(result) < _rank(best):
+            best = result
+        if proven or result.limit is Limit.INTERRUPTED:
             break
     if len(tried) == 1:
         return first

@@ -176,12 +176,12 @@ def front(
         else:
             tried.append((None, solve(None)))
             _descend(tried, solve, value, run_limit, width, least, runs)
-    found = [
+    result = [
         FrontPoint(float(s.primal_bound), value(s), limit, s, _proves(s, shared["gap"]))
         for limit, s in tried
         if s.plan is not None and s.primal_bound is not None
     ]
-    return gathered(model, second, field_name, found, [s for _, s in tried], runs.interrupted)
+    return gathered(model, second, field_name, result, [s for _, s in tried], runs.interrupted)
 
 
 def _descend(

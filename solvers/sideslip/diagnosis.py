@@ -46,15 +46,15 @@ def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None
         Not used.
     """
     with np.errstate(all="ignore"):  # an overflow gives no finding
-        found = [
+        result = [
             *signal_remarks(model),
             *_stability(model),
             *_tyres(model),
             *_observability(model),
             *_training(model),
         ]
-    asking = [one.finding for one in found if one.asks]
-    others = [one.finding for one in found if not one.asks]
+    asking = [entry.finding for entry in result if entry.asks]
+    others = [entry.finding for entry in result if not entry.asks]
     odd = {0: "nothing looks odd", 1: "1 finding asks for a look"}.get(
         len(asking), f"{len(asking)} findings ask for a look"
     )
@@ -117,12 +117,12 @@ def gramian(model: SideslipEstimation, speed: float, count: int) -> Floats:
     seen = np.stack([[0.0, 1.0 / model.yaw_rate_noise], lateral / model.acceleration_noise])
     if not (np.isfinite(rates).all() and np.isfinite(seen).all()):
         return np.full((2, 2), np.nan)
-    found: Floats = seen.T @ seen
+    result: Floats = seen.T @ seen
     step = expm(rates * model.recording.period)
     for _ in range(count.bit_length() - 1):
-        found = found + step.T @ found @ step
+        result = result + step.T @ result @ step
         step = step @ step
-    return found
+    return result
 
 
 # -- vehicle -------------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ def _training(model: SideslipEstimation) -> Iterator[Remark]:
     on = drive.moving
     outside = {}
     for name in ("speed", "yaw_rate", "lateral_acceleration"):
-        seen = np.concatenate([getattr(one, name)[one.moving] for one in others])
+        seen = np.concatenate([getattr(entry, name)[entry.moving] for entry in others])
         slack = 0.01 * float(np.abs(seen).max())
         values = getattr(drive, name)[on]
         outside[name] = (values < seen.min() - slack) | (values > seen.max() + slack)
@@ -243,7 +243,7 @@ def _training(model: SideslipEstimation) -> Iterator[Remark]:
         f"{drives} to learn from, {sum(map(len, others))} samples: {told}",
         "training", drives=len(others), outside=share,
     )  # fmt: skip
-    periods = np.array([one.period for one in others])
+    periods = np.array([entry.period for entry in others])
     if not (periods / drive.period < _UNLIKE).all() or not (drive.period / periods < _UNLIKE).all():
         yield asks(
             f"the drives to learn from have a sample every {periods.min():.3g} … {periods.max():.3g} s, the "

@@ -323,11 +323,11 @@ def measure_training_distance(problem: SideslipEstimation) -> tuple[Floats, tupl
         Inputs outside of their range; ``"combinations of inputs"`` if only principal components are.
     """
     drive = problem.recording
-    moving = [one.moving for one in problem.training]
+    moving = [entry.moving for entry in problem.training]
     known = np.vstack(
         [
-            np.column_stack([getattr(one, name)[on] for name in INPUTS])
-            for one, on in zip(problem.training, moving, strict=True)
+            np.column_stack([getattr(entry, name)[on] for name in INPUTS])
+            for entry, on in zip(problem.training, moving, strict=True)
         ]
     )
     here = np.column_stack([getattr(drive, name) for name in INPUTS])

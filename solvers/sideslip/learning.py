@@ -70,7 +70,7 @@ class Window(NamedTuple):
             signals += [recording.speed, recording.steering]
         before = self.period * (self.ahead + np.arange(self.lags))
         instants = recording.times[:, None] - before
-        return np.hstack([np.interp(instants, recording.times, one) for one in signals])
+        return np.hstack([np.interp(instants, recording.times, entry) for entry in signals])
 
 
 class TrainingSet(NamedTuple):
@@ -111,9 +111,11 @@ def training_set(
         The examples. A single drive is split into two halves, so that one of them can be left out.
     """
     drives = list(training)
-    found: list[Any] = [drive.sideslip for drive in drives] if targets is None else list(targets)
+    result: list[Any] = [drive.sideslip for drive in drives] if targets is None else list(targets)
     features = np.vstack([window.features(drive)[drive.moving] for drive in drives])
-    angles = np.concatenate([one[drive.moving] for one, drive in zip(found, drives, strict=True)])
+    angles = np.concatenate(
+        [entry[drive.moving] for entry, drive in zip(result, drives, strict=True)]
+    )
     counts = [int(drive.moving.sum()) for drive in drives]
     if len(counts) == 1:
         counts = [counts[0] // 2, counts[0] - counts[0] // 2]
@@ -190,9 +192,9 @@ class KernelRegression:
         out = left_out(examples.drives)
         scores = self._scores(self._places[out])
         scores[examples.drives[out][:, None] == examples.drives] = -np.inf
-        found = best_width(scores, self._values, self._values[out]) if width is None else width
-        self.width = found
-        mean, spread = weigh(scores, self._values, found)
+        result = best_width(scores, self._values, self._values[out]) if width is None else width
+        self.width = result
+        mean, spread = weigh(scores, self._values, result)
         off = np.abs(mean - self._values[out])
         self.error = float(np.sqrt((off**2).mean()))
         self._factor = calibrate(off, np.sqrt(spread + self.error**2))
@@ -200,13 +202,13 @@ class KernelRegression:
 
     def _scores(self, places: Floats) -> Floats:
         """Return minus half the squared distance to each example, up to a constant per row."""
-        found: Floats = places @ self._places.T - self._half
-        return found
+        result: Floats = places @ self._places.T - self._half
+        return result
 
     def _nearest(self, places: Floats, scores: Floats) -> Floats:
         """Return the distance to the nearest example, shape (n,)."""
-        found: Floats = np.linalg.norm(places - self._places[scores.argmax(axis=1)], axis=1)
-        return found
+        result: Floats = np.linalg.norm(places - self._places[scores.argmax(axis=1)], axis=1)
+        return result
 
     def __call__(
         self, features: Floats, stopped: Callable[[], bool] = lambda: False
@@ -277,8 +279,8 @@ class StraightLine:
         self.spread = float(angles.std())
         self._weights = rows.T @ angles
         off, leverage = np.empty((2, len(rows)))
-        for one in np.unique(examples.drives):
-            out = examples.drives == one
+        for entry in np.unique(examples.drives):
+            out = examples.drives == entry
             # The normal matrix of all rows is the identity: subtract that of the rows left out.
             normal = np.eye(rows.shape[1]) - rows[out].T @ rows[out]
             inverse = np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
@@ -312,9 +314,9 @@ def left_out(drives: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the indices of the validation examples, evenly spaced in each drive."""
     most = min(MOST_LEFT_OUT, max(MOST_TABLE // len(drives), 10))
     stride = -(-len(drives) // most)
-    places = [np.flatnonzero(drives == one) for one in np.unique(drives)]
-    found = np.concatenate([one[len(one) % stride // 2 :: stride] for one in places])
-    return found[:: -(-len(found) // most)]  # drives may outnumber `most`
+    places = [np.flatnonzero(drives == entry) for entry in np.unique(drives)]
+    result = np.concatenate([entry[len(entry) % stride // 2 :: stride] for entry in places])
+    return result[:: -(-len(result) // most)]  # drives may outnumber `most`
 
 
 def best_width(scores: Floats, values: Floats, wanted: Floats) -> float:
@@ -327,14 +329,14 @@ def best_width(scores: Floats, values: Floats, wanted: Floats) -> float:
         return float(((mean - wanted) ** 2).mean())
 
     grid = np.linspace(math.log(NARROWEST), math.log(WIDEST), GRID)
-    errors = [error(one) for one in grid]
+    errors = [error(entry) for entry in grid]
     best = int(np.argmin(errors))
     step = grid[1] - grid[0]
-    found = minimize_scalar(
+    result = minimize_scalar(
         error, bounds=(grid[best] - step, grid[best] + step), method="bounded",
         options={"xatol": ACCURACY},
     )  # fmt: skip
-    return float(math.exp(found.x if found.fun < errors[best] else grid[best]))
+    return float(math.exp(result.x if result.fun < errors[best] else grid[best]))
 
 
 def weigh(scores: Any, values: Any, width: float) -> tuple[Floats, Floats]:

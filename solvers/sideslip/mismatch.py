@@ -154,8 +154,8 @@ def leave_marks(
         g, h = slope[k, 1, 0], slope[k, 1, 1]
         r, s = spread[k, 0, 0], spread[k, 0, 1]
         rest = max(spread[k, 1, 1] - s * s / r, noise[3])
-        one = innovations[k, 0]
-        two = innovations[k, 1] - s / r * one
+        entry = innovations[k, 0]
+        two = innovations[k, 1] - s / r * entry
         # The gain K = P Hᵀ R⁻¹ with the filtered covariance P.
         a, b, c = covariance[k, 0, 0], covariance[k, 0, 1], covariance[k, 1, 1]
         d, e = (a * g + b * h) / noise[3], (b * g + c * h) / noise[3]
@@ -173,12 +173,12 @@ def leave_marks(
             terms[k, j], terms[k, count + j] = 0.0, 0.0
             if usable[k]:
                 given = second - s / r * first
-                terms[k, j] = first * one / r + given * two / rest
+                terms[k, j] = first * entry / r + given * two / rest
                 terms[k, count + j] = first * first / r + given * given / rest
                 x[j] -= b / noise[2] * first + d * second
                 y[j] -= c / noise[2] * first + e * second
             marks[k, j] = x[j]
-        terms[k, 2 * count] = one * one / r + two * two / rest if usable[k] else 0.0
+        terms[k, 2 * count] = entry * entry / r + two * two / rest if usable[k] else 0.0
         terms[k, 2 * count + 1] = 2.0 if usable[k] else 0.0
         if k + 1 < n:
             beta, omega, dt = filtered[k, 0], filtered[k, 1], times[k + 1] - times[k]

@@ -66,8 +66,8 @@ class MovingHorizon(SideslipBackend):
         if path is not None:
             point, stretch = path
             angle = point[: 2 * count : 2] * stretch.scale[0]
-            found = claim(problem, passed, angle, stretch.deviations**2, ahead=True)
-            return run.report(found)
+            result = claim(problem, passed, angle, stretch.deviations**2, ahead=True)
+            return run.report(result)
         angle = passed.filtered[:, 0].copy()
         for last in range(count if horizon else 0):
             if request.control.stopped:

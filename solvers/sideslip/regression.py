@@ -97,8 +97,8 @@ class Grnn(_Learning):
         """Return the weighted mean of the training angles, or None if the run was stopped."""
         window, own = self.window(problem, request)
         learned = KernelRegression(training_set(problem.training, window), **own)
-        found = learned(window.features(problem.recording), lambda: request.control.stopped)
-        return None if found is None else widen_by_kinematics(problem, *found[:2], learned)
+        result = learned(window.features(problem.recording), lambda: request.control.stopped)
+        return None if result is None else widen_by_kinematics(problem, *result[:2], learned)
 
 
 class KalmanGrnn(_Learning):
@@ -120,25 +120,27 @@ class KalmanGrnn(_Learning):
         for drive in (problem.recording, *problem.training):
             drive = replace(drive, sideslip=None)
             alone = replace(problem, recording=drive, training=(), truth=None)
-            one = KalmanFilter().estimate(alone, request)
-            if one is None:
+            entry = KalmanFilter().estimate(alone, request)
+            if entry is None:
                 return _uncorrected(filtered[0]) if filtered else None
-            filtered.append(one)
+            filtered.append(entry)
         here, *there = filtered
         if request.control.stopped:
             return _uncorrected(here)
         window, own = self.window(problem, request)
         errors = []
-        for drive, one in zip(problem.training, there, strict=True):
+        for drive, entry in zip(problem.training, there, strict=True):
             assert drive.sideslip is not None  # the model refuses such drives
-            errors.append(drive.sideslip - one.sideslip)
+            errors.append(drive.sideslip - entry.sideslip)
         learned = KernelRegression(training_set(problem.training, window, errors), **own)
-        found = learned(window.features(problem.recording), lambda: request.control.stopped)
-        if found is None:
+        result = learned(window.features(problem.recording), lambda: request.control.stopped)
+        if result is None:
             return _uncorrected(here)
-        error, deviation, near = found
+        error, deviation, near = result
         claims = zip(problem.training, there, strict=True)
-        usual = np.median(np.concatenate([one.deviation[drive.moving] for drive, one in claims]))
+        usual = np.median(
+            np.concatenate([entry.deviation[drive.moving] for drive, entry in claims])
+        )
         unsure = np.maximum(here.deviation / usual, 1.0)
         return Estimate(
             here.sideslip + near * error,
@@ -191,8 +193,8 @@ def widen_by_kinematics(
     apart, first, last = kinematic_differences(drive, bounded)
     apart = apart[trusted[first] & trusted[last]]
     here = math.degrees(float(np.abs(apart).mean())) if apart.size else 0.0
-    known = [(one, one.sideslip) for one in problem.training]
-    there = max(kinematic_error(one, true) for one, true in known if true is not None)
+    known = [(entry, entry.sideslip) for entry in problem.training]
+    there = max(kinematic_error(entry, true) for entry, true in known if true is not None)
     beyond = math.radians(math.sqrt(math.pi * max(here**2 - there**2, 0.0)) / 2.0)
     claims = deviation[drive.moving & trusted]
     missing = max(beyond**2 - float((claims**2).mean()), 0.0) if claims.size else 0.0

@@ -133,8 +133,8 @@ class Scene:
     @cached_property
     def marks(self) -> tuple[Violation, ...]:
         """Locations of the largest violation of each failed check that has a location."""
-        found = ((check, _WHERE.search(check.where)) for check in self.violated)
-        return tuple(self._located(check, place) for check, place in found if place is not None)
+        result = ((check, _WHERE.search(check.where)) for check in self.violated)
+        return tuple(self._located(check, place) for check, place in result if place is not None)
 
     def _located(self, check: Check, place: re.Match[str]) -> Violation:
         """Return the violation of a check at the place that it names."""

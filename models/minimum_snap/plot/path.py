@@ -110,11 +110,11 @@ def _corridor(
     if len(shown) == 3:
         low, high = _window(low, high, list(range(scene.dimensions)))
         far, most = 0.0, _MOST_BODIES
-    found, total, omitted = regions(scene, shown, low - far, high + far, most)
+    result, total, omitted = regions(scene, shown, low - far, high + far, most)
     notes = ["tilted half-spaces left out"] if omitted else []
-    if not found:
+    if not result:
         return [], notes
-    _faces(found, axes, len(shown) == 3)
+    _faces(result, axes, len(shown) == 3)
     label = "corridor" + f" ({most} of {total} drawn)" * (most is not None and total > most)
     return [Patch(facecolor=_CORRIDOR, edgecolor=_EDGE, lw=0.8, label=label)], notes
 

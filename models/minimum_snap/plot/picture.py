@@ -135,9 +135,9 @@ def _words(scene: Scene) -> list[str]:
     orders = [order] if weights is None else [k for k, w in enumerate(weights, 1) if w]
     what = "minimum " + " + ".join(derivative_name(k) for k in orders)
     parts = [what if timed else f"{what}, times chosen", kit.many(scene.segments, "segment")]
-    found = scene.verification
-    if found is not None and found.objective is not None:
-        value = f"{kit.number(found.objective)} {kit.pretty_unit(model.objective_unit)}".rstrip()
+    result = scene.verification
+    if result is not None and result.objective is not None:
+        value = f"{kit.number(result.objective)} {kit.pretty_unit(model.objective_unit)}".rstrip()
         parts.append(f"{'J' if timed else 'objective'} = {value}")
     return [*parts, f"{kit.number(scene.plan.duration, 5)} s"]
 
@@ -240,7 +240,7 @@ def _fixed(scene: Scene, order: int, axes: list[int], kind: str) -> list[kit.Mar
 def _limits(scene: Scene, order: int, axes: list[int]) -> list[kit.Limit]:
     """Return the bounds on a derivative per segment, merged for axes with equal bounds."""
     times = np.repeat(scene.flown, 2)[1:-1]
-    found = []
+    result = []
     for bound in scene.bounds_of(order):
         groups: dict[bytes, list[int]] = {}
         for axis in axes:
@@ -251,5 +251,5 @@ def _limits(scene: Scene, order: int, axes: list[int]) -> list[kit.Limit]:
             if np.isfinite(lower).any() or np.isfinite(upper).any():
                 whose = tuple(group) if len(groups) > 1 else ()
                 band = "corridor of an axis" if whose and not order else ""
-                found.append(kit.Limit(times, lower, upper, whose, band=band))
-    return found
+                result.append(kit.Limit(times, lower, upper, whose, band=band))
+    return result
