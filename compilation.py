@@ -24,6 +24,8 @@ __all__ = ["is_cached", "may_be_cached", "name_by_key", "request", "serve"]
 
 #: Niceness of the background process: it must not slow the run that it serves.
 _NICE = 10
+#: Numbers from here on may have another compiled type.
+_LARGE = 2.0**63
 
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
@@ -105,7 +107,8 @@ def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
     name : str
         Qualified name of the kernel in the module.
     arguments : tuple
-        Arguments of a call; arrays are described by type, not by value.
+        Arguments of a call; numbers, lists and arrays are described by type, not by value, so that
+        calls with other values are no further requests.
     """
     global _process
     try:
@@ -156,8 +159,13 @@ def serve() -> None:
 
 
 def _describe(value: Any) -> Any:
-    """Return a description of the compiled type of `value`, without the entries of arrays."""
+    """Return a description of the compiled type of `value`, without numbers and entries of arrays."""
     import numpy as np
+
+    if isinstance(value, int | float | np.number | np.bool_) and abs(value) < _LARGE:
+        return "value", type(value)(0)
+    if isinstance(value, list) and value:
+        return "list", _describe(value[0])
 
     if isinstance(value, np.ndarray):
         order = "C" if value.flags.c_contiguous else "F" if value.flags.f_contiguous else "A"
@@ -174,6 +182,8 @@ def _sample(description: Any) -> Any:
 
     if description[0] == "value":
         return description[1]
+    if description[0] == "list":
+        return [_sample(description[1])]
     if description[0] == "tuple":
         parts = [_sample(part) for part in description[2]]
         return tuple(parts) if description[1] is None else description[1](*parts)

@@ -6,6 +6,7 @@ import threading
 import time
 from contextlib import contextmanager
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -394,3 +395,27 @@ def test_two_processes_that_compile_one_kernel_do_not_swap_its_code(tmp_path):
     assert race(numba_file) == "code for whole numbers"  # the fault that our file does not have
     assert race(our_file) == "code for reals"
     assert our_file().load("whole numbers") is None  # compiled again
+
+
+def test_calls_with_other_values_are_compiled_in_the_background_once(monkeypatch):
+    """Each request is written to a pipe, which blocks the run as soon as it is full."""
+    sent = []
+    pipe = SimpleNamespace(write=sent.append, flush=lambda: None)
+    process = SimpleNamespace(poll=lambda: None, stdin=pipe)
+    monkeypatch.setattr(compilation, "_process", process)
+    monkeypatch.setattr(compilation, "_requested", set())
+    for number in range(100):
+        arguments = (number, number / 7, [(0.5 * number, number)], np.full(3, number), number > 3)
+        compilation.request("module", "kernel", arguments)
+    assert len(sent) == 1
+    compilation.request("module", "kernel", (1.5, 0.5, [(0.5, 1)], np.zeros(3), True))
+    assert len(sent) == 2
+
+
+@pytest.mark.parametrize(
+    "value", [3, 2.5, True, np.int32(7), [4, 5], [(1.5, 2)], (1, [2.0]), 2**63, np.inf]
+)
+def test_the_sample_of_a_request_has_the_compiled_type(value):
+    numba = pytest.importorskip("numba")
+    sample = compilation._sample(compilation._describe(value))
+    assert numba.typeof(sample) == numba.typeof(value)
