@@ -41,7 +41,22 @@ def generate(
 ) -> ErrorCorrectionRouting:
     """Return a feasible instance with A and B on opposite faces of a box.
 
-    Parameters and errors are those of :func:`generate_with_route`.
+    Parameters
+    ----------
+    n_horizontal, n_vertical, thresholds, seed
+        As in :func:`generate_with_route`.
+    **options
+        `delta`, `box`, `planted_under` and `name`, as in :func:`generate_with_route`.
+
+    Returns
+    -------
+    ErrorCorrectionRouting
+        The instance.
+
+    Raises
+    ------
+    InvalidData
+        An argument is invalid, or no route can be planted under these thresholds.
     """
     return generate_with_route(n_horizontal, n_vertical, thresholds, seed=seed, **options)[0]
 

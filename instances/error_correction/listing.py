@@ -32,7 +32,18 @@ _OURS = (
 
 
 def setting_model(row: int) -> ErrorCorrectionRouting:
-    """Return our instance for a row of the paper's table 1, by the seed in its setting."""
+    """Return our instance for a row of the paper's table 1, by the seed in its setting.
+
+    Parameters
+    ----------
+    row : int
+        Number of the row.
+
+    Raises
+    ------
+    UnknownName
+        The table has no such row.
+    """
     if not isinstance(row, int) or row not in SETTINGS:
         raise UnknownName("row of table 1", str(row), map(str, SETTINGS))
     setting = SETTINGS[row]

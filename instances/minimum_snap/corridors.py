@@ -32,7 +32,19 @@ def corridor(segments: int, seed: int = 0, dimensions: int = 3, **options: Any) 
     """Return a chain of overlapping boxes with limits, from rest to rest, inner waypoints free.
 
     Boxes bound the position, and limits bound velocity and acceleration, all at every instant. The
-    instance is feasible. Parameters are those of :func:`corridor_with_way`.
+    instance is feasible.
+
+    Parameters
+    ----------
+    segments, seed, dimensions
+        As in :func:`corridor_with_way`.
+    **options
+        `cruise`, `acceleration`, `width`, `slack` and `name`, as in :func:`corridor_with_way`.
+
+    Returns
+    -------
+    MinimumSnap
+        The model.
     """
     return corridor_with_way(segments, seed, dimensions, **options)[0]
 
