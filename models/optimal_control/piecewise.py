@@ -120,12 +120,13 @@ class Piecewise:
         return tuple(result)
 
     @cached_property
-    def _tables(self) -> tuple[NDArray[np.int64], NDArray[np.int64], list[Floats]]:
+    def _tables(self) -> tuple[NDArray[np.int64], NDArray[np.int64], tuple[Floats, ...]]:
         """Group of each interval in :attr:`alike`, its place in the group, and the groups' values."""
         group, place = np.empty((2, self.intervals), np.int64)
         for number, rows in enumerate(self.alike):
             group[rows], place[rows] = number, np.arange(rows.size)
-        return group, place, [np.stack([self.values[k] for k in rows]) for rows in self.alike]
+        tables = (frozen(np.stack([self.values[k] for k in rows])) for rows in self.alike)
+        return frozen(group), frozen(place), tuple(tables)
 
     def _cut(self, values: Floats) -> Floats:
         if self.lower is None and self.upper is None:
