@@ -162,7 +162,8 @@ def _describe(value: Any) -> Any:
     """Return a description of the compiled type of `value`, without numbers and entries of arrays."""
     import numpy as np
 
-    if isinstance(value, int | float | np.number | np.bool_) and abs(value) < _LARGE:
+    is_real = isinstance(value, int | float | np.integer | np.floating | np.bool_)
+    if is_real and abs(float(value)) < _LARGE:
         return "value", type(value)(0)
     if isinstance(value, list) and value:
         return "list", _describe(value[0])
