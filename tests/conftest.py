@@ -28,6 +28,16 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parent.parent
 
+# A failed assertion in a helper shows its values, as in a test module.
+_HELPERS = [
+    path
+    for path in Path(__file__).parent.rglob("*.py")
+    if not path.name.startswith(("test_", "conftest"))
+]
+pytest.register_assert_rewrite(
+    *sorted({path.stem for path in _HELPERS} | {path.parent.name for path in _HELPERS})
+)
+
 #: Folders of a checkout that hold nothing of the project's own.
 _MADE = {
     ".benchmarks",

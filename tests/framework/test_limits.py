@@ -11,8 +11,10 @@ from listening import incumbents
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
 from crosstrack.models import FleetRouting
-from crosstrack.solvers import EventKind, Stalled
+from crosstrack.models.fleet import FleetPlan
+from crosstrack.solvers import Backend, EventKind, Guarantee, Stalled
 from crosstrack.solvers.bench import Campaign, Set
+from crosstrack.solvers.contract.job import Job
 
 FIELDS = [field.name for field in dataclasses.fields(ct.Limits)]
 MODEL = FleetRouting(
@@ -25,6 +27,40 @@ def test_every_verb_has_every_limit_as_a_keyword(verb):
     parameters = inspect.signature(getattr(ct, verb)).parameters
     assert [name for name in FIELDS if name not in parameters] == []
     assert "limits" in parameters
+
+
+#: A value of every limit that differs from its default.
+SET = {
+    "time_limit": 5.0, "memory_limit": 500.0, "evaluations": 9, "target": 1.0, "gap": 0.1,
+    "tolerance": 1e-5, "seed": 1, "threads": 2, "stop": Stalled(1.0),
+    "warm_start": FleetPlan(((1, 2), (3, 4, 5))), "starts": 2, "verbose": True, "on_event": print,
+}  # fmt: skip
+#: Limits that the run applies to every backend.
+APPLIED_BY_THE_RUN = {"time_limit", "memory_limit", "tolerance", "verbose", "on_event"}
+
+
+class Bare(Backend):
+    """Backend without features."""
+
+    name = "bare"
+    guarantee = Guarantee.HEURISTIC
+
+    def run(self, problem, request):
+        raise NotImplementedError
+
+
+def test_no_limit_is_ignored():
+    """A backend refuses each limit that needs a feature, see `Backend.unsupported`."""
+    limits = ct.Limits(**SET)
+    assert sorted(SET) == sorted(FIELDS)
+    refused = set(Bare().unsupported(limits))
+    assert sorted(refused) == sorted(set(FIELDS) - APPLIED_BY_THE_RUN)
+
+
+def test_every_limit_that_changes_an_answer_is_recorded():
+    """Jobs of a resumed campaign are equal if `Job.options` and the seed are."""
+    recorded = Job(model=MODEL, **SET).options()
+    assert set(FIELDS) - set(recorded) == {"seed", "verbose", "on_event"}
 
 
 def test_a_keyword_overrides_the_record():
