@@ -46,17 +46,7 @@ def generate(
     n_horizontal, n_vertical, thresholds, seed
         As in :func:`generate_with_route`.
     **options
-        `delta`, `box`, `planted_under` and `name`, as in :func:`generate_with_route`.
-
-    Returns
-    -------
-    ErrorCorrectionRouting
-        The instance.
-
-    Raises
-    ------
-    InvalidData
-        An argument is invalid, or no route can be planted under these thresholds.
+        `delta`, `box`, `planted_under` and `name`, as in :func:`generate_with_route`, with its errors.
     """
     return generate_with_route(n_horizontal, n_vertical, thresholds, seed=seed, **options)[0]
 
