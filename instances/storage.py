@@ -92,7 +92,7 @@ def reference(
     Parameters
     ----------
     key : str
-        Key of the instance's data whose value may name a file.
+        Key of the instance's data whose value may be the name of a file.
     read : callable
         Function from the file to the data in it.
     only : bool

@@ -120,7 +120,7 @@ def _catches_up(k: int, i: int, genes: Floats, task: Task) -> bool:
     """Return whether leg `k` ends in the catch-up pattern (paper: Definition 1).
 
     In this pattern, the shortest path to the access point of vehicle `i` at the encounter is at
-    most as long as that to the access point an interval ε_t later.
+    most as long as that to the access point after an interval ε_t.
     """
     pose = task.poses[k]
     x, y, h, t = pose[0], pose[1], pose[2], pose[3] + genes[i, 1]
