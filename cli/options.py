@@ -63,7 +63,8 @@ def _criterion(context: click.Context, parameter: click.Parameter, value: Sequen
         "stalled": Stalled,
     }
     criterion: Any = None
-    for kind, limit in _pairs(context, parameter, value).items():
+    for text in value:
+        [(kind, limit)] = _pairs(context, parameter, [text]).items()
         if kind not in kinds:
             known = ", ".join(kinds)
             raise click.BadParameter(f"{kind!r} is unknown; known: {known}", param_hint="--stop")

@@ -254,12 +254,10 @@ def _changes(
     limits: Limits | None, options: Mapping[str, Any]
 ) -> tuple[Listener | None, dict[str, Any]]:
     """Return the callback, and the fields of the limits that the caller sets."""
-    joined, usual = limits_of("bench", limits, options).fields(), Limits()
-    return joined.pop("on_event"), {
-        name: value
-        for name, value in joined.items()
-        if name in options or value != getattr(usual, name)
-    }
+    joined = limits_of("bench", limits, options)
+    changes = {**joined.changes(), **options}
+    changes.pop("on_event", None)
+    return joined.on_event, changes
 
 
 def _tidy(client: Any) -> None:

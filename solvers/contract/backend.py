@@ -18,14 +18,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import BackendMissing, UnsupportedOption, suggestion
+from ...errors import BackendMissing
 from ...models.model import Model
 from ...models.records import Table
 from ...version import __version__
 from .control import GRACE, Control
 from .enums import PROVING, Feature, Guarantee, Limit, Termination
 from .limits import Limits
-from .option import Option
+from .option import Option, check_options
 
 __all__ = [
     "PROVING",
@@ -300,8 +300,8 @@ class Backend(ABC):
         defaults = Limits()
         return {
             name: getattr(defaults, name)
-            for name, accepted in supported.items()
-            if not accepted and getattr(limits, name) != getattr(defaults, name)
+            for name in limits.changes()
+            if not supported.get(name, True)
         }
 
     def accepted_kinds(self) -> str:
@@ -407,17 +407,5 @@ class Backend(ABC):
         UnsupportedOption
             A name is unknown or a value is not allowed.
         """
-        given = Table().coerce("backend_options", given, {})
-        for name in given:
-            if name not in self.options:
-                known = ", ".join(sorted(self.options)) or "none"
-                raise UnsupportedOption(
-                    f"backend {self.name!r} has no option {name!r}; "
-                    f"{suggestion(name, self.options)}its own options: {known}"
-                )
-        return {
-            name: option.check(f"backend {self.name!r}", name, given[name])
-            if name in given
-            else option.default
-            for name, option in self.options.items()
-        }
+        values = Table().coerce("backend_options", given, {})
+        return check_options(f"backend {self.name!r}", self.options, values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
@@ -136,7 +136,8 @@ class Limits:
     """Limits and settings of a run, with the same meaning for every verb.
 
     Every verb that runs a backend accepts the fields as keywords, and a record of them as `limits`;
-    a keyword overrides the field of the record.
+    a keyword overrides the field of the record. The record replaces the default limit of 60 s that
+    some verbs have: with ``time_limit=None`` a run has no time limit.
 
     Parameters
     ----------
@@ -240,6 +241,32 @@ class Limits:
     def fields(self) -> dict[str, Any]:
         """Return the values by name of the field."""
         return {name: getattr(self, name) for name in LIMIT_NAMES}
+
+    def changes(self) -> dict[str, Any]:
+        """Return the values that differ from their defaults, by name of the field."""
+        # Defaults of None are compared by identity, because a warm start may be an array.
+        return {
+            field.name: value
+            for field in dataclasses.fields(Limits)
+            if (value := getattr(self, field.name)) is not field.default
+            and (field.default is None or value != field.default)
+        }
+
+    def require_only(self, owner: str, supported: Sequence[str]) -> None:
+        """Raise :class:`UnsupportedOption` if a field that is not `supported` has been set.
+
+        Parameters
+        ----------
+        owner : str
+            Verb that does not support the other fields, for the message.
+        supported : sequence of str
+            Names of the supported fields.
+        """
+        for name, value in self.changes().items():
+            if name not in supported:
+                raise UnsupportedOption(
+                    f"{owner} does not support {name}={show(value)}; supported: {', '.join(supported)}"
+                )
 
 
 #: Names of the fields of :class:`Limits`.

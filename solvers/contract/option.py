@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...errors import UnsupportedOption
+from ...errors import UnsupportedOption, suggestion
 from ...models.fields import required, show
 
-__all__ = ["Option"]
+__all__ = ["Option", "check_options"]
 
 
 @dataclass(frozen=True)
@@ -86,3 +87,34 @@ class Option:
                 f"{owner}: option {name!r} must lie in [{self.lower}, {self.upper}], got {show(value)}"
             )
         return value
+
+
+def check_options(
+    owner: str, options: Mapping[str, Option], values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return all options, with `values` validated and defaults filled in.
+
+    Parameters
+    ----------
+    owner : str
+        Owner of the options, such as ``"backend 'highs'"``, for messages.
+    options : mapping of str to Option
+        The options by name.
+    values : mapping of str to object
+        Values by option name.
+
+    Raises
+    ------
+    UnsupportedOption
+        A name is unknown or a value is not allowed.
+    """
+    for name in values:
+        if name not in options:
+            known = ", ".join(sorted(options)) or "none"
+            raise UnsupportedOption(
+                f"{owner} has no option {name!r}; {suggestion(name, options)}its own options: {known}"
+            )
+    return {
+        name: option.check(owner, name, values[name]) if name in values else option.default
+        for name, option in options.items()
+    }

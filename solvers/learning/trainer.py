@@ -11,8 +11,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ...errors import BackendMissing, UnsupportedOption, suggestion
-from ..contract.option import Option
+from ...errors import BackendMissing
+from ..contract.option import Option, check_options
 from .weights import Weights
 
 __all__ = ["Arrays", "Course", "Trainer", "Training", "one_thread"]
@@ -138,17 +138,7 @@ class Training:
         UnsupportedOption
             A name is unknown or a value is not allowed.
         """
-        owner = f"training {self.name!r}"
-        for name in given:
-            if name not in self.options:
-                known = ", ".join(sorted(self.options)) or "none"
-                raise UnsupportedOption(
-                    f"{owner} has no option {name!r}; {suggestion(name, self.options)}its options: {known}"
-                )
-        return {
-            name: option.check(owner, name, given[name]) if name in given else option.default
-            for name, option in self.options.items()
-        }
+        return check_options(f"training {self.name!r}", self.options, given)
 
 
 @contextlib.contextmanager

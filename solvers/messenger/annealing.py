@@ -139,7 +139,7 @@ def _next_missed(
 def _insert(
     stops: Stops, count: int, i: int, scene: Scene, value: float, near: Floats, draw: Generator
 ) -> int:
-    """Insert a vehicle where it delays the end least; return its position, or -1 without any."""
+    """Insert a vehicle at the position that delays the end least; return it, or -1 without any."""
     order, times, poses = stops.order, stops.times, stops.poses
     trial, pose, best_pose, hint = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     growth = np.ones(len(order))

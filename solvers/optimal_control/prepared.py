@@ -415,11 +415,7 @@ def prepare(
         )
     chosen_backend.require()
     record = limits_of("prepare", limits, {})
-    for name, value in record.fields().items():
-        if name not in ("tolerance", "time_limit") and value != getattr(Limits(), name):
-            raise UnsupportedOption(
-                f"prepare does not support {name}={show(value)}; supported: time_limit, tolerance"
-            )
+    record.require_only("prepare", ("time_limit", "tolerance"))
     tolerance = record.verification_tolerance if tolerance is None else tolerance
     time_limit = record.time_limit if time_limit is None else time_limit
     tolerance = Real(0.0, 1.0, strict=True).coerce("tolerance", tolerance, {})

@@ -30,6 +30,7 @@ from ..contract.limits import (
 from ..contract.registry import find_backend, recommended
 from ..contract.solution import Solution
 from ..contract.verdict import Outcome, Verdict, judge
+from ..processes.output import shown
 from ..processes.scheduling import Task, failed, run_by_pool, run_by_threads
 from ..report.tables import frame, markup, render
 from .execution import GRACE
@@ -302,6 +303,7 @@ def run_tasks(
     """
     answers: dict[tuple[int, int, int], Solution[Any]] = {}
     with contextlib.ExitStack() as stack:
+        stack.enter_context(shown(any(task.job.verbose for task in tasks)))
         book = None
         if record is not None:
             book = stack.enter_context(Record(record, resume=resume, retry=retry))

@@ -7,8 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
-from ...errors import UnsupportedFormulation, UnsupportedOption
-from ...models.fields import show
+from ...errors import UnsupportedFormulation
 from ...models.formulation import Formulation
 from ...models.model import Model, as_model
 from ...models.problems import resolve, table
@@ -21,6 +20,7 @@ from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
 from ..contract.registry import find_backend, recommended
 from ..contract.solution import Solution
 from ..processes.isolation import Worker
+from ..processes.output import shown
 from .dispatch import solve
 
 __all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
@@ -173,30 +173,23 @@ def diagnose(
     limits = limits_of("diagnose", limits, options, time_limit=60.0)
     searches = table(__package__.rpartition(".")[0], "DIAGNOSES")
     searches_natively = backend is None and formulation is None and model.kind in searches
-    _require_supported(model, limits, _SEARCH if searches_natively else _FILTER)
+    supported: tuple[str, ...] = _SEARCH if searches_natively else _FILTER
+    if limits.memory_limit is not None:  # a worker process reports no events
+        supported = tuple(name for name in supported if name != "on_event")
+    limits.require_only(f"diagnose of model {model.kind!r}", supported)
     if limits.memory_limit is not None:
-        apart = replace(limits, memory_limit=None, on_event=None)
+        apart = replace(limits, memory_limit=None)
 
         def work() -> dict[str, Any]:
             return diagnose(model, backend, formulation=formulation, limits=apart).to_dict()
 
-        with Worker() as worker:
+        with shown(limits.verbose), Worker() as worker:
             result = worker.call(work, deadline=math.inf, memory_limit=limits.memory_limit)
             return Diagnosis.from_dict(result)
     if searches_natively:
         native: Callable[[Any, float | None], Diagnosis] = resolve(searches[model.kind])
         return native(model, limits.time_limit)
     return filtered(model, backend, formulation, limits)
-
-
-def _require_supported(model: Model[Any], limits: Limits, supported: tuple[str, ...]) -> None:
-    """Raise if a limit that the diagnosis does not support differs from its default."""
-    for name, value in limits.fields().items():
-        if name not in supported and value != getattr(Limits(), name):
-            raise UnsupportedOption(
-                f"diagnose does not support {name}={show(value)} for model {model.kind!r}; "
-                f"supported: {', '.join(supported)}"
-            )
 
 
 def filtered(

@@ -29,6 +29,7 @@ from ..contract.limits import (
 )
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
+from ..processes.output import shown
 from .dispatch import run_job
 from .fronts import EQUAL, Front, FrontPoint, gathered
 from .recording import Record
@@ -159,7 +160,7 @@ def front(
     for limit in (None, _LOOSE) if limit_list is None else (limit_list[0],):
         _taken(ask(model=limited(limit)))
 
-    with _Runs(record, resume, isolate, listener) as runs:
+    with shown(shared["verbose"]), _Runs(record, resume, isolate, listener) as runs:
 
         def solve(limit: float | None) -> Solution[Any]:
             return runs.solve(ask(model=limited(limit)))
@@ -295,7 +296,7 @@ def sweep(
         _taken(job)
         jobs.append((value, job))
     points, answers = [], []
-    with _Runs(record, resume, isolate, listener) as runs:
+    with shown(shared["verbose"]), _Runs(record, resume, isolate, listener) as runs:
         for value, job in jobs:
             if runs.interrupted:
                 break

@@ -416,6 +416,6 @@ def test_calls_with_other_values_are_compiled_in_the_background_once(monkeypatch
     "value", [3, 2.5, True, np.int32(7), [4, 5], [(1.5, 2)], (1, [2.0]), 2**63, np.inf]
 )
 def test_the_sample_of_a_request_has_the_compiled_type(value):
-    numba = pytest.importorskip("numba")
+    numba = pytest.importorskip("numba", reason="types of compiled code need Numba")
     sample = compilation._sample(compilation._describe(value))
     assert numba.typeof(sample) == numba.typeof(value)

@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import json
+import logging
 
 import pytest
 from commands import run
@@ -104,7 +105,8 @@ def test_a_wrong_limit_raises(options, error, words):
 
 def test_diagnose_refuses_limits_that_have_no_effect():
     with pytest.raises(
-        UnsupportedOption, match=r"diagnose does not support seed=3 .*supported: time_limit"
+        UnsupportedOption,
+        match=r"diagnose of model .* does not support seed=3; supported: time_limit",
     ):
         ct.diagnose(MODEL, seed=3)
     with pytest.raises(UnsupportedOption, match="does not support stop="):
@@ -120,6 +122,43 @@ def test_prepare_takes_the_record_of_its_limits():
     assert solver.request.time_limit == 20
     with pytest.raises(UnsupportedOption, match="prepare does not support seed=3; supported: time"):
         ct.prepare(model, limits=ct.Limits(seed=3))
+
+
+def test_a_warm_start_may_be_an_array():
+    program = ct.load("error-correction/example-1").formulate("arc-flow").program
+    point = ct.solve(program, "highs").plan
+    assert set(ct.Limits(warm_start=point, starts=1, seed=0).changes()) == {"warm_start", "seed"}
+    with pytest.raises(UnsupportedOption, match="does not support warm_start=array"):
+        ct.diagnose(program, "highs", warm_start=point)
+    assert ct.compare(program, ["scipy", "highs"], warm_start=point).outcome == "AGREED"
+
+
+def test_a_diagnosis_in_a_worker_reports_no_events():
+    with pytest.raises(UnsupportedOption, match="does not support on_event="):
+        ct.diagnose(MODEL, "highs", formulation="two-index", memory_limit=900, on_event=print)
+
+
+@pytest.mark.parametrize("verb", ["solve", "compare", "front", "bench"])
+def test_every_verb_shows_the_log_of_the_solver(verb, monkeypatch, tmp_path):
+    """The level of the logger lets the lines pass for the time of the call."""
+    records, handler = [], logging.Handler()
+    monkeypatch.setattr(handler, "emit", records.append)
+    output = logging.getLogger("crosstrack.output")
+    output.addHandler(handler)
+    try:
+        if verb == "solve":
+            ct.solve(MODEL, "fleet-search", time_limit=2, verbose=True)
+        elif verb == "compare":
+            ct.compare(MODEL, ["fleet-search"], time_limit=2, verbose=True)
+        elif verb == "front":
+            ct.front(MODEL, "max", backend="fleet-search", points=1, time_limit=2, verbose=True)
+        else:
+            campaign = Campaign((Set(("fleet/example",), ("fleet-search",), time_limit=2),))
+            ct.bench(campaign, record=tmp_path / "r.jsonl", verbose=True)
+    finally:
+        output.removeHandler(handler)
+    assert any("incumbent" in record.getMessage() for record in records)
+    assert not output.isEnabledFor(logging.INFO)
 
 
 @pytest.mark.parametrize("isolate", [False, True])
