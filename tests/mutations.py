@@ -55,7 +55,7 @@ EQUIVALENT: dict[str, str] = {
     "models/optimal_control/checks.py:abs(plan.end) -> (plan.end)": (
         "a phase that ends before 0 starts farther from it"
     ),
-    "models/minimum_snap/time_allocation.py:max(0.0, -float(plan.durations[least])) -> 0.0": (
+    "models/minimum_snap/time_allocation.py:max(0.0, -float(plan.durations[shortest])) -> 0.0": (
         "a trajectory refuses durations that are not > 0, so that the violation is always 0"
     ),
     "models/grid_path/checks.py:len(path) - 1 -> (len(path) + 1)":
@@ -162,7 +162,9 @@ def _faults(function: ast.FunctionDef) -> Iterator[tuple[ast.AST, str]]:
             elif name in ("abs", "fabs") and len(node.args) == 1:
                 yield node, f"({ast.unparse(node.args[0])})"
             elif name in _WORST and len(node.args) > _WORST[name]:
-                yield node.args[_WORST[name]], "0.0"
+                worst = node.args[_WORST[name]]
+                if ast.unparse(worst) != "[]":  # a list without violations
+                    yield worst, "0.0"
 
 
 def _expressions(function: ast.FunctionDef) -> Iterator[ast.AST]:

@@ -199,6 +199,20 @@ def test_every_segment_of_a_long_path_is_clipped(place, monkeypatch):
     assert found.violated[0].worst == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("shift", [0.4, 3.0])
+@pytest.mark.parametrize("point", [1, 2, 3])
+def test_the_segment_that_leaves_the_map_is_named(point, shift):
+    """A point outside ends the segment before it, also if it is far outside."""
+    model = GridPath(
+        {"blocked": np.zeros((3, 9), bool).tolist()}, (1, 0), (1, 8), connectivity="any"
+    )
+    path = np.array([[0.5, 1.5], [2.5, 1.5], [4.5, 1.5], [6.5, 1.5], [8.5, 1.5]])
+    path[point, 1] = 3.0 + shift
+    plan = GridPlan([path.tolist()])
+    (check,) = model.verify(plan).violated
+    assert check.where == f"path 0, segment {point - 1}"
+
+
 @pytest.mark.parametrize("point", [[1.0, -1e308], [4.0, 1e308], [-1e308, 2.0]])
 def test_a_point_beyond_all_floats_is_refused(point):
     """In cells of a thousandth of a metre, it is infinitely far away."""
