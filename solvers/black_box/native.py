@@ -83,13 +83,14 @@ class Objective:
         left = request.left()
         self._seconds = math.inf if left is None else max(left, 1e-9)
         self._end = None if left is None else time.perf_counter() + left
-        #: Share of the evaluations and of the time after which the present stage ends.
-        self._share = 1.0
+        #: Share of the evaluations and of the time after which the present stage ends, and the
+        #: evaluations of later stages.
+        self._share, self._reserve = 1.0, 0
 
     @property
     def progress(self) -> float:
         """Share of the evaluations that are used, from 0 to 1."""
-        return 1.0 - self.left / self.granted
+        return 1.0 - (self.left + self._reserve) / self.granted
 
     @property
     def origin(self) -> Floats:
@@ -156,9 +157,10 @@ class Objective:
             The search, with its default options.
         """
         reserve = min(int(self.granted * (1.0 - share)), self.left)
-        if reserve == self.left > 0 or (self._end is not None and self._used_time() >= share):
+        # The last stage begins in any case, because its first request raises at a limit.
+        if share < 1.0 and (reserve == self.left > 0 or self._used_time() >= share):
             return
-        self.left, self._share = self.left - reserve, share
+        self.left, self._share, self._reserve = self.left - reserve, share, reserve
         self.options = search.checked_options({})
         if self.x is not None:
             self.start = np.clip(self.unit(self.x), 0.0, 1.0)
@@ -170,7 +172,7 @@ class Objective:
                 raise
         finally:
             self.counts[search.name] = begin - self.left
-            self.left, self._share = self.left + reserve, 1.0
+            self.left, self._share, self._reserve = self.left + reserve, 1.0, 0
 
     def _used_time(self) -> float:
         """Return the used share of the time limit, 0 without a limit."""
@@ -201,7 +203,7 @@ class Objective:
         k = int(values[:count].argmin())
         if values[k] < self.best:
             self.best, self.x = float(values[k]), x[k]
-            place = self.granted - self.left - count + k + 1
+            place = self.granted - self._reserve - self.left - count + k + 1
             self.control.incumbent(self.best, BlackBoxPoint(tuple(x[k].tolist())), place)
         self.control.evaluated(count)
         result: Floats = values

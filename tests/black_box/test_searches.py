@@ -1,6 +1,7 @@
 """What every search of black boxes must keep, ours and those of others, and what SciPy's are."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from black_box.searches import DRAWING, EVERY, LACKING, Counted, box, search
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, InvalidData, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models.black_box import PythonFunction
-from crosstrack.solvers import Control, Feature, Limit, Termination, find_backend
-from crosstrack.solvers.black_box import native
+from crosstrack.solvers import Control, Feature, Limit, Request, Termination, find_backend
+from crosstrack.solvers.black_box import native, portfolio
+from crosstrack.solvers.black_box.random_search import RandomSearch
 
 #: Many minima, the least of them off the middle.
 WAVY = {"name": "rastrigin", "shift": [1.25, -0.75]}
@@ -413,6 +415,7 @@ def test_the_portfolio_divides_the_evaluations():
 def test_the_portfolio_divides_the_time():
     """Each search gets its share, although the evaluations would last for hours."""
     model = box("sphere", *[(-1, 1)] * 3, budget=10**8)
+    ct.solve(model, "portfolio", evaluations=1)  # imports the libraries
     answer = ct.solve(model, "portfolio", time_limit=2.0)
     assert answer.statistics["dual-annealing"] > 0  # the others may lose their share to imports
     assert str(answer.limit) == "time"
@@ -426,3 +429,34 @@ def test_the_portfolio_is_no_worse_than_its_searches_on_a_path():
         for name in ("direct", "dual-annealing")
     ]
     assert best <= min(others) * 1.01
+
+
+def test_the_portfolio_counts_the_evaluations_of_all_stages():
+    """Each incumbent has the number of its evaluation in the whole run."""
+    control = Control()
+    _, oracle = search("portfolio", box("sphere", *[(-1.0, 2.0)] * 3, budget=300), control=control)
+    values = (np.array(oracle.points) ** 2).sum(axis=1)
+    places = []
+    while not control.events.empty():
+        _, objective, _, place = control.events.get()
+        assert objective == pytest.approx(values[place - 1], rel=1e-12)
+        places.append(place)
+    assert len(places) > 5 and places == sorted(places)
+
+
+def test_the_portfolio_reports_a_time_limit_that_ends_an_early_stage(monkeypatch):
+    class Idle(RandomSearch):
+        def search(self, objective):
+            time.sleep(0.3)
+            return {}
+
+    stages = ((Idle, 0.5), (portfolio.DualAnnealing, 1.0))
+    monkeypatch.setattr(portfolio, "_STAGES", stages)
+    control = Control()
+    control.arm(0.1)
+    backend = find_backend("portfolio")
+    backend.prepare()
+    model = box("sphere", *SQUARE)
+    control.oracle = Counted(model)
+    answer = backend.run(model.blinded(), Request(time_limit=0.1, control=control))
+    assert answer.limit is Limit.TIME
