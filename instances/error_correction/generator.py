@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,21 +36,6 @@ _Point = NDArray[np.float64]
 
 
 def generate(
-    n_horizontal: int, n_vertical: int, thresholds: Sequence[float], *, seed: int, **options: Any
-) -> ErrorCorrectionRouting:
-    """Return a feasible instance with A and B on opposite faces of a box.
-
-    Parameters
-    ----------
-    n_horizontal, n_vertical, thresholds, seed
-        As in :func:`generate_with_route`.
-    **options
-        `delta`, `box`, `planted_under` and `name`, as in :func:`generate_with_route`, with its errors.
-    """
-    return generate_with_route(n_horizontal, n_vertical, thresholds, seed=seed, **options)[0]
-
-
-def generate_with_route(
     n_horizontal: int,
     n_vertical: int,
     thresholds: Sequence[float],
@@ -61,11 +45,11 @@ def generate_with_route(
     box: float | Sequence[float] = BOX,
     planted_under: Sequence[float] | None = None,
     name: str = "",
-) -> tuple[ErrorCorrectionRouting, Route]:
-    """Return a feasible instance and its planted route, which is rarely optimal.
+) -> ErrorCorrectionRouting:
+    """Return a feasible instance with A and B on opposite faces of a box.
 
-    A (first) is on the face x = 0 of a box and B (last) on the opposite one. The planted route of both
-    kinds of points has a margin to every threshold; the other points are uniform.
+    A (first) is on the face x = 0 and B (last) on the opposite one. A planted route of both kinds of
+    points has a margin to every threshold; the other points are uniform.
 
     Parameters
     ----------
@@ -87,6 +71,46 @@ def generate_with_route(
 
     Returns
     -------
+    ErrorCorrectionRouting
+        The instance.
+
+    Raises
+    ------
+    InvalidData
+        An argument is invalid, or no route can be planted under these thresholds.
+    """
+    return generate_with_route(
+        n_horizontal,
+        n_vertical,
+        thresholds,
+        seed=seed,
+        delta=delta,
+        box=box,
+        planted_under=planted_under,
+        name=name,
+    )[0]
+
+
+def generate_with_route(
+    n_horizontal: int,
+    n_vertical: int,
+    thresholds: Sequence[float],
+    *,
+    seed: int,
+    delta: float = DELTA,
+    box: float | Sequence[float] = BOX,
+    planted_under: Sequence[float] | None = None,
+    name: str = "",
+) -> tuple[ErrorCorrectionRouting, Route]:
+    """Return the instance of :func:`generate` and its planted route, which is rarely optimal.
+
+    Parameters
+    ----------
+    n_horizontal, n_vertical, thresholds, seed, delta, box, planted_under, name
+        As for :func:`generate`.
+
+    Returns
+    -------
     model : ErrorCorrectionRouting
         The instance.
     route : Route
@@ -95,7 +119,7 @@ def generate_with_route(
     Raises
     ------
     InvalidData
-        An argument is invalid, or no route can be planted under these thresholds.
+        As for :func:`generate`.
     """
     limits = _thresholds("thresholds", thresholds)
     planted_limits = (

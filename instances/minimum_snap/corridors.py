@@ -28,28 +28,7 @@ _RAMP = np.array([0.0, 0.0, 3.0, -2.0])
 _REST_PEAK = 35 / 16
 
 
-def corridor(segments: int, seed: int = 0, dimensions: int = 3, **options: Any) -> MinimumSnap:
-    """Return a chain of overlapping boxes with limits, from rest to rest, inner waypoints free.
-
-    Boxes bound the position, and limits bound velocity and acceleration, all at every instant. The
-    instance is feasible.
-
-    Parameters
-    ----------
-    segments, seed, dimensions
-        As in :func:`corridor_with_way`.
-    **options
-        `cruise`, `acceleration`, `width`, `slack` and `name`, as in :func:`corridor_with_way`.
-
-    Returns
-    -------
-    MinimumSnap
-        The model.
-    """
-    return corridor_with_way(segments, seed, dimensions, **options)[0]
-
-
-def corridor_with_way(
+def corridor(
     segments: int,
     seed: int = 0,
     dimensions: int = 3,
@@ -59,12 +38,11 @@ def corridor_with_way(
     width: float = 0.4,
     slack: float = 0.05,
     name: str = "",
-) -> tuple[MinimumSnap, Trajectory]:
-    """Return the model of :func:`corridor` and the path it was drawn around, which is not optimal.
+) -> MinimumSnap:
+    """Return a chain of overlapping boxes with limits, from rest to rest, inner waypoints free.
 
-    The path follows the axes at about `cruise`, turns occasionally, and changes its velocity over two
-    to five segments. It satisfies every box with a margin of half of `width` and every limit with
-    `slack`, so the instance is strictly feasible.
+    Boxes bound the position, and limits bound velocity and acceleration, all at every instant. The
+    instance is feasible: see :func:`corridor_with_way`.
 
     Parameters
     ----------
@@ -89,6 +67,29 @@ def corridor_with_way(
     ------
     InvalidData
         A size or the seed is not an integer or is too small, or a length or speed is not positive.
+    """
+    return corridor_with_way(
+        segments, seed, dimensions, cruise=cruise, acceleration=acceleration, width=width,
+        slack=slack, name=name,
+    )[0]  # fmt: skip
+
+
+def corridor_with_way(
+    segments: int,
+    seed: int = 0,
+    dimensions: int = 3,
+    *,
+    cruise: float = 2.0,
+    acceleration: float = 1.2,
+    width: float = 0.4,
+    slack: float = 0.05,
+    name: str = "",
+) -> tuple[MinimumSnap, Trajectory]:
+    """Return the model of :func:`corridor` and the path it was drawn around, which is not optimal.
+
+    The path follows the axes at about `cruise`, turns occasionally, and changes its velocity over two
+    to five segments. It satisfies every box with a margin of half of `width` and every limit with
+    `slack`, so the instance is strictly feasible. Parameters are those of :func:`corridor`.
     """
     count = Whole(4, MOST).coerce("segments", segments, {})
     axes = Whole(1, 1000).coerce("dimensions", dimensions, {})

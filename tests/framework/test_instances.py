@@ -1,6 +1,7 @@
 """The catalogue and the generators."""
 
 import hashlib
+import inspect
 import itertools
 import json
 import math
@@ -13,7 +14,12 @@ from hypothesis import given, settings, strategies as st
 
 from crosstrack import instances
 from crosstrack.errors import InvalidData, UnknownName
-from crosstrack.instances import CatalogueEntry, Provenance, error_correction as ec
+from crosstrack.instances import (
+    CatalogueEntry,
+    Provenance,
+    error_correction as ec,
+    minimum_snap as ms,
+)
 from crosstrack.instances.error_correction.settings import TIGHT
 from crosstrack.models import ErrorCorrectionRouting, Route
 
@@ -277,3 +283,12 @@ def test_about_half_of_the_small_instances_are_feasible(n):
 def test_generators_refuse(call, message):
     with pytest.raises(InvalidData, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    ("short", "full"),
+    [(ec.generate, ec.generate_with_route), (ms.corridor, ms.corridor_with_way)],
+)
+def test_generators_name_every_keyword(short, full):
+    """Completion and ``inspect.signature`` show the keywords with their defaults."""
+    assert inspect.signature(short).parameters == inspect.signature(full).parameters
