@@ -194,8 +194,8 @@ def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
         stretched = "" if factor < 1.05 else f", stretched ×{factor:.1f}"
         label = "" if planar and name == "z" else f"{name} ({unit}{stretched})"
         getattr(axes, f"set_{name}label")(label, fontsize=8.5, labelpad=2)
-    axes.set_box_aspect(shown, zoom=1.0 if shown[2] > 0.7 * longest else 1.12)
-    kit.dress_space(axes, above=60 if planar else 28)
+    zoom = 1.0 if shown[2] > 0.7 * longest else 1.12
+    kit.dress_space(axes, shown, zoom=zoom, above=60 if planar else 28)
     if planar:
         axes.set_zticks([])
 

@@ -6,6 +6,7 @@ axes, unless stated otherwise.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -22,6 +23,8 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+#: Space for tick labels and the label of an axis to the left and right of a box in space (inch).
+_BESIDE = (0.3, 0.6)
 #: Units of length: smallest extent (m), factor from metres, and name.
 _UNITS = ((2000.0, 1e-3, "km"), (0.5, 1.0, "m"), (0.0, 1e3, "mm"))
 #: Margin around the content of a map, relative to its extent.
@@ -253,15 +256,21 @@ def space_axes(figure: Any, place: tuple[float, float, float, float]) -> Any:
     return figure.add_axes(place, projection="3d", computed_zorder=False)
 
 
-def dress_space(axes: Any, *, above: float = 28) -> None:
+def dress_space(
+    axes: Any, sides: Any = None, *, zoom: float = 1.0, above: float = 28
+) -> None:  # fmt: skip
     """Set the point of view, `above` the floor (degrees), and draw a faint box.
 
-    Call it after everything else is drawn: it disables clipping at the square around the box.
+    `sides` are the lengths of the box. Its size `zoom` is reduced if the box is too wide for the figure or the part of
+    it. Call it after everything else is drawn: it disables clipping at the square around the box.
     """
     from matplotlib.ticker import MaxNLocator
 
     axes.tick_params(labelsize=7.5, pad=0)
     axes.view_init(elev=above, azim=-62)
+    if sides is not None:
+        axes.set_box_aspect(sides, zoom=zoom)
+        axes.set_box_aspect(sides, zoom=zoom * _room(axes))
     for pane in (axes.xaxis, axes.yaxis, axes.zaxis):
         pane.pane.set_facecolor("white")
         pane.pane.set_edgecolor("#d0d0d0")
@@ -269,3 +278,18 @@ def dress_space(axes: Any, *, above: float = 28) -> None:
         pane.set_major_locator(MaxNLocator(nbins=5))
     for artist in (*axes.collections, *axes.lines):
         artist.set_clip_on(False)
+
+
+def _room(axes: Any) -> float:
+    """Return the available width relative to that of a box in space, at most 1."""
+    from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+    axes.apply_aspect()
+    corners = itertools.product(axes.get_xlim(), axes.get_ylim(), axes.get_zlim())
+    x, y, _ = proj_transform(*zip(*corners, strict=True), axes.get_proj())
+    pixels = axes.transData.transform(np.column_stack([x, y]))[:, 0]
+    middle, frame = (axes.bbox.x0 + axes.bbox.x1) / 2, axes.get_figure(root=False)
+    left, right = (inch * frame.dpi for inch in _BESIDE)
+    rooms = (middle - frame.bbox.x0 - left, frame.bbox.x1 - right - middle)
+    halves = (middle - pixels.min(), pixels.max() - middle)
+    return max(0.3, min(1.0, *(room / half for room, half in zip(rooms, halves, strict=True))))

@@ -209,7 +209,11 @@ def draw_panel(
     _scale(panel, axes, low, high)
     wrapped = [part for line in panel.title.split("\n") for part in textwrap.wrap(line, _LETTERS)]
     unit = [f"({pretty_unit(panel.unit)})"] if panel.unit else []
-    axes.set_ylabel("\n".join([*wrapped, *unit]), fontsize=8)
+    lines = [*wrapped, *unit]
+    # A label may use the gap to the next panel, but not that panel.
+    tall = 1.25 * axes.get_position().height * inches(axes.figure)[1]
+    least = max(map(len, lines), default=0) * _LETTER
+    axes.set_ylabel("\n".join(lines), fontsize=8 * min(1.0, max(0.6, tall / max(least, 0.1))))
     bare(axes)
     if ruled:
         axes.grid(visible=False, axis="x")

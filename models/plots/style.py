@@ -27,8 +27,8 @@ _LINES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#7F6000", "#1a
 RING: dict[str, Any] = {"marker": "o", "ms": 8, "mfc": "none", "mec": RED}
 #: Largest number of knots drawn as lines or with numbers.
 MOST_KNOTS = 60
-#: Size of a title and of the label of an axis (point), and width of a character of a title (inch).
-_TITLE, LABEL, _CHARACTER = 11.0, 8.5, 0.086
+#: Size of a title, of the label of an axis and of a legend (point), and width of a character of a title (inch).
+_TITLE, LABEL, _KEYS, _CHARACTER = 11.0, 8.5, 7.5, 0.086
 #: Height of a line of a title or of a legend, and letters of a legend per inch.
 LINE, _LETTERS = 0.17, 14.0
 
@@ -117,13 +117,32 @@ def legend_row(
 ) -> None:  # fmt: skip
     """Write a legend in `rows` rows in a figure, a part of one or axes; nothing without `keys`.
 
-    `loc` is the corner of the legend at `place`, with matplotlib's names.
+    `loc` is the corner of the legend at `place`, with matplotlib's names. A legend that is too wide for the
+    figure, or the part of it, is written smaller.
     """
-    if keys:
-        where.legend(
-            handles=keys, loc=loc, bbox_to_anchor=place, ncols=-(-len(keys) // rows), fontsize=7.5,
-            frameon=False, **{"handletextpad": 0.4, "columnspacing": 1.2, **look},
-        )  # fmt: skip
+    if not keys:
+        return
+    settings = {"handletextpad": 0.4, "columnspacing": 1.2, "frameon": False, **look}
+    settings |= {"loc": loc, "bbox_to_anchor": place, "ncols": -(-len(keys) // rows)}
+    legend = where.legend(handles=keys, fontsize=_KEYS, **settings)
+    scale = _room(legend, loc)
+    if scale < 1:
+        legend.remove()
+        where.legend(handles=keys, fontsize=_KEYS * scale, markerscale=scale, **settings)
+
+
+def _room(legend: Any, loc: str) -> float:
+    """Return the available width relative to that of a legend, at most 1."""
+    inside = (legend.parent.figure if legend.isaxes else legend.parent).bbox
+    box = legend.get_window_extent()
+    middle = (box.x0 + box.x1) / 2
+    room = {
+        "center": 2 * min(middle - inside.x0, inside.x1 - middle),
+        "right": box.x1 - inside.x0,
+        "left": inside.x1 - box.x0,
+    }[loc.split()[1]]
+    # Text is up to 8 % wider in a coarser picture.
+    return float(np.clip(room / (1.08 * box.width), 0.3, 1.0))
 
 
 def legend_rows(keys: Sequence[Any], broad: float) -> int:

@@ -1,6 +1,7 @@
 """The kit that every problem's picture is made of, and the verb that finds a picture."""
 
 import builtins
+import itertools
 import os
 import subprocess
 import sys
@@ -206,3 +207,41 @@ def test_ticks_tell_neighbours_apart():
         told = [tick.get_text() for tick in axes.get_yticklabels()]
         assert len(set(told)) == len(told) > 2
         assert not (high == 1400.0 and any("×" in one for one in told))
+
+
+def outside(figure, artist):
+    """Return how far an artist extends beyond a picture to its left and right, in pixels."""
+    box = artist.get_window_extent()
+    return max(figure.bbox.x0 - box.x0, box.x1 - figure.bbox.x1)
+
+
+@pytest.mark.parametrize("size", [(11.5, 5.4), (7.0, 5.0), (5.0, 4.0)])
+@pytest.mark.parametrize("dpi", [55, 150])
+def test_a_small_picture_cuts_off_no_legend_and_no_point(model, size, dpi):
+    figure = plot(model, BEST, size=size)
+    figure.set_dpi(dpi)
+    figure.draw_without_rendering()
+    left, right = figure.subfigs
+    for part in (left, right):
+        assert all(outside(part, entry) <= 0 for entry in part.legends)
+    (space,) = left.axes
+    names = [text for text in space.texts if text.get_text()]
+    assert {text.get_text() for text in names} >= {"A (1)", "B (5)"}
+    assert all(outside(left, text) <= 0 for text in names)
+
+
+def test_a_legend_that_fits_keeps_its_size(model):
+    sizes = [
+        {entry.get_texts()[0].get_fontsize() for part in plot(model, BEST, size=size).subfigs for entry in part.legends}
+        for size in ((11.5, 5.4), (5.0, 4.0))
+    ]  # fmt: skip
+    assert sizes[0] == {7.5}
+    assert min(sizes[1]) < 7.5
+
+
+def test_labels_beside_panels_do_not_overlap():
+    rise = Curve("x", 0, TIMES, TIMES)
+    figure = sheet(*[Panel("acceleration of the robot", "m/s²", [rise])] * 5, size=(5.0, 4.0))
+    figure.draw_without_rendering()
+    boxes = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
+    assert all(lower.y1 <= upper.y0 for upper, lower in itertools.pairwise(boxes))

@@ -218,5 +218,4 @@ def _frame(scene: Scene, chosen: list[int], axes: Any, begin: Floats, end: Float
         return
     sides = end - begin
     # A tall box fills the frame down to the bottom, where the tick labels of the floor need room.
-    axes.set_box_aspect(sides, zoom=1.0 if sides[2] <= sides[:2].max() else 0.86)
-    kit.dress_space(axes)
+    kit.dress_space(axes, sides, zoom=1.0 if sides[2] <= sides[:2].max() else 0.86)
