@@ -309,7 +309,7 @@ def reproduce(
             rows=positions,
             runs=runs,
             time_limit=time_limit,
-            on_event=lambda e: status(f"{e.instance} {e.backend}"),
+            on_event=lambda e: status(f"{e.instance} {e.backend} {e.solution.termination}"),
         )
     counts = {str(state): count for state, count in paper.counts.items()}
     if as_json:

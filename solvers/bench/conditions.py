@@ -15,9 +15,11 @@ __all__ = ["describe_conditions"]
 #: Options that determine the fairness of a comparison, with their names on the page.
 _FAIRNESS = {
     "gap": "Requested relative gap", "tolerance": "Tolerance of the check",
-    "time_limit": "Time limit (s)", "memory_limit": "Memory limit", "evaluations": "Evaluation limit",
+    "time_limit": "Time limit (s)", "memory_limit": "Memory limit (MiB)", "evaluations": "Evaluation limit",
     "threads": "Requested threads",
 }  # fmt: skip
+#: Names of entries of an environment, with their units.
+_NAMES = {"memory": "Memory (GiB)"}
 #: Entries of an environment that the page shows in other places.
 _TOLD = {"backend", "threads", "crosstrack"}
 
@@ -50,7 +52,8 @@ def describe_conditions(records: Records) -> str:
                 continue
             facts.setdefault(str(name), set()).add(_plain(entry))
     rows += [
-        (name.replace("_", " ").capitalize(), _several(entries)) for name, entries in facts.items()
+        (_NAMES.get(name, name.replace("_", " ").capitalize()), _several(entries))
+        for name, entries in facts.items()
     ]
     if not facts:
         rows.append(("Machine", "not recorded"))
