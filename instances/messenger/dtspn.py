@@ -111,7 +111,7 @@ def read_best_known(path: str | os.PathLike[str]) -> dict[str, tuple[float, floa
     for *row, where in zip(*table.values.values(), table.places, strict=True):
         entry = dict(zip(table.values, row, strict=True))
         name, lower, upper = Path(entry["instance"]).stem, entry["lb"], entry["ub"]
-        if name in bounds:
+        if not name or name in bounds:
             raise InvalidData(
                 f"{where}: instance must be a name that no other line has, got {show(name)}",
                 field="instance",

@@ -73,7 +73,7 @@ def _p_value(first: Floats, second: Floats) -> float:
 
 
 def _sign(first: Floats, second: Floats) -> int:
-    """Return 1 (-1) if `one` is significantly below (above) `two` at 0.05, 0 otherwise."""
+    """Return 1 (-1) if `first` is significantly below (above) `second` at 0.05, 0 otherwise."""
     if _p_value(first, second) >= 0.05:
         return 0
     return 1 if np.median(first) < np.median(second) else -1

@@ -215,11 +215,11 @@ def _parsed(file: Path) -> Poly7:
     line, header = next(rows, (1, []))
     names = [name.lstrip("# ").replace(" ", "").casefold() for name in header]
     for column, wanted in enumerate(_COLUMNS):
-        result = names[column] if column < len(names) else None
-        if result != wanted:
+        label = names[column] if column < len(names) else None
+        if label != wanted:
             raise InvalidData(
                 f"{file}, line {line}, column {column + 1}: the header must hold {wanted!r}, got "
-                f"{show(result) if result is not None else 'nothing'}; it is {_COLUMNS[0]},"
+                f"{show(label) if label is not None else 'nothing'}; it is {_COLUMNS[0]},"
                 f"{_COLUMNS[1]},…,{_COLUMNS[8]},{_COLUMNS[9]},…,{_COLUMNS[-1]}",
                 field="header",
             )

@@ -160,13 +160,14 @@ def _rates(
     least = max(speed, LOW_SPEED)
     # Slip by the lateral speed of each axle, which vanishes at rest for any angle.
     aside = speed * sideslip
-    entry = (speed * steering - aside - p[2] * yaw_rate) / least
-    two = (p[3] * yaw_rate - aside) / least
+    front_slip = (speed * steering - aside - p[2] * yaw_rate) / least
+    rear_slip = (p[3] * yaw_rate - aside) / least
     # An infinite limit marks linear tyres.
-    entry = p[4] * entry if front == math.inf else _force(entry, p[4], front)
-    two = p[5] * two if rear == math.inf else _force(two, p[5], rear)
-    acceleration = (entry + two) / p[0]
-    return acceleration / least - yaw_rate, (p[2] * entry - p[3] * two) / p[1], acceleration
+    front_force = p[4] * front_slip if front == math.inf else _force(front_slip, p[4], front)
+    rear_force = p[5] * rear_slip if rear == math.inf else _force(rear_slip, p[5], rear)
+    acceleration = (front_force + rear_force) / p[0]
+    turn = (p[2] * front_force - p[3] * rear_force) / p[1]
+    return acceleration / least - yaw_rate, turn, acceleration
 
 
 @kernel

@@ -251,6 +251,7 @@ def test_bad_lines_of_a_public_instance(text, message, tmp_path):
         ("instance,LB,UB\na.txt,1,x\n", "line 2, column ub: must be a finite number, got 'x'"),
         ("instance,LB,UB\na.txt,1\n", "line 2: 2 values where the header has 3"),
         ("instance,LB,UB\na,1,2\na.txt,1,2\n", "line 3: instance must be a name that no other"),
+        ("instance,LB,UB\n.,1,2\n", "line 2: instance must be a name that no other"),
         ("instance,LB,UB\na,3,2\n", r"line 2: LB must be <= UB = 2\.0, got 3\.0"),
     ],
 )
