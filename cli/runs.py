@@ -303,13 +303,18 @@ def reproduce(
     ):
         raise click.BadParameter(f"no row of {problem!r} is among {rows!r}", param_hint="--rows")
     with progress(f"{problem}: ") as status:
+
+        def on_event(event: Event) -> None:
+            assert event.solution is not None
+            status(f"{event.instance} {event.backend} {event.solution.termination}")
+
         result = reproduction.reproduce(
             problem,
             [(table, measurement(problem, table.name)) for table in tables],
             rows=positions,
             runs=runs,
             time_limit=time_limit,
-            on_event=lambda e: status(f"{e.instance} {e.backend} {e.solution.termination}"),
+            on_event=on_event,
         )
     counts = {str(state): count for state, count in paper.counts.items()}
     if as_json:

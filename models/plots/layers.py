@@ -292,4 +292,4 @@ def _room(axes: Any) -> float:
     left, right = (inch * frame.dpi for inch in _BESIDE)
     rooms = (middle - frame.bbox.x0 - left, frame.bbox.x1 - right - middle)
     halves = (middle - pixels.min(), pixels.max() - middle)
-    return max(0.3, min(1.0, *(room / half for room, half in zip(rooms, halves, strict=True))))
+    return float(np.clip(np.divide(rooms, halves).min(), 0.3, 1.0))
