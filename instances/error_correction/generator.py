@@ -36,20 +36,30 @@ _Point = NDArray[np.float64]
 
 
 def generate(
-    n_horizontal: int,
-    n_vertical: int,
-    thresholds: Sequence[float],
-    *,
-    seed: int,
-    delta: float = DELTA,
-    box: float | Sequence[float] = BOX,
-    planted_under: Sequence[float] | None = None,
-    name: str = "",
-) -> ErrorCorrectionRouting:
+    n_horizontal: int, n_vertical: int, thresholds: Sequence[float], *, seed: int, delta: float = DELTA,
+    box: float | Sequence[float] = BOX, planted_under: Sequence[float] | None = None, name: str = "",
+) -> ErrorCorrectionRouting:  # fmt: skip
     """Return a feasible instance with A and B on opposite faces of a box.
 
-    A (first) is on the face x = 0 and B (last) on the opposite one. A planted route of both kinds of
-    points has a margin to every threshold; the other points are uniform.
+    Parameters
+    ----------
+    n_horizontal, n_vertical, thresholds, seed, delta, box, planted_under, name
+        As in :func:`generate_with_route`, with its errors.
+    """
+    return generate_with_route(
+        n_horizontal, n_vertical, thresholds, seed=seed, delta=delta, box=box,
+        planted_under=planted_under, name=name,
+    )[0]  # fmt: skip
+
+
+def generate_with_route(
+    n_horizontal: int, n_vertical: int, thresholds: Sequence[float], *, seed: int, delta: float = DELTA,
+    box: float | Sequence[float] = BOX, planted_under: Sequence[float] | None = None, name: str = "",
+) -> tuple[ErrorCorrectionRouting, Route]:  # fmt: skip
+    """Return a feasible instance and its planted route, which is rarely optimal.
+
+    A (first) is on the face x = 0 of a box and B (last) on the opposite one. The planted route of both
+    kinds of points has a margin to every threshold; the other points are uniform.
 
     Parameters
     ----------
@@ -71,46 +81,6 @@ def generate(
 
     Returns
     -------
-    ErrorCorrectionRouting
-        The instance.
-
-    Raises
-    ------
-    InvalidData
-        An argument is invalid, or no route can be planted under these thresholds.
-    """
-    return generate_with_route(
-        n_horizontal,
-        n_vertical,
-        thresholds,
-        seed=seed,
-        delta=delta,
-        box=box,
-        planted_under=planted_under,
-        name=name,
-    )[0]
-
-
-def generate_with_route(
-    n_horizontal: int,
-    n_vertical: int,
-    thresholds: Sequence[float],
-    *,
-    seed: int,
-    delta: float = DELTA,
-    box: float | Sequence[float] = BOX,
-    planted_under: Sequence[float] | None = None,
-    name: str = "",
-) -> tuple[ErrorCorrectionRouting, Route]:
-    """Return the instance of :func:`generate` and its planted route, which is rarely optimal.
-
-    Parameters
-    ----------
-    n_horizontal, n_vertical, thresholds, seed, delta, box, planted_under, name
-        As for :func:`generate`.
-
-    Returns
-    -------
     model : ErrorCorrectionRouting
         The instance.
     route : Route
@@ -119,7 +89,7 @@ def generate_with_route(
     Raises
     ------
     InvalidData
-        As for :func:`generate`.
+        An argument is invalid, or no route can be planted under these thresholds.
     """
     limits = _thresholds("thresholds", thresholds)
     planted_limits = (
