@@ -141,6 +141,8 @@ class Piecewise:
 
     def at(self, intervals: NDArray[np.int64], points: Floats) -> Floats:
         """Return the values at positions `points` in [-1, 1] of `intervals`, shape (points, size)."""
+        if intervals.size and (intervals == intervals[0]).all():
+            return self.on(int(intervals[0]), points)
         result = np.empty((points.size, self.size))
         group, place, tables = self._tables
         for number in np.unique(group[intervals]):
@@ -181,13 +183,18 @@ class Piecewise:
             )
         flat = np.clip(flat, begin, end)
         place = np.clip(np.searchsorted(self.knots, flat, side="right") - 1, 0, self.intervals - 1)
-        low, lengths, source = self.knots[place], np.diff(self.knots), self
-        tau = 2.0 * (flat - low) / lengths[place] - 1.0
-        for _ in range(order):
-            values = zip(self.nodes, lengths, source.values, strict=True)
-            slopes = tuple(differentiation(x) * (2.0 / h) @ table for x, h, table in values)
-            source = Piecewise(self.knots, self.nodes, slopes)
-        return source.at(place, tau).reshape((*times.shape, self.size))
+        low, lengths = self.knots[place], np.diff(self.knots)[place]
+        tau = 2.0 * (flat - low) / lengths - 1.0
+        if order == 0:
+            return self.at(place, tau).reshape((*times.shape, self.size))
+        result = np.empty((flat.size, self.size))
+        for k in np.unique(place):
+            inside, table = place == k, self.values[k]
+            differentiate = differentiation(self.nodes[k]) * (2.0 / lengths[inside][0])
+            for _ in range(order):
+                table = differentiate @ table
+            result[inside] = interpolation(self.nodes[k], tau[inside], self.weights[k]) @ table
+        return result.reshape((*times.shape, self.size))
 
     def to_data(self) -> dict[str, Any]:
         """Return the functions as JSON data."""

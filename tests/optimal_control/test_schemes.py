@@ -1,9 +1,13 @@
 """Collocation schemes: exactness, nodes and weights."""
 
+import tracemalloc
+from itertools import pairwise
+
 import mpmath
 import numpy as np
 import pytest
 
+from crosstrack.models.optimal_control import piecewise
 from crosstrack.models.optimal_control.lagrange import differentiation, interpolation
 from crosstrack.models.optimal_control.piecewise import Piecewise
 from crosstrack.models.optimal_control.transcription.schemes import (
@@ -118,6 +122,27 @@ def test_interpolation_differentiation_and_integration_of_many_nodes(count):
     assert slope < (0.1 if count == 5 else 1e-15 * count**3)
     own, onto = integration(count)
     assert np.abs(onto @ np.cos(own) - np.sin(np.append(own, 1)) - np.sin(1)).max() < rough
+
+
+def test_integration_of_many_nodes_needs_the_memory_of_its_matrix():
+    integration.cache_clear()
+    tracemalloc.start()
+    _, onto = integration(150)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20 * onto.nbytes
+
+
+def test_a_derivative_is_computed_for_the_intervals_of_the_times_alone(monkeypatch):
+    knots, nodes = np.linspace(0, 1, 21), gauss(4).points
+    values = tuple((a + (nodes + 1) * (b - a) / 2)[:, None] ** 3 for a, b in pairwise(knots))
+    cubic, calls = Piecewise(knots, (nodes,) * 20, values), []
+    monkeypatch.setattr(
+        piecewise, "differentiation", lambda x: calls.append(x) or differentiation(x)
+    )
+    assert cubic(0.33, 2) == pytest.approx(6 * 0.33) and len(calls) == 1
+    times = np.array([0.01, 0.99, 0.02, 0.51])
+    assert cubic(times, 1)[:, 0] == pytest.approx(3 * times**2) and len(calls) == 4
 
 
 def test_the_papers_gauss_method_with_two_nodes_by_hand():

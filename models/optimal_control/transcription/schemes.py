@@ -18,7 +18,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from ...fields import frozen
-from ..lagrange import differentiation, interpolation
+from ..lagrange import barycentric_weights, differentiation, interpolation
 
 __all__ = [
     "Scheme",
@@ -204,7 +204,10 @@ def integration(count: int) -> tuple[Floats, Floats]:
     the nodes.
     """
     nodes, weights = gauss_points(count)
-    half = 0.5 * (np.append(nodes, 1.0)[:, None] + 1.0)
-    onto = interpolation(nodes, (half * (nodes + 1.0) - 1.0).ravel())
-    matrix = half * (weights @ onto.reshape(count + 1, count, count))
+    barycentric = barycentric_weights(nodes)
+    matrix = np.empty((count + 1, count))
+    for row, half in enumerate(
+        0.5 * (np.append(nodes, 1.0) + 1.0)
+    ):  # all rows at once need count³ floats
+        matrix[row] = half * weights @ interpolation(nodes, half * (nodes + 1.0) - 1.0, barycentric)
     return frozen(nodes), frozen(matrix)
