@@ -79,7 +79,8 @@ class Parametric:
         #: functions of other libraries have no scalar form.
         self._expands = program.size <= MOST_EXPANDED
         try:
-            program.function.expand()
+            if self._expands:
+                program.function.expand()
         except RuntimeError:
             self._expands = False
         self.guess = self.start(program.guess)

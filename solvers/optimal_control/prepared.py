@@ -161,6 +161,8 @@ class PreparedSolver:
         self.posed = Parametric(formulation)
         backend.load(request)
         self._last: Step | None = None
+        kinds = backend.given.items()
+        self._derivatives = {name: self.posed.derivative(kind) for name, kind in kinds}
         self.solver = self._make_solver({})
         self._warm = self._make_solver(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
 
@@ -314,7 +316,7 @@ class PreparedSolver:
             "error_on_fail": False,
             "print_time": False,
             "show_eval_warnings": False,
-            **{name: posed.derivative(kind) for name, kind in backend.given.items()},
+            **self._derivatives,
             **backend.settings(posed.program, self.request),
         }
         limit = self.request.time_limit

@@ -9,6 +9,7 @@ from optimal_control.steered import brake, cart_pole
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnknownName, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import OptimalControlProblem
+from crosstrack.solvers.optimal_control.parametric import Parametric
 
 STATES = np.random.default_rng(17).uniform(-0.3, 0.3, (4, 4))
 
@@ -240,3 +241,12 @@ def test_prepare_rejects_invalid_arguments():
         solver(warm=other())
     with pytest.raises(InvalidData, match="warm must be true or false"):
         solver(warm=3)
+
+
+def test_derivatives_of_a_program_are_built_once(monkeypatch):
+    derivative, kinds = Parametric.derivative, []
+    monkeypatch.setattr(
+        Parametric, "derivative", lambda posed, kind: kinds.append(kind) or derivative(posed, kind)
+    )
+    ct.prepare(cart_pole(), intervals=2, degree=3)
+    assert len(kinds) == len(set(kinds)) > 0
