@@ -71,6 +71,8 @@ INPUTS = ("speed", "steering", "yaw_rate", "lateral_acceleration")
 COMBINED = "combinations of inputs"
 #: Smallest unit of a standardised distance, as a share of the largest input: speeds are often constant.
 LEAST_UNIT = 0.1
+#: Smallest mean square of the distances on the training drives.
+LEAST_SQUARE = 1e-24
 #: Tolerance of the range: share of the largest input, and deviations of its noise.
 SLACK, NOISES = 0.01, 3.0
 #: Seconds between two flagged samples up to which they form one time range, and ranges that a message names.
@@ -379,7 +381,8 @@ def measure_history_distance(problem: SideslipEstimation) -> Floats:
     inverse = np.linalg.inv(known.T @ known / len(known) + np.diag(tolerance))
     usual, squares = (np.einsum("ij,jk,ik->i", part, inverse, part) for part in (known, here))
     beyond = np.where(problem.recording.moving, squares - usual.max(), 0.0)
-    distance: Floats = np.sqrt(np.maximum(beyond, 0.0) / usual.mean())
+    # Equal inputs in training have no spread: another input is then as far as it can be.
+    distance: Floats = np.sqrt(np.maximum(beyond, 0.0) / max(float(usual.mean()), LEAST_SQUARE))
     return distance
 
 

@@ -214,6 +214,27 @@ def test_recent_inputs_of_training_are_near_and_a_new_relation_is_far():
     assert "combinations of inputs" in gated.messages[-1]
 
 
+def test_equal_inputs_in_training_leave_the_other_gate_in_force():
+    model = generate("serpentine", drivers=3)
+
+    def steady(drive, yaw_rate=0.25):
+        values = {
+            "yaw_rate": yaw_rate, "lateral_acceleration": 3.0, "speed": 16.0, "steering": 0.0625,
+        }  # fmt: skip
+        return dataclasses.replace(drive, **{k: np.full(len(drive), v) for k, v in values.items()})
+
+    recording = dataclasses.replace(steady(model.training[0]), sideslip=None)
+    training = tuple(steady(drive) for drive in model.training)
+    model = dataclasses.replace(model, recording=recording, training=training, truth=None)
+    assert (measure_history_distance(model) == 0.0).all()
+    given = model, np.linspace(0.0, 1.2, len(recording)), np.full(len(recording), 0.001), 0.1
+    gated, alone = apply_gates(*given, history=True), apply_gates(*given)
+    assert alone.contradicted.any() and (gated.deviation == alone.deviation).all()
+    other = dataclasses.replace(model, recording=steady(recording, 0.375))
+    distance = measure_history_distance(other)
+    assert np.isfinite(distance).all() and (distance > 1.0).all()
+
+
 @pytest.mark.parametrize("name", LEARNING)
 def test_the_range_of_another_speed_is_named(name):
     model = generate(speed=28.0, drivers=0)
