@@ -106,7 +106,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             is_whole = isinstance(value, int) and not isinstance(value, bool)
             self._require(name, is_whole and 1 <= value <= most, f"a whole number from 1 to {most}")
         self._require("refine", isinstance(self.refine, bool), "true or false")
-        is_choice = str(self.dependent) in ("raise", "drop", "keep")
+        choices = ("raise", "drop", "keep")
+        is_choice = isinstance(self.dependent, str) and self.dependent in choices
         self._require("dependent", is_choice, "one of 'raise', 'drop', 'keep'")
         object.__setattr__(self, "_meshes", self._first_meshes())
 
