@@ -227,7 +227,7 @@ class _EpisodeTrainer(_ImitationTrainer):
     Parameters
     ----------
     course, kind, network, architecture
-        Parameters of :class:`~..gradient.GradientTrainer`.
+        Parameters of :class:`~..learning.gradient.GradientTrainer`.
     part : {0, 1, 2}
         Steps that are learned, see :attr:`_ImitationTrainer.part`.
     """
