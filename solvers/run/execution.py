@@ -331,7 +331,9 @@ def multistart(
         with on_interrupt(partial(whole.stop, Limit.INTERRUPTED)):
             for entry in jobs:
                 left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
-                if results and (whole.stopped or (left is not None and left <= 0)):
+                if results and left is not None and left <= 0:
+                    whole.stop(Limit.TIME)  # the timer's thread may be late
+                if results and whole.stopped:
                     break
                 if left is not None:
                     left = max(left, NO_TIME)  # the first start reports the lack of time

@@ -8,6 +8,7 @@ import pytest
 from control_motions import ABOVE, BELOW, BRYSON, COARSE, CURVE
 
 import crosstrack as ct
+from crosstrack.solvers.contract.control import Control
 from crosstrack.solvers.run.crosscheck import rejudged
 
 
@@ -74,6 +75,13 @@ def test_names_the_time_limit_between_starts(disc):
     assert len(answer.starts) < 1000
     assert answer.plan is not None
     assert answer.limit == "time"
+
+
+def test_names_the_time_limit_before_its_timer_does(disc, monkeypatch):
+    monkeypatch.setattr(Control, "arm", lambda control, seconds: None)
+    options = {"formulation_options": COARSE, "starts": 1000, "time_limit": 0.5, "isolate": False}
+    answer = ct.solve(disc, tolerance=1e-3, **options)
+    assert 1 < len(answer.starts) < 1000 and answer.limit == "time"
 
 
 def test_names_the_iteration_limit():
