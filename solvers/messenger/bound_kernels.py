@@ -45,6 +45,9 @@ ROUNDING = 1e-12
 SPLICED = 1e-10
 #: Relative weight of a leg above which the rounding error of the parts is no longer negligible.
 HEAVY = 1e3
+#: Smallest factor 1 - d . W of a bound assembled from parts, and share of the reciprocals of these
+#: factors that enlarges the rounding error. Vehicles almost as fast as the UAV leave few digits.
+THIN, NARROW = 1e-5, 1e-3
 #: Step lengths towards new directions. At a disc, a full step may overshoot.
 STEPS = (1.0, 0.5, 0.2)
 #: Number of sweeps of the coordinate ascent over the directions.
@@ -129,22 +132,26 @@ def _end_terms(
 def tabulate(data: Data, stops: Indices, directions: Floats, table: Floats) -> float:
     """Fill `table` with the parts of the bound that `directions` prove; return the sum of their sizes.
 
+    The sizes include the cancellation in the weights.
+
     Columns, with one row per leg: direction (2); weight lambda; half its least length divided by
     the turning radius; sum of the parts of this and all later legs; sum of those of this and all
     earlier legs.
     """
     legs = stops.size - 1
     centres, velocities, radii = data.centres, data.velocities, data.radii
-    size, weight = 0.0, 1.0
+    size, weight, lost = 0.0, 1.0, 0.0
     for k in range(legs - 1, -1, -1):
         a, b = stops[k], stops[k + 1]
         dx, dy = _clip(directions[k, 0], directions[k, 1])
+        after, over = 1.0, 1.0 - dx * velocities[b, 0] - dy * velocities[b, 1]
         if k + 1 < legs:
-            weight *= 1.0 - table[k + 1, 0] * velocities[b, 0] - table[k + 1, 1] * velocities[b, 1]
-        weight /= 1.0 - dx * velocities[b, 0] - dy * velocities[b, 1]
+            after = 1.0 - table[k + 1, 0] * velocities[b, 0] - table[k + 1, 1] * velocities[b, 1]
+        weight = weight * after / over
+        lost += 1.0 / max(over, 1e-300) + 1.0 / max(after, 1e-300)
         half = 0.5 * data.gaps[a, b] / data.r if data.r > 0.0 else 0.0
         table[k, 0], table[k, 1], table[k, 2], table[k, 3] = dx, dy, weight, half
-        size += weight * (
+        size += abs(weight) * max(1.0, NARROW * lost) * (
             abs(dx * (centres[b, 0] - centres[a, 0])) + abs(dy * (centres[b, 1] - centres[a, 1]))
             + 2.0 * (radii[a] + radii[b]) + 4.0 * data.r
         )  # fmt: skip
@@ -172,13 +179,13 @@ def splice(
 ) -> float:
     """Return the bound with the legs from `place` to before `until` replaced, up to rounding.
 
-    The bound is -inf if weights grow so much that rounding matters. The directions of earlier legs
-    are unchanged, and their parts change by a common factor.
+    The bound is -inf if weights grow or cancel so much that rounding matters. The directions of
+    earlier legs are unchanged, and their parts change by a common factor.
     `table` of the original path is filled by :func:`tabulate`. `more`, shape (m + 1,), and
     `tried`, shape (m, 2), are the stops and directions of the m new legs.
     """
     legs = stops.size - 1
-    value, weight, heaviest = 0.0, 1.0, 0.0
+    value, weight, heaviest, thinnest = 0.0, 1.0, 0.0, 1.0
     centres, velocities, radii = data.centres, data.velocities, data.radii
     nx, ny, nhalf = 0.0, 0.0, 0.0  # u of the leg after, and its half
     dx, dy = 0.0, 0.0
@@ -201,9 +208,10 @@ def splice(
             x, y, half = table[place - 1, 0], table[place - 1, 1], table[place - 1, 3]
         else:
             break
-        if not ends:
-            weight *= 1.0 - dx * velocities[b, 0] - dy * velocities[b, 1]
-        weight /= 1.0 - x * velocities[b, 0] - y * velocities[b, 1]
+        after = 1.0 if ends else 1.0 - dx * velocities[b, 0] - dy * velocities[b, 1]
+        over = 1.0 - x * velocities[b, 0] - y * velocities[b, 1]
+        weight = weight * after / over
+        thinnest = min(thinnest, min(after, over))
         heaviest = max(heaviest, weight)
         ux, uy = weight * x, weight * y
         if ends:
@@ -214,7 +222,7 @@ def splice(
         if row >= 0:
             value += ux * (centres[b, 0] - centres[a, 0]) + uy * (centres[b, 1] - centres[a, 1])
         dx, dy, nx, ny, nhalf = x, y, ux, uy, half
-    if legs > 0 and heaviest > HEAVY * table[min(place, legs - 1), 2]:
+    if thinnest < THIN or (legs > 0 and heaviest > HEAVY * table[min(place, legs - 1), 2]):
         return -math.inf
     if place > 0:
         factor = weight / table[place - 1, 2]
@@ -258,12 +266,8 @@ def insertions(
     `points`, shape (L + 1, 2), and `times`, shape (L + 1,), are Q and s at the path's encounters.
     """
     legs = stops.size - 1
-    centres, velocities, radii, table = (
-        data.centres,
-        data.velocities,
-        data.radii,
-        np.empty((legs, 6)),
-    )
+    centres, velocities, radii = data.centres, data.velocities, data.radii
+    table = np.empty((legs, 6))
     size = tabulate(data, stops, directions, table)
     for place in range(bounds.size):
         last = place == legs

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from fractions import Fraction
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,7 @@ from crosstrack.models.messenger.relaxation import Field, euclidean_relaxation
 from crosstrack.solvers import Control, Limit, Request, Termination
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.messenger.bound_conic import Chains
-from crosstrack.solvers.messenger.bound_kernels import insertions, prove_length
+from crosstrack.solvers.messenger.bound_kernels import Data, insertions, prove_length
 from crosstrack.solvers.messenger.bound_search import OrderSearch, best_orders, fly_path
 
 
@@ -187,6 +188,30 @@ def test_any_directions_prove_a_bound(seed, free):
             inner = more[1:5]
         tour = fly_path(field, tuple(inner.tolist()), way, at)
         assert bound * field.unit <= tour.length * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("slack", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_bounds_are_sound_for_vehicles_almost_as_fast_as_the_uav(slack):
+    """The bound at points is rational; 1 - d . W loses the digits of the slack."""
+    draw = np.random.default_rng(1)
+    for _ in range(50):
+        ways = draw.uniform(0, 2 * math.pi, 4)
+        motion = (1 - slack) * np.column_stack([np.cos(ways), np.sin(ways)])
+        field = Field.of(MessengerTour(draw.uniform(-1, 1, (4, 2)), motion, radius=0, speed=1))
+        stops = field.chain(draw.permutation(4))
+        # Flights that chase the vehicles.
+        directions = field.velocities[stops[1:]] * (1 - slack * draw.uniform(0, 1, (4, 1)))
+        exact, factor = Fraction(0), Fraction(1)
+        for k in reversed(range(4)):
+            here, rate = field.centres[stops[k : k + 2]], field.velocities[stops[k + 1]]
+            for row in (k + 1, k) if k < 3 else (k,):
+                (x, y), (u, v) = map(Fraction, directions[row]), map(Fraction, rate)
+                over = 1 - x * u - y * v
+                factor = factor * over if row > k else factor / over
+            step = [Fraction(there) - Fraction(begin) for begin, there in zip(*here, strict=True)]
+            exact += factor * sum(Fraction(d) * s for d, s in zip(directions[k], step, strict=True))
+        data = Data(field.centres, field.velocities, field.radii, np.zeros((5, 5)), 0.0, False, 0.0)
+        assert prove_length(data, stops, directions) <= max(exact, 0)
 
 
 @given(st.integers(0, 59), st.floats(-6, 6), st.floats(-3, 3), st.floats(0, 6.28))
