@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 GAPS = tuple(float(gap) for gap in np.geomspace(1e-1, 1e-6, 9))
 #: Gradient at which the descent on a barrier ends, relative to its complementarity.
 LOOSE = 1.0
-#: Predicted decrease at which the descent on a barrier ends, relative to its goal times the value. It is
-#: proportional to the square of a goal below the default, because it is quadratic in the gradient.
-DECREMENT, FINE = 1e-3, 1e-6
+#: Predicted decrease at which the descent on a barrier ends, relative to its goal times the value. The
+#: last barrier requires the gradient, because the model may underestimate the decrease.
+DECREMENT = 1e-3
 #: Shares of the way back to the last feasible durations, tried if new durations have no path.
 BACK = (0.05, 0.2, 0.5, 0.8, 1.0)
 #: Logarithms of stretch factors, tried first if slower motions satisfy all limits.
@@ -199,7 +199,7 @@ def allocate(
         for _ in range(ROUNDS):
             reached = descent.descend(
                 function, x, goal, most - result.iterations,
-                stopped=stopped, decrement=DECREMENT * goal * min(1.0, goal / FINE),
+                stopped=stopped, decrement=0.0 if last else DECREMENT * goal,
             )  # fmt: skip
             result.iterations += reached.iterations
             result.evaluations += reached.evaluations

@@ -145,6 +145,16 @@ def test_a_run_that_ends_early_is_no_worse_than_its_warm_start():
     assert better.primal_bound == pytest.approx(best.primal_bound, rel=1e-5)
 
 
+@pytest.mark.parametrize("seed", [1, 3, 4, 6])
+def test_a_local_optimum_with_limits_has_a_small_gradient(seed):
+    """The predicted decrease alone ended these at gradients of 1e-5 to 7e-5."""
+    limits = [{"velocity_limit": 2.5, "acceleration_limit": 4.0}, {"velocity_limit": 1.5}]
+    points = walk(12, 2 + seed % 2, seed)
+    found = ct.solve(TimeAllocation(points, 10.0 ** (seed % 4), **limits[seed % 3]))
+    assert found.termination == "locally_optimal"
+    assert found.statistics["gradient"] <= 1e-6
+
+
 def test_a_limit_keeps_the_incumbent():
     model = TimeAllocation(walk(400), 1000.0, velocity_limit=2.5, acceleration_limit=4)
     ct.solve(TimeAllocation(POINTS, 1, **LIMITS))  # compiled
