@@ -81,7 +81,8 @@ def solve_hermite(
     if is_usual(fixed, continuity) and not weights[:-1].any():
         if order <= MOST_ORDER:
             quick = _refined(durations, values, weights, certify)
-            if quick.outcome is Outcome.SOLVED and quick.gap <= _BLUR * quick.objective.sum():
+            accurate = not quick.refinements or quick.gap <= _BLUR * quick.objective.sum()
+            if quick.outcome is Outcome.SOLVED and accurate:
                 return quick
     jets, objective = np.empty((axes, knots - 1, 2, order)), np.empty(axes)
     moments = np.empty((axes, knots - 1, order))
@@ -133,6 +134,8 @@ def _refined(durations: Floats, values: Floats, weights: Floats, certify: bool) 
         np.empty((knots - 1, 2, order - 1, order - 1)), np.empty((axes, knots - 1, order - 1)),
     )  # fmt: skip
     outcome = Outcome.SOLVED if failed < 0 else Outcome.ILL_CONDITIONED
+    if steps == 0 and failed < 0:
+        correction, gap = np.nan, np.inf
     return Solved(
         jets, None, objective, outcome, correction, segment, gap + rounding, steps, 1, "refined"
     )

@@ -80,8 +80,8 @@ class Solved(NamedTuple):
         Outcome of the solve.
     correction : float
         Error estimate of the scaled derivatives at the ends of the worst segment: the last Newton
-        step, relative to the largest of them. 0 without refinement, for which the error is known to
-        be about 1e-11 and is not measured.
+        step, relative to the largest of them. NaN without refinement, for which the error is known
+        to be about 1e-11 and is not measured.
     segment : int
         Index of the worst segment.
     gap : float
