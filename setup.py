@@ -15,4 +15,5 @@ def packages() -> list[str]:
 
 
 if __name__ == "__main__":
-    setup(packages=packages())
+    # With its name, setuptools keeps this script out of the package, whose folder it is in.
+    setup(packages=packages(), script_name="setup.py")
