@@ -239,8 +239,11 @@ class Check:
             return cls.scaled(
                 name, equation, 0.0, unit, place, tolerance, size, noise=digits, limit=bound
             )
-        share = excess / np.maximum(tolerance * scales + noises, 1e-300)
+        accepted = np.maximum(tolerance * scales + noises, 1e-300)
+        share = excess / accepted
         share = np.where(np.isnan(share), np.where(excess < 0, -np.inf, np.inf), share)
+        # An infinite scale would accept every violation, so it is treated as an infinite violation.
+        share = np.where((excess > 0) & np.isinf(accepted), np.inf, share)
         at = np.unravel_index(int(share.argmax()), share.shape)
         worst = np.inf if np.isnan(excess[at]) else max(float(excess[at]), 0.0)
         unit, place = (
@@ -288,8 +291,8 @@ class Check:
 
     @property
     def share(self) -> float:
-        """Violation as a share of the accepted one; infinite for NaN and for an infinite violation."""
-        if not self.worst < math.inf:
+        """Violation as a share of the accepted one; infinite if either is NaN or infinite."""
+        if not (self.worst < math.inf and self.tolerance < math.inf):
             return math.inf
         if self.tolerance > 0.0:
             return self.worst / self.tolerance

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crosstrack.errors import InvalidData
-from crosstrack.models.verification import ROUNDING, Check, check_entries
+from crosstrack.models.verification import ROUNDING, Check, Verification, check_entries
 
 
 def test_a_count_accepts_0_and_names_its_first_place():
@@ -41,6 +41,23 @@ def test_nan_and_infinity_are_the_largest_violations(value):
     assert check.worst == math.inf and not check.ok and check.share == math.inf
     beside = Check.largest("a", [0.0, value], 1.0, "", lambda k: f"{k}", 0.1)
     assert beside.where == "1" and not beside.ok
+
+
+@pytest.mark.parametrize("part", ["scale", "noise"])
+def test_a_violation_with_an_infinite_scale_is_not_accepted(part):
+    sizes = {"scale": 1.0, "noise": 0.0, part: [1.0, math.inf]}
+    check = Check.largest("a", [0.05, 3.0], unit="", where=str, tolerance=0.1, **sizes)
+    assert check.where == "1" and not check.ok and check.share == math.inf
+    slack = Check.largest("a", [0.05, -3.0], unit="", where=str, tolerance=0.1, **sizes)
+    assert slack.where == "0" and slack.ok
+
+
+@pytest.mark.parametrize("tolerance", [math.nan, math.inf])
+def test_a_check_without_a_finite_tolerance_is_the_worst(tolerance):
+    held, unlimited = Check.count("a", 0), Check("b", "", 0.0, "", tolerance, "")
+    assert not unlimited.ok and unlimited.share == math.inf
+    assert Check.worst_of([held, unlimited], held) is unlimited
+    assert Verification(1.0, (held, unlimited)).excess == math.inf
 
 
 def test_without_a_violation_the_place_is_that_of_the_smallest_slack():
