@@ -56,6 +56,9 @@ class _Functions(Spec):
     def feed(self, value: Piecewise) -> Iterable[bytes]:
         yield repr((value.knots.tolist(), value.to_data())).encode()
 
+    def refreeze(self, value: Piecewise) -> Piecewise:
+        return replace(value)
+
 
 class _Parameters(Spec):
     """Values of the parameters by name; a single number is a vector of one entry."""
@@ -72,7 +75,7 @@ class _Parameters(Spec):
         return {name: entries.tolist() for name, entries in value.items()}
 
     def feed(self, value: dict[str, Floats]) -> Iterable[bytes]:
-        yield repr(self.encode(value)).encode()
+        yield repr(sorted(self.encode(value).items())).encode()
 
     def refreeze(self, value: dict[str, Floats]) -> dict[str, Floats]:
         return {name: frozen(entries) for name, entries in value.items()}

@@ -75,6 +75,23 @@ def test_pickled_plans_are_equal_and_frozen(name):
             array.flags.writeable = True
 
 
+def test_functions_and_parameters_of_a_pickled_plan_are_frozen():
+    again = pickle.loads(pickle.dumps(course(costates=Piecewise([0, 1], ([0],), ([[1]],)))))
+    [phase] = again.phases
+    parts = (phase.states, phase.controls, phase.costates)
+    arrays = [array for part in parts for array in (part.knots, *part.nodes, *part.values)]
+    for array in (*arrays, phase.states.upper, *again.parameters.values()):
+        with pytest.raises(ValueError, match="WRITEABLE"):
+            array.flags.writeable = True
+
+
+def test_the_order_of_parameters_does_not_matter():
+    phases = course().phases
+    one, other = ControlPlan(phases, {"p": 1, "q": 2}), ControlPlan(phases, {"q": 2, "p": 1})
+    assert one == other and hash(one) == hash(other)
+    assert one != ControlPlan(phases, {"p": 2, "q": 1})
+
+
 def test_costates_are_part_of_a_plan():
     costates = Piecewise([0, 1], ([-1, 1],), ([[0], [1]],))
     assert course(costates=costates) != course()
