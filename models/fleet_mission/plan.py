@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Declared, Nested, Plan
-from ..fields import Array, NumberTuple, Optional, declared
+from ..fields import Array, NumberTuple, Optional, declared, show
 from ..minimum_snap.trajectory import Trajectory
 from ..records import Several
 
@@ -23,13 +24,14 @@ class _Course(Nested):
     """Trajectory in x and y; errors name the robot."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Declared:
+        if not isinstance(value, Trajectory | Mapping):
+            raise InvalidData(
+                f"{name} must be a trajectory or null, got {show(value)}", field="trajectories"
+            )
         try:
             course = super().coerce(name, value, sizes)
         except InvalidData as error:
-            text = str(error)
-            raise InvalidData(
-                text if text.startswith(name) else f"{name}: {text}", field="trajectories"
-            ) from None
+            raise InvalidData(f"{name}: {error}", field="trajectories") from None
         assert isinstance(course, Trajectory)
         if course.dimensions != 2:
             raise InvalidData(

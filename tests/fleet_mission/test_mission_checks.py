@@ -262,3 +262,17 @@ def test_a_model_travels():
     assert again.to_json() == model.to_json()
     assert again.separation == 0.5
     assert ct.models.model_type("fleet-mission") is FleetMission
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (3, "trajectories[0] must be a trajectory or null, got 3"),
+        ({"times": [0, 1]}, "trajectories[0]: key 'coefficients' is missing"),
+        (Trajectory([0, 1], [[[0]]]), "trajectories[0] must be x, y, got 1 dimensions"),
+    ],
+)
+def test_errors_of_a_trajectory_name_the_robot(entry, message):
+    with pytest.raises(InvalidData) as caught:
+        MissionPlan([[0]], [entry], [[0.5]])
+    assert str(caught.value).startswith(message) and caught.value.field == "trajectories"
