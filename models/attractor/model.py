@@ -198,12 +198,12 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         If both plans claim nothing but an embedding, the delays are compared.
         """
         apart = [
-            abs(entry.value - two.value) / max(abs(entry.value), abs(two.value), least)
-            for entry, two, least in (
+            abs(first.value - second.value) / max(abs(first.value), abs(second.value), least)
+            for first, second, least in (
                 (plan.exponent, other.exponent, SLOW / self.period),
                 (plan.correlation, other.correlation, 1e-9),
             )
-            if entry is not None and two is not None
+            if first is not None and second is not None
         ]
         if plan.surrogates is not None and other.surrogates is not None:
             same = plan.surrogates.judgement is other.surrogates.judgement

@@ -191,8 +191,8 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
     def distance(self, plan: SideslipEstimate, other: SideslipEstimate) -> float:
         """Return the mean absolute difference of two estimates, in degrees."""
-        entry, two = self._checked(plan), self._checked(other)
-        return mean_error(self.recording, entry.sideslip, two.sideslip)
+        first, second = self._checked(plan), self._checked(other)
+        return mean_error(self.recording, first.sideslip, second.sideslip)
 
     def describe(self) -> str:
         """Return a one-line summary: samples, duration, training drives and tyre law."""
