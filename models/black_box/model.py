@@ -129,17 +129,10 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
         excess = np.maximum(self.lows - x, x - self.highs)
         # Relative to the range, or for equal bounds to their digits.
         scale = np.maximum(self.highs - self.lows, 1e-9 * np.abs(self.highs))
-        share = np.divide(excess, scale, out=np.where(excess > 0, np.inf, 0.0), where=scale > 0)
-        k = int(share.argmax())
-        bounds = Check.scaled(
-            "bounds", "", max(float(excess[k]), 0.0), "", f"x[{k}]", tolerance, float(scale[k])
-        )
+        bounds = Check.largest("bounds", excess, scale, "", lambda k: f"x[{k}]", tolerance)
         values = self.function.values(np.repeat(x[None], self.samples, axis=0))
         numbers = np.isfinite(values)
-        number_check = Check(
-            "value is a number", "", float((~numbers).sum()), "", 0.0,
-            "" if numbers.all() else f"{values[~numbers][0]:g}", 0.0,
-        )  # fmt: skip
+        number_check = Check.count("value is a number", [f"{v:g}" for v in values[~numbers]])
         spread = 2 * float(values.std(ddof=1)) / self.samples**0.5 if self.samples > 1 else 0.0
         if not numbers.all():
             return Verification(None, (bounds, number_check))
