@@ -284,14 +284,6 @@ continuity
             value += self.time_weight * plan.duration
         return Verification(value, tuple(checks), scale=timed.scale)
 
-    def plan_to_data(self, plan: Trajectory) -> Any:
-        """Return ``{"times": […], "coefficients": [[[…]]]}``."""
-        return plan.to_data()
-
-    def plan_from_data(self, data: Any) -> Trajectory:
-        """Return the trajectory in `data`."""
-        return Trajectory.from_data(data)
-
     def as_plan(self, value: Any) -> Trajectory:
         """Convert a trajectory, a solution or a SciPy ``PPoly`` to a trajectory."""
         return self.unit.as_plan(value)
