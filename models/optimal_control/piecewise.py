@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 
 #: Largest distance of a time from the interval that is attributed to rounding, relative to its length.
 EDGE = 1e-9
+#: Number of points in an interval above which it is evaluated by itself.
+CROWD = 64
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,13 +122,17 @@ class Piecewise:
         return tuple(result)
 
     @cached_property
-    def _tables(self) -> tuple[NDArray[np.int64], NDArray[np.int64], tuple[Floats, ...]]:
-        """Group of each interval in :attr:`alike`, its place in the group, and the groups' values."""
+    def _places(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Group of each interval in :attr:`alike`, and its place in the group."""
         group, place = np.empty((2, self.intervals), np.int64)
         for number, rows in enumerate(self.alike):
             group[rows], place[rows] = number, np.arange(rows.size)
-        tables = (frozen(np.stack([self.values[k] for k in rows])) for rows in self.alike)
-        return frozen(group), frozen(place), tuple(tables)
+        return frozen(group), frozen(place)
+
+    @cached_property
+    def _tables(self) -> tuple[Floats, ...]:
+        """Values of each group, shape (intervals, nodes, size)."""
+        return tuple(frozen(np.stack([self.values[k] for k in rows])) for rows in self.alike)
 
     def _cut(self, values: Floats) -> Floats:
         if self.lower is None and self.upper is None:
@@ -144,12 +150,21 @@ class Piecewise:
         if intervals.size and (intervals == intervals[0]).all():
             return self.on(int(intervals[0]), points)
         result = np.empty((points.size, self.size))
-        group, place, tables = self._tables
-        for number in np.unique(group[intervals]):
-            chosen = np.flatnonzero(group[intervals] == number)
+        group, place = self._places
+        order = np.argsort(intervals, kind="stable")
+        edges = np.searchsorted(intervals[order], np.arange(self.intervals + 1))
+        # A copy of the values per point costs more than a loop over intervals with many points.
+        crowded = np.diff(edges) > CROWD
+        for k in np.flatnonzero(crowded):
+            chosen = order[edges[k] : edges[k + 1]]
+            matrix = interpolation(self.nodes[k], points[chosen], self.weights[k])
+            result[chosen] = matrix @ self.values[k]
+        rest = np.flatnonzero(~crowded[intervals])
+        for number in np.unique(group[intervals[rest]]):
+            chosen = rest[group[intervals[rest]] == number]
             first = self.alike[number][0]
             matrix = interpolation(self.nodes[first], points[chosen], self.weights[first])
-            values = tables[number][place[intervals[chosen]]]
+            values = self._tables[number][place[intervals[chosen]]]
             result[chosen] = (matrix[:, None, :] @ values)[:, 0]
         return self._cut(result)
 

@@ -148,3 +148,22 @@ def test_rejects_invalid_plan_data(answer, change, words):
 def test_verify_rejects_values_that_are_not_plans(plan):
     with pytest.raises(InvalidData):
         ct.verify(rest_to_rest().ocp, plan)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_many_points_of_an_interval_have_the_values_of_few(order):
+    rng = np.random.default_rng(order)
+    nodes = ([-1, 0.2, 1], [-0.5, 0, 0.4, 0.9], [-1, 0.2, 1])
+    values = tuple(rng.normal(size=(len(positions), 2)) for positions in nodes)
+    functions = Piecewise([0, 1, 3, 4], nodes, values, upper=[1.0, 1.0])
+    times = np.concatenate([rng.uniform(0, 4, 2000), [0.5]])
+    each = [functions(t, order) for t in times]
+    np.testing.assert_allclose(functions(times, order), each, rtol=1e-12, atol=1e-12)
+
+
+def test_a_derivative_that_overflows_leaves_other_intervals_alone():
+    nodes = ([-1, 0, 1], [-1, 0, 1])
+    functions = Piecewise([0, 1e-10, 1], nodes, ([[0], [1e300], [0]], [[0], [1], [2]]))
+    with np.errstate(all="ignore"):
+        assert functions(0.5, 1) == pytest.approx([2.0], rel=1e-9)
+        assert not np.isfinite(functions(5e-11, 1)).any()
