@@ -107,7 +107,8 @@ class KalmanGrnn(_Learning):
     The filter uses the same vehicle parameters on the training drives, so its errors there are similar, and they are
     smaller and smoother than the angle. The correction vanishes far from all training drives. The claimed deviation
     is that of the GRNN. It is scaled up if the filter's deviation exceeds its median on the training drives.
-    A run that is stopped before the training ends returns the estimate of the filter.
+    A run that is stopped before the training ends returns the estimate of the filter; a run that is stopped
+    before the filter ends returns that of `linear-regression`.
     """
 
     name = "kalman-grnn"
@@ -116,18 +117,18 @@ class KalmanGrnn(_Learning):
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the filter's angle, corrected by its error at similar measurements."""
+        window, own = self.window(problem, request)
         filtered: list[Estimate] = []
         for drive in (problem.recording, *problem.training):
             drive = replace(drive, sideslip=None)
             alone = replace(problem, recording=drive, training=(), truth=None)
             entry = KalmanFilter().estimate(alone, request)
             if entry is None:
-                return _uncorrected(filtered[0]) if filtered else None
+                return _uncorrected(filtered[0]) if filtered else _unfiltered(problem, window)
             filtered.append(entry)
         here, *there = filtered
         if request.control.stopped:
             return _uncorrected(here)
-        window, own = self.window(problem, request)
         errors = []
         for drive, entry in zip(problem.training, there, strict=True):
             assert drive.sideslip is not None  # the model refuses such drives
@@ -160,9 +161,12 @@ class LinearRegression(_Learning):
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the linear combination of the measurements."""
-        window, _ = self.window(problem, request)
-        learned = StraightLine(training_set(problem.training, window))
-        return widen_by_kinematics(problem, *learned(window.features(problem.recording)), learned)
+        return _fit_line(problem, self.window(problem, request)[0])
+
+
+def _fit_line(problem: SideslipEstimation, window: Window) -> Estimate:
+    learned = StraightLine(training_set(problem.training, window))
+    return widen_by_kinematics(problem, *learned(window.features(problem.recording)), learned)
 
 
 def widen_by_kinematics(
@@ -219,6 +223,13 @@ def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, flo
     if isinstance(learned, KernelRegression):
         said["width"] = learned.width
     return said
+
+
+def _unfiltered(problem: SideslipEstimation, window: Window) -> Estimate:
+    """Return the estimate of linear least squares for a run that was stopped before the filter ended."""
+    words = "stopped before the Kalman filter ended: the angles are those of linear regression"
+    line = _fit_line(problem, window)
+    return line._replace(message="; ".join(filter(None, (words, line.message))))
 
 
 def _uncorrected(filtered: Estimate) -> Estimate:

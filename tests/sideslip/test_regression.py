@@ -510,3 +510,13 @@ def test_a_stopped_run_has_no_estimate():
     control.stop(Limit.TIME)
     answer = estimate("grnn", problem(drive(0), [drive(1), drive(2)]), control)
     assert (answer.termination, answer.limit) == (Termination.NO_SOLUTION, Limit.TIME)
+
+
+def test_a_run_stopped_before_the_filter_ends_returns_the_linear_regression():
+    control = Control()
+    control.stop(Limit.TIME)
+    model = problem(drive(0), [drive(1), drive(2)])
+    answer = estimate("kalman-grnn", model, control)
+    line = estimate("linear-regression", model, Control())
+    np.testing.assert_array_equal(answer.point.sideslip, line.point.sideslip)
+    assert answer.limit is Limit.TIME and "linear regression" in answer.message
