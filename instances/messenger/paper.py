@@ -9,7 +9,7 @@ from .printed import FIGURE_5, FIGURE_7, TABLE_3, TABLE_4, TABLE_5, TABLE_6
 __all__ = ["PAPER"]
 
 _DECODING = "solvers.messenger.decoding"
-_MEMETIC = "solvers.messenger.memetic_kernels"
+_MEMETIC = "solvers.messenger.memetic"
 
 PAPER = Paper(
     "messenger",
@@ -42,7 +42,7 @@ PAPER = Paper(
                   "short, and the returned plan is solved without it."),
         printed("eq. 7", "violation of a leg", f"{_DECODING}:violation"),
         printed("eq. 8", "evaluation of an individual", f"{_MEMETIC}:settle", "κ is not printed: 1e9."),
-        printed("Algorithm 3", "memetic algorithm MA", "solvers.messenger.memetic:Memetic",
+        printed("Algorithm 3", "memetic algorithm MA", f"{_MEMETIC}:Memetic",
                 "Random intervals are between 0 and t_max of Lemma 1 for the leg. With the bound of the leg from the start "
                 "of the tour, or a constant bound, mean tours change by 3 to 5 % for 10 and 20 vehicles."),
         printed("section IV-C", "crossover by an auxiliary vector of 1 and 2", f"{_MEMETIC}:cross"),
@@ -72,19 +72,19 @@ PAPER = Paper(
         different("eq. 14, 15, 16 and Table I", "complexity of the parts", f"{_MEMETIC}:evolve",
                   "The text and Table I disagree about the repair (N² / ε_r or N / ε_r). Here repair and transformation go "
                   "through the legs once per individual, so a generation has O(NP N) legs. Figure 5 has seconds."),
-        printed("Table II", "parameters", "solvers.messenger.memetic:Memetic"),
-        printed("MA-T", "MA without transformation", "solvers.messenger.memetic:MemeticUntransformed"),
-        different("MAR", "memetic algorithm for vehicles at rest", "solvers.messenger.memetic:MemeticRelaxed",
+        printed("Table II", "parameters", f"{_MEMETIC}:Memetic"),
+        printed("MA-T", "MA without transformation", f"{_MEMETIC}:MemeticUntransformed"),
+        different("MAR", "memetic algorithm for vehicles at rest", f"{_MEMETIC}:MemeticRelaxed",
                   "The original is another paper. As the text describes it: MA's crossover, mutations 1 and 2, GS, and "
                   "shortest encounters. Its tours are shorter than MA's on the seeded instances; in the paper they are longer."),
-        different("VNS", "variable neighbourhood search", "solvers.messenger.neighbourhood:VariableNeighbourhood",
+        different("VNS", "variable neighbourhood search", "solvers.messenger.heuristics:VariableNeighbourhood",
                   "Cited as reference 25; its authors are those of reference 24. The end is not printed: 10 shakes without "
                   "a gain. The printed VNS is longer than HE-B, from which it starts, in 24 of 60 rows."),
-        printed("HE-B", "receding horizon, sampled boundaries", "solvers.messenger.greedy:GreedyBoundary",
+        printed("HE-B", "receding horizon, sampled boundaries", "solvers.messenger.heuristics:GreedyBoundary",
                 "Horizon and time of the distances are not printed: 2 vehicles, Euclidean distances at time 0. Distances "
                 "at the time of the flight give tours far below the printed ones (270 times for 40 vehicles)."),
-        printed("HE-C", "receding horizon, centres", "solvers.messenger.greedy:GreedyCentre", "As HE-B."),
-        printed("DS", "double sampling with branch and bound", "solvers.messenger.sampling:DirectSampling",
+        printed("HE-C", "receding horizon, centres", "solvers.messenger.heuristics:GreedyCentre", "As HE-B."),
+        printed("DS", "double sampling with branch and bound", "solvers.messenger.heuristics:DirectSampling",
                 "The printed lengths are even numbers of metres, so the step of time is 0.2 s; 16 samples of a boundary."),
         printed("sparsity κ_P", "distance of the vehicles by the turning radius", "models.messenger.data:TourData.sparsity"),
         different("section V-A, instances", "60 random instances", "instances.messenger.listing:paper_instance",

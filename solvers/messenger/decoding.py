@@ -133,16 +133,8 @@ def bisect(
     The bisection finds a root of δ(τ) = D_min / v - τ between the bounds of Lemma 1. Correction:
     D_min jumps, so the signs of δ at these bounds can be wrong. Then the lower bound becomes 0, or
     the upper bound is doubled. At a jump the printed bisection does not terminate; the result is
-    then that of :func:`~crosstrack.models.messenger.interception.intercept`.
-
-    Parameters
-    ----------
-    x, y, h, t : float
-        Pose (m, rad) and time (s) of the UAV.
-    px, py, vx, vy : float
-        Position of the point at time 0 (m), and its velocity (m/s).
-    speed, r : float
-        Speed (m/s) and turning radius (m) of the UAV.
+    then that of :func:`~crosstrack.models.messenger.interception.intercept`, whose arguments these
+    are.
     """
     px, py, pace = px + vx * t, py + vy * t, math.hypot(vx, vy)
     here = relaxed_length(x, y, h, px, py, r)

@@ -18,8 +18,8 @@ from crosstrack.models.messenger.interception import intercept
 from crosstrack.solvers import Limit, Termination
 from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.messenger.decoding import KAPPA, assess, bisect, follow, violation
-from crosstrack.solvers.messenger.greedy import next_vehicle
-from crosstrack.solvers.messenger.memetic_kernels import (
+from crosstrack.solvers.messenger.heuristics import exchange, move, next_vehicle
+from crosstrack.solvers.messenger.memetic import (
     Rules,
     cross,
     descend,
@@ -29,7 +29,6 @@ from crosstrack.solvers.messenger.memetic_kernels import (
     settle,
     transform,
 )
-from crosstrack.solvers.messenger.neighbourhood import exchange, move
 from crosstrack.solvers.messenger.rivals import Flight
 
 MEMETIC = ("memetic", "memetic-untransformed", "memetic-relaxed")
