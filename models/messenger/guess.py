@@ -41,19 +41,8 @@ def guess_tour(
 ) -> TourPlan:
     """Return a tour that meets each vehicle at its centre, unless a given word cannot lead there.
 
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    order : sequence of int, optional
-        Order of the vehicles. Default: the vehicle met soonest on a straight line comes next.
-    words : sequence of str, optional
-        Turns of each leg. Default: the turns of the shortest path.
-
-    Returns
-    -------
-    TourPlan
-        The tour. It may be infeasible if a word of `words` is not one of the six Dubins words.
+    Without `order`, the vehicle met soonest on a straight line comes next. Without `words`, the legs
+    are shortest paths. The tour may be infeasible if a word is not one of the six Dubins words.
     """
     n, r = model.size, model.turning_radius
     met: list[int] = []

@@ -35,14 +35,9 @@ Floats = NDArray[np.float64]
 class Layout(NamedTuple):
     """Positions of the blocks of columns in the column vector.
 
-    Parameters
-    ----------
-    counts : tuple of int
-        Number of primitives of each leg; 1 if the turning radius is 0.
-    vehicles : int
-        Number of vehicles. A closed tour has one more leg, which leads back.
-    turning : bool
-        Whether the turning radius is positive.
+    `counts` are the numbers of primitives of the legs, 1 each if the turning radius is 0. A closed
+    tour over `vehicles` has one more leg, which leads back. `turning` states whether the turning
+    radius is positive.
     """
 
     counts: tuple[int, ...]
@@ -77,10 +72,9 @@ def equations(
 
     Parameters
     ----------
-    x, layout
-        The columns, as casadi.SX, and the positions of their blocks.
-    signs : sequence
-        Sign of every primitive's curvature: -1, 0 or 1.
+    x, layout, signs
+        The columns, as casadi.SX, the positions of their blocks, and the sign of every primitive's
+        curvature.
     data : dict
         ``"place"`` (n, 2), P_i in the order of encounters relative to the
         start, in m; ``"drift"`` (n, 2), c_i; ``"radius"``, the turning radius in m; ``"winding"``,
@@ -143,18 +137,8 @@ def tour(
 ) -> TourPlan:  # fmt: skip
     """Return the plan that flies given primitives, with times and points from their integration.
 
-    Parameters
-    ----------
-    model, order
-        The model, and the order of the vehicles.
-    words : sequence of str
-        Turns of each leg.
-    start : ndarray, shape (3,)
-        x, y (m) and heading (rad) at the start.
-    lengths : ndarray, shape (k,)
-        Lengths of all primitives, in m.
-    directions : ndarray, shape (k,), optional
-        Headings of the primitives if the turning radius is 0, in rad.
+    `words` contains the turns of each leg, `start` x, y (m) and heading (rad), `lengths` the lengths
+    of all k primitives (m), and `directions`, if the turning radius is 0, their headings (rad).
     """
     letters = "".join(words)
     legs = np.repeat(np.arange(len(words)), [len(word) for word in words])

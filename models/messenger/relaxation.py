@@ -39,16 +39,10 @@ Indices = NDArray[np.int64]
 class Field:
     """Scaled data of a model: its vehicles, followed by its start as a vehicle at rest.
 
-    Parameters
-    ----------
-    centres, velocities, radii : ndarray, shapes (n + 1, 2), (n + 1, 2) and (n + 1,)
-        P relative to `origin`, V / v, and r, in units of `unit`; 0 for the start.
-    unit : float
-        Length unit, in m.
-    origin : ndarray, shape (2,)
-        Start of the path, in m; without a start, the mean of the vehicles' positions.
-    closed, free : bool
-        Whether the path leads back, and whether its start is free.
+    `centres` (n + 1, 2), `velocities` (n + 1, 2) and `radii` (n + 1,) are P relative to `origin`, V / v,
+    and r, in units of `unit` (m); 0 for the start. `origin` (m) is the start of the path or, without
+    one, the mean of the vehicles' positions. `closed` states whether the path leads back, and `free`
+    whether its start is free.
     """
 
     centres: Floats

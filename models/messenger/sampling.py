@@ -20,16 +20,10 @@ _TURN = math.radians(4.0)
 
 
 class Track(NamedTuple):
-    """Poses on the path of a tour.
+    """Poses on the path of a tour: x, y (m) and heading (rad, not wrapped), shape (k, 3).
 
-    Parameters
-    ----------
-    flown : ndarray, shape (k,)
-        Length of the path up to each pose, in m.
-    poses : ndarray, shape (k, 3)
-        x, y (m) and heading (rad); headings are not wrapped.
-    legs : ndarray of int, shape (k,)
-        Leg of each pose; at the boundary of two legs, the earlier one.
+    `flown` (k,) is the length of the path up to each pose (m), and `legs` (k,) is the leg of each pose;
+    at the boundary of two legs, the earlier one.
     """
 
     flown: Floats
@@ -38,22 +32,7 @@ class Track(NamedTuple):
 
 
 def track(plan: TourPlan, turning_radius: float, flown: ArrayLike) -> Track:
-    """Return the poses of the UAV after given lengths of the path.
-
-    Parameters
-    ----------
-    plan : TourPlan
-        The tour.
-    turning_radius : float
-        Turning radius, in m; with 0 the UAV turns on the spot.
-    flown : array_like, shape (k,)
-        Lengths, in m, clipped to the length of the path.
-
-    Returns
-    -------
-    Track
-        One pose per length.
-    """
+    """Return the poses after the lengths `flown` (m), shape (k,), clipped to the length of the path."""
     lengths = np.array([primitive.length for primitive in plan.primitives])
     ends = np.cumsum(lengths)
     distance = np.clip(np.asarray(flown, float), 0.0, ends[-1] if ends.size else 0.0)
@@ -63,20 +42,7 @@ def track(plan: TourPlan, turning_radius: float, flown: ArrayLike) -> Track:
 
 
 def outline(plan: TourPlan, turning_radius: float) -> Track:
-    """Return poses that draw the path: the ends of lines, and turns in small steps.
-
-    Parameters
-    ----------
-    plan : TourPlan
-        The tour.
-    turning_radius : float
-        Turning radius, in m.
-
-    Returns
-    -------
-    Track
-        The poses.
-    """
+    """Return poses that draw the path: the ends of lines, and turns in small steps."""
     around = 2 * math.pi * turning_radius
     parts, pieces = [np.zeros(1)], [0]
     for k, primitive in enumerate(plan.primitives):

@@ -18,17 +18,16 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-class Path(NamedTuple):
-    """Shortest path up to the solver's tolerance, and a proven lower bound.
+#: Tolerance of Clarabel.
+TOLERANCE = 1e-9
 
-    Parameters
-    ----------
-    bound : float
-        Lower bound on the length of every path over the stops, in the field's unit.
-    directions : ndarray, shape (L, 2)
-        Dual directions that prove the bound.
-    points, times : ndarray, shapes (L + 1, 2) and (L + 1,)
-        Place and time of each encounter.
+
+class Path(NamedTuple):
+    """Shortest path over L + 1 stops up to the solver's tolerance, and a proven lower bound.
+
+    `bound` is a lower bound on the length of every path over the stops, in the field's unit, and
+    `directions` (L, 2) are the dual directions that prove it. `points` (L + 1, 2) and `times`
+    (L + 1,) are the place and time of each encounter.
     """
 
     bound: float
@@ -38,19 +37,9 @@ class Path(NamedTuple):
 
 
 class Chains:
-    """Solver of the relaxation for a sequence of orders of one model.
+    """Solver of the relaxation for a sequence of orders; `curved` bounds use the curvature limit."""
 
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    curved : bool
-        Whether bounds use the limit on curvature.
-    tolerance : float
-        Tolerance of Clarabel.
-    """
-
-    def __init__(self, model: MessengerTour, curved: bool = False, tolerance: float = 1e-9) -> None:
+    def __init__(self, model: MessengerTour, curved: bool = False) -> None:
         import clarabel  # type: ignore[import-untyped]
 
         self.field = field = Field.of(model)
@@ -67,7 +56,7 @@ class Chains:
         settings.max_threads = 1
         settings.presolve_enable = False
         for name in ("tol_feas", "tol_gap_abs", "tol_gap_rel"):
-            setattr(settings, name, tolerance)
+            setattr(settings, name, TOLERANCE)
         self._shapes: dict[int, Any] = {}
 
     def prove(self, stops: Indices, directions: Floats) -> float:

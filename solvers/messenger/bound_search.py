@@ -37,16 +37,11 @@ CANDIDATES = 12
 
 
 class Ordered(NamedTuple):
-    """Tour without curvature limit, flown at full speed.
-
-    `times`, shape (n,), is the length flown up to each encounter, and `points`, shape (n, 2), are
-    the places of the encounters, all in m.
-    """
+    """Tour without curvature limit, and the places of its encounters, shape (n, 2), in m."""
 
     length: float
     order: tuple[int, ...]
     points: Floats
-    times: Floats
 
 
 class Guide(NamedTuple):
@@ -75,14 +70,8 @@ class _Node:
 class OrderSearch:
     """Branch and bound over orders, which can be stopped and inspected between two steps.
 
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    cutoff : float
-        Orders whose bound reaches this length (m) are discarded.
-    curved : bool
-        Whether bounds use the limit on curvature. If True, complete orders yield no tours.
+    Orders whose bound reaches the length `cutoff` (m) are discarded. `curved` bounds use the limit on
+    curvature, and their complete orders yield no tours.
 
     Attributes
     ----------
@@ -126,21 +115,10 @@ class OrderSearch:
         return min(self.tours.values(), key=lambda tour: tour.length, default=None)
 
     def run(self, stopped: Callable[[], bool], rising: Callable[[float], Any], gap: float) -> bool:
-        """Search until the bound is within `gap` of the best tour.
+        """Search until the bound is within the relative `gap` of the best tour; return True if it is.
 
-        Parameters
-        ----------
-        stopped : callable
-            Stop condition, called before each path is solved.
-        rising : callable
-            Callback that receives the bound, in m.
-        gap : float
-            Relative gap.
-
-        Returns
-        -------
-        bool
-            True if the gap is closed, False if `stopped` ended the search.
+        The result is False if `stopped`, called before each path is solved, ended the search.
+        `rising` receives the bound, in m.
         """
         dive = self._dive_every if self.chains.curved else 0
         while self._open:
@@ -271,7 +249,7 @@ def fly_path(field: Field, order: tuple[int, ...], path: Path, at: list[float]) 
     """
     legs = len(path.times) - 1
     place = np.zeros(2) if not field.free else np.empty(0)
-    clock, points, times = 0.0, [], []
+    clock, points = 0.0, []
     for vehicle, share in zip(order, at, strict=True):
         k = min(int(share), max(legs - 1, 0))
         part = share - k
@@ -291,44 +269,25 @@ def fly_path(field: Field, order: tuple[int, ...], path: Path, at: list[float]) 
         clock += wait
         place = target + velocity * clock
         points.append(place)
-        times.append(clock)
     length = clock
     if field.closed:
         home = points[0] if field.free else np.zeros(2)
         length += float(np.hypot(*(place - home)))
-    return Ordered(
-        length * field.unit,
-        order,
-        np.array(points) * field.unit + field.origin,
-        np.array(times) * field.unit,
-    )
+    return Ordered(length * field.unit, order, np.array(points) * field.unit + field.origin)
 
 
 def best_orders(
-    model: MessengerTour,
-    stopped: Callable[[OrderSearch], bool],
-    *,
-    most: int = 20,
-    gap: float = 1e-6,
+    model: MessengerTour, stopped: Callable[[OrderSearch], bool], *, gap: float = 1e-6
 ) -> list[tuple[tuple[int, ...], float]]:
-    """Return the best orders of the vehicles found, and their lengths without curvature limit, in m.
+    """Return the orders found, and their increasing lengths without curvature limit, in m.
 
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    stopped : callable
-        Stop condition, called with the search before each path is solved. The search also ends when
-        the best order is proven.
-    most : int
-        Maximum number of orders returned, by increasing length.
-    gap : float
-        Relative gap at which the search ends.
+    The search ends if `stopped`, called with the search before each path is solved, returns True, or
+    if the best order is proven within the relative `gap`.
     """
     search = OrderSearch(model)
     search.run(lambda: stopped(search), lambda bound: None, gap)
     tours = sorted(search.tours.values(), key=lambda ordered: ordered.length)
-    return [(ordered.order, ordered.length) for ordered in tours[:most]]
+    return [(ordered.order, ordered.length) for ordered in tours]
 
 
 def guide(model: MessengerTour, order: Sequence[int]) -> Guide:

@@ -10,20 +10,7 @@ __all__ = ["diagnose_tour"]
 
 
 def diagnose_tour(model: MessengerTour, time_limit: float | None = None) -> Diagnosis:
-    """Return a diagnosis with the tour that ``tour-search`` finds.
-
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    time_limit : float, optional
-        Time limit of the search, in s.
-
-    Returns
-    -------
-    Diagnosis
-        Feasible in every case; the summary contains the tour, if one was found.
-    """
+    """Return a diagnosis, feasible in every case, with the tour that ``tour-search`` finds in time (s)."""
     answer = solve(model, "tour-search", time_limit=time_limit)
     if answer.plan is not None:
         return Diagnosis(model.name, True, "tour-search", f"a tour exists: {answer.plan}")

@@ -27,12 +27,7 @@ RIM_NEAR = 1e-9
 class Chain:
     """Arguments of the kernels: stops of a tour with their poses, and data of the vehicles.
 
-    Parameters
-    ----------
-    problem : MessengerTour
-        The model.
-    interior : bool
-        Whether vehicles may be met inside their discs, or only on the boundaries.
+    If `interior`, vehicles may be met inside their discs, otherwise only on the boundaries.
     """
 
     def __init__(self, problem: MessengerTour, *, interior: bool = True) -> None:

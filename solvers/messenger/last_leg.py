@@ -109,16 +109,8 @@ def fly_to_rims(
 
     The tour is fast for many vehicles, and exact for long legs: each leg begins at the end of the
     previous one and has a free final heading, so neither turns nor rounding errors accumulate.
-    Vehicles that a leg passes are met on the way.
-
-    Parameters
-    ----------
-    problem : MessengerTour
-        A model with a heading at the start and a turning radius above 0.
-    order : iterable of int
-        Every vehicle once.
-    flag : ndarray of int8, optional
-        Stop flag.
+    Vehicles that a leg passes are met on the way. The model has a heading at the start and a turning
+    radius above 0, and `order` contains every vehicle once.
     """
     assert problem.start is not None
     speed, r, reach = problem.speed, problem.turning_radius, problem.radius * (1.0 - WIDE_MARGIN)
@@ -157,27 +149,10 @@ def shortest_to_disc(
     pose: tuple[float, float, float], disc: Disc, speed: float, turning: float, most: float,
     flag: Flag | None = None,
 ) -> Path | None:  # fmt: skip
-    """Return the signs and lengths (m) of the primitives of the shortest path to a disc.
+    """Return the signs and lengths (m) of the primitives of the shortest path from `pose` to a disc.
 
-    Parameters
-    ----------
-    pose : tuple of 3 float
-        x, y (m), heading (rad) at the beginning.
-    disc : Disc
-        The disc to reach.
-    speed : float
-        Speed of the UAV, in m/s.
-    turning : float
-        Turning radius, in m.
-    most : float
-        Maximum length of the path, in m.
-    flag : ndarray of int8, optional
-        Stop flag. If it is set, no path of two arcs is searched for.
-
-    Returns
-    -------
-    list of (int, float) or None
-        Empty if the UAV is in the disc; None if no path is at most `most` long.
+    The path is empty if the UAV is in the disc, and None if no path is at most `most` (m) long. If
+    the stop flag is set, no path of two arcs is searched for. `turning` is the turning radius (m).
     """
     x, y, heading = pose
     if math.hypot(disc.x - x, disc.y - y) <= disc.radius:

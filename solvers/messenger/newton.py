@@ -326,22 +326,10 @@ def improve(
 ) -> int:
     """Move states and lengths to a local optimum; return the number of steps, or -1 on failure.
 
-    Parameters
-    ----------
-    y : ndarray, shape (k + 1, 4)
-        x, y, heading and length flown at the start and at the end of each leg; overwritten.
-    u : ndarray, shape (k, 3)
-        Lengths, positive; overwritten.
-    legs : Legs
-        The tour.
-    lam : ndarray, shape (k + 1, 4)
-        Costates: derivative of the remaining cost with respect to each state; overwritten.
-    mu : float
-        Initial barrier parameter.
-    most : int
-        Maximum number of steps.
-    tolerance : float
-        Largest final violation.
+    Overwrites the states `y` (k + 1, 4), see :class:`.stages.Point`, the positive lengths `u` (k, 3)
+    and the costates `lam` (k + 1, 4), the derivatives of the remaining cost by each state. `mu` is
+    the initial barrier parameter, `most` the maximum number of steps and `tolerance` the largest
+    final violation.
     """
     count, n = len(u), len(legs.place)
     m = 7 if count > n else 4

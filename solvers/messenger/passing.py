@@ -82,15 +82,9 @@ def passes(
 ) -> bool:
     """Return whether a path comes within the radius of a node; ``near[0]`` describes the encounter.
 
-    Parameters
-    ----------
-    node, pieces, count, speed, r
-        Row of :attr:`.chain.Scene.nodes`, the result of :func:`trace`, and data of the UAV.
-    rim : bool
-        Whether the encounter must be on the boundary.
-    near : ndarray, shape (3, 6)
-        Filled with the nearest legs in order: pose of the UAV relative to the node, time, number of
-        the leg, and distance minus the radius (m), which is inf for unused rows.
+    `node` is a row of :attr:`.chain.Scene.nodes`; if `rim`, the encounter must be on the boundary.
+    `near`, shape (3, 6), is filled with the nearest legs in order: pose of the UAV relative to the
+    node, time, number of the leg, and distance minus the radius (m), which is inf for unused rows.
     """
     for j in range(CLOSEST):
         near[j, LEG], near[j, GAP] = 0.0, math.inf

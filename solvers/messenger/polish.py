@@ -62,22 +62,10 @@ def polish(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan
 
     Lengths and encounters move to a local optimum for the words of the legs, with three primitives
     each. Then primitives of length 0 change to the turn that shortens the tour according to the
-    multipliers, and turns of more than half a circle are reversed, as long as this helps.
-
-    Parameters
-    ----------
-    problem : MessengerTour
-        The problem.
-    plan : TourPlan
-        A verified tour. If a leg has more than three primitives after merging equal neighbours, or
-        if the turning radius is 0, Ipopt optimises the lengths for the given words.
-    request : Request
-        The run that provides clock and stop flag.
-
-    Returns
-    -------
-    TourPlan
-        The shorter tour, or `plan`.
+    multipliers, and turns of more than half a circle are reversed, as long as this helps. `request`
+    provides clock and stop flag. If a leg of the verified `plan` has more than three primitives
+    after merging equal neighbours, or if the turning radius is 0, Ipopt optimises the lengths for
+    the given words.
     """
     words = _three(problem, plan) if problem.turning_radius > 0 else None
     if words is None:

@@ -43,12 +43,7 @@ GAIN = 1e-12
 class Flight:
     """A problem as arrays of the kernels (see :mod:`.decoding`), and the best plan so far.
 
-    Parameters
-    ----------
-    problem : MessengerTour
-        An open tour that begins with a given heading.
-    request : Request
-        Receives every better plan.
+    The problem is an open tour that begins with a given heading. `request` receives every better plan.
     """
 
     problem: MessengerTour

@@ -76,7 +76,7 @@ class TourSearch(Backend):
             16, "Annealings without a shorter tour after which the search ends.", int, lower=1
         ),
         "steps": Option(
-            0, "Steps of one annealing; 0 means 20 a vehicle, and 300 at the least.", int, lower=0
+            0, "Steps of one annealing; 0 means 20 per vehicle, but at least 300.", int, lower=0
         ),
     }
     summary = "annealing, polish, and a proven bound; ours"

@@ -56,7 +56,10 @@ class Legs(NamedTuple):
 
 
 class Point(NamedTuple):
-    """States y (k + 1, 4), lengths u (k, 3) and slacks t (n,) of the discs, or their changes."""
+    """States y (k + 1, 4), lengths u (k, 3) and slacks t (n,) of the discs, or their changes.
+
+    A state is x, y, heading and length flown, at the start and at the end of each leg.
+    """
 
     y: Floats
     u: Floats

@@ -44,21 +44,10 @@ def _steepness(angle: float, half: float) -> float:
 
 @kernel
 def corner(angle: float, before: float, first: float, after: float, second: float) -> float:
-    """Return a lower bound on the minimum of ``before f(x) + after f(angle - x)`` over x.
+    """Return a lower bound, at least 0, on the minimum of ``before f(x) + after f(angle - x)`` over x.
 
-    Parameters
-    ----------
-    angle : float
-        Angle between the directions of two legs, in rad, at most π.
-    before, after : float
-        Weights of the legs.
-    first, second : float
-        Half their least lengths, in units of the turning radius.
-
-    Returns
-    -------
-    float
-        The bound, at least 0.
+    `angle` is that between the directions of two legs (rad, at most π), `before` and `after` are the
+    weights of the legs, and `first` and `second` half their least lengths in turning radii.
     """
     if angle <= 0.0:
         return 0.0
