@@ -18,9 +18,8 @@ from ..programs.compiled import require_casadi
 from ..programs.nonlinear import NonlinearProgram
 from ..verification import ROUNDING
 from .checks import integrated
-from .guess import guess_tour
 from .model import MessengerTour
-from .motion import Layout, equations, tour, words_of
+from .motion import Layout, equations, guess_tour, match_primitives, tour, words_of
 from .plan import SIGNS, TourPlan
 
 __all__ = ["PrimitivesFormulation"]
@@ -30,14 +29,12 @@ Ints = NDArray[np.int64]
 
 #: Largest scaled row violation that is corrected after a solve, and the number of Newton steps.
 MENDED, ROUNDS = 1e-3, 4
-#: Lower bound on the scale of a row, as a share of the leg's length: smaller scales are below
-#: rounding.
+#: Lower bound on the scale of a row, as a share of the leg's length: smaller scales are rounding.
 FINEST = 1e-3
 #: Scaled slack up to which a row is active, before and after the correction.
 SPARE, LEAST = 1e-6, 1e-11
-#: Rounding of the tip of a cone, as a share of the typical length of a leg: solvers fail to
-#: converge to
-#: a leg of length 0 at a sharp tip.
+#: Rounding of the tip of a cone, as a share of the typical length of a leg: at a sharp tip, solvers
+#: fail to converge to a leg of length 0.
 BLUNT = 1e-5
 
 
@@ -284,8 +281,6 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         part["heading"][:] = 1.0
         return scale
 
-    # -- plans -----------------------------------------------------------------------------------
-
     def fitted(self, plan: TourPlan) -> Self:
         """Return the formulation with the order and the turns of `plan`; its guess is `plan`."""
         formulation = replace(self, order=plan.order, words=words_of(self.model, plan))
@@ -321,7 +316,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
             )
         poses = integrated(plan, model.turning_radius)
         lengths = np.array([primitive.length for primitive in plan.primitives])
-        legs = [primitive.leg for primitive in plan.primitives]
+        columns = legs = [primitive.leg for primitive in plan.primitives]
         ends = np.searchsorted(legs, np.arange(model.size), side="right")
         flown = np.concatenate([[0.0], np.cumsum(lengths)])[ends]
         met = list(plan.order)
@@ -330,7 +325,9 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         part = layout.split(x)
         part["start"][:2] = plan.start[:2] - self._origin
         # With a turning radius of 0, all lines of a leg share one column.
-        np.add.at(part["length"], self._match_primitives(plan) if layout.turning else legs, lengths)
+        if layout.turning:
+            columns = match_primitives(words_of(model, plan), self.turns)
+        np.add.at(part["length"], columns, lengths)
         part["offset"][:] = (poses[ends, :2] - vehicles).ravel()
         part["flown"][:] = flown
         part["start"][2] = model.heading or 0.0
@@ -342,24 +339,6 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
             part["start"][2] = plan.start[2] + 2 * math.pi * round(circles)
             part["heading"][:] = poses[ends, 2] + 2 * math.pi * round(circles)
         return x
-
-    def _match_primitives(self, plan: TourPlan) -> Ints:
-        """Return the index of each primitive of `plan` among the primitives of the formulation."""
-        indices, first = [], 0
-        for leg, (word, target) in enumerate(
-            zip(words_of(self.model, plan), self.turns, strict=True)
-        ):
-            position = -1
-            for letter in word:
-                position = target.find(letter, position + 1)
-                if position < 0:
-                    raise InvalidData(
-                        f"primitives: leg {leg} turns {word!r}, the formulation's word is {target!r}",
-                        field="primitives",
-                    )
-                indices.append(first + position)
-            first += len(target)
-        return np.array(indices, int)
 
     def decode(self, point: Floats) -> TourPlan:
         """Return the tour with the lengths of `point`, flown from the start.

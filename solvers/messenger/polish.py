@@ -67,20 +67,20 @@ def polish(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan
     after merging equal neighbours, or if the turning radius is 0, Ipopt optimises the lengths for
     the given words.
     """
-    words = _three(problem, plan) if problem.turning_radius > 0 else None
+    words = _extend_words(problem, plan) if problem.turning_radius > 0 else None
     if words is None:
-        return _by_program(problem, plan, request)
+        return _solve_program(problem, plan, request)
     field = _Field(problem, plan)
     point = field.point(words)
-    optimum = field.solved(point) or field.solved(point, near=True)
+    optimum = field.solve(point) or field.solve(point, near=True)
     if optimum is None:
         return plan
     optima = [optimum]
     while len(optima) <= ROUNDS:
-        for point in _other(optima[-1], problem.turning_radius):
+        for point in _variants(optima[-1], problem.turning_radius):
             if request.left() == 0.0 or request.control.stopped:
                 return field.best(optima)
-            optimum = field.solved(point)
+            optimum = field.solve(point)
             if optimum is not None and optimum.length < optima[-1].length * (1.0 - GAIN):
                 optima.append(optimum)
                 break
@@ -89,7 +89,7 @@ def polish(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan
     return field.best(optima)
 
 
-def _three(problem: MessengerTour, plan: TourPlan) -> Floats | None:
+def _extend_words(problem: MessengerTour, plan: TourPlan) -> Floats | None:
     """Return signs of three primitives per leg that can fly `plan`, shape (k, 3), or None.
 
     Shorter words are extended so that a turn may continue beyond the encounter.
@@ -171,7 +171,7 @@ class _Field:
         states = np.column_stack([places, np.zeros(len(ends)), flown[ends]])
         return _Point(states, signs, _assign_lengths(plan, signs))
 
-    def solved(self, point: _Point, *, near: bool = False) -> _Point | None:
+    def solve(self, point: _Point, *, near: bool = False) -> _Point | None:
         """Return the local optimum near `point`, with more and smaller steps if `near`; None on failure."""
         r, unit, signs = self.problem.turning_radius, self.unit, point.signs
         # Headings follow from the lengths. Reversing a turn changes all later headings by a full
@@ -228,7 +228,7 @@ def _costs(states: Floats, lengths: Floats, bend: Floats, costates: Floats, tigh
     return np.stack([even - odd, even, even + odd], axis=-1)
 
 
-def _other(optimum: _Point, r: float) -> Iterator[_Point]:
+def _variants(optimum: _Point, r: float) -> Iterator[_Point]:
     """Yield candidates: turns changed according to the multipliers, then reversed long turns."""
     signs, lengths, costs = optimum.signs, optimum.lengths, optimum.costs
     assert costs is not None
@@ -255,7 +255,7 @@ def _other(optimum: _Point, r: float) -> Iterator[_Point]:
             yield optimum._replace(signs=candidate, lengths=rest)
 
 
-def _by_program(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan:
+def _solve_program(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan:
     """Return the result of Ipopt for the program fitted to `plan`, or `plan` if it is not better."""
     from ..contract.registry import find_backend
 

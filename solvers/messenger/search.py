@@ -11,8 +11,8 @@ import numpy as np
 
 from ...jit import clock
 from ...models.messenger.checks import UNDECIDABLE, decidable_length, integrated
-from ...models.messenger.guess import met_after
 from ...models.messenger.model import MessengerTour
+from ...models.messenger.motion import met_after
 from ...models.messenger.plan import TourPlan
 from ..contract.backend import (
     Answer,

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from crosstrack.errors import InvalidData
 from crosstrack.models import MessengerTour, Model, Primitive, TourPlan
 from crosstrack.models.messenger.checks import integrated
-from crosstrack.models.messenger.guess import guess_tour
+from crosstrack.models.messenger.motion import guess_tour
 
 CURVATURE = {"L": 1.0, "S": 0.0, "R": -1.0}
 

@@ -11,8 +11,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.checks import integrated
-from crosstrack.models.messenger.guess import guess_tour
-from crosstrack.models.messenger.motion import tour
+from crosstrack.models.messenger.motion import guess_tour, tour
 from crosstrack.solvers import Limit, Request
 from crosstrack.solvers.messenger.newton import improve
 from crosstrack.solvers.messenger.polish import polish
