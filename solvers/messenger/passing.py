@@ -31,35 +31,10 @@ CLOSEST, TIME, LEG, GAP = 3, 3, 4, 5
 
 
 @kernel
-def _cut(
-    x: float, y: float, h: float, t: float, ex: float, ey: float, eh: float, number: int, speed: float,
-    r: float, length: float, pieces: Floats, count: int,
-) -> int:  # fmt: skip
-    a, b, c, word = leg(x, y, h, ex, ey, eh, r, length)
-    for part in range(3):
-        length = a if part == 0 else b if part == 1 else c
-        sign = WORDS[word, part]
-        if length <= 0.0:
-            continue
-        if sign == 0 and r == 0.0:
-            h = math.atan2(ey - y, ex - x)
-        cuts = 1 if sign == 0 else int(length / (CUT * r)) + 1
-        step = length / cuts
-        for _ in range(cuts):
-            piece = pieces[count]
-            piece[0], piece[1], piece[2], piece[3], piece[4] = x, y, h, t, step / speed
-            piece[5], piece[6] = sign, number
-            x, y, h = advance(x, y, h, step, sign, r)
-            piece[7], piece[8] = x, y
-            t += step / speed
-            count += 1
-    return count
-
-
-@kernel
 def trace(stops: Stops, count: int, scene: Scene, pieces: Floats) -> int:
     """Fill `pieces` with the path of a chain; return the number of pieces."""
     order, times, poses, nodes = stops.order, stops.times, stops.poses, scene.nodes
+    speed, r = scene.speed, scene.r
     # The start is a piece of length 0.
     pieces[0, 0], pieces[0, 1], pieces[0, 2] = where(nodes[order[0]], poses[order[0]], 0.0)
     pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
@@ -71,8 +46,25 @@ def trace(stops: Stops, count: int, scene: Scene, pieces: Floats) -> int:
         j = order[k] if k < count else order[0]
         # Closed tours return only to a start at rest.
         ex, ey, eh = where(nodes[j], poses[j], times[k] if k < count else 0.0)
-        length = scene.speed * (times[k] - t) if k < count else 0.0
-        size = _cut(x, y, h, t, ex, ey, eh, k, scene.speed, scene.r, length, pieces, size)
+        length = speed * (times[k] - t) if k < count else 0.0
+        a, b, c, word = leg(x, y, h, ex, ey, eh, r, length)
+        for part in range(3):
+            length = a if part == 0 else b if part == 1 else c
+            sign = WORDS[word, part]
+            if length <= 0.0:
+                continue
+            if sign == 0 and r == 0.0:
+                h = math.atan2(ey - y, ex - x)
+            cuts = 1 if sign == 0 else int(length / (CUT * r)) + 1
+            step = length / cuts
+            for _ in range(cuts):
+                piece = pieces[size]
+                piece[0], piece[1], piece[2], piece[3], piece[4] = x, y, h, t, step / speed
+                piece[5], piece[6] = sign, k
+                x, y, h = advance(x, y, h, step, sign, r)
+                piece[7], piece[8] = x, y
+                t += step / speed
+                size += 1
     return size
 
 
