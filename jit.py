@@ -16,14 +16,24 @@ import ctypes
 import logging
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from functools import cache, cached_property, partial, update_wrapper
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar, cast, overload
 
 from . import compilation
+from .timing import (
+    Limit,
+    OutOfTime,
+    add_compile_time,
+    clock,
+    current_limit,
+    current_watchers,
+    watched,
+    within,
+)
 
 log = logging.getLogger("crosstrack")
 
@@ -63,12 +73,8 @@ _SHARE = 0.15
 _GRACE = 0.3
 
 F = TypeVar("F", bound=Callable[..., Any])
-Watcher = Callable[[], AbstractContextManager[Any]]
 
 _left = BUDGET
-_watchers: list[Watcher] = []
-#: Seconds spent compiling, in every thread of the process.
-_spent = 0.0
 _compiling = threading.RLock()
 
 
@@ -79,57 +85,21 @@ class _BudgetUsedUp(Exception):
     """
 
 
-class OutOfTime(Exception):
-    """An interpreted kernel has reached the wall-clock limit of its run."""
-
-
 class _DoesNotFit(Exception):
     """Compiling is expected to take more time than is left."""
 
 
 class _Here(threading.local):
-    """Thread-local state: the kernel being interpreted and the limit of the run."""
+    """Thread-local state: the kernel being interpreted."""
 
     #: End of the budget for the kernel being interpreted; 0 outside of interpreted kernels.
     deadline = 0.0
     #: Limit of the kernel that is interpreted because compiling takes too long, and its start time.
     stretched: Limit | None = None
     begun = 0.0
-    #: The limit of the run in this thread.
-    limit: Limit | None = None
-
-
-class Limit:
-    """Wall-clock limit of one run.
-
-    Parameters
-    ----------
-    seconds : float, optional
-        Seconds from now; None for no limit.
-    share : float
-        Share of `seconds` that interpreted kernels may use, in 0..1.
-
-    Attributes
-    ----------
-    interpreted : set of str
-        Names of the kernels that were interpreted because compiling does not fit.
-    """
-
-    def __init__(self, seconds: float | None, share: float = 1.0) -> None:
-        begin = perf_counter()
-        whole = float("inf") if seconds is None else seconds
-        self.end, self.interpretation_end = begin + whole, begin + share * whole
-        self.interpreted: set[str] = set()
-
-    @property
-    def is_interpreted_too_long(self) -> bool:
-        """Whether interpreted kernels have exhausted their share of the time."""
-        return bool(self.interpreted) and perf_counter() > self.interpretation_end
 
 
 _here = _Here()
-#: Limits of all runs of the process. A helper thread without a limit of its own uses the last.
-_limits: list[Limit] = []
 #: Threads in kernels that :data:`_Here.stretched` interprets.
 _stretching: set[int] = set()
 
@@ -186,7 +156,7 @@ class Kernel:
 
     def _stretch(self, arguments: tuple[Any, ...]) -> Any:
         """Interpret the loop until the limit of the run, and compile it in the background."""
-        limit = _limit()
+        limit = current_limit()
         limit.interpreted.add(self.py_func.__name__)
         compilation.request(self.py_func.__module__, self.py_func.__qualname__, arguments)
         import numpy as np
@@ -203,7 +173,7 @@ class Kernel:
 
     def _require_time(self, arguments: tuple[Any, ...] | None) -> None:
         """Raise unless the time left suffices to compile for `arguments` or to load compiled code."""
-        left = _limit().end - perf_counter()
+        left = current_limit().end - perf_counter()
         if left == float("inf"):
             return
         called = _callees(self)
@@ -277,11 +247,10 @@ class Kernel:
 
     def _timed(self, work: Callable[[], Any]) -> Any:
         """Return the result of `work`, which compiles, run inside the watchers."""
-        global _spent
         with ExitStack() as stack:
             stack.enter_context(_compiling)
             begin = perf_counter()
-            for watcher in tuple(_watchers):
+            for watcher in current_watchers():
                 stack.enter_context(watcher())
             from numba.core import event
 
@@ -301,7 +270,7 @@ class Kernel:
 
             stack.enter_context(event.install_listener("numba:compile", CompileListener()))
             result = work()
-            _spent += perf_counter() - begin
+            add_compile_time(perf_counter() - begin)
         return result
 
     def _announce(self) -> None:
@@ -385,11 +354,6 @@ def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = 
     return Kernel(function, interpretable)
 
 
-def clock() -> float:
-    """Return ``time.perf_counter()`` minus the time spent compiling so far, in seconds."""
-    return perf_counter() - _spent
-
-
 def interpreting() -> bool:
     """Return whether the interpretation budget has time left, so that calls compile nothing yet."""
     return _left > 0.0
@@ -401,27 +365,6 @@ def compile_always() -> None:
     _left = 0.0
 
 
-def _limit() -> Limit:
-    """Return the limit of the run that this thread belongs to."""
-    limit = _here.limit or (_limits[-1] if _limits else None)
-    return _UNLIMITED if limit is None else limit
-
-
-_UNLIMITED = Limit(None)
-
-
-@contextmanager
-def within(limit: Limit) -> Iterator[None]:
-    """Apply `limit` to the kernels called by this thread and by the helper threads of its run."""
-    former, _here.limit = _here.limit, limit
-    _limits.append(limit)
-    try:
-        yield
-    finally:
-        _limits.remove(limit)
-        _here.limit = former
-
-
 def end_interpretation(thread: int) -> None:
     """Raise :class:`OutOfTime` in a thread that interprets a kernel beyond its limit.
 
@@ -430,13 +373,3 @@ def end_interpretation(thread: int) -> None:
     if thread in _stretching:
         error = ctypes.py_object(OutOfTime)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
-
-
-@contextmanager
-def watched(watcher: Watcher) -> Iterator[None]:
-    """Enter ``watcher()`` around each compilation in any thread of the process."""
-    _watchers.append(watcher)
-    try:
-        yield
-    finally:
-        _watchers.remove(watcher)

@@ -20,7 +20,8 @@ from typing import Any
 from ..errors import BackendBroken, InvalidData, UnknownName
 from ..files import LARGEST_FILE, as_path, read_input, read_text, write_text
 from ..models.fields import show
-from ..models.model import Model, as_model, parse_json
+from ..models.json_text import parse_json
+from ..models.model import Model, as_model
 from ..models.problems import loadable, model_type, resolve, table
 
 __all__ = [

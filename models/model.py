@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
 from .declaration import Declared, Plan
 from .fields import TRUSTED, Text, required, show
-from .json_text import parse_json
 from .problems import model_type, resolve
 from .verification import TOLERANCE, Verification
 
-__all__ = ["Model", "as_model", "parse_json"]
+__all__ = ["Model", "as_model"]
 
 PlanT = TypeVar("PlanT")
 
@@ -228,6 +227,8 @@ class Model(Declared, ABC, Generic[PlanT]):
     @staticmethod
     def from_json(text: str, *, trusted: bool = False) -> Model[Any]:
         """Return the model of any kind that :meth:`to_json` wrote; see :meth:`from_dict`."""
+        from .json_text import parse_json
+
         return Model.from_dict(parse_json(text), trusted=trusted)
 
     @cached_property

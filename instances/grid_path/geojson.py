@@ -15,7 +15,7 @@ from ...errors import InvalidData
 from ...files import as_path, read_text
 from ...models.fields import show
 from ...models.grid_path.polygons import Polygon, Polygons
-from ...models.model import parse_json
+from ...models.json_text import parse_json
 from ..exports import closed_ring, write_geojson
 
 __all__ = ["read_geojson_polygons", "write_geojson_polygons"]

@@ -10,8 +10,8 @@ from pathlib import Path
 from ...errors import InvalidData
 from ...files import as_path, read_text, write_text
 from ...models.fields import required
+from ...models.json_text import parse_json
 from ...models.minimum_snap.trajectory import Trajectory
-from ...models.model import parse_json
 from ..exports import ExportFormat
 
 __all__ = ["BEZIER", "read_bezier", "write_bezier"]

@@ -14,7 +14,7 @@ from ...models.programs.conic import ConicProgram
 from ...models.programs.nonlinear import NonlinearProgram
 from ..contract.backend import Answer, Feature, Limit, Request, Termination
 from ..contract.solution import without_rounding
-from ..run.refinement import proven_bound
+from ..run.running import proven_bound
 
 __all__ = [
     "Case",

@@ -9,14 +9,16 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import HiddenData
 from .enums import Limit
-from .stopping import Criterion, Progress
+
+if TYPE_CHECKING:
+    from .stopping import Criterion, Progress
 
 __all__ = ["GRACE", "Control"]
 
@@ -95,6 +97,8 @@ class Control:
     @property
     def progress(self) -> Progress:
         """Seconds, evaluations and best objective of the run so far."""
+        from .stopping import Progress
+
         now = time.perf_counter()
         return Progress(now - self.started, self.evaluations, self._best, now - self._improved)
 

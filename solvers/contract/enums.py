@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["PROVING", "Feature", "Guarantee", "Limit", "Termination"]
+__all__ = [
+    "CLAIMS_NONE",
+    "CLAIMS_PLAN",
+    "PROVING",
+    "Feature",
+    "Guarantee",
+    "Limit",
+    "Termination",
+]
 
 
 class Guarantee(StrEnum):
@@ -72,6 +80,12 @@ class Termination(StrEnum):
     REJECTED = "rejected"
     #: The backend raised an error or crashed; the message gives the reason.
     FAILED = "failed"
+
+
+#: Terminations that claim a plan.
+CLAIMS_PLAN = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEASIBLE)
+#: Terminations that claim that no optimal plan exists.
+CLAIMS_NONE = (Termination.INFEASIBLE, Termination.UNBOUNDED)
 
 
 class Limit(StrEnum):

@@ -7,16 +7,18 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
-from ...models.formulation import Formulation
 from ...models.model import Model
 from ...models.verification import TOLERANCE
 from .backend import Backend
-from .enums import Guarantee
+from .enums import PROVING, Guarantee
 from .limits import Limits
 from .registry import accepted, default_formulation, find_backend, recommended
+
+if TYPE_CHECKING:
+    from ...models.formulation import Formulation
 
 __all__ = ["GAP", "UNPOLISHED", "Job", "Target"]
 
@@ -50,6 +52,12 @@ class Target:
     def kind(self) -> type[Model[Any]]:
         """Type of the problem that the backend receives."""
         return type(self.model) if self.formulation is None else self.formulation.program_type
+
+    @property
+    def proves(self) -> bool:
+        """Whether bounds and infeasibility of the program are valid for the model."""
+        relaxes = self.formulation is None or self.formulation.relaxes
+        return self.backend.guarantee in PROVING and relaxes
 
 
 def _plain(limit: float | None) -> float | None:

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 from ...errors import UnsupportedOption, suggestion
 from ...models.fields import show
 from ...models.verification import TOLERANCE, check_number, check_tolerance
-from . import stopping
-from .stopping import Criterion
 
 if TYPE_CHECKING:
     from .solution import Incumbent, Solution
+    from .stopping import Criterion
 
 __all__ = [
     "LEAST_MEMORY",
@@ -214,24 +213,27 @@ class Limits:
                 raise UnsupportedOption(
                     f"{name} must be a whole number >= {lower}, got {show(value)}"
                 )
-        if self.target is not None:
-            stopping.Target(self.target)  # raises if it is not a number
         if not isinstance(self.verbose, bool):
             raise UnsupportedOption(f"verbose must be True or False, got {self.verbose!r}")
-        if self.stop is not None and not isinstance(self.stop, Criterion):
-            raise UnsupportedOption(f"stop must be a Criterion, got {show(self.stop)}")
+        self.criterion  # noqa: B018 - raises if `target` or `stop` is not allowed
         if self.on_event is not None and not callable(self.on_event):
             raise UnsupportedOption(f"on_event must be callable, got {show(self.on_event)}")
 
     @property
     def criterion(self) -> Criterion | None:
         """Stopping criterion in addition to the time limit; None if there is none."""
+        if self.stop is None and self.evaluations is None and self.target is None:
+            return None
+        from . import stopping
+
+        if self.stop is not None and not isinstance(self.stop, stopping.Criterion):
+            raise UnsupportedOption(f"stop must be a Criterion, got {show(self.stop)}")
         parts: list[Criterion] = [] if self.stop is None else [self.stop]
         if self.evaluations is not None:
             parts.append(stopping.Evaluations(self.evaluations))
         if self.target is not None:
             parts.append(stopping.Target(self.target))
-        return stopping.AnyOf(tuple(parts)) if parts else None
+        return stopping.AnyOf(tuple(parts))
 
     @property
     def verification_tolerance(self) -> float:

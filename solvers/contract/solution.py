@@ -16,11 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...files import read_text, write_text
-from ...models.fields import Array, Optional, Real, Spec, Text, Whole
-from ...models.model import Model, as_model, parse_json
+from ...models.fields import Real
+from ...models.model import Model, as_model
 from ...models.problems import model_type
-from ...models.records import Anything, Member, Sequence, Table, recorded
 from ...models.verification import ROUNDING, TOLERANCE, Verification
 from .enums import Guarantee, Limit, Termination
 
@@ -83,46 +81,6 @@ def without_rounding(dual: float, verification: Verification, tolerance: float) 
     share = min(tolerance, TOLERANCE)
     explained = max(share * abs(primal), ROUNDING * verification.scale, NOTHING)
     return primal if primal < dual <= primal + explained else dual
-
-
-_WORD, _NUMBER, _TABLE = Text(), Optional(Real()), Table()
-#: Schema of a stored solution, as written by :meth:`Solution.to_dict`.
-_RECORD: dict[str, Spec] = {
-    **dict.fromkeys(("model", "instance", "digest", "backend", "version", "message"), _WORD),
-    **dict.fromkeys(("formulation", "backend_version"), Optional(_WORD)),
-    "problem": _WORD,
-    "guarantee": Optional(Member(Guarantee)),
-    "termination": Member(Termination),
-    "limit": Optional(Member(Limit)),
-    **dict.fromkeys(("primal_bound", "dual_bound"), _NUMBER),
-    **dict.fromkeys(("plan", "rejected_plan", "verification"), Anything()),
-    "seconds": Table(others=Real()),
-    "options": Table(
-        {
-            **dict.fromkeys(("gap", "tolerance", "time_limit", "memory_limit"), _NUMBER),
-            "repeat": Optional(Whole(0)),
-        }
-    ),
-    **dict.fromkeys(("formulation_options", "statistics", "environment"), _TABLE),
-    **dict.fromkeys(("incumbents", "starts", "history"), Sequence()),
-    "seed": Optional(Whole()),
-    "duals": Optional(Array(("rows",))),
-}
-#: Values of absent entries: earlier versions did not write them, and small records omit empty ones.
-_ABSENT: dict[str, Any] = {
-    **dict.fromkeys(("problem", "message"), ""),
-    **dict.fromkeys(("guarantee", "formulation", "backend_version", "limit", "dual_bound"), None),
-    **dict.fromkeys(("rejected_plan", "seed", "duals"), None),
-    "environment": {},
-    "formulation_options": {},
-    "statistics": {},
-    **dict.fromkeys(("incumbents", "starts", "history"), ()),
-}
-_INCUMBENT: dict[str, Spec] = {
-    "seconds": Real(),
-    "objective": Real(),
-    "evaluations": Optional(Whole(1)),
-}
 
 
 @dataclass(frozen=True)
@@ -339,9 +297,11 @@ class Solution(Generic[PlanT]):
         InvalidData
             The data are invalid, or belong to another model.
         """
+        from .stored import solution_fields
+
         if model is not None:
             model = as_model(model)
-        fields = recorded("a solution", data, _RECORD, _ABSENT)
+        fields = solution_fields(data)
         if model is not None and fields["digest"] != model.digest:
             raise InvalidData(
                 f"the solution is for digest {fields['digest'][:12]}, the model has {model.digest[:12]}",
@@ -356,12 +316,7 @@ class Solution(Generic[PlanT]):
                 "verification": None
                 if verification is None
                 else Verification.from_dict(verification),
-                "incumbents": tuple(
-                    Incumbent(
-                        **recorded("an incumbent", incumbent, _INCUMBENT, {"evaluations": None})
-                    )
-                    for incumbent in fields["incumbents"]
-                ),
+                "incumbents": tuple(Incumbent(**entry) for entry in fields["incumbents"]),
                 "starts": tuple(cls.from_dict(start, model) for start in fields["starts"]),
                 "history": tuple(fields["history"]),
             }
@@ -380,6 +335,8 @@ class Solution(Generic[PlanT]):
         InvalidData
             The file cannot be written.
         """
+        from ...files import write_text
+
         return write_text(path, self.to_json(indent=2) + "\n")
 
     @classmethod
@@ -408,6 +365,9 @@ class Solution(Generic[PlanT]):
         InvalidData
             The file cannot be read, belongs to another model, or contains a false claim.
         """
+        from ...files import read_text
+        from ...models.json_text import parse_json
+
         solution = cls.from_dict(parse_json(read_text(path)), model)
         if model is None or solution.plan is None:
             return solution

@@ -28,10 +28,10 @@ from ..contract.backend import Backend, Limit, Termination
 from ..contract.job import Job
 from ..contract.limits import Event, EventKind, Listener
 from ..contract.solution import Incumbent, Solution
-from ..run.assembly import Claim, assemble, claim_from_data
+from ..run.assembly import Claim, assemble
 from ..run.execution import GRACE, warm_objective
-from ..run.refinement import proves
 from ..run.running import PATIENCE
+from .claims import claim_from_data
 from .environment import MIB, require_accounts, resident
 from .oracles import raised, serve
 from .output import Lines
@@ -423,7 +423,7 @@ def _salvage(job: Job, left: Claim, message: str, begin: float) -> Solution[Any]
         job,
         replace(
             left,
-            proves=proves(target),
+            proves=target.proves,
             formulation=None if target.formulation is None else target.formulation.name,
             seconds={"total": time.monotonic() - begin},
             messages=(message,),

@@ -219,9 +219,9 @@ def _serve() -> None:
 def _solve(number: int, payload: Any, send: Any, stops: _Stops, channel: socket.socket) -> None:
     from ..contract.backend import Control
     from ..contract.registry import is_ours
-    from ..run.assembly import claim_to_data
     from ..run.execution import claim, execute
     from ..run.running import PATIENCE
+    from .claims import claim_to_data
     from .oracles import Asking
 
     job, sent = payload

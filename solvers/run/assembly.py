@@ -13,17 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, show
+from ...errors import InvalidData
 from ...models.fields import frozen
 from ...models.verification import Verification
 from ...version import __version__
-from ..contract.enums import Guarantee, Limit, Termination
+from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Guarantee, Limit, Termination
 from ..contract.job import GAP, Job
 from ..contract.registry import find_backend
 from ..contract.solution import NOTHING, Incumbent, Solution, relative_gap, without_rounding
-from .refinement import CLAIMS_NONE, CLAIMS_PLAN
 
-__all__ = ["Claim", "assemble", "claim_from_data", "claim_to_data"]
+__all__ = ["Claim", "assemble"]
 
 log = logging.getLogger("crosstrack")
 
@@ -245,84 +244,3 @@ def _read_only(value: Any) -> Any:
     """Return a numeric array as a read-only copy, because the backend may still refer to it."""
     numbers = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
     return frozen(value) if numbers else value
-
-
-def claim_to_data(job: Job, claim: Claim) -> dict[str, Any]:
-    """Return a claim as JSON data, for the channel between a worker process and its caller.
-
-    Parameters
-    ----------
-    job : Job
-        The run, whose model encodes the plan.
-    claim : Claim
-        The claim. It is not verified here.
-    """
-    plan, undecodable, messages = None, claim.undecodable, list(claim.messages)
-    if claim.plan is not None:
-        try:
-            plan = job.model.plan_to_data(claim.plan)
-        except Exception as error:  # the plan of an external backend can be any object
-            undecodable = True
-            messages.append(f"the point {show(claim.plan)} is no plan: {error}")
-    return {
-        "termination": str(claim.termination),
-        "limit": None if claim.limit is None else str(claim.limit),
-        "plan": plan,
-        "primal_bound": claim.primal_bound,
-        "dual_bound": claim.dual_bound,
-        "proves": claim.proves,
-        "formulation": claim.formulation,
-        "seconds": dict(claim.seconds),
-        "statistics": dict(claim.statistics),
-        "incumbents": [
-            [incumbent.seconds, incumbent.objective, incumbent.evaluations]
-            for incumbent in claim.incumbents
-        ],
-        "duals": None if claim.duals is None else claim.duals.tolist(),
-        "messages": messages,
-        "undecodable": undecodable,
-        "history": [dict(row) for row in claim.history],
-    }
-
-
-def claim_from_data(job: Job, data: Mapping[str, Any]) -> Claim:
-    """Return the claim written by :func:`claim_to_data`.
-
-    Parameters
-    ----------
-    job : Job
-        The run, whose model decodes the plan.
-    data : mapping
-        JSON data.
-
-    Returns
-    -------
-    Claim
-        If the plan cannot be decoded, `undecodable` is true and a message gives the reason.
-    """
-    plan, undecodable, messages = None, data["undecodable"], list(data["messages"])
-    if data["plan"] is not None:
-        try:
-            plan = job.model.plan_from_data(data["plan"])
-        except InvalidData as error:
-            undecodable = True
-            messages.append(f"the point is no plan: {error}")
-    return Claim(
-        termination=Termination(data["termination"]),
-        limit=None if data["limit"] is None else Limit(data["limit"]),
-        plan=plan,
-        primal_bound=data["primal_bound"],
-        dual_bound=data["dual_bound"],
-        proves=data["proves"],
-        formulation=data["formulation"],
-        seconds=data["seconds"],
-        statistics=data["statistics"],
-        incumbents=tuple(
-            Incumbent(seconds, objective, evaluations=count)
-            for seconds, objective, count in data["incumbents"]
-        ),
-        duals=None if data["duals"] is None else np.array(data["duals"], float),
-        messages=tuple(messages),
-        undecodable=undecodable,
-        history=tuple(data["history"]),
-    )

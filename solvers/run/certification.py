@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ... import jit
 from ...errors import InvalidData
+from ...timing import OutOfTime
 from ..contract.backend import Answer, Request
 from ..contract.enums import Limit, Termination
 from ..contract.registry import find_backend
@@ -60,7 +60,7 @@ def certified(run: Run, request: Request, answer: Answer) -> Answer:
             reference = request.within(
                 certifier, model, time_limit=None if left is None else SHARE * left
             )
-    except jit.OutOfTime:  # its kernels cannot be compiled in time
+    except OutOfTime:  # its kernels cannot be compiled in time
         reference = Answer(Termination.NO_SOLUTION, Limit.TIME, message="no time is left")
     if reference.statistics.get("unique") == "no":
         return answer

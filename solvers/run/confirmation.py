@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...jit import clock
+from ...timing import clock
 from ..contract.backend import Answer, Request
 from ..contract.enums import Feature, Termination
 from .running import Run

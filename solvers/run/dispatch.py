@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Any, TypeVar, Unpack
 
@@ -25,9 +26,7 @@ from ..contract.limits import (
 )
 from ..contract.registry import is_ours, rivals
 from ..contract.solution import Incumbent, Solution
-from ..processes.output import shown
-from . import fallback
-from .execution import execute, multistart
+from .execution import execute
 
 __all__ = ["run_job", "solve", "verify"]
 
@@ -116,19 +115,31 @@ def solve(
     assert isinstance(job.backend, Backend)
     if is_automatic and job.backend.guarantee is Guarantee.EXACT:
         job = replace(job, has_fallback=True)
-    left = job.after(time.perf_counter() - begin)
+
+    def remaining() -> Job:
+        return job.after(time.perf_counter() - begin)
 
     def run(part: Job) -> Solution[Any]:
         return run_job(part, isolate, listener)
 
-    with shown(job.verbose):
-        first = fallback.begin(left, run) if is_automatic else None
-        solution = run(job.after(time.perf_counter() - begin))
-        if job.has_fallback:
-            solution = fallback.go_on(left, solution, run)
-        solution = fallback.better(job, first, solution)
+    with _shown(job.verbose):
+        if is_automatic:
+            from .fallback import run_automatic
+
+            solution = run_automatic(job, remaining, run)
+        else:
+            solution = run(remaining())
     solution = replace(solution, options=job.options())
     return solution.lasting(time.perf_counter() - begin)
+
+
+def _shown(verbose: bool) -> AbstractContextManager[None]:
+    """Show the output of the solver within a block if `verbose`."""
+    if not verbose:
+        return nullcontext()
+    from ..processes.output import shown
+
+    return shown(verbose)
 
 
 def run_job(job: Job, isolate: bool | None, listener: Listener | None) -> Solution[Any]:
@@ -150,6 +161,7 @@ def run_job(job: Job, isolate: bool | None, listener: Listener | None) -> Soluti
     # Imported here, because most runs need no worker.
     from ..processes.pool import in_worker
     from ..processes.scheduling import run_together
+    from .multistart import multistart
 
     if job.starts > 1 and not hides and isolate is None and listener is None:
 

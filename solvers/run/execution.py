@@ -11,34 +11,27 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ... import jit
+from ... import timing
 from ...errors import InvalidData
 from ...models.verification import Verification
 from ..contract.backend import Answer, Backend, Control, Request
-from ..contract.enums import Feature, Limit, Termination
+from ..contract.enums import CLAIMS_NONE, Feature, Limit, Termination
 from ..contract.job import GAP, Job
 from ..contract.limits import Listener
 from ..contract.registry import is_ours
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
 from .assembly import Claim, assemble
-from .certification import certified
-from .refinement import CLAIMS_NONE, proven_bound, proves, refine
-from .running import GRACE, Run, processors
-from .starts import start_again
+from .running import GRACE, Run, processors, proven_bound
 
 log = logging.getLogger("crosstrack")
 
-__all__ = ["GRACE", "claim", "execute", "multistart", "warm_objective"]
+__all__ = ["GRACE", "claim", "execute", "warm_objective"]
 
-#: Seconds of a first start whose time is used up before it began.
-NO_TIME = 1e-9
 #: Share of the time limit that interpreted kernels may use if another backend can go on. With an empty cache,
 #: `minimum-snap/corridor-10` at 2 s has a plan in 4 of 4 runs with 0.35 and in 2 of 4 with 0.5, and `gate-2d` at
 #: 3 s, which always has one, is proven optimal in 0 of 4 and 3 of 4.
 INTERPRETED = 0.35
-#: Seconds of the first start above which the other starts run in processes of their own.
-LONG = 1.0
 
 
 def execute(
@@ -64,6 +57,8 @@ def execute(
         Control that can stop the run from another thread.
     """
     if job.starts > 1:
+        from .multistart import multistart
+
         return multistart(job, partial(execute, listener=listener), control)
     begin = time.perf_counter()
     job = job.resolved()
@@ -75,7 +70,10 @@ def execute(
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # the point is verified
         solution = assemble(job, result)
     solution = solution.lasting(time.perf_counter() - begin)
-    solution = start_again(job, solution, partial(execute, listener=listener), control)
+    if result.formulation is not None:
+        from .starts import start_again
+
+        solution = start_again(job, solution, partial(execute, listener=listener), control)
     return solution.lasting(time.perf_counter() - begin)
 
 
@@ -88,7 +86,7 @@ def claim(
 ) -> Claim:
     """Run `job` here and return what its backend claims; the parameters are those of :func:`execute`."""
     share = INTERPRETED if job.has_fallback else 1.0
-    limit = jit.Limit(job.time_limit if job.counts_compilation else None, share)
+    limit = timing.Limit(job.time_limit if job.counts_compilation else None, share)
     run = Run(job, job.find_target(), listener, limit)
     control = control or Control()
     control.criterion = job.criterion
@@ -107,21 +105,22 @@ def claim(
             tell(False)
 
     if job.compiled:
-        jit.compile_always()
+        from ...jit import compile_always
+
+        compile_always()
     with compiling():
         backend.prepare()
-    started = jit.clock()
-    with jit.watched(compiling), jit.within(limit):
+    started = timing.clock()
+    with timing.watched(compiling), timing.within(limit):
         problem, request = _build(run, control)
     if job.time_limit is not None:
-        left = job.time_limit - (jit.clock() - started)
+        left = job.time_limit - (timing.clock() - started)
         if job.counts_compilation:
             left = limit.end - time.perf_counter()
         request = replace(request, time_limit=max(left, 1e-3))
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):
-        with jit.watched(compiling), jit.within(limit):
-            answer, problem = refine(run, problem, request)
-            answer = certified(run, request, answer)
+        with timing.watched(compiling), timing.within(limit):
+            answer, problem = _search(run, problem, request)
         if limit.interpreted:
             names = ", ".join(sorted(limit.interpreted))
             run.notes.append(
@@ -132,6 +131,21 @@ def claim(
             # The interrupt arrived after the solver had finished.
             answer = replace(answer, limit=Limit.INTERRUPTED)
         return _claim(run, answer, problem, control.bound)
+
+
+def _search(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
+    """Return the answer of the backend and the program that it belongs to, the last of a sequence."""
+    if run.target.formulation is None:
+        answer = run.attend(problem, request)
+    else:
+        from .refinement import refine
+
+        answer, problem = refine(run, problem, request)
+    if run.job.model.certifier:
+        from .certification import certified
+
+        answer = certified(run, request, answer)
+    return answer, problem
 
 
 def _as_asked(job: Job, digest: str, found: Claim) -> tuple[Job, Claim]:
@@ -259,7 +273,7 @@ def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Cl
             undecodable = True
     if plan is not None and formulation is not None:
         counts.update(formulation.statistics(plan))
-    known, bound = proves(target), None
+    known, bound = target.proves, None
     if known and answer.termination not in CLAIMS_NONE:
         bounds = (proven_bound(problem, answer), reported)
         bound = max((entry for entry in bounds if entry is not None), default=None)
@@ -288,83 +302,4 @@ def _claim(run: Run, answer: Answer, problem: Any, reported: float | None) -> Cl
         messages=tuple(messages),
         undecodable=undecodable,
         history=tuple(run.history),
-    )
-
-
-def _starts(job: Job) -> list[Job]:
-    """Return one job per start. If the formulation draws starts, the first is its own guess."""
-    formulation = job.find_target().formulation
-    first = job.seed or 0
-    seeds = list(range(first, first + job.starts))
-    if formulation is not None and formulation.draws:
-        drawn = max(first, 1)
-        seeds = [0, *range(drawn, drawn + job.starts - 1)]
-    return [replace(job, seed=seed, starts=1) for seed in seeds]
-
-
-def multistart(
-    job: Job,
-    run: Callable[..., Solution[Any]],
-    control: Control | None = None,
-    together: Callable[[list[Job]], list[Solution[Any]]] | None = None,
-) -> Solution[Any]:
-    """Run the job from several seeds and return the best result with all of them.
-
-    Parameters
-    ----------
-    job : Job
-        The job.
-    run : callable
-        Function ``(job, control=…) -> Solution`` that runs one start.
-    control : Control, optional
-        Control that can stop all starts from another thread.
-    together : callable, optional
-        Function that runs the remaining jobs in parallel. It is used if the first start took long
-        enough and no criterion can end the run before the others start.
-    """
-    jobs = _starts(job)
-    begin = time.perf_counter()
-    whole = control or Control()
-    whole.arm(job.time_limit)
-    results: list[Solution[Any]] = []
-    try:
-        with on_interrupt(partial(whole.stop, Limit.INTERRUPTED)):
-            for entry in jobs:
-                left = None if job.time_limit is None else job.time_limit - whole.progress.seconds
-                if results and left is not None and left <= 0:
-                    whole.stop(Limit.TIME)  # the timer's thread may be late
-                if results and whole.stopped:
-                    break
-                if left is not None:
-                    left = max(left, NO_TIME)  # the first start reports the lack of time
-                pays = len(results) == 1 and results[0].seconds.get("total", 0.0) > LONG
-                if together is not None and pays and job.criterion is None:
-                    results += together([replace(entry, time_limit=left) for entry in jobs[1:]])
-                    if any(result.limit is Limit.INTERRUPTED for result in results):
-                        whole.stop(Limit.INTERRUPTED)
-                    break
-                with whole.stage(left) as part:
-                    results.append(run(replace(entry, time_limit=left), control=part))
-                if results[-1].limit in (Limit.INTERRUPTED, Limit.TARGET):
-                    whole.stop(results[-1].limit)
-    finally:
-        whole.disarm()
-    best = min(
-        results,
-        key=lambda s: (
-            s.primal_bound is None,
-            s.primal_bound if s.primal_bound is not None else 0.0,
-        ),
-    )
-    seconds = {
-        part: sum(result.seconds.get(part, 0.0) for result in results) for part in best.seconds
-    }
-    seconds["total"] = time.perf_counter() - begin
-    ended = whole.reason if len(results) < job.starts else None
-    return replace(
-        best,
-        starts=tuple(results),
-        seconds=seconds,
-        options=job.options(),
-        limit=ended or best.limit,
     )

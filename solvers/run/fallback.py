@@ -16,7 +16,7 @@ from ..contract.registry import guaranteed
 from ..contract.solution import Solution
 from .certification import SHAPE, UNCERTIFIED
 
-__all__ = ["begin", "better", "go_on"]
+__all__ = ["begin", "better", "go_on", "run_automatic"]
 
 #: Share of the time limit beyond which no other backend starts.
 LATE = 0.9
@@ -30,6 +30,28 @@ AT_LEAST, TIMES = 60.0, 10.0
 BEFORE = 0.5
 
 _PROVEN = (Termination.OPTIMAL, Termination.INFEASIBLE, Termination.UNBOUNDED)
+
+
+def run_automatic(
+    job: Job, remaining: Callable[[], Job], run: Callable[[Job], Solution[Any]]
+) -> Solution[Any]:
+    """Return the best solution of the recommended backend and of those before and after it.
+
+    Parameters
+    ----------
+    job : Job
+        The job with the recommended backend.
+    remaining : callable
+        Returns the job with the time that is left of its limit.
+    run : callable
+        Runs a job.
+    """
+    left = remaining()
+    first = begin(left, run)
+    solution = run(remaining())
+    if job.has_fallback:
+        solution = go_on(left, solution, run)
+    return better(job, first, solution)
 
 
 def begin(job: Job, run: Callable[[Job], Solution[Any]]) -> Solution[Any] | None:

@@ -13,7 +13,8 @@ from typing import IO, Any, Self
 
 from ...errors import InvalidData
 from ...models.fields import show
-from ...models.model import Model, parse_json
+from ...models.json_text import parse_json
+from ...models.model import Model
 from ..contract.job import Job
 from ..contract.solution import Solution
 

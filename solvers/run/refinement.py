@@ -16,56 +16,15 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidData
-from ...jit import clock
+from ...timing import clock
 from ..contract.backend import Answer, Request
-from ..contract.enums import PROVING, Feature, Limit, Termination
+from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Feature, Limit, Termination
 from ..contract.job import Target
 from .confirmation import confirm
-from .running import Run
+from .running import Run, proven_bound
 from .starts import SECOND, look_again
 
-__all__ = ["CLAIMS_NONE", "CLAIMS_PLAN", "proven_bound", "proves", "refine"]
-
-CLAIMS_PLAN = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEASIBLE)
-CLAIMS_NONE = (Termination.INFEASIBLE, Termination.UNBOUNDED)
-
-
-def proves(target: Target) -> bool:
-    """Return True if bounds and infeasibility of the program are valid for the model.
-
-    Parameters
-    ----------
-    target : Target
-        Backend and formulation of the run.
-    """
-    relaxes = target.formulation is None or target.formulation.relaxes
-    return target.backend.guarantee in PROVING and relaxes
-
-
-def proven_bound(problem: Any, answer: Answer) -> float | None:
-    """Return the lower bound that an answer proves, from its multipliers or else as claimed.
-
-    Parameters
-    ----------
-    problem : Model
-        The program or model that was solved.
-    answer : Answer
-        The answer of the backend.
-
-    Returns
-    -------
-    float or None
-        The bound; None if the answer has none.
-    """
-    if answer.duals is not None and answer.point is not None:
-        # Imported here because it loads SciPy, which native algorithms may not need.
-        from ...models.programs.base import Program
-
-        if isinstance(problem, Program):
-            bound = problem.dual_bound(answer.duals, answer.point)
-            if np.isfinite(bound):
-                return bound
-    return answer.dual_bound
+__all__ = ["refine"]
 
 
 @dataclass
@@ -101,14 +60,14 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     ----------
     run : Run
         The run; its target changes to the last formulation.
-    problem : Model
-        The first program, or the model of a native algorithm.
+    problem : Program
+        The first program.
     request : Request
         Options of the run.
 
     Returns
     -------
-    Answer, object
+    Answer, Program
         The last answer, with seconds and counts summed over all programs, and its program.
     """
     totals = _Totals()
@@ -128,7 +87,8 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
 
     answer = attend(problem, request)
     formulation = run.target.formulation
-    if formulation is not None and answer.point is not None:
+    assert formulation is not None
+    if answer.point is not None:
         answer, problem = look_again(run, problem, request, answer, left())
         if SECOND in answer.statistics:
             totals.counts[SECOND] = answer.statistics[SECOND]
@@ -173,7 +133,7 @@ def _tighten(
         finer = _refined(run, answer)
         if finer is None:
             return answer, problem
-        if proves(run.target):
+        if run.target.proves:
             proven = proven_bound(problem, answer)
             bound = max(bound, -np.inf if proven is None else proven)
         solved = answer.termination is Termination.OPTIMAL

@@ -9,25 +9,30 @@ import queue
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ... import jit
+import numpy as np
+
+from ... import timing
 from ...errors import CrosstrackError, InvalidData, show
-from ...jit import clock
-from ..contract.backend import Answer, Control, Request
+from ...timing import clock
+from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.control import GRACE
 from ..contract.enums import Feature, Limit, Termination
 from ..contract.job import Job, Target
 from ..contract.limits import Event, EventKind, Listener
 from ..contract.registry import find_backend, is_plain
 from ..contract.solution import Incumbent
-from ..processes.output import captured, log as output
 
-__all__ = ["GRACE", "PATIENCE", "Run", "processors"]
+if TYPE_CHECKING:
+    from ..processes.output import Printed
+
+__all__ = ["GRACE", "PATIENCE", "Run", "processors", "proven_bound"]
 
 log = logging.getLogger("crosstrack")
+output = logging.getLogger("crosstrack.output")
 
 #: Seconds that a run in a worker may take to stop once it has a plan or was interrupted.
 PATIENCE = 2.0
@@ -45,6 +50,41 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
 
 
+def proven_bound(problem: Any, answer: Answer) -> float | None:
+    """Return the lower bound that an answer proves, from its multipliers or else as claimed.
+
+    Parameters
+    ----------
+    problem : Model
+        The program or model that was solved.
+    answer : Answer
+        The answer of the backend.
+
+    Returns
+    -------
+    float or None
+        The bound; None if the answer has none.
+    """
+    if answer.duals is not None and answer.point is not None:
+        # Imported here because it loads SciPy, which native algorithms may not need.
+        from ...models.programs.base import Program
+
+        if isinstance(problem, Program):
+            bound = problem.dual_bound(answer.duals, answer.point)
+            if np.isfinite(bound):
+                return bound
+    return answer.dual_bound
+
+
+def _captured(request: Request, backend: Backend) -> AbstractContextManager[Printed | None]:
+    """Capture the output of `backend`; None if it cannot print."""
+    if is_plain(backend):
+        return nullcontext()
+    from ..processes.output import captured
+
+    return captured(request.verbose, quiet=False)
+
+
 @dataclass
 class Run:
     """State of one job while it runs.
@@ -57,14 +97,14 @@ class Run:
         Input of the backend. Its formulation changes during refinement.
     listener : callable, optional
         Function called with every incumbent and bound, in the caller's thread.
-    limit : jit.Limit, optional
+    limit : timing.Limit, optional
         Wall-clock limit for compilation.
     """
 
     job: Job
     target: Target
     listener: Listener | None = None
-    limit: jit.Limit = field(default_factory=lambda: jit.Limit(None))
+    limit: timing.Limit = field(default_factory=lambda: timing.Limit(None))
     seconds: dict[str, float] = field(default_factory=dict)
     incumbents: list[Incumbent[Any]] = field(default_factory=list)
     last_point: Any = None
@@ -134,7 +174,7 @@ class Run:
         self.limit.interpretation_end = max(self.limit.interpretation_end, end)
         try:
             first = request.within(heuristic, problem, time_limit=share)
-        except jit.OutOfTime:  # the backend may still return a plan without a search
+        except timing.OutOfTime:  # the backend may still return a plan without a search
             return backend.run(problem, request)
         checked = None if first.point is None else problem.verify(first.point)
         if checked is None or not checked.ok or checked.within_tolerance:
@@ -177,17 +217,15 @@ class Run:
 
         def work() -> None:
             try:
-                with printed.by_this_thread(), jit.within(self.limit):
+                with capture, timing.within(self.limit):
                     box.append(self._run(problem, request))
             except BaseException as error:  # the waiting thread raises or records it
                 box.append(error)
             finally:
                 control.events.put(None)
 
-        with (
-            self.clock("run"),
-            captured(request.verbose, quiet=is_plain(backend)) as printed,
-        ):
+        with self.clock("run"), _captured(request, backend) as printed:
+            capture = nullcontext() if printed is None else printed.by_this_thread()
             control.arm(None if brief else request.time_limit)
             thread = threading.Thread(target=work, name=f"crosstrack-{backend.name}", daemon=True)
             if brief:
@@ -201,7 +239,8 @@ class Run:
                     try:
                         event = control.events.get(timeout=POLL)
                     except queue.Empty:
-                        printed.forward()
+                        if printed is not None:
+                            printed.forward()
                         control.check()
                         if self.limit.is_interpreted_too_long:
                             control.stop(Limit.TIME)
@@ -210,6 +249,8 @@ class Run:
                             late = time.perf_counter() - stop_time
                             given_up = late > self._patience(control)
                             if late > STRETCH and thread.ident is not None and not brief:
+                                from ... import jit
+
                                 jit.end_interpretation(thread.ident)
                         if given_up:
                             break
@@ -240,7 +281,7 @@ class Run:
         outcome = box[0]
         if isinstance(outcome, Answer):
             return outcome
-        if isinstance(outcome, jit.OutOfTime):
+        if isinstance(outcome, timing.OutOfTime):
             reason = control.reason or Limit.TIME
             return Answer(Termination.NO_SOLUTION, reason, dual_bound=control.bound)
         if not isinstance(outcome, BaseException):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ...jit import clock
+from ...timing import clock
 from ..contract.backend import Answer, Request
 from ..contract.control import Control
 from ..contract.enums import Limit, Termination

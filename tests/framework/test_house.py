@@ -21,6 +21,7 @@ MAY_LOAD = {
     "compilation": {"numba"},
     "jit": {"numba"},
     "lazy": set(),
+    "timing": set(),
     "version": set(),
     "models": {"casadi", "numpy", "scipy"},
     "instances": {"numpy", "scipy"},
