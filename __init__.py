@@ -28,14 +28,15 @@ if TYPE_CHECKING:
     from .models.plots import plot as plot
     from .solvers.bench.running import bench as bench
     from .solvers.contract.limits import Limits as Limits
-    from .solvers.contract.registry import backend_states as backends
     from .solvers.contract.solution import Solution as Solution
+    from .solvers.contract.states import backend_states as backends
     from .solvers.optimal_control.prepared import prepare as prepare
     from .solvers.run.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.run.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
-    from .solvers.run.dispatch import solve as solve, verify as verify
+    from .solvers.run.dispatch import solve as solve
     from .solvers.run.fronts import Front as Front
     from .solvers.run.pareto import front as front
+    from .solvers.run.verification import verify as verify
 
 _get, _, _names = attach(
     __name__,
@@ -47,7 +48,8 @@ _get, _, _names = attach(
         "solvers.bench.running": ("bench",),
         "solvers.run.crosscheck": ("Comparison", "compare"),
         "solvers.run.diagnosis": ("Diagnosis", "diagnose"),
-        "solvers.run.dispatch": ("solve", "verify"),
+        "solvers.run.dispatch": ("solve",),
+        "solvers.run.verification": ("verify",),
         "solvers.run.fronts": ("Front",),
         "solvers.optimal_control.prepared": ("prepare",),
         "solvers.run.pareto": ("front",),
@@ -82,7 +84,7 @@ _PACKAGES = ("errors", "instances", "models", "solvers")
 
 def __getattr__(name: str) -> Any:
     if name == "backends":
-        return importlib.import_module(".solvers.contract.registry", __name__).backend_states
+        return importlib.import_module(".solvers.contract.states", __name__).backend_states
     if name in _PACKAGES:
         return importlib.import_module(f".{name}", __name__)
     return _get(name)

@@ -12,7 +12,7 @@ from .options import as_json, compare_code, draw, options, picture_path
 
 if TYPE_CHECKING:
     from ..models.model import Model
-    from ..solvers.contract.limits import Event
+    from ..solvers.contract.events import Event
 
 __all__ = ["demo"]
 
@@ -62,7 +62,8 @@ def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **dat
     The default PROBLEM is error-correction: a route past 327 points.
     """
     from ..instances.demos import build_demo
-    from ..solvers.contract.registry import find_backend, fitting
+    from ..solvers.contract.registry import find_backend
+    from ..solvers.contract.selection import fitting
     from ..solvers.report.terminal import emit, progress, say, show
     from ..solvers.run.crosscheck import Comparison, compare, rejudged
 

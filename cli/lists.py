@@ -17,7 +17,7 @@ __all__ = ["backends", "instances", "models"]
 @as_json
 def backends(probe: bool, as_json: bool) -> int:
     """List the backends with their state, version, accepted models, guarantee and features."""
-    from ..solvers.contract.registry import backend_states
+    from ..solvers.contract.states import backend_states
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, progress, show
     from ..solvers.run.probing import probe as probed

@@ -47,7 +47,7 @@ def check(
     from ..instances.storage import read_plan
     from ..solvers.report.tables import details_table, verification_table
     from ..solvers.report.terminal import emit, show
-    from ..solvers.run.dispatch import verify
+    from ..solvers.run.verification import verify
 
     picture = picture_path(plot)
     model = load(instance, **reading)
@@ -108,7 +108,7 @@ def export(
     from ..instances.storage import read_plan
     from ..solvers.report.tables import render, verification_table
     from ..solvers.report.terminal import emit, say, show, write
-    from ..solvers.run.dispatch import verify
+    from ..solvers.run.verification import verify
 
     arguments = only(rate=rate, precision=precision) | backend_options
     model = load(instance, **reading)

@@ -27,7 +27,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from ..solvers.contract.limits import Event
+    from ..solvers.contract.events import Event
     from ..solvers.contract.solution import Solution
 
 __all__ = ["compare", "front", "reproduce", "solve"]
@@ -53,7 +53,8 @@ def solve(
     from ..files import writable
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
-    from ..solvers.contract.registry import find_backend, is_plain, recommended
+    from ..solvers.contract.registry import find_backend, is_plain
+    from ..solvers.contract.selection import recommended
     from ..solvers.report.tables import details_table
     from ..solvers.report.terminal import emit, progress, say, show
     from ..solvers.run import dispatch
@@ -146,7 +147,7 @@ def compare(
     """Solve every INSTANCE with several backends in worker processes and compare the answers."""
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
-    from ..solvers.contract.registry import fitting
+    from ..solvers.contract.selection import fitting
     from ..solvers.report.terminal import emit, progress, show
     from ..solvers.run import crosscheck
 

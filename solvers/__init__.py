@@ -18,13 +18,12 @@ if TYPE_CHECKING:
         Request as Request,
         Termination as Termination,
     )
-    from .contract.limits import Event as Event, EventKind as EventKind, Limits as Limits
+    from .contract.events import Event as Event, EventKind as EventKind
+    from .contract.limits import Limits as Limits
+    from .contract.registration import register_backend as register_backend
     from .contract.registry import (
-        BackendState as BackendState,
         backend_names as backend_names,
-        backend_states as backend_states,
         find_backend as find_backend,
-        register_backend as register_backend,
     )
     from .contract.repeats import Spread as Spread
     from .contract.solution import (
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
         Solution as Solution,
         relative_gap as relative_gap,
     )
+    from .contract.states import BackendState as BackendState, backend_states as backend_states
     from .contract.stopping import (
         AllOf as AllOf,
         AnyOf as AnyOf,
@@ -46,10 +46,11 @@ if TYPE_CHECKING:
     from .processes.isolation import Worker as Worker
     from .run.crosscheck import Comparison as Comparison, compare as compare
     from .run.diagnosis import Diagnosis as Diagnosis, Finding as Finding, diagnose as diagnose
-    from .run.dispatch import solve as solve, verify as verify
+    from .run.dispatch import solve as solve
     from .run.fronts import Front as Front, FrontPoint as FrontPoint
     from .run.pareto import front as front, sweep as sweep
     from .run.probing import probe as probe
+    from .run.verification import verify as verify
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
@@ -65,13 +66,13 @@ __getattr__, __dir__, __all__ = attach(
             "Request",
             "Termination",
         ),
-        "contract.limits": ("Event", "EventKind", "Limits"),
+        "contract.events": ("Event", "EventKind"),
+        "contract.limits": ("Limits",),
+        "contract.states": ("BackendState", "backend_states"),
+        "contract.registration": ("register_backend",),
         "contract.registry": (
-            "BackendState",
             "backend_names",
-            "backend_states",
             "find_backend",
-            "register_backend",
         ),
         "contract.stopping": (
             "AllOf",
@@ -106,10 +107,8 @@ __getattr__, __dir__, __all__ = attach(
         "run.pareto": ("front", "sweep"),
         "processes.isolation": ("Worker",),
         "run.probing": ("probe",),
-        "run.dispatch": (
-            "solve",
-            "verify",
-        ),
+        "run.dispatch": ("solve",),
+        "run.verification": ("verify",),
     },
 )
 

@@ -22,14 +22,9 @@ from ...models.verification import TOLERANCE
 from ..contract.backend import Backend, Feature
 from ..contract.job import GAP
 from ..contract.limits import LEAST_MEMORY, Limits
-from ..contract.registry import (
-    accepted,
-    backend_states,
-    default_formulation,
-    find_backend,
-    fitting,
-    recommended,
-)  # fmt: skip
+from ..contract.registry import accepted, default_formulation, find_backend
+from ..contract.selection import fitting, recommended
+from ..contract.states import backend_states
 from ..processes.scheduling import Task
 from ..run.crosscheck import task_of
 

@@ -15,16 +15,8 @@ from typing import Any, Unpack
 from ...errors import BackendMissing, InvalidData, UnsupportedOption
 from ...models.fields import required, show
 from ..contract.enums import Limit, Termination
-from ..contract.limits import (
-    Event,
-    EventKind,
-    LimitOptions,
-    Limits,
-    Listener,
-    limits_of,
-    listener_of,
-    takes_limits,
-)
+from ..contract.events import Event, EventKind, Listener, listener_of
+from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
 from ..contract.solution import Solution
 from ..processes.scheduling import Task, close_kept
 from ..run.crosscheck import checked_pool, run_tasks

@@ -15,7 +15,7 @@ from ...models.verification import TOLERANCE
 from .backend import Backend
 from .enums import PROVING, Guarantee
 from .limits import Limits
-from .registry import accepted, default_formulation, find_backend, recommended
+from .registry import accepted, default_formulation, find_backend
 
 if TYPE_CHECKING:
     from ...models.formulation import Formulation
@@ -127,6 +127,8 @@ class Job(Limits):
         if self.is_automatic:
             if self.formulation is not None:
                 self._known_formulation(self.formulation)
+            from .selection import recommended
+
             return replace(self, backend=recommended(self.model, self.formulation))
         return replace(self, backend=find_backend(self.backend, self.model))
 

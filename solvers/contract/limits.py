@@ -1,13 +1,11 @@
-"""Limits and settings of a run, which every verb accepts, and the events that a run reports."""
+"""Limits and settings of a run, which every verb accepts."""
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 from ...errors import UnsupportedOption, suggestion
@@ -15,19 +13,15 @@ from ...models.fields import show
 from ...models.verification import TOLERANCE, check_number, check_tolerance
 
 if TYPE_CHECKING:
-    from .solution import Incumbent, Solution
+    from .events import Listener
     from .stopping import Criterion
 
 __all__ = [
     "LEAST_MEMORY",
-    "Event",
-    "EventKind",
     "LimitOptions",
     "Limits",
-    "Listener",
     "check_memory",
     "limits_of",
-    "listener_of",
     "takes_limits",
 ]
 
@@ -35,59 +29,6 @@ __all__ = [
 LEAST_MEMORY = 64.0
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
-
-
-class EventKind(StrEnum):
-    """Kind of an :class:`Event`."""
-
-    #: A job of a comparison or a campaign starts.
-    STARTED = "started"
-    #: The backend has an improved plan, which is not verified yet.
-    INCUMBENT = "incumbent"
-    #: The backend has proven a larger lower bound.
-    BOUND = "bound"
-    #: A run has ended with a verified solution, or without a plan.
-    SOLUTION = "solution"
-
-
-@dataclass(frozen=True)
-class Event:
-    """Report of a run to the callback `on_event`.
-
-    Parameters
-    ----------
-    kind : EventKind
-        Kind of the event, which selects the fields that are set.
-    instance : str
-        Name of the model.
-    backend : str
-        Name of the backend.
-    incumbent : Incumbent, optional
-        The improved plan of ``INCUMBENT``.
-    bound : float, optional
-        The lower bound of ``BOUND``, as claimed by the backend.
-    solution : Solution, optional
-        The solution of ``SOLUTION``.
-    progress : Progress, optional
-        Counts and times of a campaign, for ``STARTED`` and ``SOLUTION`` of :func:`crosstrack.bench`.
-    """
-
-    kind: EventKind
-    instance: str
-    backend: str
-    incumbent: Incumbent[Any] | None = None
-    bound: float | None = None
-    solution: Solution[Any] | None = None
-    progress: Any = None
-
-    @classmethod
-    def ended(cls, solution: Solution[Any], progress: Any = None) -> Event:
-        """Return the event of the end of a run."""
-        names = solution.instance, solution.backend
-        return cls(EventKind.SOLUTION, *names, solution=solution, progress=progress)
-
-
-Listener = Callable[[Event], None]
 
 
 class LimitOptions(TypedDict, total=False):
@@ -341,31 +282,3 @@ def takes_limits(**defaults: Any) -> Callable[[FunctionT], FunctionT]:
         return function
 
     return write
-
-
-def listener_of(
-    on_event: Listener | None, part: str, **former: Callable[[Any], None] | None
-) -> Listener | None:
-    """Return the callback of a call, which may be given in a former form.
-
-    Parameters
-    ----------
-    on_event : callable, optional
-        The callback of :class:`Limits`.
-    part : str
-        Field of :class:`Event` that the former callback receives if it is set.
-    **former : callable, optional
-        The former callback by the name of its keyword.
-    """
-    [(name, callback)] = former.items()
-    if callback is None:
-        return on_event
-    warnings.warn(f"{name} is now on_event", DeprecationWarning, stacklevel=3)
-
-    def listen(event: Event) -> None:
-        if on_event is not None:
-            on_event(event)
-        if getattr(event, part) is not None:
-            callback(getattr(event, part))
-
-    return listen

@@ -4,35 +4,32 @@ from __future__ import annotations
 
 import contextlib
 import importlib.metadata
-import itertools
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from ...errors import BackendBroken, InvalidData, UnknownName, UnsupportedFormulation
+from ...errors import BackendBroken, InvalidData, UnknownName
 from ...models.fields import show
 from ...models.model import Model
-from ...models.problems import PROBLEMS, declared_in, problem_of, resolve
-from .backend import PROVING, Backend, Feature, Guarantee
+from ...models.problems import declared_in, resolve
+from .backend import Backend
 
 log = logging.getLogger("crosstrack")
 
 __all__ = [
-    "BackendState",
+    "Declaration",
     "accepted",
     "backend_names",
-    "backend_states",
+    "declarations",
     "default_formulation",
     "find_backend",
-    "fitting",
-    "guaranteed",
+    "installed",
     "is_ours",
     "is_plain",
-    "recommended",
-    "register_backend",
     "rivals",
+    "session",
 ]
 
 #: Entry-point group in which other distributions announce backends.
@@ -73,77 +70,13 @@ _SOLVERS: Mapping[str, str] = {
 _session: list[Backend] = []
 
 
-def register_backend(backend: Backend | type[Backend]) -> Backend | type[Backend]:
-    """Register a backend by its name for this session. Usable as a class decorator.
-
-    Workers receive the backend with their jobs. Backends that accept different types may share a name.
-    Registering a backend again replaces the previous one. A distribution declares its backends in the
-    entry-point group ``crosstrack.backends`` instead.
-
-    Parameters
-    ----------
-    backend : Backend or type of Backend
-        The backend, or its class, which is instantiated without arguments.
-
-    Returns
-    -------
-    Backend or type of Backend
-        The argument.
-
-    Raises
-    ------
-    InvalidData
-        Not a backend, or a backend of crosstrack with this name accepts the same models.
-    """
-    instance = backend() if isinstance(backend, type) else backend
-    if not isinstance(instance, Backend):
-        raise InvalidData(
-            f"a backend must be a subclass of Backend, got {show(backend)}", field="backend"
-        )
-    for declared in _installed():
-        if declared.name != instance.name:
-            continue
-        with contextlib.suppress(BackendBroken):
-            other = declared.load()
-            if type(other) is type(instance):
-                return backend
-            shared = _shared(instance, other)
-            if shared:
-                raise InvalidData(
-                    f"backend name {instance.name!r} is taken for {shared} by "
-                    f"{type(other).__module__}.{type(other).__name__}: choose another name",
-                    field="name",
-                )
-    instance.problem = _problem(instance)
-    _session[:] = [
-        other for other in _session if other.name != instance.name or not _shared(instance, other)
-    ]
-    _session.append(instance)
-    return backend
-
-
-def _accepted_types(backend: Backend) -> tuple[type[Model[Any]], ...]:
-    """Return the types that `backend` accepts as a tuple."""
-    types = backend.accepts
-    return types if isinstance(types, tuple) else (types,)
-
-
-def _shared(backend: Backend, other: Backend) -> str:
-    """Return the kind of a problem that both backends accept; empty if they share none."""
-    for entry, two in itertools.product(_accepted_types(backend), _accepted_types(other)):
-        if issubclass(entry, two) or issubclass(two, entry):
-            return repr(getattr(entry, "kind", entry.__name__))
-    return ""
-
-
-def _problem(backend: Backend) -> str:
-    """Return the problem whose models `backend` accepts; empty for programs or several problems."""
-    owners = {problem_of(getattr(kind, "kind", "")) for kind in _accepted_types(backend)}
-    return owners.pop() if len(owners) == 1 else ""
+def session() -> list[Backend]:
+    """Return the backends registered in this session."""
+    return _session
 
 
 @dataclass(frozen=True)
-class _Declared:
+class Declaration:
     """Declaration of a backend: its name, the problem of a native algorithm, and its target."""
 
     name: str
@@ -170,30 +103,30 @@ class _Declared:
 
 
 @cache
-def _installed() -> tuple[_Declared, ...]:
+def installed() -> tuple[Declaration, ...]:
     """Return the declared backends. Cached: reading all installed distributions takes milliseconds."""
     native = [
-        _Declared(name, problem, target)
+        Declaration(name, problem, target)
         for problem, name, target in declared_in(__package__.rpartition(".")[0], "BACKENDS")
     ]
-    ours = [_Declared(name, "", target) for name, target in _SOLVERS.items()]
+    ours = [Declaration(name, "", target) for name, target in _SOLVERS.items()]
     taken = {entry.name for entry in ours}
     points = importlib.metadata.entry_points(group=GROUP)
-    external = {point.name: _Declared(point.name, "", point) for point in points}
+    external = {point.name: Declaration(point.name, "", point) for point in points}
     for name in taken & set(external):
         log.warning("backend %r of %s is ignored: the name is taken", name, external[name].target)
     return (*native, *ours, *(entry for name, entry in external.items() if name not in taken))
 
 
-def _declared(name: str | None = None) -> Sequence[_Declared]:
+def declarations(name: str | None = None) -> Sequence[Declaration]:
     """Return all backends, or those called `name`, with those of the session last."""
-    known = (*_installed(), *(_Declared(entry.name, entry.problem, entry) for entry in _session))
+    known = (*installed(), *(Declaration(entry.name, entry.problem, entry) for entry in _session))
     return known if name is None else [entry for entry in known if entry.name == name]
 
 
 def backend_names() -> tuple[str, ...]:
     """Return the names of all backends, native algorithms first."""
-    return tuple(dict.fromkeys(entry.name for entry in _declared()))
+    return tuple(dict.fromkeys(entry.name for entry in declarations()))
 
 
 def find_backend(
@@ -226,7 +159,7 @@ def find_backend(
         raise InvalidData(
             f"backend must be a name or a Backend, got {show(backend)}", field="backend"
         )
-    matches = _declared(backend)
+    matches = declarations(backend)
     if not matches:
         raise UnknownName("backend", backend, backend_names())
     if problem is not None:
@@ -254,85 +187,6 @@ def find_backend(
     return suitable[0] if suitable else loaded[0]
 
 
-@dataclass(frozen=True)
-class BackendState:
-    """Description of a backend, available without importing its solver.
-
-    Parameters
-    ----------
-    name : str
-        Name of the backend.
-    state : str
-        ``"installed"``, ``"missing"`` or ``"broken"``. Whether an installed backend really loads
-        is tested by :func:`crosstrack.solvers.run.probing.probe`.
-    cause : str
-        Reason if it is not installed, such as the command that installs it.
-    version : str, optional
-        Version of the solver.
-    accepts, guarantee, features, summary, problem, requires
-        As in :class:`Backend`.
-    options : mapping of str to str, optional
-        Help text of each option.
-    """
-
-    name: str
-    state: str
-    cause: str = ""
-    version: str | None = None
-    accepts: str = ""
-    guarantee: str = ""
-    features: tuple[str, ...] = ()
-    options: Mapping[str, str] | None = None
-    summary: str = ""
-    problem: str = ""
-    requires: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the state as JSON data."""
-        return {
-            "name": self.name,
-            "problem": self.problem,
-            "state": self.state,
-            "installed": self.state == "installed",
-            "cause": self.cause,
-            "version": self.version,
-            "accepts": self.accepts,
-            "guarantee": self.guarantee,
-            "features": list(self.features),
-            "options": dict(self.options or {}),
-            "summary": self.summary,
-        }
-
-
-def backend_states() -> tuple[BackendState, ...]:
-    """Return the state of every backend. Missing and broken backends are included."""
-    return tuple(map(_state, _declared()))
-
-
-def _state(declared: _Declared) -> BackendState:
-    name = declared.name
-    try:
-        backend = declared.load()
-        missing = backend.missing()
-        backend_version = backend.version()
-    except (BackendBroken, ImportError) as error:
-        return BackendState(name, "broken", str(error), problem=declared.problem)
-    how = f"crosstrack[{backend.extra}]" if backend.extra else " ".join(missing)
-    return BackendState(
-        name=name,
-        state="missing" if missing else "installed",
-        cause=f"pip install '{how}'" if missing else "",
-        version=backend_version,
-        accepts=backend.accepted_kinds(),
-        guarantee=str(backend.guarantee),
-        features=tuple(sorted(str(feature) for feature in backend.features)),
-        options={key: option.help for key, option in backend.options.items()},
-        summary=backend.summary,
-        problem=declared.problem,
-        requires=tuple(backend.requires),
-    )
-
-
 def is_plain(backend: Backend) -> bool:
     """Return True if `backend` belongs to crosstrack and loads no solver: it cannot print or crash."""
     return is_ours(backend) and not backend.requires and not backend.natives
@@ -347,7 +201,7 @@ def rivals(backend: Backend) -> frozenset[str]:
     """Return the native modules that conflict with `backend` in one process."""
     modules: set[str] = set()
     if backend.conflict_group:
-        for declared in _declared():
+        for declared in declarations():
             with contextlib.suppress(BackendBroken):  # one that cannot be loaded cannot conflict
                 other = declared.load()
                 if other.conflict_group == backend.conflict_group:
@@ -385,115 +239,3 @@ def default_formulation(model: Model[Any], backend: Backend) -> str:
     """Return the formulation of `model` that `backend` solves, preferably the model's default."""
     names = _formulations(model, backend, None)
     return model.preferred_formulation if model.preferred_formulation in names else names[0]
-
-
-def _problems(model: Model[Any]) -> set[str]:
-    """Return the problems whose native algorithms may accept `model` itself."""
-    return {problem_of(getattr(base, "kind", "")) for base in type(model).__mro__} - {""}
-
-
-def _candidates(model: Model[Any]) -> Iterator[_Declared]:
-    """Yield the backends that may accept `model` or a lowered model, those of its problem first.
-
-    The model is lowered only if more are needed, because building the general model can be slow.
-    """
-    own = _problems(model)
-    yield from (entry for entry in _declared() if entry.problem in own)
-    general, step = set(own), model.lower()
-    has_program = bool(model.formulations) or own.isdisjoint(PROBLEMS)
-    while step is not None:
-        general |= _problems(step)
-        has_program |= bool(step.formulations)
-        step = step.lower()
-    # Backends of other problems are not loaded, because they may import further libraries.
-    others = set(PROBLEMS) - general | own
-    for entry in _declared():
-        is_solver = not entry.problem and isinstance(entry.target, str)  # of programs
-        if entry.problem not in others and (has_program or not is_solver):
-            yield entry
-
-
-def _loadable(model: Model[Any]) -> Iterator[Backend]:
-    """Yield the installed and loadable backends that may accept `model`."""
-    for declared in _candidates(model):
-        try:
-            backend = declared.load()
-        except BackendBroken:
-            continue  # a broken external backend must not stop the others; lists show it
-        if not backend.missing():
-            yield backend
-
-
-def fitting(model: Model[Any]) -> tuple[str, ...]:
-    """Return the names of the installed backends that can solve `model` by default."""
-    names = []
-    programs: dict[tuple[str, str], Any] = {}
-    for backend in _loadable(model):
-        step = accepted(model, backend, None)
-        if step is None:
-            continue
-        problem: Any = step
-        if not isinstance(step, backend.accepts):
-            key = step.kind, default_formulation(step, backend)
-            if key not in programs:
-                try:
-                    programs[key] = step.formulate(key[1]).program
-                except UnsupportedFormulation:
-                    programs[key] = None
-            problem = programs[key]
-        if problem is not None and not backend.refuses(problem):
-            names.append(backend.name)
-    return tuple(names)
-
-
-def _takers(model: Model[Any], formulation: str | None) -> Iterator[tuple[Backend, Model[Any]]]:
-    """Yield the backends that ``"auto"`` may select, in order, with the model each one solves."""
-    for backend in _loadable(model):
-        step = accepted(model, backend, formulation)
-        if step is None or backend.sees_hidden:
-            continue
-        if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
-            continue
-        yield backend, step
-
-
-def guaranteed(
-    model: Model[Any], guarantee: Guarantee, formulation: str | None = None
-) -> Iterator[Backend]:
-    """Yield the installed backends of a guarantee that can solve `model`, the recommended one first."""
-    for backend, _ in _takers(model, formulation):
-        if backend.guarantee is guarantee:
-            yield backend
-
-
-def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
-    """Return the backend that ``"auto"`` selects for `model`.
-
-    That is the model's preferred backend, else the first installed exact backend, else one that finds
-    plans and proves bounds, else the one with the best guarantee. It raises
-    :class:`UnsupportedFormulation` if no installed backend accepts the model.
-    """
-    best: Backend | None = None
-    order = [Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
-
-    def rank(candidate: Backend) -> int:
-        finds = Feature.INCUMBENTS in candidate.features
-        return -1 if finds and candidate.guarantee in PROVING else order.index(candidate.guarantee)
-
-    if formulation is None and model.preferred_backend:
-        for backend, step in _takers(model, None):
-            native = isinstance(step, backend.accepts)
-            if native and step is model and backend.name == model.preferred_backend:
-                return backend
-    for backend, step in _takers(model, formulation):
-        program = formulation is None and not isinstance(step, backend.accepts)
-        if program and best is not None and step.prefers_native:
-            continue
-        if backend.guarantee is Guarantee.EXACT:
-            return backend
-        if best is None or rank(backend) < rank(best):
-            best = backend
-    if best is None:
-        what = f"formulation {formulation!r} of " if formulation else ""
-        raise UnsupportedFormulation(f"no installed backend accepts {what}model {model.kind!r}")
-    return best

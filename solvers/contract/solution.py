@@ -227,44 +227,9 @@ class Solution(Generic[PlanT]):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the solution as JSON data, keyed by the names of the fields."""
-        return {
-            "model": self.model,
-            "instance": self.instance,
-            "digest": self.digest,
-            "backend": self.backend,
-            "formulation": self.formulation,
-            "problem": self.problem,
-            "guarantee": None if self.guarantee is None else str(self.guarantee),
-            "termination": str(self.termination),
-            "limit": None if self.limit is None else str(self.limit),
-            "primal_bound": _finite(self.primal_bound),
-            "dual_bound": _finite(self.dual_bound),
-            "gap": _finite(self.gap),
-            "plan": self.plan_data,
-            "verification": None if self.verification is None else self.verification.to_dict(),
-            "seconds": dict(self.seconds),
-            "incumbents": [
-                {"seconds": i.seconds, "objective": i.objective}
-                | ({} if i.evaluations is None else {"evaluations": i.evaluations})
-                for i in self.incumbents
-            ],
-            "backend_version": self.backend_version,
-            "version": self.version,
-            "options": dict(self.options),
-            "formulation_options": dict(self.formulation_options),
-            "seed": self.seed,
-            "statistics": {
-                name: _finite(value) if isinstance(value, float) else value
-                for name, value in self.statistics.items()
-            },
-            "message": self.message,
-            "rejected_plan": self.rejected_plan,
-            "starts": [start.to_dict() for start in self.starts],
-            "duals": None if self.duals is None else self.duals.tolist(),
-            # Written only if not empty, so that records of earlier versions keep their keys.
-            **({"history": [dict(row) for row in self.history]} if self.history else {}),
-            **({"environment": dict(self.environment)} if self.environment else {}),
-        }
+        from .stored import solution_data
+
+        return solution_data(self)
 
     def to_json(self, *, indent: int | None = None) -> str:
         """Return the solution as a JSON text.
@@ -441,7 +406,3 @@ class Solution(Generic[PlanT]):
 
     def __repr__(self) -> str:
         return f"<Solution {self}>"
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None

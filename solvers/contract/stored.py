@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,7 +10,7 @@ from ...models.fields import Array, Optional, Real, Spec, Text, Whole
 from ...models.records import Anything, Member, Sequence, Table, recorded
 from .enums import Guarantee, Limit, Termination
 
-__all__ = ["solution_fields"]
+__all__ = ["solution_data", "solution_fields"]
 
 _WORD, _NUMBER, _TABLE = Text(), Optional(Real()), Table()
 #: Specification of each entry.
@@ -65,3 +66,49 @@ def solution_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         for incumbent in fields["incumbents"]
     ]
     return fields
+
+
+def solution_data(solution: Any) -> dict[str, Any]:
+    """Return a :class:`~.solution.Solution` as JSON data, keyed by the names of the fields."""
+    return {
+        "model": solution.model,
+        "instance": solution.instance,
+        "digest": solution.digest,
+        "backend": solution.backend,
+        "formulation": solution.formulation,
+        "problem": solution.problem,
+        "guarantee": None if solution.guarantee is None else str(solution.guarantee),
+        "termination": str(solution.termination),
+        "limit": None if solution.limit is None else str(solution.limit),
+        "primal_bound": _finite(solution.primal_bound),
+        "dual_bound": _finite(solution.dual_bound),
+        "gap": _finite(solution.gap),
+        "plan": solution.plan_data,
+        "verification": None if solution.verification is None else solution.verification.to_dict(),
+        "seconds": dict(solution.seconds),
+        "incumbents": [
+            {"seconds": i.seconds, "objective": i.objective}
+            | ({} if i.evaluations is None else {"evaluations": i.evaluations})
+            for i in solution.incumbents
+        ],
+        "backend_version": solution.backend_version,
+        "version": solution.version,
+        "options": dict(solution.options),
+        "formulation_options": dict(solution.formulation_options),
+        "seed": solution.seed,
+        "statistics": {
+            name: _finite(value) if isinstance(value, float) else value
+            for name, value in solution.statistics.items()
+        },
+        "message": solution.message,
+        "rejected_plan": solution.rejected_plan,
+        "starts": [start.to_dict() for start in solution.starts],
+        "duals": None if solution.duals is None else solution.duals.tolist(),
+        # Written only if not empty, so that records of earlier versions keep their keys.
+        **({"history": [dict(row) for row in solution.history]} if solution.history else {}),
+        **({"environment": dict(solution.environment)} if solution.environment else {}),
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

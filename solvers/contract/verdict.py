@@ -14,8 +14,9 @@ from ...models.model import Model
 from ...models.verification import ROUNDING
 from ..report.tables import frame, markup, render, solutions_table
 from .enums import PROVING, Guarantee, Termination
-from .registry import find_backend, recommended
+from .registry import find_backend
 from .repeats import Spread, name_backend, spreads, spreads_table
+from .selection import recommended
 from .solution import Solution
 
 if TYPE_CHECKING:

@@ -25,8 +25,8 @@ import cloudpickle
 
 from ...errors import WorkerFailure
 from ..contract.backend import Backend, Limit, Termination
+from ..contract.events import Event, EventKind, Listener
 from ..contract.job import Job
-from ..contract.limits import Event, EventKind, Listener
 from ..contract.solution import Incumbent, Solution
 from ..run.assembly import Claim, assemble
 from ..run.execution import GRACE, warm_objective

@@ -9,8 +9,8 @@ import threading
 from typing import Any
 
 from ..contract.backend import Backend
+from ..contract.events import Event, Listener
 from ..contract.job import Job
-from ..contract.limits import Event, Listener
 from ..contract.registry import rivals
 from ..contract.solution import Solution
 from .interrupts import on_interrupt

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from ..contract.limits import Listener
+from ..contract.events import Listener
 from ..contract.verdict import Verdict
 from ..run.crosscheck import Comparison
 from .tables import table

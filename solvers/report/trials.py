@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...models.model import Model
-from ..contract.limits import Listener
+from ..contract.events import Listener
 from ..contract.solution import Solution
 from ..contract.verdict import Verdict, judge
 from ..run.crosscheck import compare

@@ -18,16 +18,11 @@ from ...models.model import Model, as_model
 from ...models.records import Table, given
 from ...models.verification import check_number
 from ..contract.backend import Backend, Feature, Limit
+from ..contract.events import Event, listener_of
 from ..contract.job import Job
-from ..contract.limits import (
-    Event,
-    LimitOptions,
-    Limits,
-    limits_of,
-    listener_of,
-    takes_limits,
-)
-from ..contract.registry import find_backend, recommended
+from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
+from ..contract.registry import find_backend
+from ..contract.selection import recommended
 from ..contract.solution import Solution
 from ..contract.verdict import Outcome, Verdict, judge
 from ..processes.output import shown

@@ -17,7 +17,8 @@ from ...models.programs.linear import QuadraticProgram
 from ...models.verification import TOLERANCE
 from ..contract.backend import Backend, Guarantee, Termination
 from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
-from ..contract.registry import find_backend, recommended
+from ..contract.registry import find_backend
+from ..contract.selection import recommended
 from ..contract.solution import Solution
 from ..processes.isolation import Worker
 from ..processes.output import shown

@@ -1,4 +1,4 @@
-"""The verbs :func:`solve` and :func:`verify`."""
+"""The verb :func:`solve`."""
 
 from __future__ import annotations
 
@@ -7,28 +7,23 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import Any, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
 from ...errors import UnsupportedOption
 from ...models.fields import Flag, Optional
 from ...models.model import Model, as_model
 from ...models.records import given
-from ...models.verification import TOLERANCE, Verification, check_tolerance
 from ..contract.backend import Backend, Control, Guarantee
 from ..contract.job import Job
-from ..contract.limits import (
-    LimitOptions,
-    Limits,
-    Listener,
-    limits_of,
-    listener_of,
-    takes_limits,
-)
+from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
 from ..contract.registry import is_ours, rivals
 from ..contract.solution import Incumbent, Solution
 from .execution import execute
 
-__all__ = ["run_job", "solve", "verify"]
+if TYPE_CHECKING:
+    from ..contract.events import Listener
+
+__all__ = ["run_job", "solve"]
 
 PlanT = TypeVar("PlanT")
 
@@ -98,7 +93,11 @@ def solve(
     model = as_model(model)
     isolate = Optional(Flag()).coerce("isolate", isolate, {})
     fields = limits_of("solve", limits, options).fields()
-    listener = listener_of(fields.pop("on_event"), "incumbent", on_incumbent=on_incumbent)
+    listener: Listener | None = fields.pop("on_event")
+    if on_incumbent is not None:
+        from ..contract.events import listener_of
+
+        listener = listener_of(listener, "incumbent", on_incumbent=on_incumbent)
     if fields["warm_start"] is not None:
         fields["warm_start"] = model.as_plan(fields["warm_start"])
     job = Job(
@@ -185,57 +184,3 @@ def needs_worker(job: Job) -> bool:
     if backend.requires and not backend.interrupts(job.find_target().kind):
         return True
     return any(module in sys.modules for module in rivals(backend))
-
-
-def verify(
-    model: Model[PlanT],
-    plan: PlanT | Solution[PlanT] | Any,
-    *,
-    tolerance: float = TOLERANCE,
-    formulation: str | None = None,
-    formulation_options: Mapping[str, Any] | None = None,
-) -> Verification:
-    """Check a plan against the raw data of a model.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    plan : plan, Solution or JSON data
-        The plan, from any source.
-    tolerance : float
-        Largest accepted violation, relative to the scale that each check names; > 0 and < 1.
-    formulation : str, optional
-        Encode the plan into this formulation as well, and check every row of the program.
-    formulation_options : mapping, optional
-        Options of the formulation.
-
-    Returns
-    -------
-    Verification
-        One check per constraint, and one per block of rows if a formulation is given.
-
-    Raises
-    ------
-    InvalidData
-        The plan does not belong to this model, or cannot be encoded.
-    UnsupportedOption
-        The tolerance is not a number > 0 and < 1.
-    """
-    model = as_model(model)
-    check_tolerance(tolerance)
-    checked = model.as_plan(plan)
-    verification = model.verify(checked, tolerance=tolerance)
-    if formulation is None:
-        return verification
-    step: Model[Any] | None = model
-    if not isinstance(formulation, str):
-        type(model).formulation_type(formulation)  # raises UnknownName with what there is
-    while step is not None and formulation not in step.formulations:
-        step = step.lower()  # its plans are the model's own
-    options = given("formulation_options", formulation_options)
-    written = (model if step is None else step).formulate(formulation, **options)
-    if not options:
-        written = written.fitted(checked)
-    rows = written.program.verify(written.encode(checked), tolerance=tolerance)
-    return Verification(verification.objective, (*verification.checks, *rows.checks))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ... import timing
 from ...errors import InvalidData
@@ -17,12 +17,14 @@ from ...models.verification import Verification
 from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.enums import CLAIMS_NONE, Feature, Limit, Termination
 from ..contract.job import GAP, Job
-from ..contract.limits import Listener
 from ..contract.registry import is_ours
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
 from .assembly import Claim, assemble
 from .running import GRACE, Run, processors, proven_bound
+
+if TYPE_CHECKING:
+    from ..contract.events import Listener
 
 log = logging.getLogger("crosstrack")
 

@@ -12,7 +12,7 @@ from ...errors import BackendMissing, UnsupportedFormulation, UnsupportedOption
 from ..contract.backend import Backend, Guarantee
 from ..contract.enums import Limit, Termination
 from ..contract.job import Job
-from ..contract.registry import guaranteed
+from ..contract.selection import guaranteed
 from ..contract.solution import Solution
 from .certification import SHAPE, UNCERTIFIED
 

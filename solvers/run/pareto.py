@@ -17,16 +17,9 @@ from ...models.fields import Flag, Optional, Real, Whole, show
 from ...models.model import Model, as_model
 from ...models.records import given
 from ..contract.backend import Backend, Limit, Termination
+from ..contract.events import Event, Listener, listener_of
 from ..contract.job import GAP, Job
-from ..contract.limits import (
-    Event,
-    LimitOptions,
-    Limits,
-    Listener,
-    limits_of,
-    listener_of,
-    takes_limits,
-)
+from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
 from ..processes.output import shown

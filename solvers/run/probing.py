@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from ...errors import WorkerFailure
-from ..contract.registry import BackendState
+from ..contract.states import BackendState
 from ..processes.isolation import Worker
 
 __all__ = ["probe"]

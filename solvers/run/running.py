@@ -22,11 +22,11 @@ from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.control import GRACE
 from ..contract.enums import Feature, Limit, Termination
 from ..contract.job import Job, Target
-from ..contract.limits import Event, EventKind, Listener
 from ..contract.registry import find_backend, is_plain
 from ..contract.solution import Incumbent
 
 if TYPE_CHECKING:
+    from ..contract.events import Listener
     from ..processes.output import Printed
 
 __all__ = ["GRACE", "PATIENCE", "Run", "processors", "proven_bound"]
@@ -147,11 +147,13 @@ class Run:
             output.info("incumbent %.10g after %.2f s", objective, seconds)
         incumbent = Incumbent(seconds, objective, plan, evaluations)
         self.incumbents.append(incumbent)
-        self._report(EventKind.INCUMBENT, incumbent=incumbent)
+        self._report("incumbent", incumbent=incumbent)
 
-    def _report(self, kind: EventKind, **content: Any) -> None:
+    def _report(self, kind: str, **content: Any) -> None:
         if self.listener is not None:
-            event = Event(kind, self.job.model.name, self.target.backend.name, **content)
+            from ..contract.events import Event, EventKind
+
+            event = Event(EventKind(kind), self.job.model.name, self.target.backend.name, **content)
             self.listener(event)
 
     def _patience(self, control: Control) -> float:
@@ -258,7 +260,7 @@ class Run:
                     if event is None:
                         break
                     if isinstance(event, float):
-                        self._report(EventKind.BOUND, bound=event)
+                        self._report("bound", bound=event)
                     else:
                         self.accept(*event)
             except BaseException:

@@ -187,7 +187,7 @@ def test_a_missing_package_is_5_with_the_install_command(
 
 
 def test_demo_without_matplotlib_reports_the_missing_picture(monkeypatch, tmp_path):
-    monkeypatch.setattr("crosstrack.solvers.contract.registry.fitting", lambda model: ("banded",))
+    monkeypatch.setattr("crosstrack.solvers.contract.selection.fitting", lambda model: ("banded",))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     done = run("demo", "minimum-snap", cwd=tmp_path)
     assert "nothing is drawn" in done.stderr
@@ -291,7 +291,7 @@ SOME = ("label-setting", "dynamic-programming", "highs")
 def test_demo_takes_a_csv(names, instance, tmp_path, monkeypatch):
     """With some of the backends that fit, of either kind, or with all that are installed."""
     if names is not None:
-        monkeypatch.setattr("crosstrack.solvers.contract.registry.fitting", lambda model: names)
+        monkeypatch.setattr("crosstrack.solvers.contract.selection.fitting", lambda model: names)
     csv = tmp_path / "points.csv"
     words = {"A": "A", "B": "B", "horizontal": "0", "vertical": "1"}
     rows = [

@@ -29,7 +29,7 @@ from crosstrack.solvers import (
     Request,
     Termination,
 )
-from crosstrack.solvers.contract.registry import recommended
+from crosstrack.solvers.contract.selection import recommended
 from crosstrack.solvers.contract.stopping import Evaluations, Progress, Stalled, Target
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])

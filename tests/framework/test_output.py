@@ -16,7 +16,8 @@ import crosstrack as ct
 from crosstrack.models import Route
 from crosstrack.solvers import Answer, Feature, Termination
 from crosstrack.solvers.conformance import all_cases
-from crosstrack.solvers.contract.registry import backend_states, find_backend, is_plain
+from crosstrack.solvers.contract.registry import find_backend, is_plain
+from crosstrack.solvers.contract.states import backend_states
 from crosstrack.solvers.processes.output import captured
 
 LOG = "crosstrack.output"

@@ -17,7 +17,8 @@ from crosstrack.instances import (
 from crosstrack.instances.catalogue import entries
 from crosstrack.models import GridPath
 from crosstrack.models.verification import TOLERANCE
-from crosstrack.solvers.contract.registry import find_backend, fitting, recommended
+from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.contract.selection import fitting, recommended
 
 SECONDS = 3.0
 #: Estimates are compared by their distance to the truth, and drawn scenes by their spread.

@@ -165,7 +165,7 @@ def test_the_filter_hides_headings_without_rows(tmp_path):
 def test_the_campaigns_file_makes_its_records():
     """The jobs of the file are those of the records, except for backends that are not installed here."""
     from crosstrack.solvers.bench import Campaign
-    from crosstrack.solvers.contract.registry import backend_states
+    from crosstrack.solvers.contract.states import backend_states
 
     asked = {task.job.key() for task in Campaign.read(DOCS / "campaign" / "campaign.toml").tasks}
     lines = (DOCS / "campaign" / "records.jsonl").read_text("utf-8").splitlines()

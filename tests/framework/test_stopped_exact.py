@@ -99,7 +99,7 @@ def test_bounds_hold_at_short_time_limits(case, seconds):
 
 
 def test_the_cases_are_all_exact_native_backends():
-    native = [one.load() for one in registry._declared() if one.problem]
+    native = [one.load() for one in registry.declarations() if one.problem]
     exact = {
         (one.problem, one.name)
         for one in native

@@ -65,7 +65,7 @@ def test_nothing_is_cut(name, monkeypatch, tmp_path):
     monkeypatch.setattr(terminal, "show", lambda *parts: printed.extend(parts))
     if name == "demo":
         monkeypatch.setattr(
-            "crosstrack.solvers.contract.registry.fitting", lambda _: ("label-setting",)
+            "crosstrack.solvers.contract.selection.fitting", lambda _: ("label-setting",)
         )
     (tmp_path / "plan.json").write_text(json.dumps([0, 1, 2, 4]))
     run(*COMMANDS[name], code=None, cwd=tmp_path)

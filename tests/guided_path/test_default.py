@@ -8,7 +8,7 @@ from guided_path.enumerated import chains_tour
 import crosstrack as ct
 from crosstrack.models import GuidedPathTour
 from crosstrack.models.guided_path.walks import reduced
-from crosstrack.solvers.contract.registry import recommended
+from crosstrack.solvers.contract.selection import recommended
 
 
 @pytest.mark.parametrize("as_pairs", [False, True])

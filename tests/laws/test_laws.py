@@ -20,7 +20,7 @@ import crosstrack as ct
 from crosstrack.errors import CrosstrackError, InvalidData
 from crosstrack.models import Model
 from crosstrack.solvers import Feature, Solution, Termination, find_backend
-from crosstrack.solvers.contract.registry import fitting
+from crosstrack.solvers.contract.selection import fitting
 
 #: How a run may end: with a verified plan, a proof, or a limit that is named.
 PLANS = {Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL, Termination.FEASIBLE}

@@ -10,7 +10,7 @@ import crosstrack as ct
 from crosstrack.models.minimum_snap import MinimumDerivative
 from crosstrack.solvers import Guarantee
 from crosstrack.solvers.contract.job import Job
-from crosstrack.solvers.contract.registry import guaranteed
+from crosstrack.solvers.contract.selection import guaranteed
 from crosstrack.solvers.run.fallback import go_on
 
 

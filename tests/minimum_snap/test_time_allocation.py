@@ -11,7 +11,7 @@ from allocations import LIMITS, POINTS, spline_cost, walk
 import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import MinimumDerivative, Model, TimeAllocation, Trajectory
-from crosstrack.solvers.contract.registry import recommended
+from crosstrack.solvers.contract.selection import recommended
 from crosstrack.solvers.minimum_snap.time_barrier import Barrier, Spline
 from crosstrack.solvers.minimum_snap.time_rules import distance, prepare_start, trapezoid
 

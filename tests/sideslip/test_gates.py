@@ -11,7 +11,7 @@ import crosstrack as ct
 from crosstrack.instances.sideslip.generator import generate
 from crosstrack.models.sideslip.data import UNKNOWN
 from crosstrack.solvers import Request, find_backend
-from crosstrack.solvers.contract.registry import recommended
+from crosstrack.solvers.contract.selection import recommended
 from crosstrack.solvers.sideslip.gates import (
     apply_gates,
     find_contradictions,

@@ -15,7 +15,7 @@ from crosstrack.errors import UnsupportedFormulation
 from crosstrack.instances.unknown_grid import clutter
 from crosstrack.models.unknown_grid import Hover, Outcome
 from crosstrack.solvers import find_backend
-from crosstrack.solvers.contract.registry import recommended
+from crosstrack.solvers.contract.selection import recommended
 from crosstrack.solvers.learning.gradient import arrays_of
 from crosstrack.solvers.learning.weights import Weights, write_weights
 from crosstrack.solvers.unknown_grid import BACKENDS

@@ -15,7 +15,7 @@ import pytest
 from minimum_snap.tightness import Case, drawn
 
 import crosstrack as ct
-from crosstrack.solvers.contract.registry import fitting
+from crosstrack.solvers.contract.selection import fitting
 
 #: Number of cases.
 COUNT = 40
