@@ -175,8 +175,17 @@ class Check:
         noise : float
             Resolution of the plan's digits, in `unit`, which is added to the accepted violation.
         """
+        accepted = tolerance * scale + noise
+        return cls._of(name, equation, worst, unit, where, accepted, scale, noise, limit)
+
+    @classmethod
+    def _of(
+        cls, name: str, equation: str, worst: float, unit: str, where: str,
+        accepted: float, scale: float, noise: float, limit: float | None,
+    ) -> Self:  # fmt: skip
+        """Return the check with numbers of Python, the violation of rounding, and a finite limit."""
         return cls(
-            name, equation, float(worst), unit, float(tolerance * scale + noise), where,
+            name, equation, float(worst), unit, float(accepted), where,
             float(ROUNDING * scale + noise), float(scale),
             float(limit) if limit and math.isfinite(limit) else None,
         )  # fmt: skip
@@ -236,11 +245,10 @@ class Check:
         if not excess.size:
             unit, place = (text if isinstance(text, str) else "" for text in (unit, where))
             size, digits, bound = (float(np.max(part, initial=0.0)) for part in parts[1:])
-            return cls.scaled(
-                name, equation, 0.0, unit, place, tolerance, size, noise=digits, limit=bound
-            )
-        accepted = np.maximum(tolerance * scales + noises, 1e-300)
-        share = excess / accepted
+            accepted = tolerance * size + digits
+            return cls._of(name, equation, 0.0, unit, place, accepted, size, digits, bound)
+        accepted = tolerance * scales + noises
+        share = excess / np.maximum(accepted, 1e-300)
         share = np.where(np.isnan(share), np.where(excess < 0, -np.inf, np.inf), share)
         # An infinite scale would accept every violation, so it is treated as an infinite violation.
         share = np.where((excess > 0) & np.isinf(accepted), np.inf, share)
@@ -249,10 +257,9 @@ class Check:
         unit, place = (
             text if isinstance(text, str) else text(*map(int, at)) for text in (unit, where)
         )
-        return cls.scaled(
-            name, equation, worst, unit, place, tolerance, scales[at],
-            noise=float(noises[at]), limit=float(limits[at]),
-        )  # fmt: skip
+        return cls._of(
+            name, equation, worst, unit, place, accepted[at], scales[at], noises[at], limits[at]
+        )
 
     @classmethod
     def within(

@@ -61,7 +61,7 @@ class Ecos(ConvexBackend):
             "q": [block.dimension for block in quadratic for _ in range(block.count)],
             "e": sum(b.count for b in form.cones if b.kind is ConeKind.EXPONENTIAL),
         }
-        tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-8)
+        tolerance = solver_tolerance(request, 1e-12, 1e-8, share=1e-2)
         clock.lap("build")
         result = ecos.solve(
             program.cost.copy(),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 from ...errors import UnsupportedOption, suggestion
 from ...models.fields import show
-from ...models.verification import TOLERANCE, check_number, check_tolerance
+from ...models.verification import TOLERANCE, check_number
 
 if TYPE_CHECKING:
     from .events import Listener
@@ -20,8 +20,10 @@ __all__ = [
     "LEAST_MEMORY",
     "LimitOptions",
     "Limits",
+    "check_listener",
     "check_memory",
     "limits_of",
+    "merge_limits",
     "takes_limits",
 ]
 
@@ -69,6 +71,12 @@ def check_memory(value: Any) -> float:
             f"needs, got {show(value)} (1 GiB is 1024 MiB)"
         )
     return number
+
+
+def check_listener(value: Any) -> None:
+    """Raise :class:`UnsupportedOption` if a callback is neither None nor callable."""
+    if value is not None and not callable(value):
+        raise UnsupportedOption(f"on_event must be callable, got {show(value)}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +153,7 @@ class Limits:
         if self.gap is not None:
             check_number("gap", self.gap, strict=False)
         if self.tolerance is not None:
-            check_tolerance(self.tolerance)
+            check_number("tolerance", self.tolerance, below=1.0)
         for name, lower in (("seed", 0), ("threads", 1), ("evaluations", 1), ("starts", 1)):
             value = getattr(self, name)
             if value is None and name != "starts":
@@ -157,8 +165,7 @@ class Limits:
         if not isinstance(self.verbose, bool):
             raise UnsupportedOption(f"verbose must be True or False, got {self.verbose!r}")
         self.criterion  # noqa: B018 - raises if `target` or `stop` is not allowed
-        if self.on_event is not None and not callable(self.on_event):
-            raise UnsupportedOption(f"on_event must be callable, got {show(self.on_event)}")
+        check_listener(self.on_event)
 
     @property
     def criterion(self) -> Criterion | None:
@@ -216,6 +223,23 @@ class Limits:
 LIMIT_NAMES = tuple(field.name for field in dataclasses.fields(Limits))
 
 
+def merge_limits(verb: str, limits: Limits | None, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a record and the keywords of a call, which override them.
+
+    The values of the keywords are checked by :class:`Limits`. The parameters are those of
+    :func:`limits_of`.
+    """
+    for name in options:
+        if name not in LIMIT_NAMES:
+            raise TypeError(
+                f"{verb}() got an unexpected keyword argument {name!r}; "
+                f"{suggestion(name, LIMIT_NAMES)}limits: {', '.join(LIMIT_NAMES)}"
+            )
+    if limits is not None and not isinstance(limits, Limits):
+        raise UnsupportedOption(f"limits must be a Limits record, got {show(limits)}")
+    return {**({} if limits is None else limits.fields()), **options}
+
+
 def limits_of(
     verb: str, limits: Limits | None, options: Mapping[str, Any], **defaults: Any
 ) -> Limits:
@@ -239,17 +263,7 @@ def limits_of(
     UnsupportedOption
         `limits` is not a record, or a value is outside its range.
     """
-    for name in options:
-        if name not in LIMIT_NAMES:
-            raise TypeError(
-                f"{verb}() got an unexpected keyword argument {name!r}; "
-                f"{suggestion(name, LIMIT_NAMES)}limits: {', '.join(LIMIT_NAMES)}"
-            )
-    if limits is None:
-        return Limits(**{**defaults, **options})
-    if not isinstance(limits, Limits):
-        raise UnsupportedOption(f"limits must be a Limits record, got {show(limits)}")
-    return Limits(**{**limits.fields(), **options})
+    return Limits(**{**defaults, **merge_limits(verb, limits, options)})
 
 
 def takes_limits(**defaults: Any) -> Callable[[FunctionT], FunctionT]:

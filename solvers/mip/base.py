@@ -218,13 +218,13 @@ class ProgramBackend(Backend):
         return replace(probe, bound=None, duals=None)
 
 
-def _rounded(program: MixedIntegerProgram, point: Vector, tolerance: float) -> Vector:
+def _rounded(program: MixedIntegerProgram, point: Vector, request: Request) -> Vector:
     """Return `point` clipped to its bounds and rounded in integer columns, if the rows permit it."""
     exact = np.clip(point, program.column_lower, program.column_upper)
     exact[program.integral] = np.round(exact[program.integral])
     if np.array_equal(exact, point):
         return exact
-    return exact if is_satisfied(program, exact, tolerance) else point
+    return exact if is_satisfied(program, exact, request.tolerance) else point
 
 
 def _conclude(
@@ -233,7 +233,7 @@ def _conclude(
     """Return the answer that `ending` proves."""
     point, objective = None, None
     if ending.point is not None and ending.ended is not Ended.UNBOUNDED:
-        point = _rounded(program, np.array(ending.point, float), request.tolerance)
+        point = _rounded(program, np.array(ending.point, float), request)
         if ending.ended is Ended.STOPPED and not is_satisfied(program, point, request.tolerance):
             # A stopped solver may return an infeasible point, such as a vertex of the simplex path.
             point = None

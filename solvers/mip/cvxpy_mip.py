@@ -176,7 +176,7 @@ def _solver_options(
         "absolute gap": None if program.continuous else 0.0,
         "seed": None if request.seed is None else request.seed % (2**31),
         "threads": request.threads,
-        "tolerance": solver_tolerance(request.tolerance, 1e-9),
+        "tolerance": solver_tolerance(request, 1e-9),
     }
     options: dict[str, Any] = {}
     for option, value in values.items():

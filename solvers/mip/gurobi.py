@@ -60,7 +60,7 @@ class Gurobi(ProgramBackend):
 
 
 def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any]:
-    tolerance = solver_tolerance(request.tolerance, 1e-9, 1e-2)
+    tolerance = solver_tolerance(request, 1e-9, 1e-2)
     parameters: dict[str, Any] = {
         "OutputFlag": int(request.verbose),
         "MIPGap": request.gap,

@@ -86,7 +86,7 @@ def search(program: MixedIntegerProgram, request: Request, clock: Clock) -> Any:
     clock : Clock
         Clock of the run.
     """
-    tolerance = solver_tolerance(request.tolerance, 1e-10)
+    tolerance = solver_tolerance(request, 1e-10)
     options: dict[str, Any] = {
         "mip_rel_gap": request.gap,
         "mip_abs_gap": 0.0,

@@ -115,7 +115,7 @@ def _parameters(mathopt: Any, kind: Any, request: Request) -> Any:
     if request.seed is not None:
         parameters.random_seed = request.seed % (2**31)
     # The smallest tolerance of SCIP is its epsilon, 1e-9.
-    tolerance = solver_tolerance(request.tolerance, 1e-9)
+    tolerance = solver_tolerance(request, 1e-9)
     if kind is mathopt.SolverType.GLOP:
         parameters.glop.primal_feasibility_tolerance = tolerance
         parameters.glop.dual_feasibility_tolerance = tolerance

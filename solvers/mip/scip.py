@@ -81,7 +81,7 @@ class Scip(ProgramBackend):
 def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request) -> None:
     model.hideOutput(quiet=not request.verbose)
     # SCIP forbids a feasibility tolerance below its epsilon, 1e-9.
-    tolerance = solver_tolerance(request.tolerance, 1e-9)
+    tolerance = solver_tolerance(request, 1e-9)
     model.setParams(
         {
             # SCIP's Ctrl-C handler would hide the signal from the caller.

@@ -65,11 +65,11 @@ class Ipopt(CasadiNlp):
         """Return the options of Ipopt."""
         given = request.options
         # Measured in Ipopt's scaling; tolerances of equations, such as 1e-8, must hold without it.
-        constraint_tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9)
+        constraint_tolerance = solver_tolerance(request, 1e-12, 1e-9, share=1e-2)
         options: dict[str, Any] = {
             "print_level": 5 if request.verbose else 0,
             "sb": "yes",
-            "tol": solver_tolerance(request.tolerance * 1e-1, 1e-12, 1e-8),
+            "tol": solver_tolerance(request, 1e-12, 1e-8, share=1e-1),
             "constr_viol_tol": constraint_tolerance,
             "compl_inf_tol": 1e-8,
             "dual_inf_tol": 1e-5,

@@ -35,8 +35,8 @@ class BlockSqp(CasadiNlp):
             "print_iteration": request.verbose,
             "print_maxit_reached": False,
             "max_iter": request.options["max_iter"],
-            "opttol": solver_tolerance(request.tolerance, 1e-10, 1e-7),
-            "nlinfeastol": solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9),
+            "opttol": solver_tolerance(request, 1e-10, 1e-7),
+            "nlinfeastol": solver_tolerance(request, 1e-12, 1e-9, share=1e-2),
             "hess_update": 2,
             "hess_lim_mem": 0,
         }
@@ -82,7 +82,7 @@ class Fatrop(CasadiNlp):
             "structure_detection": "none",
             "fatrop": {
                 "print_level": 5 if request.verbose else 0,
-                "tol": solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8),
+                "tol": solver_tolerance(request, 1e-11, 1e-8, share=1e-1),
                 # Fatrop measures without scaling, and rejected an optimum with an error of 1e-6.
                 "tol_acceptable": 1e-5,
                 "max_iter": request.options["max_iter"],
@@ -134,7 +134,7 @@ class Uno(CasadiNlp):
 
     def settings(self, program: NonlinearProgram, request: Request) -> dict[str, Any]:
         """Return the options of the plugin."""
-        tolerance = solver_tolerance(request.tolerance * 1e-1, 1e-11, 1e-8)
+        tolerance = solver_tolerance(request, 1e-11, 1e-8, share=1e-1)
         options = {
             "logger": "INFO" if request.verbose else "SILENT",
             "preset": request.options["preset"],

@@ -168,24 +168,28 @@ def loosened_cutoff(cutoff: float) -> float:
     return cutoff + LOOSENED * max(1.0, abs(cutoff))
 
 
-def solver_tolerance(tolerance: float, least: float, most: float = 1e-3) -> float:
+def solver_tolerance(
+    request: Request, least: float, most: float = 1e-3, *, share: float = 1.0
+) -> float:
     """Return the tolerance to pass to a solver.
 
     Parameters
     ----------
-    tolerance : float
-        Tolerance of the request.
+    request : Request
+        Options of the run.
     least, most : float
         Range that the solver accepts.
+    share : float
+        Factor for solvers that need more digits than the request.
 
     Returns
     -------
     float
-        A tenth of `tolerance`, clipped to the range. Solvers measure violations in a scaled space
+        A tenth of that share of the tolerance, clipped to the range. Solvers measure violations in a scaled space
         and before postsolve, so that a point at the limit of the full tolerance would fail the
         verification.
     """
-    return float(min(max(tolerance / 10, least), most))
+    return float(min(max(request.tolerance * share / 10, least), most))
 
 
 def stop_reason(control: Control, otherwise: Limit = Limit.INTERRUPTED) -> Limit:

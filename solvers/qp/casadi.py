@@ -193,7 +193,7 @@ class CasadiConic(QuadraticBackend):
             raise UnsupportedFormulation(reason)
         posed, rows = independent_rows(program) if plugin.independent else (program, None)
         iteration_limit = int(request.options["max_iter"] or plugin.most)
-        tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
+        tolerance = solver_tolerance(request, 1e-11, 1e-8, share=1e-2)
         options = plugin.own(
             posed, tolerance, min(plugin.piece or iteration_limit, iteration_limit), clock.left()
         )

@@ -62,7 +62,7 @@ class Clarabel(ConvexBackend):
         # Always one thread, as the backend declares.
         settings.max_threads = 1
         settings.direct_solve_method = "qdldl"  # deterministic; "auto" depends on the data
-        tolerance = solver_tolerance(request.tolerance * 1e-3, 1e-12, 1e-8)
+        tolerance = solver_tolerance(request, 1e-12, 1e-8, share=1e-3)
         for name in ("tol_feas", "tol_gap_abs", "tol_gap_rel"):
             setattr(settings, name, tolerance)
         for name, value in solver_options(request).items():

@@ -54,7 +54,7 @@ class Daqp(QuadraticBackend):
         high = np.concatenate([program.column_upper[:columns], program.row_upper])
         sense = np.full(columns + rows, INEQUALITY, np.int32)
         sense[columns:][program.row_lower == program.row_upper] = EQUALITY
-        tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
+        tolerance = solver_tolerance(request, 1e-11, 1e-8, share=1e-2)
         settings: dict[str, Any] = {
             "primal_tol": tolerance,
             "dual_tol": tolerance,

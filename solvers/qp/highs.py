@@ -35,7 +35,7 @@ def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Ending
     clock : Clock
         Clock of the run.
     """
-    tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-7)
+    tolerance = solver_tolerance(request, 1e-10, 1e-7, share=1e-2)
     options = {
         "primal_feasibility_tolerance": tolerance,
         "dual_feasibility_tolerance": tolerance,

@@ -49,7 +49,7 @@ class Piqp(QuadraticBackend):
         solver: Any = piqp.DenseSolver() if dense else piqp.SparseSolver()
         settings = solver.settings
         # With a tighter tolerance its last steps stall on long programs; polishing does the rest.
-        tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-9, 1e-8)
+        tolerance = solver_tolerance(request, 1e-9, 1e-8, share=1e-2)
         for name in ("eps_abs", "eps_rel", "eps_duality_gap_abs", "eps_duality_gap_rel"):
             setattr(settings, name, tolerance)
         settings.check_duality_gap = True

@@ -77,7 +77,7 @@ class Proxqp(QuadraticBackend):
             return matrix.toarray() if dense else sp.csc_matrix(matrix)
 
         settings = solver.settings
-        eps = request.options["eps_abs"] or solver_tolerance(request.tolerance * 1e-2, 1e-11, 1e-8)
+        eps = request.options["eps_abs"] or solver_tolerance(request, 1e-11, 1e-8, share=1e-2)
         settings.eps_abs = eps
         settings.eps_rel = 0.0
         settings.check_duality_gap = True

@@ -80,7 +80,7 @@ def first_order_precision(request: Request) -> float:
     The last digits take most of its iterations, and polishing finds them with one linear system.
     """
     share = 1.0 if request.options["polish"] else 1e-2
-    return request.options.get("eps") or solver_tolerance(request.tolerance * share, 1e-11, 1e-6)
+    return request.options.get("eps") or solver_tolerance(request, 1e-11, 1e-6, share=share)
 
 
 def slice_iterations(*matrices: Any) -> int:
@@ -130,7 +130,7 @@ def told(solver: str, request: Request) -> tuple[str, dict[str, Any]]:
         Options of the run.
     """
     time_name, tolerances = _TOLD.get(solver, ("", ()))
-    tolerance = solver_tolerance(request.tolerance * 1e-2, 1e-10, 1e-8)
+    tolerance = solver_tolerance(request, 1e-10, 1e-8, share=1e-2)
     return time_name, {**dict.fromkeys(tolerances, tolerance), **_MORE.get(solver, {})}
 
 

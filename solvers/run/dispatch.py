@@ -15,7 +15,7 @@ from ...models.model import Model, as_model
 from ...models.records import given
 from ..contract.backend import Backend, Control, Guarantee
 from ..contract.job import Job
-from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
+from ..contract.limits import LimitOptions, Limits, check_listener, merge_limits, takes_limits
 from ..contract.registry import is_ours, rivals
 from ..contract.solution import Incumbent, Solution
 from .execution import execute
@@ -92,13 +92,14 @@ def solve(
     begin = time.perf_counter()
     model = as_model(model)
     isolate = Optional(Flag()).coerce("isolate", isolate, {})
-    fields = limits_of("solve", limits, options).fields()
-    listener: Listener | None = fields.pop("on_event")
+    fields = merge_limits("solve", limits, options)
+    listener: Listener | None = fields.pop("on_event", None)
+    check_listener(listener)
     if on_incumbent is not None:
         from ..contract.events import listener_of
 
         listener = listener_of(listener, "incumbent", on_incumbent=on_incumbent)
-    if fields["warm_start"] is not None:
+    if fields.get("warm_start") is not None:
         fields["warm_start"] = model.as_plan(fields["warm_start"])
     job = Job(
         model,

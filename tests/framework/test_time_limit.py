@@ -158,7 +158,7 @@ def test_models_without_programs_load_no_solver_of_programs(run_python, tmp_path
     said = run_python(
         "-c",
         "import sys, crosstrack as ct\n"
-        "from crosstrack.solvers.contract.registry import recommended\n"
+        "from crosstrack.solvers.contract.selection import recommended\n"
         "for name in ('black-box/easom', 'messenger/B-03-04', 'attractor/ar1'):\n"
         "    print(recommended(ct.load(name)).name)\n"
         "print([name for name in sys.modules if 'solvers.nlp' in name or 'solvers.mip' in name])\n",
