@@ -19,7 +19,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from .lazy import attach
-from .version import __version__
+from .version import __version__ as __version__
 
 if TYPE_CHECKING:
     from .errors import CrosstrackError as CrosstrackError
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .solvers.bench.running import bench as bench
     from .solvers.contract.limits import Limits as Limits
     from .solvers.contract.solution import Solution as Solution
-    from .solvers.contract.states import backend_states as backends
+    from .solvers.contract.states import backend_states as backends  # noqa: F401 (exported)
     from .solvers.optimal_control.prepared import prepare as prepare
     from .solvers.run.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.run.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
@@ -38,53 +38,14 @@ if TYPE_CHECKING:
     from .solvers.run.pareto import front as front
     from .solvers.run.verification import verify as verify
 
-_get, _, _names = attach(
-    __name__,
-    {
-        "errors": ("CrosstrackError",),
-        "instances.catalogue": ("load",),
-        "models.optimal_control.declaration.tables": ("table",),
-        "models.plots": ("plot",),
-        "solvers.bench.running": ("bench",),
-        "solvers.run.crosscheck": ("Comparison", "compare"),
-        "solvers.run.diagnosis": ("Diagnosis", "diagnose"),
-        "solvers.run.dispatch": ("solve",),
-        "solvers.run.verification": ("verify",),
-        "solvers.run.fronts": ("Front",),
-        "solvers.optimal_control.prepared": ("prepare",),
-        "solvers.run.pareto": ("front",),
-        "solvers.contract.limits": ("Limits",),
-        "solvers.contract.solution": ("Solution",),
-    },
-)
-__all__ = [
-    "Comparison",
-    "CrosstrackError",
-    "Diagnosis",
-    "Front",
-    "Limits",
-    "Solution",
-    "__version__",
-    "backends",
-    "bench",
-    "compare",
-    "diagnose",
-    "front",
-    "load",
-    "plot",
-    "prepare",
-    "solve",
-    "table",
-    "verify",
-]
+_get, _, _names = attach(__name__, __file__)
+__all__ = sorted(["__version__", *_names])
 
 #: Sub-packages, imported at first use.
 _PACKAGES = ("errors", "instances", "models", "solvers")
 
 
 def __getattr__(name: str) -> Any:
-    if name == "backends":
-        return importlib.import_module(".solvers.contract.states", __name__).backend_states
     if name in _PACKAGES:
         return importlib.import_module(f".{name}", __name__)
     return _get(name)

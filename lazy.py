@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -15,16 +17,18 @@ __all__ = ["attach", "redirect"]
 
 
 def attach(
-    package: str, homes: Mapping[str, tuple[str, ...]]
+    package: str, file: str
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package that exports lazily.
 
+    The exports are the names that the package imports in its block ``if TYPE_CHECKING:``, which
+    type checkers read. They are taken from its source, as by ``lazy_loader.attach_stub`` of
+    Scientific Python, so that they are listed once.
+
     Parameters
     ----------
-    package : str
-        The package's ``__name__``.
-    homes : mapping of str to tuple of str
-        Exported names by the module that defines them, relative to the package.
+    package, file : str
+        The package's ``__name__`` and ``__file__``.
 
     Returns
     -------
@@ -35,13 +39,21 @@ def attach(
     names : list of str
         ``__all__``, sorted.
     """
-    modules = {name: module for module, names in homes.items() for name in names}
-    names = sorted(modules)
+    homes = {
+        alias.asname or alias.name: (f".{node.module}", alias.name)
+        for block in ast.parse(Path(file).read_bytes()).body
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    names = sorted(homes)
 
     def get(name: str) -> Any:
-        if name not in modules:
+        if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(importlib.import_module(f".{modules[name]}", package), name)
+        module, original = homes[name]
+        return getattr(importlib.import_module(module, package), original)
 
     return get, lambda: names, names
 

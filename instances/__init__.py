@@ -49,18 +49,4 @@ if TYPE_CHECKING:
         write_text as write_text,
     )
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "catalogue": ("CatalogueEntry", "Provenance", "entries", "entry", "load", "register_entry"),
-        "exports": ("ExportFormat", "export_plan", "export_formats"),
-        "error_correction.files": ("read_csv", "read_points", "write_csv", "write_json"),
-        "minimum_snap.bezier": ("read_bezier", "write_bezier"),
-        "minimum_snap.paths": ("times_by_distance",),
-        "minimum_snap.pieces": ("Poly7",),
-        "minimum_snap.poly7": ("Poly7Report", "read_poly7", "write_poly7"),
-        "minimum_snap.tables": ("Samples", "read_samples", "read_waypoints", "write_samples"),
-        "optimal_control.tables": ("write_control_samples",),
-        "storage": ("read_model", "read_plan", "register_references", "write_model", "write_text"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

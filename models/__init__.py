@@ -49,37 +49,7 @@ if TYPE_CHECKING:
     )
     from .verification import Check as Check, Verification as Verification
 
-_get, _, __all__ = attach(
-    __name__,
-    {
-        "formulation": ("Formulation",),
-        "model": ("Model",),
-        "problems": ("model_type", "model_types", "register_model"),
-        "programs": (
-            "Block",
-            "ConeBlock",
-            "ConeKind",
-            "ConicProgram",
-            "MixedIntegerProgram",
-            "NonlinearProgram",
-            "Program",
-            "ProgramBuilder",
-            "QuadraticProgram",
-        ),
-        "verification": ("Check", "Verification"),
-        # __getattr__ finds the exports of other problems in their folders.
-        "error_correction": ("ErrorCorrectionRouting", "Route"),
-        "minimum_snap": (
-            "FREE",
-            "MinimumDerivative",
-            "MinimumSnap",
-            "TimeAllocation",
-            "Trajectory",
-        ),
-        "optimal_control": ("ControlPlan", "OptimalControlProblem", "PhasePlan"),
-        "satellite_slew": ("SatelliteSlew", "Tracking", "track"),
-    },
-)
+_get, _, __all__ = attach(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:

@@ -52,65 +52,7 @@ if TYPE_CHECKING:
     from .run.probing import probe as probe
     from .run.verification import verify as verify
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "contract.backend": (
-            "Answer",
-            "Backend",
-            "Control",
-            "Feature",
-            "Guarantee",
-            "Limit",
-            "Option",
-            "Request",
-            "Termination",
-        ),
-        "contract.events": ("Event", "EventKind"),
-        "contract.limits": ("Limits",),
-        "contract.states": ("BackendState", "backend_states"),
-        "contract.registration": ("register_backend",),
-        "contract.registry": (
-            "backend_names",
-            "find_backend",
-        ),
-        "contract.stopping": (
-            "AllOf",
-            "AnyOf",
-            "Criterion",
-            "Evaluations",
-            "Progress",
-            "Seconds",
-            "Stalled",
-            "Target",
-        ),
-        "contract.repeats": ("Spread",),
-        "run.crosscheck": (
-            "Comparison",
-            "compare",
-        ),
-        "run.diagnosis": (
-            "Diagnosis",
-            "Finding",
-            "diagnose",
-        ),
-        "contract.solution": (
-            "Incumbent",
-            "Solution",
-            "relative_gap",
-        ),
-        "contract.verdict": (
-            "Outcome",
-            "Verdict",
-        ),
-        "run.fronts": ("Front", "FrontPoint"),
-        "run.pareto": ("front", "sweep"),
-        "processes.isolation": ("Worker",),
-        "run.probing": ("probe",),
-        "run.dispatch": ("solve",),
-        "run.verification": ("verify",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
 
 #: Modules that were in this folder itself before it had rooms, by room.
 _ROOMS = {

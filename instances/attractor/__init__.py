@@ -23,12 +23,4 @@ PAPER_TABLES = {
     "attractor/systems": ".paper_tables:systems",
 }
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "exports": ("write_states_csv",),
-        "hunting": ("Hunt", "simulate_hunt"),
-        "readers": ("read_series",),
-        "systems": ("generate",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -24,11 +24,4 @@ PAPER_TABLES = {
     "black-box/paths": ".paper_tables:paths",
 }
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "exports": ("write_point_csv",),
-        "generator": ("generate",),
-        "paths": ("path_grid", "path_instance"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -37,18 +37,4 @@ PAPERS = {"error-correction": ".paper:PAPER"}
 PAPER_TABLES = {f"error-correction/table-{k}": f".paper_tables:table_{k}" for k in (1, 2, 3)}
 DEMOS = {"error-correction": ".demo:DEMO"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "files": ("PointTable", "read_csv", "read_points", "write_csv", "write_json"),
-        "generator": (
-            "generate",
-            "generate_with_route",
-            "random_small",
-            "uniform_slab",
-            "with_suspects",
-        ),
-        "listing": ("example_1", "setting_model"),
-        "settings": ("SETTINGS", "TABLE_2", "TABLE_3", "Setting", "Thresholds"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

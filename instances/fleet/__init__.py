@@ -24,12 +24,4 @@ EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exp
 PAPERS = {"fleet": ".paper:PAPER"}
 PAPER_TABLES = {"fleet/table-1": ".paper_tables:table_1", "fleet/table-2": ".paper_tables:table_2"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "exports": ("write_routes_csv", "write_routes_geojson", "write_vrplib"),
-        "generator": ("generate",),
-        "nodes": ("read_nodes",),
-        "tsplib": ("read_tsplib", "read_vrplib"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

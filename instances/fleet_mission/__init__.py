@@ -22,11 +22,4 @@ REFERENCES = {"fleet-mission": ".files:resolve_references"}
 DEMOS = {"fleet-mission": "fleet-mission/example"}
 EXPORTS = {"samples": ".files:SAMPLES", "poly7": ".files:POLY7", "geojson": ".files:GEOJSON"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "files": ("write_mission_geojson", "write_mission_poly7", "write_mission_samples"),
-        "generator": ("random_mission",),
-        "table_3": ("table_3_mission",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

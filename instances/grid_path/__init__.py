@@ -45,15 +45,4 @@ REFERENCES = {"grid-path": ".maps:resolve_references"}
 DEMOS = {"grid-path": ".demo:DEMO"}
 EXPORTS = {"csv": ".paths:CSV", "geojson": ".paths:GEOJSON"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "generators": ("maze", "random_cells", "random_nodes", "random_polygons", "rooms"),
-        "geojson": ("read_geojson_polygons", "write_geojson_polygons"),
-        "images": ("read_image",),
-        "listing": ("paper_map",),
-        "maps": ("read_grid", "read_polygon_map", "read_text_map", "write_text_map"),
-        "movingai": ("Scenario", "read_map", "read_scenarios", "write_map"),
-        "paths": ("write_paths_csv", "write_paths_geojson"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

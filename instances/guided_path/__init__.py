@@ -27,13 +27,4 @@ PAPER_TABLES = {
     "guided-path/table-1b": ".paper_tables:table_1b",
 }
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "exports": ("write_stops_csv", "write_tour"),
-        "generator": ("generate", "generate_relation"),
-        "sop": ("read_sop", "write_sop"),
-        "stops": ("read_stops",),
-        "supersequence": ("supersequence_of", "supersequence_tour"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -23,12 +23,4 @@ PAPER_TABLES = {
     for name in ("table-3", "table-4", "table-5", "table-6", "figure-5", "figure-7")
 }
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "dtspn": ("read_best_known", "read_dtspn"),
-        "generator": ("generate",),
-        "samples": ("write_tour_samples",),
-        "vehicles": ("read_vehicles",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -56,21 +56,4 @@ HINTS = {"trajectory": ".tables:describe_table"}
 DEMOS = {"minimum-snap": "minimum-snap/square"}
 EXPORTS = {"poly7": ".poly7:POLY7", "samples": ".tables:SAMPLES", "bezier": ".bezier:BEZIER"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "bezier": ("read_bezier", "write_bezier"),
-        "corridors": ("corridor", "corridor_with_way", "gates", "hurried"),
-        "paths": (
-            "figure_eight",
-            "helix",
-            "random_walk",
-            "random_waypoints",
-            "square",
-            "times_by_distance",
-        ),
-        "pieces": ("Poly7",),
-        "poly7": ("PIECES_THAT_FIT", "Poly7Report", "read_poly7", "write_poly7"),
-        "tables": ("Samples", "read_samples", "read_waypoints", "sample_columns", "write_samples"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

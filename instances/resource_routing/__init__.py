@@ -15,6 +15,4 @@ if TYPE_CHECKING:
 CATALOGUE = {"resource-routing": ".listing:catalogue_entries"}
 DEMOS = {"resource-routing": "resource-routing/network-20"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__, {"generator": ("generate_electric", "generate_network")}
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -18,11 +18,4 @@ EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"sideslip": ".paper:PAPER"}
 PAPER_TABLES = {f"sideslip/table-{number}": f".paper_tables:table_{number}" for number in (1, 2, 3)}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "exports": ("write_sideslip_csv",),
-        "generator": ("generate",),
-        "readers": ("read_recording",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

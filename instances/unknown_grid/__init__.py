@@ -31,18 +31,4 @@ PAPER_TABLES = {
     "unknown-grid/policies": ".paper_tables:policies",
 }
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "exports": ("write_runs_csv",),
-        "laws": (
-            "SceneLaw",
-            "SceneArrays",
-            "draw_scene_arrays",
-            "draw_scenes",
-            "training_generator",
-        ),
-        "readers": ("read_map_scenes", "read_scenes"),
-        "wild": ("clutter", "enclosed", "maze", "spiral"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

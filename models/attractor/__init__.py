@@ -18,10 +18,4 @@ if TYPE_CHECKING:
 MODELS = {"attractor": ".model:AttractorAnalysis"}
 PICTURES = {"attractor": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "model": ("AttractorAnalysis",),
-        "plan": ("AttractorEstimate", "Judgement", "Slope", "SurrogateTest"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

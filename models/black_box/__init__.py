@@ -19,12 +19,4 @@ if TYPE_CHECKING:
 MODELS = {"black-box": ".model:BlackBoxMinimisation"}
 PICTURES = {"black-box": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "functions": ("Named", "PythonFunction"),
-        "model": ("BlackBoxMinimisation",),
-        "plan": ("BlackBoxPoint",),
-        "waypoints": ("WaypointPath", "as_grid_plan", "path_problem"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -16,6 +16,4 @@ if TYPE_CHECKING:
 MODELS = {"error-correction": ".model:ErrorCorrectionRouting"}
 PICTURES = {"error-correction": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__, {"model": ("ErrorCorrectionRouting", "Route", "Stop")}
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

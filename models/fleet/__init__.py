@@ -16,11 +16,4 @@ SHARED = ("checks.objective_of",)
 MODELS = {"fleet-routing": ".model:FleetRouting"}
 PICTURES = {"fleet-routing": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "data": ("Deviation", "Metric", "Objective"),
-        "model": ("FleetRouting",),
-        "plan": ("FleetPlan",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

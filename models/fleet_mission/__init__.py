@@ -14,7 +14,4 @@ if TYPE_CHECKING:
 MODELS = {"fleet-mission": ".model:FleetMission"}
 PICTURES = {"fleet-mission": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {"curves": ("lengths_of",), "model": ("FleetMission",), "plan": ("MissionPlan",)},
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

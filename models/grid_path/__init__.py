@@ -20,15 +20,4 @@ SHARED = ("gridmap.read_cells",)
 MODELS = {"grid-path": ".model:GridPath"}
 PICTURES = {"grid-path": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "gridmap": ("GridMap",),
-        "model": ("Connectivity", "GridPath", "Reach"),
-        "plan": ("GridPlan",),
-        "polygons": ("Polygon", "Polygons", "as_shapely"),
-        "shortest": ("distances", "path_between"),
-        "sight": ("Sight", "line_of_sight"),
-        "trails": ("trail",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

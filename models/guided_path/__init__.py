@@ -13,7 +13,4 @@ if TYPE_CHECKING:
 MODELS = {"guided-path-tour": ".model:GuidedPathTour"}
 PICTURES = {"guided-path-tour": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {"model": ("GuidedPathTour",), "plan": ("GuidedPathPlan",)},
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -13,6 +13,4 @@ if TYPE_CHECKING:
 MODELS = {"messenger-tour": ".model:MessengerTour"}
 PICTURES = {"messenger-tour": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__, {"model": ("MessengerTour",), "plan": ("Primitive", "TourPlan")}
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

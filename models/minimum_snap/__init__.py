@@ -32,12 +32,4 @@ MODELS = {
 }
 PICTURES = dict.fromkeys(MODELS, ".plot.picture:draw")
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "bounds": ("FREE", "Bound", "Halfspaces", "derivative_name"),
-        "model": ("MinimumDerivative", "MinimumSnap"),
-        "time_allocation": ("TimeAllocation",),
-        "trajectory": ("Extremes", "Trajectory"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

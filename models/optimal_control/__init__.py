@@ -31,17 +31,4 @@ SHARED = (
 MODELS = {"optimal-control": ".model:OptimalControlProblem"}
 PICTURES = {"optimal-control": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "checks": ("motion",),
-        "declaration.tables": ("Table", "table"),
-        "hamiltonian": ("HamiltonianReport", "hamiltonian_spread"),
-        "integration": ("Reintegration",),
-        "model": ("OptimalControlProblem",),
-        "piecewise": ("Piecewise",),
-        "plan": ("ControlPlan", "PhasePlan", "Signal"),
-        "rounding": ("RoundedPlan", "round_controls"),
-        "simulation": ("Breach", "Simulation", "simulate"),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

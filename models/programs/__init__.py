@@ -25,15 +25,4 @@ MODELS = {
     "quadratic-program": ".linear:QuadraticProgram",
 }
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "base": ("BlockProgram", "Program", "RowProgram"),
-        "blocks": ("Block",),
-        "builder": ("ProgramBuilder",),
-        "cones": ("ConeBlock", "ConeKind"),
-        "conic": ("ConicProgram",),
-        "linear": ("MixedIntegerProgram", "QuadraticProgram"),
-        "nonlinear": ("NonlinearProgram",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -27,7 +27,4 @@ SHARED = (
 MODELS = {"resource-routing": ".model:ResourceRouting"}
 PICTURES = {"resource-routing": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {"model": ("ResourceRouting",), "resource": ("Resource",)},
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -14,7 +14,4 @@ if TYPE_CHECKING:
 MODELS = {"satellite-slew": ".model:SatelliteSlew"}
 PICTURES = {"satellite-slew": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {"flight": ("Breach", "Tracking"), "model": ("SatelliteSlew",), "tracking": ("track",)},
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

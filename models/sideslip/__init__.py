@@ -14,11 +14,4 @@ if TYPE_CHECKING:
 MODELS = {"sideslip": ".model:SideslipEstimation"}
 PICTURES = {"sideslip": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "data": ("Recording", "Tyre", "Vehicle"),
-        "model": ("SideslipEstimation",),
-        "plan": ("SideslipEstimate",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

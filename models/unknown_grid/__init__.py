@@ -16,13 +16,4 @@ if TYPE_CHECKING:
 MODELS = {"unknown-grid": ".model:UnknownGridNavigation"}
 PICTURES = {"unknown-grid": ".plot:draw"}
 
-__getattr__, __dir__, __all__ = attach(
-    __name__,
-    {
-        "camera": ("Camera", "Rendering"),
-        "model": ("UnknownGridNavigation",),
-        "plan": ("NavigationRuns", "Outcome"),
-        "scenes": ("Hover",),
-        "world": ("World",),
-    },
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
