@@ -11,8 +11,8 @@ from typing import Any, Self
 import numpy as np
 
 from ..errors import InvalidData, suggestion
-from .fields import Spec, show
 from .records import Several
+from .specs import Spec, show
 
 __all__ = ["Declared", "Listed", "Nested", "Plan"]
 

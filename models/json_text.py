@@ -8,7 +8,7 @@ import re
 from typing import Any
 
 from ..errors import InvalidData
-from .fields import required, show, unwritable
+from .specs import required, show, unwritable
 
 __all__ = ["parse_json"]
 

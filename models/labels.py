@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidData
-from .fields import Spec, count_rows, show
+from .specs import Spec, count_rows, show
 
 __all__ = ["Ids"]
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
 from .declaration import Declared, Plan
-from .fields import TRUSTED, Text, required, show
 from .problems import model_type, resolve
+from .specs import TRUSTED, Text, required, show
 from .verification import TOLERANCE, Verification
 
 __all__ = ["Model", "as_model"]

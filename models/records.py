@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 from ..errors import InvalidData
-from .fields import Spec, count_rows, show
+from .specs import Spec, count_rows, show
 
 __all__ = ["Anything", "Member", "Sequence", "Several", "Table", "given", "recorded"]
 

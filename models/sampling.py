@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from ..errors import InvalidData
-from .fields import show
+from .specs import show
 
 __all__ = ["MOST_SAMPLES", "sample_count"]
 

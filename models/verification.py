@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InvalidData, UnsupportedOption
-from .fields import Optional, Real, Spec, Text, show
 from .records import Sequence, recorded
+from .specs import Optional, Real, Spec, Text, show
 
 __all__ = [
     "ROUNDING",

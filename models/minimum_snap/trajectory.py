@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..declaration import Plan
-from ..fields import Array, Whole, count_rows, declared, frozen, show
+from ..fields import Array, Whole, declared, frozen, show
 from ..sampling import sample_count
+from ..specs import count_rows
 from .polynomials import (
     bernstein_matrix,
     by_power,
