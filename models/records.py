@@ -1,4 +1,4 @@
-"""Specifications of composite values: lists, tables and members, for plans and stored records."""
+"""Specifications of composite values: lists, tables and members."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import InvalidData
 from .specs import Spec, count_rows, show
 
-__all__ = ["Anything", "Member", "Sequence", "Several", "Table", "given", "recorded"]
+__all__ = ["Anything", "Member", "Sequence", "Several", "Table", "given"]
 
 
 @dataclass(frozen=True)
@@ -113,35 +113,3 @@ class Member(Spec):
 def given(name: str, value: Any) -> dict[str, Any]:
     """Return `value` as a dict of options, empty for None, or raise if it is not a mapping."""
     return {} if value is None else Table().coerce(name, value, {})
-
-
-def recorded(
-    what: str, data: Any, specs: Mapping[str, Spec], defaults: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the checked entries of a stored record; entries of later versions are omitted.
-
-    Parameters
-    ----------
-    what : str
-        Name of the record in messages.
-    data : mapping
-        The record.
-    specs : mapping of str to Spec
-        Specification of each entry.
-    defaults : mapping
-        Values of entries that older records lack. Entries without a default are required.
-
-    Raises
-    ------
-    InvalidData
-        An entry is missing or invalid.
-    """
-    if not isinstance(data, Mapping):
-        raise InvalidData(f"{what} must be an object, got {show(data)}", field="data")
-    for key in specs:
-        if key not in data and key not in defaults:
-            raise InvalidData(f"key {key!r} is missing in {what}", field=key)
-    return {
-        key: spec.coerce(key, data[key], {}) if key in data else defaults[key]
-        for key, spec in specs.items()
-    }

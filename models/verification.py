@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InvalidData, UnsupportedOption
-from .records import Sequence, recorded
-from .specs import Optional, Real, Spec, Text, show
+from .specs import show
 
 __all__ = [
     "ROUNDING",
@@ -32,26 +31,6 @@ TOLERANCE = 1e-6
 NEAR = 0.1
 #: Number of checks that a one-line summary names.
 SHOWN = 3
-
-
-#: Entries of stored checks and verifications; null means infinity.
-_CHECK: dict[str, Spec] = {
-    "name": Text(),
-    "equation": Text(),
-    "worst": Optional(Real()),
-    "unit": Text(),
-    "tolerance": Optional(Real()),
-    "where": Text(),
-    "rounding": Optional(Real()),
-    "scale": Optional(Real()),
-    "limit": Optional(Real()),
-}
-_VERIFICATION: dict[str, Spec] = {
-    "objective": Optional(Real()),
-    "checks": Sequence(),
-    "spread": Real(0.0),
-    "scale": Optional(Real()),
-}
 
 
 def check_number(
@@ -347,11 +326,9 @@ class Check:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Check:
         """Return the check that :meth:`to_dict` wrote; invalid data raise ``InvalidData``."""
-        older = {"rounding": ROUNDING, "scale": 1.0, "limit": None}
-        entries = recorded("a check", data, _CHECK, older)
-        for key in ("worst", "tolerance", "rounding", "scale"):
-            entries[key] = _infinity_if_none(entries[key])
-        return cls(**entries)
+        from .stored import check_fields
+
+        return cls(**check_fields(data, {"rounding": ROUNDING, "scale": 1.0, "limit": None}))
 
     def __str__(self) -> str:
         state = "within tolerance" if self.within_tolerance else "ok" if self.ok else "VIOLATED"
@@ -427,10 +404,10 @@ class Verification:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Verification:
         """Return the verification that :meth:`to_dict` wrote; invalid data raise ``InvalidData``."""
-        entries = recorded("a verification", data, _VERIFICATION, {"spread": 0.0, "scale": 1.0})
-        scale = _infinity_if_none(entries["scale"])
-        checks = tuple(map(Check.from_dict, entries["checks"]))
-        return cls(**{**entries, "checks": checks, "scale": scale})
+        from .stored import verification_fields
+
+        entries = verification_fields(data, {"spread": 0.0, "scale": 1.0})
+        return cls(**{**entries, "checks": tuple(map(Check.from_dict, entries["checks"]))})
 
     def summary(self) -> str:
         """Return the state in one line, with the checks that are violated or weak."""
@@ -449,10 +426,6 @@ class Verification:
 def _finite(value: float) -> float | None:
     """Return `value`, or None if it is infinite or NaN."""
     return value if math.isfinite(value) else None
-
-
-def _infinity_if_none(value: float | None) -> float:
-    return math.inf if value is None else value
 
 
 def _join_names(checks: tuple[Check, ...]) -> str:

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...models.fields import Array, Optional, Real, Spec, Text, Whole
-from ...models.records import Anything, Member, Sequence, Table, recorded
+from ...models.records import Anything, Member, Sequence, Table
+from ...models.stored import recorded
 from .enums import Guarantee, Limit, Termination
 
 __all__ = ["solution_data", "solution_fields"]
