@@ -60,9 +60,6 @@ class Model(Declared, ABC, Generic[PlanT]):
     rivals : bool
         Whether all backends solve the same task, so that objectives can be ranked. False if each
         estimates another quantity; comparisons then rank no backend by its objective.
-    default_margin : float
-        Largest relative excess of the recommended backend over another native one at the same time
-        limit, which a test checks; infinite if no backend is the best on all instances.
     plan_type : type
         Required type of plans; ``object`` accepts any.
     second_objectives : dict of str to str
@@ -82,7 +79,6 @@ class Model(Declared, ABC, Generic[PlanT]):
     agreement: ClassVar[float | None] = None
     certified_distance: ClassVar[float] = math.inf
     rivals: ClassVar[bool] = True
-    default_margin: ClassVar[float] = 0.01
     plan_type: ClassVar[type] = object
     second_objectives: ClassVar[dict[str, str]] = {}
     second_steps: ClassVar[dict[str, float]] = {}

@@ -7,7 +7,6 @@ Artificial Fish Swarm Algorithm", Mathematical Problems in Engineering 2016, art
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
@@ -75,8 +74,6 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
 
     kind: ClassVar[str] = "black-box"
     plan_type: ClassVar[type] = BlackBoxPoint
-    #: A portfolio is good on most functions, and the best on none.
-    default_margin: ClassVar[float] = math.inf
 
     def check(self) -> None:
         """Raise for empty bounds, and for functions with another number of variables."""

@@ -12,7 +12,7 @@ from ...errors import CrosstrackError, InvalidData
 from ...files import as_path, read_bytes
 from ...models.fields import show
 from ..contract.solution import Solution
-from ..contract.verdict import Outcome, Verdict, judge
+from ..contract.verdict import Outcome, Verdict, judge, worst_outcome
 from ..run.recording import lines_of
 from .markup import many
 from .standing import Standing, rank, standings_table, who
@@ -77,11 +77,7 @@ class Records:
     @property
     def outcome(self) -> Outcome:
         """Worst outcome of all verdicts, so a single contradiction decides."""
-        outcomes = {verdict.outcome for verdict in self.verdicts}
-        for outcome in (Outcome.CONTRADICTION, Outcome.INCONCLUSIVE):
-            if outcome in outcomes:
-                return outcome
-        return Outcome.AGREED if outcomes and not self.interrupted else Outcome.INCONCLUSIVE
+        return worst_outcome(self.verdicts, self.interrupted)
 
     def among(self, *backends: str) -> Records:
         """Return the answers of some backends on the instances that all of them ran on.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import CrosstrackError
 from ...models.model import Model
 from ...models.verification import ROUNDING
-from ..report.tables import frame, markup, render, solutions_table
+from ..report.tables import Printable, frame, solutions_table
 from .enums import PROVING, Guarantee, Termination
 from .registry import find_backend
 from .repeats import Spread, name_backend, spreads, spreads_table
@@ -22,7 +22,7 @@ from .solution import Solution
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["Outcome", "Verdict", "judge"]
+__all__ = ["Outcome", "Verdict", "judge", "worst_outcome"]
 
 
 #: Number of checks within tolerance up to which a note describes each of them.
@@ -45,7 +45,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Printable):
     """Verdict on the answers to one model.
 
     Parameters
@@ -104,19 +104,18 @@ class Verdict:
             "\n".join(lines),
         ]
 
-    def summary(self) -> str:
-        """Return the answers and the verdict as text."""
-        return render(*self.parts(), width=140)
-
     def to_frame(self) -> DataFrame:
         """Return the answers as a pandas data frame with one row per answer. Requires pandas."""
         return frame(self.solutions)
 
-    def __str__(self) -> str:
-        return self.summary()
 
-    def _repr_html_(self) -> str:
-        return markup(*self.parts())
+def worst_outcome(verdicts: Sequence[Verdict], interrupted: bool) -> Outcome:
+    """Return the worst outcome of all verdicts, so that a single contradiction decides."""
+    outcomes = {verdict.outcome for verdict in verdicts}
+    for outcome in (Outcome.CONTRADICTION, Outcome.INCONCLUSIVE):
+        if outcome in outcomes:
+            return outcome
+    return Outcome.AGREED if outcomes and not interrupted else Outcome.INCONCLUSIVE
 
 
 def _clean(solution: Solution[Any]) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import io
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = [
+    "Printable",
     "details_table",
     "frame",
     "markup",
@@ -178,6 +180,24 @@ def markup(*parts: Any) -> str:
         else f"<p>{'<br>'.join(html.escape(line) for line in str(part).splitlines())}</p>"
         for part in parts
     )
+
+
+class Printable(ABC):
+    """Base of results that consist of tables and text."""
+
+    @abstractmethod
+    def parts(self) -> list[Any]:
+        """Return the printable parts in order."""
+
+    def summary(self) -> str:
+        """Return tables and text as plain text."""
+        return render(*self.parts(), width=140)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        return markup(*self.parts())
 
 
 def _table_markup(fitted: FittedTable) -> str:

@@ -24,10 +24,10 @@ from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
 from ..contract.registry import find_backend
 from ..contract.selection import recommended
 from ..contract.solution import Solution
-from ..contract.verdict import Outcome, Verdict, judge
+from ..contract.verdict import Outcome, Verdict, judge, worst_outcome
 from ..processes.output import shown
 from ..processes.scheduling import Task, failed, run_by_pool, run_by_threads
-from ..report.tables import frame, markup, render
+from ..report.tables import Printable, frame
 from .execution import GRACE
 from .recording import Record
 
@@ -40,7 +40,7 @@ log = logging.getLogger("crosstrack")
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Printable):
     """Result of :func:`compare`: one verdict per model. Printing it shows tables.
 
     Parameters
@@ -57,11 +57,7 @@ class Comparison:
     @property
     def outcome(self) -> Outcome:
         """Worst outcome of all verdicts, so a single contradiction decides."""
-        outcomes = {verdict.outcome for verdict in self.verdicts}
-        for outcome in (Outcome.CONTRADICTION, Outcome.INCONCLUSIVE):
-            if outcome in outcomes:
-                return outcome
-        return Outcome.AGREED if outcomes and not self.interrupted else Outcome.INCONCLUSIVE
+        return worst_outcome(self.verdicts, self.interrupted)
 
     @property
     def solutions(self) -> tuple[Solution[Any], ...]:
@@ -85,19 +81,9 @@ class Comparison:
             parts.append("interrupted: missing answers were not run")
         return parts
 
-    def summary(self) -> str:
-        """Return the verdicts with their tables as text."""
-        return render(*self.parts(), width=140)
-
     def to_frame(self) -> DataFrame:
         """Return the answers as a pandas data frame with one row per answer. Requires pandas."""
         return frame(self.solutions)
-
-    def __str__(self) -> str:
-        return self.summary()
-
-    def _repr_html_(self) -> str:
-        return markup(*self.parts())
 
 
 @takes_limits(time_limit=60.0)

@@ -9,7 +9,7 @@ from typing import Any
 from ...models.model import Model
 from ..contract.solution import Solution
 from ..report.fitting import FittedTable
-from ..report.tables import markup, number, render, seconds_text, table
+from ..report.tables import Printable, number, seconds_text, table
 
 __all__ = ["EQUAL", "Front", "FrontPoint", "gathered"]
 
@@ -66,7 +66,7 @@ class FrontPoint:
 
 
 @dataclass(frozen=True)
-class Front:
+class Front(Printable):
     """Result of :func:`front` and :func:`sweep`. Printing it shows a table.
 
     Parameters
@@ -139,16 +139,6 @@ class Front:
         if self.interrupted:
             parts.append("interrupted: missing points were not run")
         return parts
-
-    def summary(self) -> str:
-        """Return the points as a table of text."""
-        return render(*self.parts(), width=140)
-
-    def __str__(self) -> str:
-        return self.summary()
-
-    def _repr_html_(self) -> str:
-        return markup(*self.parts())
 
 
 def _table(
