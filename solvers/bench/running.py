@@ -158,7 +158,7 @@ def bench(
     warm_start, starts, verbose : optional
         As in :func:`crosstrack.compare`.
     on_event : callable, optional
-        Function called with an :class:`~crosstrack.solvers.contract.limits.Event` when a job starts
+        Function called with an :class:`~crosstrack.solvers.contract.events.Event` when a job starts
         or ends, by one thread at a time. Its `progress` is a :class:`Progress`.
 
     Returns

@@ -153,7 +153,7 @@ def compare(
         One for all models, or one per model (None for no warm start). Passed to the backends that
         support it.
     on_event : callable, optional
-        Function called with each :class:`~crosstrack.solvers.contract.limits.Event`: the end of each
+        Function called with each :class:`~crosstrack.solvers.contract.events.Event`: the end of each
         job with its solution, in the order of completion.
 
     Returns

@@ -50,7 +50,7 @@ def execute(
     job : Job
         The job. Unsupported options raise before anything starts.
     listener : callable, optional
-        Function called with every :class:`~crosstrack.solvers.contract.limits.Event`, in the caller's
+        Function called with every :class:`~crosstrack.solvers.contract.events.Event`, in the caller's
         thread.
     on_prepare : callable, optional
         Function called with True before and False after work that only the first run needs

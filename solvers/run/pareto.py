@@ -90,7 +90,7 @@ def front(
     warm_start, starts, verbose : optional
         As in :func:`crosstrack.solve`, for each run.
     on_event : callable, optional
-        Function called with each :class:`~crosstrack.solvers.contract.limits.Event`: the end of each
+        Function called with each :class:`~crosstrack.solvers.contract.events.Event`: the end of each
         run with its solution.
     record : path-like, optional
         Name of a JSONL file to which each answer is appended at once.
