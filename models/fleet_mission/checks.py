@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 #: Relative rounding error of positions.
 DIGITS = 1e-13
 #: Accuracy of the search for the least distance, as a share of the distance tolerance.
-SEARCHED = 0.01
+SEARCH_SHARE = 0.01
 #: Relative rounding error of a derivative at a knot, with respect to its terms.
 ULPS = 16 * float(np.finfo(float).eps)
 #: Largest derivatives of the unit rest-to-rest step, a polynomial of degree 7 on a unit of time.
@@ -38,7 +38,7 @@ STEPS = (1.0, 35.0 / 16.0, 7.52, 52.5)
 
 
 #: Robots under way: number and trajectory.
-Flown = list[tuple[int, Trajectory]]
+Flights = list[tuple[int, Trajectory]]
 
 
 def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> Verification:
@@ -47,20 +47,20 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
     required("plan", plan, MissionPlan)
     for k, route in enumerate(plan.routes):
         check_entries(f"routes[{k}]", route, 0, len(model.nodes) - 1, "routes")
-    flown = [(k, entry) for k, entry in enumerate(plan.trajectories) if entry is not None]
+    flights = [(k, entry) for k, entry in enumerate(plan.trajectories) if entry is not None]
     checks = [
         *_counts(model, plan),
-        *_places(model, plan, flown, tolerance),
-        *_knots(model, flown, tolerance),
-        *_limits(model, flown, tolerance),
-        _inside(model, flown, tolerance),
-        _collision(model, flown, tolerance),
-        _separation(model, flown, tolerance),
+        *_places(model, plan, flights, tolerance),
+        *_knots(model, flights, tolerance),
+        *_limits(model, flights, tolerance),
+        _inside(model, flights, tolerance),
+        _collision(model, flights, tolerance),
+        _separation(model, flights, tolerance),
     ]
     if len(plan.routes) != model.vehicles:
         return Verification(None, tuple(checks))
     loads = np.zeros(model.vehicles)
-    for k, entry in flown:
+    for k, entry in flights:
         loads[k] = lengths_of(entry).sum()
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective == "range" else 0.0
@@ -104,49 +104,54 @@ def _worst(
 
 
 def _places(
-    model: MissionData, plan: MissionPlan, flown: Flown, tolerance: float
+    model: MissionData, plan: MissionPlan, flights: Flights, tolerance: float
 ) -> Iterator[Check]:
     """Yield the checks of visit times and positions, and of both ends."""
     digits = _digits(model)
     # Time scale: one cell at the velocity scale of the other checks.
     pause = _scale(model, 0) / _scale(model, 1)
 
-    def passed(k: int, one: Trajectory) -> tuple[Any, ...]:
+    def distance_to_nodes(k: int, curve: Trajectory) -> tuple[Any, ...]:
         times, nodes = plan.visits[k], np.array(plan.routes[k], int)
-        reached = one(np.clip(times, one.times[0], one.times[-1]))
+        positions = curve(np.clip(times, curve.times[0], curve.times[-1]))
 
         def place(stop: int) -> str:
             return f"robot {k}, node {model.label(int(nodes[stop]))} (t = {times[stop]:.6g} s)"
 
-        return np.hypot(*(reached - model.nodes[nodes]).T), model.cell, place, digits
+        return np.hypot(*(positions - model.nodes[nodes]).T), model.cell, place, digits
 
-    def late(k: int, one: Trajectory) -> tuple[Any, ...]:
-        stops = np.concatenate([one.times[:1], plan.visits[k], one.times[-1:]])
-        noise = ULPS * float(np.abs(one.times).max())
+    def waits(k: int, curve: Trajectory) -> tuple[Any, ...]:
+        stops = np.concatenate([curve.times[:1], plan.visits[k], curve.times[-1:]])
+        noise = ULPS * float(np.abs(curve.times).max())
         return -np.diff(stops), pause, lambda stop: f"robot {k}, stop {stop}", noise
 
-    def side(k: int) -> Callable[[int], str]:
+    def name_end(k: int) -> Callable[[int], str]:
         return lambda end: f"robot {k}, {('start', 'end')[end]}"
 
-    def off_depot(k: int, one: Trajectory) -> tuple[Any, ...]:
-        begins, ends = one.at_ends()
+    def distance_to_depot(k: int, curve: Trajectory) -> tuple[Any, ...]:
+        begins, ends = curve.at_ends()
         gaps = np.hypot(*(np.stack([begins[0], ends[-1]]) - model.depot).T)
-        return gaps, model.cell, side(k), digits
+        return gaps, model.cell, name_end(k), digits
 
-    def moving(k: int, one: Trajectory, order: int) -> tuple[Any, ...]:
-        begins, ends = one.at_ends(order)
-        own = _noise(one, order)
+    def derivative_at_ends(k: int, curve: Trajectory, order: int) -> tuple[Any, ...]:
+        begins, ends = curve.at_ends(order)
+        errors = _noise(curve, order)
         values = np.abs(np.stack([begins[0], ends[-1]])).max(axis=1)
-        return values, _scale(model, order), side(k), np.stack([own[0], own[-1]]).max(axis=1)
+        return (
+            values,
+            _scale(model, order),
+            name_end(k),
+            np.stack([errors[0], errors[-1]]).max(axis=1),
+        )
 
-    stops = [passed(k, one) for k, one in flown]
+    stops = [distance_to_nodes(k, curve) for k, curve in flights]
     yield _worst("nodes passed at their times", "m", tolerance, stops, "24")
-    yield _worst("visits in order", "s", tolerance, [late(k, one) for k, one in flown])
-    gaps = [off_depot(k, one) for k, one in flown]
+    yield _worst("visits in order", "s", tolerance, [waits(k, curve) for k, curve in flights])
+    gaps = [distance_to_depot(k, curve) for k, curve in flights]
     yield _worst("begins and ends at the depot", "m", tolerance, gaps)
     for order in range(1, model.continuity + 1):
         name, unit = f"{derivative_name(order)} 0 at both ends", derivative_unit(order)
-        robots = [moving(k, one, order) for k, one in flown]
+        robots = [derivative_at_ends(k, curve, order) for k, curve in flights]
         yield _worst(name, unit, tolerance, robots, _equation_number("23", order))
 
 
@@ -161,24 +166,24 @@ def _scale(model: MissionData, order: int) -> float:
     return (model.cell, speed, push, push * push / speed)[order]
 
 
-def _noise(one: Trajectory, order: int) -> Floats:
+def _noise(curve: Trajectory, order: int) -> Floats:
     """Return the rounding error of a derivative at knots, shape (segments, 2)."""
-    if order > one.degree:
-        return np.zeros((one.segments, 2))
+    if order > curve.degree:
+        return np.zeros((curve.segments, 2))
     sizes = np.einsum(
-        "p,kpd->kd", factorials(one.degree, order), np.abs(one.coefficients[:, order:])
+        "p,kpd->kd", factorials(curve.degree, order), np.abs(curve.coefficients[:, order:])
     )
     # Rounding steps in positions cause derivatives of smooth curves.
-    sizes += STEPS[order] * np.abs(one.coefficients[:, 0])
-    return np.asarray(ULPS * sizes * (one.durations**-order)[:, None])
+    sizes += STEPS[order] * np.abs(curve.coefficients[:, 0])
+    return np.asarray(ULPS * sizes * (curve.durations**-order)[:, None])
 
 
-def _knots(model: MissionData, flown: Flown, tolerance: float) -> Iterator[Check]:
+def _knots(model: MissionData, flights: Flights, tolerance: float) -> Iterator[Check]:
     """Yield the checks of jumps at knots, from the position to the derivative `continuity`."""
 
-    def jumps(k: int, one: Trajectory, order: int) -> tuple[Any, ...]:
-        begin, end = one.at_ends(order)
-        own = _noise(one, order)
+    def jumps(k: int, curve: Trajectory, order: int) -> tuple[Any, ...]:
+        begin, end = curve.at_ends(order)
+        errors = _noise(curve, order)
         scale: Any = _scale(model, order)
         if order == 3:
             # Jerk has no limit: its scale is the value at the knot, and 1 % of the largest value.
@@ -187,22 +192,22 @@ def _knots(model: MissionData, flown: Flown, tolerance: float) -> Iterator[Check
             scale = np.minimum(scale, _scale(model, 3) * 1e3)
 
         def place(knot: int, axis: int) -> str:
-            return f"robot {k}, knot {knot + 1} (t = {one.times[knot + 1]:.6g} s)"
+            return f"robot {k}, knot {knot + 1} (t = {curve.times[knot + 1]:.6g} s)"
 
-        noise = own[:-1] + own[1:] + (_digits(model) if order == 0 else 0.0)
+        noise = errors[:-1] + errors[1:] + (_digits(model) if order == 0 else 0.0)
         return np.abs(end[:-1] - begin[1:]), scale, place, noise
 
     for order in range(model.continuity + 1):
         name, unit = f"continuity of {derivative_name(order)}", derivative_unit(order)
-        robots = [jumps(k, one, order) for k, one in flown]
+        robots = [jumps(k, curve, order) for k, curve in flights]
         yield _worst(name, unit, tolerance, robots, _equation_number("25", order))
 
 
-def _limits(model: MissionData, flown: Flown, tolerance: float) -> Iterator[Check]:
+def _limits(model: MissionData, flights: Flights, tolerance: float) -> Iterator[Check]:
     """Yield the checks of the velocity and acceleration limits at exact extremes."""
 
-    def check(name: str, unit: str, k: int, one: Trajectory, order: int, limits: Floats) -> Check:
-        extremes = one.extremes(order)
+    def check(name: str, unit: str, k: int, curve: Trajectory, order: int, limits: Floats) -> Check:
+        extremes = curve.extremes(order)
         sizes = np.maximum(-extremes.least, extremes.largest)
         late = extremes.largest >= -extremes.least
         times = np.where(late, extremes.largest_time, extremes.least_time)
@@ -214,30 +219,32 @@ def _limits(model: MissionData, flown: Flown, tolerance: float) -> Iterator[Chec
 
     for order, limits in ((1, model.velocity_limit), (2, model.acceleration_limit)):
         name, unit = f"{derivative_name(order)} within its limit", derivative_unit(order)
-        checks = [check(name, unit, k, one, order, limits) for k, one in flown]
+        checks = [check(name, unit, k, curve, order, limits) for k, curve in flights]
         yield Check.worst_of(checks, Check.scaled(name, "", 0.0, unit, "", tolerance, 0.0))
 
 
-def _inside(model: MissionData, flown: Flown, tolerance: float) -> Check:
+def _inside(model: MissionData, flights: Flights, tolerance: float) -> Check:
     """Return the check that the curves stay inside the bounds, at exact extremes."""
     low, high = model.bounds[:2], model.bounds[2:]
 
-    def beyond(k: int, one: Trajectory) -> tuple[Any, ...]:
-        extremes = one.extremes(0)
+    def overshoot(k: int, curve: Trajectory) -> tuple[Any, ...]:
+        extremes = curve.extremes(0)
         excess = np.maximum(low - extremes.least, extremes.largest - high)
         return excess, model.cell, lambda s, axis: f"robot {k}, segment {s}", _digits(model)
 
-    return _worst("inside the bounds", "m", tolerance, [beyond(k, one) for k, one in flown])
+    return _worst(
+        "inside the bounds", "m", tolerance, [overshoot(k, curve) for k, curve in flights]
+    )
 
 
-def _collision(model: MissionData, flown: Flown, tolerance: float) -> Check:
+def _collision(model: MissionData, flights: Flights, tolerance: float) -> Check:
     """Return the check of the distance between curves and obstacles."""
     name = "radius away from obstacles"
     slack = tolerance * model.cell + _digits(model)
-    if not flown:
+    if not flights:
         return _worst(name, "m", tolerance, [])
     depth, robot, time, place = deepest(
-        [pieces_of(entry, k) for k, entry in flown], model.solids, model.radius, slack, model.cell
+        [pieces_of(entry, k) for k, entry in flights], model.solids, model.radius, slack, model.cell
     )
     where = (
         f"robot {robot} (t = {time:.6g} s), x {place[0]:.6g}, y {place[1]:.6g} m"
@@ -248,7 +255,7 @@ def _collision(model: MissionData, flown: Flown, tolerance: float) -> Check:
     return _worst(name, "m", tolerance, robots, limit=model.radius)
 
 
-def _separation(model: MissionData, flown: Flown, tolerance: float) -> Check:
+def _separation(model: MissionData, flights: Flights, tolerance: float) -> Check:
     """Return the check of the distance between robots under way; a report only for separation 0.
 
     Before its departure and after its return a robot waits in the depot's queue, off the map. This
@@ -256,11 +263,11 @@ def _separation(model: MissionData, flown: Flown, tolerance: float) -> Check:
     """
     name = "distance between robots" if model.separation > 0 else "separation not required"
     # The search error adds to the tolerance, so it must be much smaller.
-    slack = SEARCHED * (tolerance * model.cell + _digits(model))
-    closest = nearest([entry for _, entry in flown], slack)
+    slack = SEARCH_SHARE * (tolerance * model.cell + _digits(model))
+    closest = nearest([entry for _, entry in flights], slack)
     where = "never two under way at one time"
     if np.isfinite(closest.distance):
-        a, b = (flown[k][0] for k in closest.pair)
+        a, b = (flights[k][0] for k in closest.pair)
         where = f"robots {a} and {b} (t = {closest.time:.6g} s), {closest.distance:.6g} m apart"
     where += "; before departure and after return robots wait in the depot's queue"
     robots = [(model.separation - closest.distance, model.cell, where, 2 * _digits(model))]

@@ -241,8 +241,8 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
             distance = np.hypot(*(a - b).T)
             k = int(np.argmin(distance))
             if distance[k] < best.distance:
-                entry, other = pairs[first.owner[k]].tolist()
-                best = Near(float(distance[k]), float(times[k]), (entry, other))
+                robot, other = pairs[first.owner[k]].tolist()
+                best = Near(float(distance[k]), float(times[k]), (robot, other))
         between = first.control - second.control
         # Bounding boxes are cheap, so they are tested first.
         box = np.maximum(np.maximum(between.min(axis=1), -between.max(axis=1)), 0.0)
@@ -255,7 +255,7 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
         open_ = open_[long > 1e-14 * np.maximum(size, 1e-300)]
         if open_.size > MOST:
             k = open_[int(np.argmin(np.hypot(*box[open_].T)))]
-            entry, other = pairs[first.owner[k]].tolist()
-            return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (entry, other))
+            robot, other = pairs[first.owner[k]].tolist()
+            return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (robot, other))
         first, second = first.take(open_).halve(), second.take(open_).halve()
     return best

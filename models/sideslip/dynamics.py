@@ -318,11 +318,11 @@ def linearise_step(
     step: Floats, shift: Floats,
 ) -> tuple[float, float]:  # fmt: skip
     """Fill in the transition from sample k, linearised about the given state; return the next state."""
-    entry, two, a, b, c, d = advance(
+    next_beta, next_omega, a, b, c, d = advance(
         beta, omega, times[k + 1] - times[k], speed[k], speed[k + 1] - speed[k],
         steering[k], steering[k + 1] - steering[k], p,
     )  # fmt: skip
     step[k, 0, 0], step[k, 0, 1], step[k, 1, 0], step[k, 1, 1] = a, b, c, d
-    shift[k, 0] = entry - a * beta - b * omega
-    shift[k, 1] = two - c * beta - d * omega
-    return entry, two
+    shift[k, 0] = next_beta - a * beta - b * omega
+    shift[k, 1] = next_omega - c * beta - d * omega
+    return next_beta, next_omega

@@ -74,9 +74,9 @@ def _accepted_types(backend: Backend) -> tuple[type[Model[Any]], ...]:
 
 def _shared(backend: Backend, other: Backend) -> str:
     """Return the kind of a problem that both backends accept; empty if they share none."""
-    for entry, two in itertools.product(_accepted_types(backend), _accepted_types(other)):
-        if issubclass(entry, two) or issubclass(two, entry):
-            return repr(getattr(entry, "kind", entry.__name__))
+    for first, second in itertools.product(_accepted_types(backend), _accepted_types(other)):
+        if issubclass(first, second) or issubclass(second, first):
+            return repr(getattr(first, "kind", first.__name__))
     return ""
 
 

@@ -80,10 +80,10 @@ def crossed(grid: GridMap, path: Floats) -> list[Cell] | None:
                 cuts += ((lines - a[axis]) / (b[axis] - a[axis])).tolist()
         shares = np.unique(np.clip(cuts, 0.0, 1.0))
         long = float(np.hypot(*(b - a)))
-        for entry, two in itertools.pairwise(shares.tolist()):
-            if (two - entry) * long <= SLACK:
+        for begin, end in itertools.pairwise(shares.tolist()):
+            if (end - begin) * long <= SLACK:
                 continue
-            x, y = (a + 0.5 * (entry + two) * (b - a)).tolist()
+            x, y = (a + 0.5 * (begin + end) * (b - a)).tolist()
             cell = _cell(x, y, chain[-1] if chain else None, is_free)
             if cell is None or not _append(chain, cell, is_free):
                 return None
@@ -238,9 +238,10 @@ def _string(low: Floats, high: Floats, fixed: dict[int, Floats]) -> Floats:
             options = [_through(a, b, bottom, top)]
             for axis, edge in itertools.product((0, 1), (bottom, top)):
                 other = 1 - axis
-                entry, two = np.abs(a[:, axis] - edge[:, axis]), np.abs(b[:, axis] - edge[:, axis])
-                apart = entry + two
-                share = np.divide(entry, apart, out=np.full_like(entry, 0.5), where=apart > 0)
+                before = np.abs(a[:, axis] - edge[:, axis])
+                after = np.abs(b[:, axis] - edge[:, axis])
+                apart = before + after
+                share = np.divide(before, apart, out=np.full_like(before, 0.5), where=apart > 0)
                 place = np.empty_like(a)
                 place[:, axis] = edge[:, axis]
                 place[:, other] = a[:, other] + share * (b[:, other] - a[:, other])
@@ -255,8 +256,8 @@ def _string(low: Floats, high: Floats, fixed: dict[int, Floats]) -> Floats:
 def _through(a: Floats, b: Floats, bottom: Floats, top: Floats) -> Floats:
     """Return the midpoint of each segment's part inside its box, or a clipped point if it misses."""
     step = np.where(b == a, 1e-300, b - a)
-    entry, two = (bottom - a) / step, (top - a) / step
-    enter = np.maximum(np.minimum(entry, two).max(axis=1), 0.0)
-    leave = np.minimum(np.maximum(entry, two).min(axis=1), 1.0)
+    to_bottom, to_top = (bottom - a) / step, (top - a) / step
+    enter = np.maximum(np.minimum(to_bottom, to_top).max(axis=1), 0.0)
+    leave = np.minimum(np.maximum(to_bottom, to_top).min(axis=1), 1.0)
     share = np.where(enter <= leave, 0.5 * (enter + leave), 0.5)
     return np.asarray(np.clip(a + share[:, None] * (b - a), bottom, top))

@@ -154,8 +154,8 @@ def leave_marks(
         g, h = slope[k, 1, 0], slope[k, 1, 1]
         r, s = spread[k, 0, 0], spread[k, 0, 1]
         rest = max(spread[k, 1, 1] - s * s / r, noise[3])
-        entry = innovations[k, 0]
-        two = innovations[k, 1] - s / r * entry
+        yaw_error = innovations[k, 0]
+        side_error = innovations[k, 1] - s / r * yaw_error
         # The gain K = P Hᵀ R⁻¹ with the filtered covariance P.
         a, b, c = covariance[k, 0, 0], covariance[k, 0, 1], covariance[k, 1, 1]
         d, e = (a * g + b * h) / noise[3], (b * g + c * h) / noise[3]
@@ -172,13 +172,15 @@ def leave_marks(
                 second += 1.0
             terms[k, j], terms[k, count + j] = 0.0, 0.0
             if usable[k]:
-                given = second - s / r * first
-                terms[k, j] = first * entry / r + given * two / rest
-                terms[k, count + j] = first * first / r + given * given / rest
+                change = second - s / r * first
+                terms[k, j] = first * yaw_error / r + change * side_error / rest
+                terms[k, count + j] = first * first / r + change * change / rest
                 x[j] -= b / noise[2] * first + d * second
                 y[j] -= c / noise[2] * first + e * second
             marks[k, j] = x[j]
-        terms[k, 2 * count] = entry * entry / r + two * two / rest if usable[k] else 0.0
+        terms[k, 2 * count] = (
+            yaw_error * yaw_error / r + side_error * side_error / rest if usable[k] else 0.0
+        )
         terms[k, 2 * count + 1] = 2.0 if usable[k] else 0.0
         if k + 1 < n:
             beta, omega, dt = filtered[k, 0], filtered[k, 1], times[k + 1] - times[k]
