@@ -64,33 +64,19 @@ class Design(StrEnum):
 
 
 def uniform_design() -> NDArray[np.int64]:
-    """Return the table U15(15^8) of the paper's Table 1.
+    """Return the table U15(15^8) of the paper's Table 1, shape (15, 8): row i of column j is ``i h_j`` modulo 15.
 
-    Returns
-    -------
-    ndarray of int, shape (15, 8)
-        Row i of column j is ``i h_j`` modulo 15, or 15 instead of 0.
+    The entry is 15 instead of 0.
     """
     table: NDArray[np.int64] = np.outer(np.arange(1, ROWS + 1), FACTORS) % ROWS
     return np.where(table == 0, ROWS, table)
 
 
 def design_drivers(count: int, design: Design, rng: np.random.Generator) -> tuple[Driver, ...]:
-    """Return training drivers whose three factors are within :data:`RANGES`.
+    """Return `count` training drivers whose three factors are within :data:`RANGES`.
 
-    Parameters
-    ----------
-    count : int
-        Number of drivers. A uniform design of fewer than 15 uses the first rows of the table. The factors of
-        the 16th and later drivers are random.
-    design : Design
-        Uniform or random.
-    rng : Generator
-        Generator of the random factors.
-
-    Returns
-    -------
-    tuple of Driver
+    A uniform design of fewer than 15 drivers uses the first rows of the table. The factors of the 16th
+    and later drivers are random.
     """
     low, high = np.array(list(RANGES.values())).T
     shares = rng.random((count, len(RANGES)))

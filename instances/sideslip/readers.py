@@ -86,10 +86,7 @@ def _new_rows(
 ) -> NDArray[np.intp]:
     """Return the indices of rows (columns of `table`) that differ from the row before.
 
-    Raises
-    ------
-    InvalidData
-        Times do not increase, or a gap exceeds 2 s; `places` are the positions in the file.
+    Raise if times do not increase or a gap exceeds 2 s; `places` are the positions in the file.
     """
     new = np.flatnonzero(np.append(True, (table[:, 1:] != table[:, :-1]).any(axis=0)))
     steps = np.diff(times[new])

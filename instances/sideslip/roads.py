@@ -39,19 +39,12 @@ class RoadKind(StrEnum):
 
 
 class Road(NamedTuple):
-    """Centre line of a road in the plane.
+    """Centre line of a road in the plane with its design speed, m/s.
 
-    Parameters
-    ----------
-    along : ndarray, shape (k,)
-        Longitudinal positions of the ends of its segments, m, increasing.
-    aside : ndarray, shape (k,)
-        Lateral positions there, m, positive to the left. Between two positions the road follows the cubic
-        ``3 s² - 2 s³`` or the sine ``(1 - cos π s) / 2``. It is straight before the first and after the last.
-    speed : float
-        Design speed, m/s.
-    sine : bool
-        True if the segments are sines, False, the default, if they are cubics.
+    `along`, shape (k,), are the increasing longitudinal positions of the ends of its segments, m, and
+    `aside` the lateral positions there, m, positive to the left. Between two positions the road follows
+    the cubic ``3 s² - 2 s³`` or, if `sine`, the sine ``(1 - cos π s) / 2``. It is straight before the
+    first and after the last.
     """
 
     along: Floats
@@ -66,18 +59,9 @@ class Road(NamedTuple):
 
 
 def road_of(kind: RoadKind, length: float = 0.0) -> Road:
-    """Return the centre line of a road.
+    """Return the centre line of a road of at least `length` m.
 
-    Parameters
-    ----------
-    kind : RoadKind
-        The road.
-    length : float
-        Minimum length, m, 0 by default. The serpentine is extended by poles, the lane change by a straight end.
-
-    Returns
-    -------
-    Road
+    The serpentine is extended by poles, the lane change by a straight end.
     """
     if kind is RoadKind.LANE_CHANGE:
         speed = 80.0 / 3.6

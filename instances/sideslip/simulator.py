@@ -39,22 +39,12 @@ SLOW = 3.0
 
 
 class Drive(NamedTuple):
-    """Simulated drive with one entry per sample.
+    """Simulated drive with one entry per sample, each of shape (n,).
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-        Position along the road and to its left, m.
-    heading : ndarray, shape (n,)
-        Heading of the vehicle relative to the road, rad, positive to the left.
-    sideslip : ndarray, shape (n,)
-        Angle of the velocity relative to the heading, rad, positive to the left.
-    yaw_rate : ndarray, shape (n,)
-        Yaw rate, rad/s.
-    steering : ndarray, shape (n,)
-        Steering angle of the front wheels, rad.
-    lateral_acceleration : ndarray, shape (n,)
-        Sum of the axle forces divided by the mass, m/s².
+    `x` and `y` are the position along the road and to its left, m; `heading` is relative to the road,
+    and `sideslip` the angle of the velocity relative to the heading, both rad and positive to the left.
+    Rates and the steering angle of the front wheels are in rad/s and rad. `lateral_acceleration` is the
+    sum of the axle forces divided by the mass, m/s².
     """
 
     x: Floats
@@ -77,32 +67,13 @@ def simulate(
 ) -> Drive:
     """Simulate a drive along a road. Position, angles and rates are zero at the start.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The vehicle. Its friction is not read.
-    road : Road
-        Centre line that the driver follows.
-    driver : Driver
-        The driver.
-    speed : ndarray, shape (n,)
-        Forward speed at each sample, m/s, interpolated linearly. A vehicle at rest does not turn.
-    friction : ndarray, shape (n,)
-        Coefficient of friction from each sample to the next; unused for linear tyres.
-    shocks : ndarray, shape (n, 2)
-        Disturbances added to sideslip angle (rad) and yaw rate (rad/s) at each sample after the first.
-    period : float
-        Time between samples, s.
+    `speed`, shape (n,), is the forward speed at each sample, m/s, interpolated linearly; a vehicle at
+    rest does not turn. `friction`, shape (n,), applies from each sample to the next and is unused for
+    linear tyres; that of `vehicle` is not read. `shocks`, shape (n, 2), are added to sideslip angle
+    (rad) and yaw rate (rad/s) at each sample after the first. `period` is the time between samples, s.
 
-    Returns
-    -------
-    Drive
-
-    Raises
-    ------
-    InvalidData
-        The vehicle spins, which means that its sideslip angle reaches 90°, or the model is too stiff for
-        the largest number of steps.
+    Raise :class:`InvalidData` if the vehicle spins, which means that its sideslip angle reaches 90°, or
+    if the model is too stiff for the largest number of steps.
     """
     v = vehicle
     slowest = max(float(speed.min()), LOW_SPEED)

@@ -43,20 +43,11 @@ _NORM, _TERMS = 0.5, 14
 
 
 class Linearised(NamedTuple):
-    """Model linearised about a state at each sample.
+    """Model linearised about a state at each of n samples.
 
-    Without noise ``x[k + 1] = step[k] @ x[k] + shift[k]`` and ``z[k] = slope[k] @ x[k] + level[k]``.
-
-    Parameters
-    ----------
-    step : ndarray, shape (n - 1, 2, 2)
-        Transition matrices of the state.
-    shift : ndarray, shape (n - 1, 2)
-        Constant terms of the transition.
-    slope : ndarray, shape (n, 2, 2)
-        Measurement matrices of yaw rate and lateral acceleration.
-    level : ndarray, shape (n, 2)
-        Constant terms of the measurements.
+    Without noise ``x[k + 1] = step[k] @ x[k] + shift[k]`` and ``z[k] = slope[k] @ x[k] + level[k]``, in
+    which z are yaw rate and lateral acceleration. The shapes are (n - 1, 2, 2), (n - 1, 2), (n, 2, 2)
+    and (n, 2).
     """
 
     step: Floats
@@ -72,18 +63,10 @@ class Linearised(NamedTuple):
 
 
 def parameters(vehicle: Vehicle) -> Floats:
-    """Return the parameter vector of a vehicle for the kernels.
+    """Return the parameter vector of a vehicle for the kernels, shape (8,).
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The vehicle.
-
-    Returns
-    -------
-    ndarray, shape (8,)
-        m, I, a, b, C_f, C_r and the largest forces (N) of both axles, which are infinite for linear
-        tyres.
+    It holds m, I, a, b, C_f, C_r and the largest forces (N) of both axles, which are infinite for linear
+    tyres.
     """
     limits = [math.inf, math.inf]
     if vehicle.tyre is Tyre.SATURATING:
@@ -98,16 +81,10 @@ def parameters(vehicle: Vehicle) -> Floats:
 
 
 def linearise(problem: SideslipEstimation, states: Floats, first: int = 0) -> Linearised:
-    """Return the model linearised about the states of consecutive samples.
+    """Return the model linearised about the states of consecutive samples, shape (n, 2), from sample `first` on.
 
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model. Only its vehicle and the recording's times, speed and steering are used.
-    states : ndarray, shape (n, 2)
-        Angle and yaw rate at each sample. For linear tyres they affect the result by rounding only.
-    first : int
-        Index of the first sample, 0 by default.
+    Only the vehicle and the recording's times, speed and steering are used. For linear tyres the states
+    affect the result by rounding only.
     """
     drive, part = problem.recording, slice(first, first + len(states))
     linear = Linearised.empty(len(states))
@@ -120,25 +97,11 @@ def linearise(problem: SideslipEstimation, states: Floats, first: int = 0) -> Li
 
 @kernel
 def axle_force(slip: float, stiffness: float, most: float) -> tuple[float, float]:
-    """Return an axle's lateral force and its derivative with respect to the slip angle.
+    """Return an axle's lateral force (N) at a slip angle (rad), and its derivative (N/rad).
 
-    If `most` is infinite, the law is linear. Otherwise it is E. Fiala's brush model (VDI-Zeitschrift 96,
-    1954) in the tangent of the slip angle, as in R. Rajamani, Vehicle Dynamics and Control (2012),
-    section 13.7. The force is `most` once the whole contact patch slides.
-
-    Parameters
-    ----------
-    slip : float
-        Slip angle, rad.
-    stiffness : float
-        Cornering stiffness, N/rad.
-    most : float
-        Largest force, N, possibly infinite.
-
-    Returns
-    -------
-    force, slope : float
-        Force, N, and its derivative, N/rad.
+    If `most` is infinite, the law is linear with the stiffness (N/rad). Otherwise it is E. Fiala's brush
+    model (VDI-Zeitschrift 96, 1954) in the tangent of the slip angle, as in R. Rajamani, Vehicle
+    Dynamics and Control (2012), section 13.7. The force is `most` once the whole contact patch slides.
     """
     if math.isinf(most):
         return stiffness * slip, stiffness
@@ -164,23 +127,10 @@ def axle_forces(beta: float, omega: float, u: float, delta: float, p: Floats) ->
 
 @kernel
 def rates(beta: float, omega: float, u: float, delta: float, p: Floats) -> Numbers6:
-    """Return the time derivative of the state, and its Jacobian with respect to the state.
+    """Return dβ/dt, dω/dt and the Jacobian with respect to the state, row by row.
 
-    Speeds below 1 m/s are replaced by 1 m/s.
-
-    Parameters
-    ----------
-    beta, omega : float
-        The state: sideslip angle and yaw rate.
-    u, delta : float
-        Speed and steering angle.
-    p : ndarray, shape (8,)
-        The vehicle, see :func:`parameters`.
-
-    Returns
-    -------
-    tuple of float
-        dβ/dt, dω/dt, and the Jacobian row by row.
+    `u` and `delta` are speed and steering angle, and `p` the vehicle, see :func:`parameters`. Speeds
+    below 1 m/s are replaced by 1 m/s.
     """
     v = max(u, LOW_SPEED)
     front, rear, c, d = axle_forces(beta, omega, u, delta, p)
@@ -250,28 +200,11 @@ def advance(
     ddelta: float,
     p: Floats,
 ) -> Numbers6:
-    """Return the noise-free state at the next sample, and its Jacobian with respect to the current state.
+    """Return the noise-free state after `dt`, and its Jacobian by the current state, row by row.
 
-    Speed and steering are interpolated linearly. Each step of at most :data:`LONGEST_STEP` uses their
-    values at its midpoint. The Jacobian is the product of the steps' ``exp(h J)``.
-
-    Parameters
-    ----------
-    beta, omega : float
-        The current state.
-    dt : float
-        Time to the next sample.
-    u, du : float
-        Current speed, and its change until the next sample.
-    delta, ddelta : float
-        Current steering angle, and its change until the next sample.
-    p : ndarray, shape (8,)
-        The vehicle, see :func:`parameters`.
-
-    Returns
-    -------
-    tuple of float
-        The angle, the yaw rate, and the Jacobian row by row.
+    Speed and steering change by `du` and `ddelta` and are interpolated linearly. Each step of at most
+    :data:`LONGEST_STEP` uses their values at its midpoint. The Jacobian is the product of the steps'
+    ``exp(h J)``.
     """
     count = max(1, math.ceil(dt / LONGEST_STEP - 1e-9))
     h = dt / count

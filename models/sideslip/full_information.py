@@ -39,13 +39,6 @@ def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
     Columns are the states, divided by :attr:`Stretch.scale`, and the relative errors of the expected
     first state, of the transitions and of the measurements. Each error is divided by its standard
     deviation. The rows define the errors.
-
-    Parameters
-    ----------
-    stretch : Stretch
-        Samples with their linearised model.
-    name : str
-        Name of the program.
     """
     count = stretch.count
     linear, scale = stretch.linear, stretch.scale
@@ -217,19 +210,10 @@ class Condensed(FullInformation):
 
 
 def _read(stretch: Stretch, point: Floats, times: Floats) -> SideslipEstimate:
-    """Return the estimate that a column vector represents.
+    """Return the estimate that a column vector of the program with rows represents.
 
-    The claimed deviation is that of the normal distribution whose negative logarithm the program minimises,
-    times the misfit of the errors nearby, see :func:`misfit`.
-
-    Parameters
-    ----------
-    stretch : Stretch
-        Samples from which the program was built.
-    point : ndarray
-        Column vector of the program with rows.
-    times : ndarray, shape (n,)
-        Times of the samples, s.
+    The claimed deviation is that of the normal distribution whose negative logarithm the program
+    minimises, times the misfit of the errors nearby, see :func:`misfit`.
     """
     count = 2 * stretch.count
     angle = point[:count].reshape(-1, 2)[:, 0] * stretch.scale[0]
@@ -246,25 +230,12 @@ def _read(stretch: Stretch, point: Floats, times: Floats) -> SideslipEstimate:
 
 
 def misfit(times: Floats, squares: Floats, degrees: Floats) -> Floats:
-    """Return the factor by which deviations must grow to match the errors of the model.
+    """Return the factor by which deviations must grow to match the errors of the model, shape (n,).
 
     The factor is R. Birge's ratio (Physical Review 40, 1932): the square root of the mean squared
-    relative error per degree of freedom within half a second on both sides, and at least 1. It is about 1 if
-    the model is right.
-
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        Times of the samples, s.
-    squares : ndarray, shape (n,)
-        Sum of squared errors at each sample, each relative to its deviation.
-    degrees : ndarray, shape (n,)
-        Degrees of freedom of each sum.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The factor at each sample, >= 1.
+    relative error per degree of freedom within half a second on both sides, and at least 1. It is about
+    1 if the model is right. `squares` are the sums of squared relative errors at each sample, and
+    `degrees` their degrees of freedom.
     """
     first = np.searchsorted(times, times - WINDOW / 2)
     last = np.searchsorted(times, times + WINDOW / 2, side="right")

@@ -20,22 +20,10 @@ Floats = NDArray[np.float64]
 class Stretch:
     """Consecutive samples with linearised model, measurements and noise.
 
-    Parameters
-    ----------
-    linear : Linearised
-        Model at each sample.
-    measured : ndarray, shape (n, 2)
-        Measured yaw rate (rad/s) and lateral acceleration (m/s²).
-    used : ndarray of bool, shape (n,)
-        True if the measurements of a sample are used.
-    noise : ndarray, shape (2,)
-        Standard deviations of the measurements.
-    disturbance : ndarray, shape (n - 1, 2)
-        Standard deviations of the noise added to the state between samples.
-    mean : ndarray, shape (2,)
-        Expected state at the first sample, before its measurement.
-    root : ndarray, shape (2, 2)
-        Lower Cholesky factor of the covariance of that state.
+    `measured`, shape (n, 2), are yaw rate (rad/s) and lateral acceleration (m/s²) with the deviations
+    `noise`, and `used` marks the samples whose measurements are used. `disturbance`, shape (n - 1, 2),
+    are the deviations of the noise added to the state between samples. `mean` is the expected state at
+    the first sample, before its measurement, and `root` the lower Cholesky factor of its covariance.
     """
 
     linear: Linearised
@@ -48,15 +36,7 @@ class Stretch:
 
     @classmethod
     def of(cls, model: SideslipEstimation, linear: Linearised) -> Stretch:
-        """Return the stretch of all samples of `model`.
-
-        Parameters
-        ----------
-        model : SideslipEstimation
-            The model, which gives measurements, noise and initial state.
-        linear : Linearised
-            Linearised model at each of its samples.
-        """
+        """Return the stretch of all samples of `model` with their linearised model."""
         drive = model.recording
         return cls(
             linear,
@@ -71,18 +51,10 @@ class Stretch:
     def part(
         self, first: int, last: int, mean: Floats, root: Floats, linear: Linearised | None = None
     ) -> Stretch:
-        """Return the samples `first` … `last` with a new prior and, optionally, a new model.
+        """Return the samples `first` … `last`, both included, with a new prior and, optionally, a new model.
 
-        Parameters
-        ----------
-        first, last : int
-            Indices of the first and the last sample, both included.
-        mean : ndarray, shape (2,)
-            Expected state at the first sample.
-        root : ndarray, shape (2, 2)
-            Lower Cholesky factor of its covariance.
-        linear : Linearised, optional
-            Linearised model of these samples; by default the part of the present one.
+        `mean` and `root` are the expected state at the first sample and the lower Cholesky factor of its
+        covariance.
         """
         step, shift, slope, level = self.linear
         if linear is None:

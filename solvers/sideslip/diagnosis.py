@@ -64,19 +64,10 @@ def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None
 
 
 def critical_speed(vehicle: Vehicle) -> float:
-    """Return the critical speed of a vehicle with linear tyres, in m/s.
+    """Return the critical speed of a vehicle with linear tyres, m/s; infinite if it does not oversteer.
 
-    A vehicle that oversteers, ``a C_f > b C_r``, is unstable above ``L √(C_f C_r / (m (a C_f - b C_r)))``.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The vehicle. Its tyre law and friction are not used.
-
-    Returns
-    -------
-    float
-        The critical speed; infinite if the vehicle does not oversteer.
+    A vehicle that oversteers, ``a C_f > b C_r``, is unstable above ``L √(C_f C_r / (m (a C_f - b
+    C_r)))``.
     """
     front, rear = np.float64(vehicle.cornering_front), np.float64(vehicle.cornering_rear)
     over = vehicle.front * front - vehicle.rear * rear
@@ -90,22 +81,9 @@ def critical_speed(vehicle: Vehicle) -> float:
 def gramian(model: SideslipEstimation, speed: float, count: int) -> Floats:
     """Return the observability Gramian of angle and yaw rate over `count` samples at constant speed.
 
-    It is ``Σ (H Φ^k)ᵀ R⁻¹ H Φ^k`` for k from 0 to `count` - 1, for linear tyres and without disturbance. Its inverse is
-    the covariance of the first state (rad, rad/s) given these measurements alone.
-
-    Parameters
-    ----------
-    model : SideslipEstimation
-        The model. Its vehicle, noise and median time between samples are used.
-    speed : float
-        Speed, m/s, > 0.
-    count : int
-        Number of samples, a power of 2.
-
-    Returns
-    -------
-    ndarray, shape (2, 2)
-        The Gramian; NaN if the vehicle parameters overflow.
+    It is ``Σ (H Φ^k)ᵀ R⁻¹ H Φ^k`` for k from 0 to `count` - 1, a power of 2, for linear tyres and
+    without disturbance. Its inverse is the covariance of the first state (rad, rad/s) given these
+    measurements alone. The Gramian is NaN if the vehicle parameters overflow.
     """
     car, u = model.vehicle, np.float64(speed)
     stiff = np.array([car.cornering_front, car.cornering_rear])

@@ -80,16 +80,11 @@ GAP, NAMED = 0.5, 4
 
 
 class Gated(NamedTuple):
-    """The result of the gates.
+    """Claimed deviation (rad) of an estimate after the gates, and why it is wider.
 
-    Parameters
-    ----------
-    deviation : ndarray, shape (n,)
-        Claimed deviation, rad, at least that of the estimate.
-    contradicted, outside : ndarray of bool, shape (n,)
-        True if kinematics contradicts the sample, or if its inputs are outside of the training range.
-    messages : tuple of str
-        One sentence per gate that widened a deviation, with the time ranges.
+    `contradicted` and `outside` flag the samples that kinematics contradicts and whose inputs are
+    outside of the training range. `messages` has one sentence per gate that widened a deviation, with
+    the time ranges.
     """
 
     deviation: Floats
@@ -106,19 +101,11 @@ def apply_gates(
     *,
     history: bool = False,
 ) -> Gated:
-    """Return the deviation that an estimate may claim, and why it is wider.
+    """Return the deviation (rad) that an estimate may claim, and why it is wider. The model's truth is not read.
 
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model. Its truth is not read.
-    sideslip, deviation : ndarray, shape (n,)
-        The angle and its claimed deviation, rad, both finite.
-    spread : float
-        Deviation of the angles, or of the errors of a filter, that were learned, rad. With 0 nothing was learned and
-        the training range is not compared.
-    history : bool
-        If True, recent inputs are compared too. False, the default, if `deviation` accounts for them.
+    `spread` is the deviation (rad) of the angles, or of the errors of a filter, that were learned. With
+    0 nothing was learned and the training range is not compared. If `history`, recent inputs are
+    compared too; `deviation` accounts for them otherwise.
     """
     drive = problem.recording
     difference = find_contradictions(problem, sideslip, deviation)
@@ -173,21 +160,9 @@ def time_ranges(drive: Recording, flags: NDArray[np.bool_]) -> str:
 
 
 def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation: Floats) -> Floats:
-    """Return the difference of the angle from its kinematic reference if it is a contradiction, else 0.
+    """Return the difference (rad) of the angle from its kinematic reference if it is a contradiction, else 0.
 
     The reference of a sample uses that sample and earlier ones, without a halt in between.
-
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model.
-    sideslip, deviation : ndarray, shape (n,)
-        The angle and its claimed deviation, rad.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Differences, rad.
     """
     drive = problem.recording
     times, moving = drive.times, drive.moving
@@ -227,24 +202,12 @@ def gate_path(
     change: Floats, noise: Floats, lacking: Floats, bias: Floats,
     begins: NDArray[np.int64], origin: NDArray[np.int64], differences: Floats,
 ) -> None:  # fmt: skip
-    """Fill `differences` with the differences that are contradictions.
+    """Fill `differences`, which are zero on entry, with the differences (rad) that are contradictions.
 
-    Parameters
-    ----------
-    times, moving : ndarray, shape (n,)
-        Times, s, and samples at 1 m/s or more.
-    angle, claim : ndarray, shape (n,)
-        The estimate and its claimed deviation, rad.
-    change, noise, lacking : ndarray, shape (n,)
-        Sums up to each sample: the measured change, its variance, and the neglected braking term.
-    bias : ndarray, shape (n,)
-        Variance of the bias of the rate before the drive.
-    begins : ndarray, shape (n, w)
-        First sample of each window.
-    origin : ndarray, shape (n,)
-        Starting point of each sample's reference; on entry the sample itself, on return changed.
-    differences : ndarray, shape (n,)
-        Zero on entry; on return the differences (rad) of contradicted samples.
+    `change`, `noise` and `lacking` are sums up to each sample: the measured change, its variance, and
+    the neglected braking term. `bias` is the variance of the bias of the rate before the drive.
+    `begins`, shape (n, w), has the first sample of each window. `origin`, the starting point of each
+    sample's reference, is the sample itself on entry and is changed.
     """
     limit = THRESHOLD * THRESHOLD
     opened, rate, variance, last, start, doubt = False, 0.0, math.inf, -1, 0, -math.inf
@@ -307,22 +270,11 @@ def gate_path(
 def measure_training_distance(problem: SideslipEstimation) -> tuple[Floats, tuple[str, ...]]:
     """Return the distance of each sample from the range of the training drives, and the inputs that leave it.
 
-    Inputs are speed, steering angle, yaw rate and lateral acceleration. Each is divided by its deviation on the training
-    drives. The range is that of each input and that of each principal component, which finds combinations that the
-    training drives do not have, such as a large steering angle without a yaw rate. The distance is the larger of both,
-    in deviations; it is 0 inside of the range.
-
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model, with training drives.
-
-    Returns
-    -------
-    distance : ndarray, shape (n,)
-        Standardised distance, 0 below 1 m/s.
-    names : tuple of str
-        Inputs outside of their range; ``"combinations of inputs"`` if only principal components are.
+    Inputs are speed, steering angle, yaw rate and lateral acceleration, each divided by its deviation on
+    the training drives. The range is that of each input and that of each principal component, which
+    finds combinations that the training drives do not have, such as a large steering angle without a yaw
+    rate. The distance is the larger of both, in deviations; it is 0 inside of the range and below 1 m/s.
+    The names are ``"combinations of inputs"`` if only principal components leave the range.
     """
     drive = problem.recording
     moving = [entry.moving for entry in problem.training]
@@ -352,23 +304,14 @@ def measure_training_distance(problem: SideslipEstimation) -> tuple[Floats, tupl
 
 
 def measure_history_distance(problem: SideslipEstimation) -> Floats:
-    """Return the distance of each sample's recent inputs from those of the training drives.
+    """Return the standardised distance of each sample's recent inputs from those of the training drives.
 
-    The recent inputs are those of the sample and of the four periods before it. Their Mahalanobis distance M is in units
-    of the root mean square distance on the training drives, with q as the largest one there. The result is
-    ``√(M² - q²)`` beyond q and 0 otherwise. A linear function of the recent inputs with the deviation σ over the training
-    drives changes by ``σ √(M² - q²)`` in the root mean square over all directions of the excess. The tolerances
-    of the inputs' ranges are added to the covariance as noise.
-
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model, with training drives.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Standardised distance, 0 below 1 m/s.
+    The recent inputs are those of the sample and of the four periods before it. Their Mahalanobis
+    distance M is in units of the root mean square distance on the training drives, with q as the largest
+    one there. The result is ``√(M² - q²)`` beyond q, and 0 otherwise and below 1 m/s. A linear function
+    of the recent inputs with the deviation σ over the training drives changes by ``σ √(M² - q²)`` in the
+    root mean square over all directions of the excess. The tolerances of the inputs' ranges are added to
+    the covariance as noise.
     """
     window = Window(float(np.median([drive.period for drive in problem.training])))
     known = training_set(problem.training, window).features

@@ -33,16 +33,8 @@ def claim(
 ) -> Estimate:
     """Return an estimate whose claimed deviation accounts for the filter's innovations.
 
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model.
-    filter_pass : FilterPass
-        Result of the Kalman filter on the model.
-    sideslip, variance : ndarray, shape (n,)
-        The angle, rad, and its variance according to the model, rad².
-    ahead : bool
-        True if the estimate of a sample uses later samples; False by default.
+    `variance` (rad²) is that of the angle (rad) according to the model. `ahead` is true if the estimate
+    of a sample uses later samples.
     """
     model_deviation = np.sqrt(np.maximum(variance, 0.0))
     deviation = mismatch(problem, filter_pass, ahead=ahead).widen(model_deviation)

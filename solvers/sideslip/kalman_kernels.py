@@ -47,37 +47,14 @@ def filter_path(
     innovations: Floats, innovation_spread: Floats,
     step: Floats, shift: Floats, slope: Floats, level: Floats, flag: NDArray[np.int8],
 ) -> int:  # fmt: skip
-    """Run the extended Kalman filter over a drive.
+    """Run the extended Kalman filter over a drive; return the number of restarts, or -1 if `flag` stopped it.
 
-    Measurements are linearised about the predicted state, transitions about the filtered state.
-
-    Parameters
-    ----------
-    times, speed, steering : ndarray, shape (n,)
-        The drive.
-    data : ndarray, shape (n, 2)
-        Measured yaw rate and lateral acceleration.
-    usable : ndarray of bool, shape (n,)
-        True if a sample's measurements are used.
-    p : ndarray, shape (8,)
-        Vehicle parameters, see :func:`crosstrack.models.sideslip.dynamics.parameters`.
-    noise : ndarray, shape (4,)
-        Variances of the disturbances per second, and of the measurements.
-    initial : ndarray, shape (4,)
-        State before the first sample, and its variances.
-    most : float
-        Variance of the angle at which the filter restarts from `initial`.
-    predicted, spread, filtered, filtered_spread, innovations, innovation_spread : ndarray
-        Output: states and innovations, shape (n, 2), and their covariances, shape (n, 2, 2).
-    step, shift, slope, level : ndarray
-        Output: the linearised model. The transition matrix is zero at a restart.
-    flag : ndarray of int8
-        Stop flag; a value other than 0 stops the filter.
-
-    Returns
-    -------
-    int
-        Number of restarts; -1 if the filter was stopped.
+    Measurements `data`, shape (n, 2), of `usable` samples are linearised about the predicted state,
+    transitions about the filtered state. `noise` are the variances of the disturbances per second and of
+    the measurements, and `initial` the state before the first sample and its variances. At an angle
+    variance above `most` the filter restarts from `initial`; the transition matrix is then zero. The
+    arrays from `predicted` to `level` are output: states and innovations, shape (n, 2), their
+    covariances, shape (n, 2, 2), and the linearised model.
     """
     n = len(times)
     x, y = initial[0], initial[1]

@@ -35,18 +35,10 @@ CONSTANT = 1e-9
 
 
 class Window(NamedTuple):
-    """Window of lagged measurements used as features.
+    """Window of `lags` lagged measurements per sensor, `period` s apart, used as features.
 
-    Parameters
-    ----------
-    period : float
-        Time between two lags, s.
-    lags : int
-        Number of lags per sensor, 5 by default.
-    ahead : int
-        Periods between the newest lag and the angle. 0, the default, uses the sample itself; the paper uses 1.
-    inputs : bool
-        If True, the default, speed and steering angle are features too; False in the paper.
+    The angle follows `ahead` periods after the newest lag: 0 uses the sample itself; the paper uses 1.
+    If `inputs`, speed and steering angle are features too; False in the paper.
     """
 
     period: float
@@ -57,13 +49,8 @@ class Window(NamedTuple):
     def features(self, recording: Recording) -> Floats:
         """Return the lagged measurements of each sample, shape (n, 2 lags) or (n, 4 lags).
 
-        They are interpolated linearly at multiples of the period, so that missing samples
-        do not shift them. Times before the first sample take its values.
-
-        Parameters
-        ----------
-        recording : Recording
-            The drive.
+        They are interpolated linearly at multiples of the period, so that missing samples do not shift
+        them. Times before the first sample take its values.
         """
         signals = [recording.yaw_rate, recording.lateral_acceleration]
         if self.inputs:
@@ -74,16 +61,10 @@ class Window(NamedTuple):
 
 
 class TrainingSet(NamedTuple):
-    """Training examples, one per sample.
+    """Training examples, one per sample: features, shape (n, d), and targets (rad), shape (n,).
 
-    Parameters
-    ----------
-    features : ndarray, shape (n, d)
-        Lagged measurements.
-    angles : ndarray, shape (n,)
-        Targets: the angle or the error of a filter, rad.
-    drives : ndarray, shape (n,)
-        Index of the drive of each example. Cross-validation leaves out whole drives.
+    A target is the angle or the error of a filter. `drives` has the index of the drive of each example:
+    cross-validation leaves out whole drives.
     """
 
     features: Floats
@@ -96,19 +77,8 @@ def training_set(
 ) -> TrainingSet:
     """Return the examples of all samples at 1 m/s or more.
 
-    Parameters
-    ----------
-    training : iterable of Recording
-        Drives with a known angle.
-    window : Window
-        Window of the features.
-    targets : iterable of ndarray, optional
-        Target at each sample of each drive, rad; by default the angle.
-
-    Returns
-    -------
-    TrainingSet
-        The examples. A single drive is split into two halves, so that one of them can be left out.
+    The targets (rad) of a drive are its angles by default. A single drive is split into two halves, so
+    that one of them can be left out.
     """
     drives = list(training)
     result: list[Any] = [drive.sideslip for drive in drives] if targets is None else list(targets)
@@ -125,13 +95,8 @@ def training_set(
 class Scale:
     """Standardisation of features: subtraction of the mean, and division. Constant features become 0.
 
-    Parameters
-    ----------
-    features : ndarray, shape (n, d)
-        The features.
-    each : bool
-        If True, the default, divide each feature by its own deviation. Otherwise divide all by their root mean
-        square deviation, which preserves ratios of distances.
+    If `each`, each feature is divided by its own deviation. Otherwise all are divided by their root mean
+    square deviation, which preserves ratios of distances.
     """
 
     def __init__(self, features: Floats, each: bool = True) -> None:
@@ -151,33 +116,19 @@ class KernelRegression:
     """Kernel regression: the mean of all examples, each weighted by a Gaussian of its distance.
 
     This is the estimator of Nadaraya (Theory of Probability & Its Applications 9, 1964) and Watson
-    (Sankhya A 26, 1964), which Specht calls a general regression neural network (IEEE
-    Transactions on Neural Networks 2, 1991). Weights are relative to that of the nearest example, so
-    the estimate tends to the angle of the nearest example far from all examples.
+    (Sankhya A 26, 1964), which Specht calls a general regression neural network (IEEE Transactions on
+    Neural Networks 2, 1991). Weights are relative to that of the nearest example, so the estimate tends
+    to the angle of the nearest example far from all examples.
 
-    The claimed variance is ``c² (s² + r²)``: ``s`` is the weighted standard deviation of the examples' angles
-    about the estimate, ``r`` the root mean square error in cross-validation over drives. The factor ``c`` is set so
-    that 95 % of these errors are within 2 deviations. If the nearest example is farther away than for 95 % of the
-    examples in cross-validation, the variance tends to that of all angles about the estimate.
+    The claimed variance is ``c² (s² + r²)``: ``s`` is the weighted standard deviation of the examples'
+    angles about the estimate, ``r`` the root mean square error (`error`) in cross-validation over
+    drives. The factor ``c`` is set so that 95 % of these errors are within 2 deviations. If the nearest
+    example is farther away than for 95 % of the examples in cross-validation, the variance tends to that
+    of all angles about the estimate.
 
-    Parameters
-    ----------
-    examples : TrainingSet
-        Training examples.
-    width : float, optional
-        Standard deviation of the Gaussian in deviations of the features, or in their root mean square deviation
-        without `scaling`. By default the width with the smallest squared error in cross-validation over drives.
-    scaling : bool
-        If True, the default, divide each feature by its own deviation. Otherwise distances mix rad/s and m/s².
-
-    Attributes
-    ----------
-    width : float
-        Kernel width.
-    error : float
-        Root mean square error in cross-validation over drives, rad.
-    spread : float
-        Standard deviation of the training targets, rad.
+    `width` is the deviation of the Gaussian in deviations of the features, or without `scaling` in their
+    root mean square deviation; distances then mix rad/s and m/s². None takes the width with the smallest
+    squared error in cross-validation. `spread` is the deviation of the training targets, rad.
     """
 
     def __init__(
@@ -213,21 +164,10 @@ class KernelRegression:
     def __call__(
         self, features: Floats, stopped: Callable[[], bool] = lambda: False
     ) -> tuple[Floats, Floats, Floats] | None:
-        """Return the estimates, their deviations and the proximity of examples, or None if stopped.
+        """Return the estimates (rad), their deviations (rad) and the proximity of examples, or None if stopped.
 
-        Parameters
-        ----------
-        features : ndarray, shape (n, d)
-            Lagged measurements.
-        stopped : callable
-            Function without arguments that returns True to stop; by default the call runs to its end.
-
-        Returns
-        -------
-        values, deviations : ndarray, shape (n,)
-            Estimates and their standard deviations, rad.
-        near : ndarray, shape (n,)
-            1 if examples are as near as in cross-validation, tending to 0 far from all of them.
+        The proximity is 1 if examples are as near as in cross-validation, and tends to 0 far from all of
+        them.
         """
         places = self._scale(features)
         values, deviations, near = np.empty((3, len(places)))
@@ -251,22 +191,11 @@ class KernelRegression:
 class StraightLine:
     """Linear least squares with a constant, computed in an orthonormal basis of the features.
 
-    The claimed variance is ``c² r² (1 + m h)``: ``r`` is the root mean square error in cross-validation over
-    drives, ``h`` the leverage of the features and ``m`` the mean number of samples per drive, because the errors
-    within a drive are strongly correlated. The factor ``c`` is set so that 95 % of the errors in cross-validation are
-    within 2 deviations.
-
-    Parameters
-    ----------
-    examples : TrainingSet
-        Training examples.
-
-    Attributes
-    ----------
-    error : float
-        Root mean square error in cross-validation over drives, rad.
-    spread : float
-        Standard deviation of the training targets, rad.
+    The claimed variance is ``c² r² (1 + m h)``: ``r`` is the root mean square error (`error`) in
+    cross-validation over drives, ``h`` the leverage of the features and ``m`` the mean number of samples
+    per drive, because the errors within a drive are strongly correlated. The factor ``c`` is set so that
+    95 % of the errors in cross-validation are within 2 deviations. `spread` is the deviation of the
+    training targets, rad.
     """
 
     def __init__(self, examples: TrainingSet) -> None:

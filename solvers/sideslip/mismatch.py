@@ -42,30 +42,15 @@ ERRORS = frozen(np.array([0.3, 0.3, 0.02, 0.5]))
 class Mismatch(NamedTuple):
     """Mismatch between a model and the innovations of its filter.
 
-    Parameters
-    ----------
-    scale : ndarray, shape (n,)
-        Factor on the variances, >= 1.
-    error : ndarray, shape (n,)
-        Error of the angle caused by the model errors, rad, >= 0: the root of the sum of their squares.
+    `scale` is the factor on the variances, >= 1, and `error` the error of the angle (rad) caused by the
+    model errors: the root of the sum of their squares.
     """
 
     scale: Floats
     error: Floats
 
     def widen(self, deviation: Floats) -> Floats:
-        """Return the deviations of the model, widened by the mismatch.
-
-        Parameters
-        ----------
-        deviation : ndarray, shape (n,)
-            Standard deviations according to the model, rad.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Standard deviations that an estimate may claim, rad.
-        """
+        """Return the deviations (rad) of the model, widened by the mismatch, which an estimate may claim."""
         widened: Floats = np.sqrt(self.scale * deviation**2 + self.error**2)
         return widened
 
@@ -75,15 +60,7 @@ def mismatch(
 ) -> Mismatch:
     """Return the mismatch between a model and the innovations of its filter.
 
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model.
-    filter_pass : FilterPass
-        Result of the Kalman filter on the model.
-    ahead : bool
-        If True, later innovations are weighted like earlier ones, for estimates that use all samples.
-        False by default.
+    If `ahead`, later innovations are weighted like earlier ones, for estimates that use all samples.
     """
     drive = problem.recording
     n, count = len(drive), len(ERRORS)
@@ -128,24 +105,12 @@ def leave_marks(
 ) -> None:  # fmt: skip
     """Propagate the effect of model errors on the state and the innovations of a filter.
 
-    Parameters
-    ----------
-    times, speed, steering : ndarray, shape (n,)
-        The drive.
-    usable : ndarray of bool, shape (n,)
-        True if a sample's measurements were used.
-    p : ndarray, shape (8,)
-        Vehicle parameters, see :func:`crosstrack.models.sideslip.dynamics.parameters`.
-    noise : ndarray, shape (4,)
-        Variances of the disturbances per second, and of the measurements.
-    predicted, filtered, covariance, innovations, spread, step, slope : ndarray
-        Fields of the :class:`FilterPass` and its model.
-    marks : ndarray, shape (n, 4)
-        Output: true minus filtered angle for each error of size 1, rad.
-    terms : ndarray, shape (n, 10)
-        Output: for each error the normalised product of innovations and their predicted change, then for each error
-        the normalised square of that change. The last two columns are the normalised square of the innovations and
-        their number.
+    `noise` are the variances of the disturbances per second and of the measurements; the arrays from
+    `predicted` to `slope` are fields of the :class:`FilterPass` and its model. Output: `marks`, shape
+    (n, 4), true minus filtered angle (rad) for each error of size 1, and `terms`, shape (n, 10). These
+    are for each error the normalised product of innovations and their predicted change, then for each
+    error the normalised square of that change. The last two columns are the normalised square of the
+    innovations and their number.
     """
     n, count = marks.shape
     x, y = np.zeros(count), np.zeros(count)

@@ -67,15 +67,7 @@ class SideslipBackend(Backend):
 
     @abstractmethod
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
-        """Return the estimate, or None if the run was stopped before one was available.
-
-        Parameters
-        ----------
-        problem : SideslipEstimation
-            The model.
-        request : Request
-            Options and stop flag of the run.
-        """
+        """Return the estimate, or None if the run was stopped before one was available."""
 
     def run(self, problem: SideslipEstimation, request: Request) -> Answer:
         """Return the estimate after the gates. At rest its deviation is that of an unknown angle."""

@@ -28,23 +28,13 @@ _LOST = 1e4
 
 
 class FilterPass(NamedTuple):
-    """Result of the Kalman filter.
+    """Result of the Kalman filter: states (rad, rad/s), innovations, and covariances of both.
 
-    Parameters
-    ----------
-    predicted, filtered : ndarray, shape (n, 2)
-        State (rad, rad/s) at each sample before and after its measurement is used.
-    predicted_covariance, filtered_covariance : ndarray, shape (n, 2, 2)
-        Covariances of these states.
-    innovations : ndarray, shape (n, 2)
-        Measured minus predicted yaw rate (rad/s) and lateral acceleration (m/s²). Samples below 1 m/s are included,
-        although the filter does not use them.
-    innovation_covariance : ndarray, shape (n, 2, 2)
-        Covariances of the innovations.
-    model : Linearised
-        Linearised model: measurements about predicted states, transitions about filtered states.
-    lost : int
-        Number of restarts after the state had become unknown.
+    `predicted` and `filtered` are the states before and after a sample's measurement is used. The
+    innovations, measured minus predicted yaw rate (rad/s) and lateral acceleration (m/s²), include
+    samples below 1 m/s, although the filter does not use them. `model` has measurements about predicted
+    and transitions about filtered states. `lost` is the number of restarts after the state had become
+    unknown.
     """
 
     predicted: Floats
@@ -58,28 +48,14 @@ class FilterPass(NamedTuple):
 
 
 class SmoothedPass(NamedTuple):
-    """Result of the Rauch-Tung-Striebel smoother.
-
-    Parameters
-    ----------
-    states : ndarray, shape (n, 2)
-        State (rad, rad/s) at each sample given all measurements.
-    covariance : ndarray, shape (n, 2, 2)
-        Covariances of these states.
-    """
+    """States (rad, rad/s) given all measurements, shape (n, 2), and their covariances, shape (n, 2, 2)."""
 
     states: Floats
     covariance: Floats
 
 
 def noise_variances(problem: SideslipEstimation) -> Floats:
-    """Return the variances of the disturbances per second and of the measurements.
-
-    Returns
-    -------
-    ndarray, shape (4,)
-        Variances of angle and yaw rate per second, then of measured yaw rate and lateral acceleration.
-    """
+    """Return the variances of angle and yaw rate per second, then of measured yaw rate and acceleration."""
     noises = problem.yaw_rate_noise, problem.acceleration_noise
     return np.square([*problem.disturbance, *noises])
 
@@ -90,15 +66,10 @@ def measurements(drive: Recording) -> Floats:
 
 
 def filter_drive(problem: SideslipEstimation, control: Control | None = None) -> FilterPass | None:
-    """Run the (extended) Kalman filter over the drive.
+    """Run the (extended) Kalman filter over the drive; return None if the flag of `control` stopped it.
 
-    Measurements below 1 m/s are not used: the acceleration of a vehicle at rest does not depend on the angle.
-    The stop flag of `control` is polled.
-
-    Returns
-    -------
-    FilterPass or None
-        The result; None if the run was stopped.
+    Measurements below 1 m/s are not used: the acceleration of a vehicle at rest does not depend on the
+    angle.
     """
     drive = problem.recording
     n = len(drive)

@@ -177,19 +177,11 @@ def widen_by_kinematics(
 ) -> Estimate:
     """Return an estimate with a wider deviation everywhere if kinematics contradicts it on average.
 
-    Yaw rate and acceleration determine the change of the angle for any tyre. The mean difference of the estimate from
-    this change is compared with the largest one of the true angle on a training drive. The excess is an error of the
-    estimate or of the sensors. It is the mean absolute difference of two angles, and so ``2 / √π`` deviations of one.
-    Samples contradicted one by one are left to :mod:`crosstrack.solvers.sideslip.gates`.
-
-    Parameters
-    ----------
-    problem : SideslipEstimation
-        The model, with training drives.
-    angle, deviation : ndarray, shape (n,)
-        Estimated angle and its standard deviation, rad.
-    learned : KernelRegression or StraightLine
-        Regression that gave the estimate.
+    Yaw rate and acceleration determine the change of the angle for any tyre. The mean difference of the
+    estimate from this change is compared with the largest one of the true angle on a training drive. The
+    excess is an error of the estimate or of the sensors. It is the mean absolute difference of two
+    angles, and so ``2 / √π`` deviations of one. Samples contradicted one by one are left to
+    :mod:`crosstrack.solvers.sideslip.gates`.
     """
     drive = problem.recording
     bounded = np.clip(angle, -math.pi / 2, math.pi / 2)

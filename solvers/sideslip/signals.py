@@ -49,17 +49,7 @@ class Remark(NamedTuple):
 
 
 def asks(text: str, where: str, **data: Any) -> Remark:
-    """Return a remark that needs attention.
-
-    Parameters
-    ----------
-    text : str
-        The finding.
-    where : str
-        Field that it concerns.
-    **data
-        Numbers of the finding.
-    """
+    """Return a remark that needs attention: its text, the field that it concerns, and its numbers."""
     return Remark(True, Finding(text, where=where, data=data))
 
 
@@ -69,13 +59,7 @@ def tells(text: str, where: str, **data: Any) -> Remark:
 
 
 def signal_remarks(model: SideslipEstimation) -> Iterator[Remark]:
-    """Yield remarks on the recording, and on its agreement with the assumed vehicle and noise.
-
-    Parameters
-    ----------
-    model : SideslipEstimation
-        The model. Its truth is not read.
-    """
+    """Yield remarks on the recording and its agreement with the assumed vehicle and noise; the truth is not read."""
     yield from _sampling(model.recording)
     yield from _stale(model.recording)
     yield from _rest(model)

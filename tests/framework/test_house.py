@@ -175,7 +175,6 @@ EXCEPTIONS = {
         11_500,
         "own derivatives of programs are 5 to 900 times as fast as CasADi's",
     ),
-    "sideslip": (5300, "the gates of the claims, 400 lines"),
     "unknown_grid": (6700, "six trained networks and the camera"),
 }
 
