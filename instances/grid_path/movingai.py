@@ -84,13 +84,8 @@ def read_map(path: str | os.PathLike[str], *, cell: float = 1.0) -> GridMap:
             field="map",
         )
     blocked = read_cells(rows, str(file), (first, 1), _FREE)
-    return _made(file, blocked, cell=cell)
-
-
-def _made(file: Path, blocked: Any, **options: Any) -> GridMap:
-    """Return the map of the cells in `file`."""
     try:
-        return GridMap(blocked, **options)
+        return GridMap(blocked, cell)
     except InvalidData as error:
         if error.field != "blocked":
             raise

@@ -11,9 +11,8 @@ if TYPE_CHECKING:
     from .model import Connectivity as Connectivity, GridPath as GridPath, Reach as Reach
     from .plan import GridPlan as GridPlan
     from .polygons import Polygon as Polygon, Polygons as Polygons, as_shapely as as_shapely
-    from .shortest import distances as distances, path_between as path_between
+    from .shortest import distances as distances, path_between as path_between, trail as trail
     from .sight import Sight as Sight, line_of_sight as line_of_sight
-    from .trails import trail as trail
 
 #: Private names that modules of other problems import.
 SHARED = ("gridmap.read_cells",)

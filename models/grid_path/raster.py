@@ -20,31 +20,15 @@ Truths = NDArray[np.bool_]
 def rasterise(
     polygons: NDArray[np.object_], shape: tuple[int, int], radius: float = 0.0
 ) -> NDArray[np.bool_]:
-    """Return whether each cell is blocked.
+    """Return whether each cell is blocked by polygons in cells, shape (rows, columns).
 
-    A cell is blocked if one of its points is nearer to a polygon than `radius` or, with radius 0, inside a
-    polygon. Cells are smaller by :data:`SHRINK` on every side.
+    The cell in row r and column c covers x from c to c + 1, and y from r to r + 1. A cell is blocked if
+    one of its points is nearer to a polygon than `radius` (cells) or, with radius 0, inside a polygon.
+    Cells are smaller by :data:`SHRINK` on every side.
 
-    Parameters
-    ----------
-    polygons : ndarray of shapely.Polygon, shape (n,)
-        Obstacles, in cells: the cell in row r and column c covers x from c to c + 1, and y from r
-        to r + 1.
-    shape : tuple of int
-        Numbers of rows and columns.
-    radius : float, default 0
-        Radius of the robot, cells.
-
-    Returns
-    -------
-    ndarray of bool, shape (rows, columns)
-        True if blocked.
-
-    Notes
-    -----
-    The algorithm refines pairs of a square box and a polygon. A box inside the polygon is finished, a box
-    outside is dropped, and any other box is split into four. The time grows with the number of cells along
-    the outlines, and with the logarithm of the number of points of a polygon.
+    The algorithm refines pairs of a square box and a polygon. A box inside the polygon is finished, a
+    box outside is dropped, and any other box is split into four. The time grows with the number of cells
+    along the outlines, and with the logarithm of the number of points of a polygon.
     """
     import shapely
 

@@ -52,14 +52,7 @@ _SHIFT, _RING = 25, 16
 def ahead(row: int, column: int, box: Ints, diagonal: bool) -> int:
     """Return the cost from a cell to the rectangle `box` on a map without blocked cells.
 
-    Parameters
-    ----------
-    row, column : int
-        Row and column of the cell, including the frame.
-    box : ndarray of int64, shape (4,)
-        First and last row, first and last column.
-    diagonal : bool
-        Whether steps may be diagonal.
+    Row and column include the frame. `box` is the first and last row, and the first and last column.
     """
     down = max(box[0] - row, row - box[1], 0)
     across = max(box[2] - column, column - box[3], 0)
@@ -119,39 +112,18 @@ def sweep(
 ) -> tuple[int, Ints, int, int]:
     """Return CEILING minus the cost for each cell, exact at the goals and along the paths to them.
 
-    The queue is a ring of buckets, each last in, first out. It is 3 to 5 times as fast as a heap on a map
-    of a million cells, see :func:`crosstrack.solvers.grid_path.heap_kernels.weighted`. Costs within a bucket are unordered, so an
-    improved cell enters the queue again. The search ends when no queued cell can improve a goal.
+    The queue is a ring of buckets, each last in, first out. It is 3 to 5 times as fast as a heap on a
+    map of a million cells, see :func:`crosstrack.solvers.grid_path.heap_kernels.weighted`. Costs within
+    a bucket are unordered, so an improved cell enters the queue again. The search ends when no queued
+    cell can improve a goal.
 
-    Parameters
-    ----------
-    walls : ndarray of uint8, shape (cells,)
-        1 if blocked.
-    width : int
-        Number of cells per row, including the frame.
-    start : int
-        Number of a free cell.
-    goals : ndarray of int64
-        Numbers of free cells.
-    every : bool
-        Whether to reach all goals, or only the nearest.
-    diagonal : bool
-        Whether steps may be diagonal, without cutting corners.
-    guided : bool
-        Whether to order cells by their cost plus :func:`ahead` (A*), or by their cost (Dijkstra).
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+    Start and goals are numbers of free cells of the flat map `walls` of `width` cells per row with a
+    frame. The search reaches all goals if `every`, otherwise the nearest. If `diagonal`, steps may be
+    diagonal, without cutting corners. If `guided`, cells are ordered by their cost plus :func:`ahead`
+    (A*), otherwise by their cost (Dijkstra). A nonzero `flag` stops the search.
 
-    Returns
-    -------
-    status : int
-        ``DONE`` or ``STOPPED``.
-    left : ndarray of int64, shape (cells,)
-        CEILING minus the cost; 0 for unreached cells.
-    expanded : int
-        Number of expanded cells.
-    bound : int
-        If stopped, lower bound on the cost of every goal whose cost may decrease.
+    The result is the status, the remainders, which are 0 for unreached cells, the number of expanded
+    cells and, if stopped, a lower bound on the cost of every goal whose cost may decrease.
     """
     steps = steps_of(width, diagonal)
     state = walls.copy()
@@ -241,17 +213,7 @@ def before(walls: Bytes, width: int, steps: Ints, left: Ints, cell: int) -> int:
 
 @kernel(interpretable=True)
 def trace(walls: Bytes, width: int, left: Ints, goal: int, diagonal: bool) -> Ints:
-    """Return the cells of a shortest path to `goal`, shape (k,), from the start.
-
-    Parameters
-    ----------
-    walls, width, diagonal
-        See :func:`sweep`.
-    left : ndarray of int64, shape (cells,)
-        Remainders that :func:`sweep` returned.
-    goal : int
-        Number of a cell that the search reached.
-    """
+    """Return the cells of a shortest path from the start to `goal` by the remainders of :func:`sweep`."""
     steps = steps_of(width, diagonal)
     count, cell = 1, goal
     while left[cell] != CEILING:

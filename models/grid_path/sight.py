@@ -48,15 +48,7 @@ def _pinched(blocked: Truths, turned: bool, major: int, minor: int) -> bool:
 
 @kernel
 def free_at(blocked: Truths, x: float, y: float) -> bool:
-    """Return whether a point is in a free cell or on its border, except between two blocked cells.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        Padded map.
-    x, y : float
-        Point in cells of the padded map.
-    """
+    """Return whether a point is in a free cell or on its border, except between two blocked cells."""
     columns, rows = blocked.shape[1], blocked.shape[0]
     if not (1.0 <= x <= columns - 1.0 and 1.0 <= y <= rows - 1.0):
         return False
@@ -78,16 +70,9 @@ def _snapped(value: float, slack: float) -> float:
 
 @kernel(interpretable=True)
 def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: float) -> bool:
-    """Return whether a straight segment stays in free cells.
+    """Return whether a straight segment, in cells of the padded map, stays in free cells.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        Padded map.
-    ax, ay, bx, by : float
-        Ends of the segment, in cells of the padded map.
-    slack : float
-        Distance, in cells, below which the segment passes through a corner.
+    It passes through a corner that is closer than `slack`, in cells.
     """
     rows, columns = float(blocked.shape[0] - 1), float(blocked.shape[1] - 1)
     if not (min(ax, bx) >= 1.0 and max(ax, bx) <= columns):
@@ -124,19 +109,11 @@ def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: flo
 
 
 def convex_corners(blocked: Truths) -> NDArray[np.int8]:
-    """Return the corners of blocked cells at which a shortest path may turn.
+    """Return the corners of blocked cells of a padded map at which a shortest path may turn.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        Padded map.
-
-    Returns
-    -------
-    ndarray of int8, shape (rows + 2, columns + 2)
-        Kind of the corner at each y and x. 0 means that the path cannot turn. Otherwise exactly one of
-        the four cells is blocked: 1 at lower x and y, 2 at greater x, 3 at greater y, 4 at greater x and
-        y. Row and column 0 are always 0.
+    The result has the kind of the corner at each y and x. 0 means that the path cannot turn. Otherwise
+    exactly one of the four cells is blocked: 1 at lower x and y, 2 at greater x, 3 at greater y, 4 at
+    greater x and y. Row and column 0 are always 0.
     """
     around = [blocked[:-1, :-1], blocked[:-1, 1:], blocked[1:, :-1], blocked[1:, 1:]]
     kinds = np.zeros(blocked.shape, np.int8)

@@ -185,34 +185,13 @@ def search(
 ) -> tuple[int, float, Ints, int]:  # fmt: skip
     """Search for a shortest path between centres of cells without a line of sight.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        Padded map.
-    runs : ndarray of int32, shape (2, rows, columns + 1)
-        First column of the run of free cells that contains each cell, -1 for blocked cells; and the first
-        column after the run of cells in the same state.
-    corners : ndarray of int8, shape (rows, columns)
-        Kinds of corners, see :func:`crosstrack.models.grid_path.sight.convex_corners`.
-    onward : ndarray of int32, shape (rows, columns + 1)
-        Column of the next corner of a line from each column on, or `columns`.
-    start, goal : ndarray, shape (2,)
-        Points x, y, in cells.
-    ceiling : float
-        Length, in cells, below which paths are searched.
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
+    `blocked` is the padded map. `runs` and `onward` are the tables of :func:`.free_paths.line_tables`,
+    and `corners` the kinds of :func:`crosstrack.models.grid_path.sight.convex_corners`. The path must be
+    shorter than `ceiling`, in cells. A nonzero `flag` stops the search.
 
-    Returns
-    -------
-    status : int
-        ``FOUND``, ``ABSENT`` or ``STOPPED``.
-    bound : float
-        Length of the path, or a lower bound on it, in cells.
-    path : ndarray of int
-        Corners of the path from the last to the first, as y times the map's columns plus x.
-    settled : int
-        Number of expanded points: the start and corners.
+    The result is the status, the length of the path or a lower bound on it, in cells, the corners of the
+    path from the last to the first, as y times the map's columns plus x, and the number of expanded
+    points.
     """
     rows, columns = corners.shape
     total = 0

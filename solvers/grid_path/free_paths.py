@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.grid_path.model import GridPath
+from ...models.grid_path.plan import GridPlan
+from ...models.grid_path.sight import SLACK, Sight, convex_corners, sees
 from ..contract.backend import Answer, Backend, Guarantee, Limit, Request, Termination
-
-if TYPE_CHECKING:
-    from ...models.grid_path.plan import GridPlan
 
 __all__ = ["AnyDirection", "Ground", "Leg", "line_tables"]
 
@@ -30,21 +29,12 @@ ROUNDING = 1e-9
 def line_tables(
     blocked: NDArray[np.bool_], corners: NDArray[np.int8]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the runs of cells and the next corners of each line, for :func:`.any_angle.search`.
+    """Return the runs of cells and the next corners of each line of a padded map, for :func:`.any_angle.search`.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        Padded map.
-    corners : ndarray of int8, shape (rows, columns)
-        Corners at which shortest paths may turn.
-
-    Returns
-    -------
-    runs : ndarray of int32, shape (2, rows, columns + 1)
-        First columns of runs, and first columns after them.
-    onward : ndarray of int32, shape (rows, columns + 1)
-        Column of the next corner from each column on.
+    The runs, shape (2, rows, columns + 1), are the first column of the run of free cells that contains
+    each cell, -1 for blocked cells, and the first column after the run of cells in the same state. The
+    second result, shape (rows, columns + 1), is the column of the next corner of a line from each column
+    on, or `columns`.
     """
     rows, columns = blocked.shape
     place = np.arange(columns + 1, dtype=np.int32)
@@ -67,14 +57,8 @@ def line_tables(
 class Leg:
     """Result of a search for a path to one goal.
 
-    Parameters
-    ----------
-    path : ndarray, shape (k, 2), optional
-        Points x, y in cells of the padded map. None without a path.
-    bound : float, default 0
-        Lower bound on the length of every path, in cells. Infinite is a proof that no path exists.
-    stopped : bool, default False
-        Whether the search was stopped.
+    `path` has points x, y in cells of the padded map, shape (k, 2); None without a path. `bound` is a
+    lower bound on the length of every path, in cells; infinite is a proof that no path exists.
     """
 
     path: Floats | None
@@ -91,23 +75,13 @@ class Leg:
 
 @dataclass
 class Ground:
-    """Problem in cells of the padded map.
-
-    Parameters
-    ----------
-    problem : GridPath
-        Model with connectivity "any".
-    request : Request
-        Request whose control receives incumbents.
-    """
+    """Problem with connectivity "any" in cells of the padded map; the control of `request` receives incumbents."""
 
     problem: GridPath
     request: Request
     statistics: dict[str, float | int | str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        from ...models.grid_path.sight import Sight
-
         self.sight = Sight(self.problem.map)
         self.start: Floats = self.problem.start[::-1].astype(np.float64) + 1.5
         self.goals: Floats = self.problem.goals[:, ::-1].astype(np.float64) + 1.5
@@ -117,8 +91,6 @@ class Ground:
     @cached_property
     def corners(self) -> NDArray[np.int8]:
         """Corners at which shortest paths may turn, shape (rows + 2, columns + 2)."""
-        from ...models.grid_path.sight import convex_corners
-
         return convex_corners(self.sight.blocked)
 
     @cached_property
@@ -128,8 +100,6 @@ class Ground:
 
     def plan(self, paths: list[Floats]) -> GridPlan:
         """Return the plan of paths given in cells."""
-        from ...models.grid_path.plan import GridPlan
-
         return GridPlan(tuple(self.sight.metres(path) for path in paths))
 
     def offer(self, path: Floats) -> None:
@@ -142,8 +112,6 @@ class Ground:
 
     def sees(self, a: Floats, b: Floats) -> bool:
         """Return whether a segment between centres, in cells, stays in free cells."""
-        from ...models.grid_path.sight import SLACK, sees
-
         (ax, ay), (bx, by) = a.tolist(), b.tolist()
         return bool(sees(self.sight.blocked, ax, ay, bx, by, SLACK))
 

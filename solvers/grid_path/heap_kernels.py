@@ -44,27 +44,13 @@ def weighted(
 ) -> tuple[int, Floats, Ints, int, float]:
     """Return the cost of each cell, exact at the goals, and its predecessor.
 
-    Ties go to the cell with the greater cost, then to the lower number.
+    A step costs its length in cells times the mean weight of its two cells. The other arguments are
+    those of :func:`crosstrack.models.grid_path.search_kernels.sweep`. Ties go to the cell with the
+    greater cost, then to the lower number.
 
-    Parameters
-    ----------
-    walls, width, start, goals, every, diagonal, guided, flag
-        See :func:`crosstrack.models.grid_path.search_kernels.sweep`.
-    weights : ndarray, shape (cells,)
-        Weights. A step costs its length in cells times the mean weight of its two cells.
-
-    Returns
-    -------
-    status : int
-        ``DONE`` or ``STOPPED``.
-    costs : ndarray, shape (cells,)
-        Costs, infinite for unreached cells.
-    parents : ndarray of int64, shape (cells,)
-        Predecessor of each cell, -1 for unreached cells. The start is its own parent.
-    expanded : int
-        Number of expansions; a cell may be expanded more than once.
-    bound : float
-        If stopped, lower bound on the cost of every goal whose cost may decrease.
+    The result is the status, the costs, infinite for unreached cells, the predecessors, -1 for unreached
+    cells and the start itself for the start, the number of expansions, as a cell may be expanded more
+    than once, and, if stopped, a lower bound on the cost of every goal whose cost may decrease.
     """
     costs = np.full(walls.size, np.inf)
     parents = np.full(walls.size, -1)
@@ -134,21 +120,10 @@ def greedy(
     """Return a path to one of the goals, by greedy best-first search.
 
     The search expands the cell with the lowest bound on the remaining cost, and each cell once. Its path
-    is the first plan of an exact search with a time limit.
+    is the first plan of an exact search with a time limit. The arguments are those of :func:`weighted`.
 
-    Parameters
-    ----------
-    walls, width, start, goals, diagonal, flag
-        See :func:`weighted`.
-
-    Returns
-    -------
-    status : int
-        ``DONE`` or ``STOPPED``.
-    goal : int
-        Number of a goal that the search reached, -1 if it reached none.
-    parents : ndarray of int64, shape (cells,)
-        Predecessors of the visited cells. The start is its own parent.
+    The result is the status, the goal that the search reached, or -1, and the predecessors of the
+    visited cells, of which the start is its own parent.
     """
     steps = steps_of(width, diagonal)
     box = box_around(goals, width)
@@ -181,15 +156,7 @@ def greedy(
 
 @kernel(interpretable=True)
 def back(parents: Ints, goal: int) -> Ints:
-    """Return the cells from the start to `goal`, shape (k,).
-
-    Parameters
-    ----------
-    parents : ndarray of int64, shape (cells,)
-        Predecessors that :func:`weighted` or :func:`greedy` returned.
-    goal : int
-        Number of a cell that the search reached.
-    """
+    """Return the cells from the start to `goal` by the predecessor of each cell; the start is its own."""
     count, cell = 1, goal
     while parents[cell] != cell:
         cell = parents[cell]

@@ -25,6 +25,7 @@ from ...models.grid_path.search_kernels import (
     ahead,
     box_around,
 )
+from .heap_kernels import back
 
 __all__ = ["jump", "unroll"]
 
@@ -89,25 +90,12 @@ def jump(
 ) -> tuple[int, int, int, Ints, int]:
     """Return the nearest goal, its cost, and the previous jump point of each cell.
 
-    A cell reached again at the same cost keeps the directions of both paths, so no shortest path is lost.
+    A cell reached again at the same cost keeps the directions of both paths, so no shortest path is
+    lost. The arguments are those of :func:`crosstrack.models.grid_path.search_kernels.sweep`.
 
-    Parameters
-    ----------
-    walls, width, start, goals, flag
-        See :func:`crosstrack.models.grid_path.search_kernels.sweep`.
-
-    Returns
-    -------
-    status : int
-        ``DONE`` or ``STOPPED``.
-    goal : int
-        Number of the nearest goal, -1 if no goal is reachable.
-    cost : int
-        Cost of the path to it; if stopped, a lower bound on it.
-    parents : ndarray of int64, shape (cells,)
-        Previous jump point of each cell. The start is its own parent.
-    expanded : int
-        Number of expanded cells.
+    The result is the status, the goal, -1 if none is reachable, the cost of the path to it or, if
+    stopped, a lower bound on it, the previous jump points, of which the start is its own, and the number
+    of expanded cells.
     """
     moves = np.array([1, width + 1, width, width - 1, -1, -width - 1, -width, -width + 1])
     state = walls.copy()
@@ -171,35 +159,9 @@ def jump(
     return DONE, -1, 0, parents, expanded
 
 
-@kernel(interpretable=True)
 def unroll(parents: Ints, width: int, goal: int) -> Ints:
-    """Return all cells from the start to `goal`, including the cells between jump points.
-
-    Parameters
-    ----------
-    parents : ndarray of int64, shape (cells,)
-        Previous jump points that :func:`jump` returned.
-    width : int
-        Number of cells per row, including the frame.
-    goal : int
-        Number of a cell that the search reached.
-    """
-    count, cell = 1, goal
-    while parents[cell] != cell:
-        before = parents[cell]
-        down, across = cell // width - before // width, cell % width - before % width
-        count += max(abs(down), abs(across))
-        cell = before
-    path = np.empty(count, np.int64)
-    cell = goal
-    path[count - 1] = goal
-    while parents[cell] != cell:
-        before = parents[cell]
-        down, across = cell // width - before // width, cell % width - before % width
-        steps = max(abs(down), abs(across))
-        step = (before - cell) // steps
-        for _ in range(steps):
-            count -= 1
-            path[count - 1] = path[count] + step
-        cell = before
-    return path
+    """Return all cells from the start to `goal`, including those between the jump points of :func:`jump`."""
+    turns = back(parents, goal)
+    counts = np.maximum(np.abs(np.diff(turns // width)), np.abs(np.diff(turns % width)))
+    steps = np.repeat(np.diff(turns) // counts, counts)
+    return np.concatenate([turns[:1], turns[0] + np.cumsum(steps)])

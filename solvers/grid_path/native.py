@@ -28,37 +28,14 @@ Floats = NDArray[np.float64]
 LARGE, FIRST = 40_000, 0.3
 
 
-@dataclass(frozen=True)
 class Field:
-    """Arrays of a problem for the kernels: a flat map with a blocked frame, and numbers of cells.
+    """Arrays of a problem for the kernels: a flat map with a blocked frame, and numbers of cells."""
 
-    Parameters
-    ----------
-    problem : GridPath
-        Model with connectivity "4" or "8".
-    """
-
-    problem: GridPath
-
-    @cached_property
-    def walls(self) -> NDArray[np.uint8]:
-        """Flat map, 1 if blocked, shape (cells,)."""
-        return self.problem.map.walls
-
-    @cached_property
-    def width(self) -> int:
-        """Number of cells per row, including the frame."""
-        return self.problem.map.shape[1] + 2
-
-    @cached_property
-    def start(self) -> int:
-        """Number of the start."""
-        return int(self.problem.map.numbers_of(self.problem.start))
-
-    @cached_property
-    def goals(self) -> Ints:
-        """Numbers of the goals."""
-        return self.problem.map.numbers_of(self.problem.goals)
+    def __init__(self, problem: GridPath) -> None:
+        grid = problem.map
+        self.problem, self.walls, self.width = problem, grid.walls, grid.shape[1] + 2
+        self.start = int(grid.numbers_of(problem.start))
+        self.goals: Ints = grid.numbers_of(problem.goals)
 
     @cached_property
     def weights(self) -> Floats:
@@ -119,21 +96,12 @@ class Field:
 
 @dataclass(frozen=True)
 class Search:
-    """Result of one search.
+    """Result of one search; its paths are undefined if it was `stopped`.
 
-    Parameters
-    ----------
-    stopped : bool
-        Whether the flag stopped the search. Its paths are then undefined.
-    costs : ndarray, shape (goals,)
-        Costs in cells, infinite without a path. If the search was for the nearest goal, only the
-        smallest cost is exact. If stopped, costs below `bound` are exact.
-    bound : float
-        If stopped, lower bound in cells on the other costs.
-    path : callable
-        Function that returns the cells of the path to a goal; goals and cells are numbers.
-    expanded : int
-        Number of expanded cells.
+    `costs`, in cells, are those of the goals, infinite without a path. If the search was for the nearest
+    goal, only the smallest is exact. If it was stopped, costs below `bound` are exact, and `bound` is a
+    lower bound on the others. `path` returns the cells of the path to a goal; goals and cells are
+    numbers.
     """
 
     stopped: bool

@@ -13,6 +13,7 @@ from ...jit import kernel
 from ...models.grid_path.sight import sees
 from ..contract.backend import Feature, Guarantee, Option, Request
 from .free_paths import AnyDirection, Ground, Leg
+from .heap_kernels import back
 
 __all__ = ["RRTStar", "Tree", "grow", "trunk"]
 
@@ -29,16 +30,10 @@ MARGIN = 1.1
 
 
 class Tree(NamedTuple):
-    """Tree of points.
+    """Tree of points x, y, shape (n, 2), of which the first is the root.
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, 2)
-        Points x, y. The first is the root.
-    parents : ndarray of int64, shape (n,)
-        Index of the next point towards the root.
-    ends : ndarray, shape (n,)
-        Distance to the goal, infinite without a line of sight.
+    `parents` are the indices of the next points towards the root, and `ends` the distances to the goal,
+    infinite without a line of sight.
     """
 
     points: Floats
@@ -64,7 +59,7 @@ def _length(points: Floats, parents: Ints, k: int) -> float:
 
 @kernel
 def trunk(tree: Tree, size: int) -> tuple[Ints, float]:
-    """Return the points of the shortest path, from the last before the goal to the root, and its length."""
+    """Return the points of the shortest path, from the root to the last before the goal, and its length."""
     points, parents, ends = tree.points, tree.parents, tree.ends
     best, last = np.inf, -1
     for k in range(size):
@@ -72,13 +67,7 @@ def trunk(tree: Tree, size: int) -> tuple[Ints, float]:
             total = ends[k] + _length(points, parents, k)
             if total < best:
                 best, last = total, k
-    path = np.empty(size, np.int64)
-    count = 0
-    while last >= 0:
-        path[count] = last
-        count += 1
-        last = parents[last] if last > 0 else -1
-    return path[:count], best
+    return back(parents, last) if last >= 0 else np.empty(0, np.int64), best
 
 
 @kernel
@@ -86,24 +75,11 @@ def grow(
     tree: Tree, size: int, steps: int, blocked: Truths, cells: Ints, goal: Floats, bias: float,
     reach: float, gamma: float, slack: float, rng: np.random.Generator, flag: NDArray[np.int8],
 ) -> int:  # fmt: skip
-    """Add random points to the tree and rewire it; return its number of points.
+    """Add up to `steps` random points to the tree of `size` points and rewire it; return its number of points.
 
-    Parameters
-    ----------
-    tree : Tree
-        Tree, changed in place.
-    size, steps : int
-        Number of points in the tree, and of random points to draw.
-    blocked, cells : ndarray
-        Padded map, and flat indices of its free cells.
-    goal, bias
-        Point x, y, and the probability that it is the random point.
-    reach, gamma : float
-        Longest edge, in cells, and constant of the radius of rewiring.
-    slack : float
-        Distance, in cells, below which a segment passes through a corner.
-    rng, flag
-        Source of random numbers, and the stop flag.
+    `cells` are the flat indices of the free cells of the padded map, and `bias` is the probability that
+    the random point is the goal. `reach` is the longest edge and `gamma` the constant of the radius of
+    rewiring, both in cells. A segment closer to a corner than `slack`, in cells, passes through it.
     """
     points, parents, ends = tree.points, tree.parents, tree.ends
     columns = blocked.shape[1]
@@ -198,7 +174,7 @@ class RRTStar(AnyDirection):
             nodes, total = trunk(tree, size)
             if total < length:
                 length = total
-                path = np.vstack([tree.points[nodes[::-1]], goal])
+                path = np.vstack([tree.points[nodes], goal])
                 ground.offer(path)
             if request.control.stopped:
                 break

@@ -22,6 +22,7 @@ from ...models.grid_path.model import Connectivity, GridPath
 from ...models.grid_path.sight import Sight, convex_corners, sees
 from ..contract.backend import Feature, Guarantee, Option, Request
 from .free_paths import AnyDirection, Ground, Leg
+from .heap_kernels import back
 
 if TYPE_CHECKING:
     from ...models.grid_path.gridmap import GridMap
@@ -196,7 +197,7 @@ def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
     n = len(points)
     length = np.full(n, np.inf)
     before = np.full(n, -1, np.int64)
-    length[0] = 0.0
+    length[0], before[0] = 0.0, 0
     for here in range(n - 1):
         if flag[0] != 0:
             return np.empty(0, np.int64)
@@ -214,12 +215,7 @@ def shortest(blocked: Truths, points: Floats, slack: float, flag: Flag) -> Ints:
                 hidden += 1
                 if hidden > LOST:
                     break
-    path = np.empty(n, np.int64)
-    path[0], size = n - 1, 1
-    while path[size - 1] > 0:
-        path[size] = before[path[size - 1]]
-        size += 1
-    return path[:size][::-1].copy()
+    return back(before, n - 1)
 
 
 class ShortcutGreedy(AnyDirection):

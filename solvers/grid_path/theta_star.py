@@ -12,6 +12,7 @@ from ...jit import kernel
 from ...models.grid_path.sight import SLACK, sees
 from ..contract.backend import Feature, Guarantee, Request
 from .free_paths import AnyDirection, Ground, Leg
+from .heap_kernels import back
 
 __all__ = ["ThetaStar", "theta"]
 
@@ -24,7 +25,7 @@ Truths = NDArray[np.bool_]
 def theta(
     blocked: Truths, start: int, goal: int, slack: float, flag: NDArray[np.int8]
 ) -> tuple[Ints, int]:
-    """Return the cells of a path from the goal to the start, and the number of expanded cells.
+    """Return the cells of a path from the start to the goal, and the number of expanded cells.
 
     The path is empty if the goal was not reached. `blocked` is the padded map, and `start` and `goal` are flat
     indices. A segment closer to a corner than `slack`, in cells, passes through it.
@@ -67,17 +68,7 @@ def theta(
                     cost[there], parent[there] = total, via
                     rest = math.sqrt((to_y - goal_row) ** 2 + (to_x - goal_column) ** 2)
                     heappush(heap, (total + rest, there))
-    if not done[goal]:
-        return np.empty(0, np.int64), expanded
-    size, here = 1, goal
-    while here != start:
-        here = parent[here]
-        size += 1
-    path = np.empty(size, np.int64)
-    path[0] = goal
-    for k in range(1, size):
-        path[k] = parent[path[k - 1]]
-    return path, expanded
+    return back(parent, goal) if done[goal] else np.empty(0, np.int64), expanded
 
 
 class ThetaStar(AnyDirection):
@@ -102,5 +93,4 @@ class ThetaStar(AnyDirection):
         ground.count("cells expanded", expanded)
         if not len(cells):
             return Leg(None, stopped=request.control.stopped)
-        cells = cells[::-1]
         return Leg(np.stack([cells % columns, cells // columns], axis=1) + 0.5)

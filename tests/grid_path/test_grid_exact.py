@@ -18,8 +18,8 @@ from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.grid_path import heap_kernels, jump_kernels, native
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
-from crosstrack.solvers.grid_path.heap_kernels import weighted
-from crosstrack.solvers.grid_path.jump_kernels import jump, unroll
+from crosstrack.solvers.grid_path.heap_kernels import back, weighted
+from crosstrack.solvers.grid_path.jump_kernels import jump
 
 EXACT = ["a-star", "dijkstra", "jump-point"]
 
@@ -265,9 +265,7 @@ def test_interpreted_kernels_equal_compiled():
     np.testing.assert_array_equal(path, trace(grid.walls, 33, left, goals[0], True))
     near = jump(grid.walls, 33, start, goals, flag)
     assert jump.py_func(grid.walls, 33, start, goals, flag)[:3] == near[:3]
-    np.testing.assert_array_equal(
-        unroll.py_func(near[3], 33, near[1]), unroll(near[3], 33, near[1])
-    )
+    np.testing.assert_array_equal(back.py_func(near[3], near[1]), back(near[3], near[1]))
 
 
 def test_threads_search_at_once():
