@@ -13,13 +13,7 @@ STEPS = 40
 
 
 class Task(NamedTuple):
-    """Task of Table V.
-
-    Parameters
-    ----------
-    side, view : int
-        Side of the map (global scale) and of the UAV's view (observation range), cells.
-    """
+    """Task of Table V: side of the map (global scale) and of the UAV's view (observation range), cells."""
 
     side: int
     view: int

@@ -13,7 +13,7 @@ from ..declaration import Declared
 from ..fields import Array, Real, Whole, declared
 from ..records import Member
 
-__all__ = ["PIXELS", "Camera", "Pinhole", "Rendering", "overlaps"]
+__all__ = ["PIXELS", "Camera", "Pinhole", "Rendering", "crop", "overlaps"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -176,18 +176,22 @@ class Pinhole(Declared):
         return self.camera_to_pixels(self.world_to_camera(world))
 
 
+def crop(blocked: NDArray[np.bool_], corner: Ints, size: Ints) -> NDArray[np.bool_]:
+    """Return the cells of a map from `corner` on, shape `size`; cells outside the map are blocked."""
+    cells = np.ones(size, bool)
+    low, high = np.maximum(corner, 0), np.minimum(corner + size, blocked.shape)
+    if (low < high).all():
+        first, last = low - corner, high - corner
+        part = blocked[low[0] : high[0], low[1] : high[1]]
+        cells[first[0] : last[0], first[1] : last[1]] = part
+    return cells
+
+
 def overlaps(parts: int, pixels: int = PIXELS) -> Floats:
     """Return the share of each cell along an axis that every pixel covers, shape (parts, pixels).
 
-    Rows sum to 1, so ``overlaps(m) @ image @ overlaps(n).T`` is the mean of an image over each cell
-    of a view, even if a pixel spans two cells or is larger than a cell.
-
-    Parameters
-    ----------
-    parts : int
-        Number of equal cells along the axis.
-    pixels : int, default 256
-        Number of pixels along the axis.
+    Rows sum to 1, so ``overlaps(m) @ image @ overlaps(n).T`` is the mean of an image over each cell of a
+    view, even if a pixel spans two cells or is larger than a cell.
     """
     borders = np.arange(parts + 1)[:, None] * (pixels / parts)
     edges = np.arange(pixels + 1)

@@ -20,14 +20,10 @@ _MOVES = {"U": (-1, 0), "D": (1, 0), "L": (0, -1), "R": (0, 1)}
 
 
 class Replay(NamedTuple):
-    """Replay of a run on the true map.
+    """Replay of a run of n actions on the true map.
 
-    Parameters
-    ----------
-    positions : ndarray of int, shape (n + 1, 2)
-        Row and column before and after each of n actions.
-    collided : ndarray of bool, shape (n,)
-        True for each action that led into an obstacle or off the map.
+    `positions`, shape (n + 1, 2), are the row and column before and after each action, and `collided`,
+    shape (n,), marks the actions that led into an obstacle or off the map.
     """
 
     positions: NDArray[np.int64]

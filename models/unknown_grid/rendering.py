@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import PIXELS, Pinhole, Rendering
+from .camera import PIXELS, Pinhole, Rendering, crop
 
 __all__ = ["render"]
 
@@ -32,30 +32,14 @@ _GROUND, _OBSTACLE = (0.55, 0.65, 0.45), (0.45, 0.25, 0.2)
 
 
 class _Look(NamedTuple):
-    """Random appearance of a scene; lengths in cells.
+    """Random appearance of a scene; lengths in cells, and two values per row and column.
 
-    Parameters
-    ----------
-    height : float
-        Height of the boxes.
-    sun : ndarray, shape (2,)
-        Vector from the end of a shadow to the top that casts it, rows and columns.
-    shade, wall : float
-        Brightness in the shadow and of walls.
-    ground, top : ndarray, shape (3,)
-        Mean colours, equal in the hard law.
-    spread, grain : float
-        Standard deviations of the colours of cells and of the textures.
-    stripes : ndarray, shape (2,)
-        Cycles per cell along rows and columns in the texture of tops.
-    wave : ndarray, shape (2,)
-        Cycles per cell along rows and columns in the brightness of the light.
-    phases : ndarray, shape (2,)
-        Phases of stripes and light, rad.
-    offset : ndarray of int, shape (2,)
-        Offset of the map in the periodic fields, cells.
-    unevenness, noise : float
-        Amplitude of the light and standard deviation of the sensor's noise.
+    `height` is that of the boxes, and `sun` the vector from the end of a shadow to the top that casts
+    it. `shade` and `wall` are the brightness in the shadow and of walls. `ground` and `top` are the mean
+    colours, equal in the hard law; `spread` and `grain` are the standard deviations of the colours of
+    cells and of the textures. `stripes` and `wave` are the cycles per cell in the texture of tops and in
+    the brightness of the light, with `phases` in rad. `offset` is that of the map in the periodic
+    fields. `unevenness` is the amplitude of the light, and `noise` the deviation of the sensor's noise.
     """
 
     height: float
@@ -82,30 +66,16 @@ def render(
     rendering: Rendering,
     seed: tuple[int, int, int],
 ) -> Singles:
-    """Return the image of a view.
+    """Return the image of a view: red, green and blue from 0 to 1, shape (256, 256, 3).
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        True map. Cells outside the map look like obstacles.
-    target : ndarray of int, shape (2,)
-        Cell of the target, which is invisible in the image.
-    corner, view : ndarray of int, shape (2,)
-        Row and column of the view's first cell, and numbers of rows and columns of the view.
-    rendering : Rendering
-        Appearance of the scene.
-    seed : tuple of int
-        Seed of the camera, index of the scene, and number of the image. The first two determine the
-        world, all three the noise.
-
-    Returns
-    -------
-    ndarray, shape (256, 256, 3)
-        Red, green and blue from 0 to 1.
+    Cells outside the map `blocked` look like obstacles, and the cell `target` is invisible. `corner` is
+    the view's first cell, and `view` are its numbers of rows and columns. `seed` has the seed of the
+    camera, the index of the scene and the number of the image: the first two determine the world, all
+    three the noise.
     """
     look = _draw_look(rendering, np.random.default_rng(seed[:2]))
     pinhole = Pinhole(view, corner)
-    boxes = _crop(blocked, corner, view)
+    boxes = crop(blocked, corner - 1, view + 2)  # with a border of one cell
     ground, top = _axes(pinhole, 0.0), _axes(pinhole, look.height)
     on_top = _hit(boxes, top)
     on_wall = np.zeros_like(on_top)
@@ -151,18 +121,6 @@ def _draw_look(rendering: Rendering, rng: np.random.Generator) -> _Look:
         unevenness if hard else 0.0,
         noise if hard else 0.01,
     )
-
-
-def _crop(blocked: Truths, corner: Ints, view: Ints) -> Truths:
-    """Return the cells of a view and a border of one cell; cells outside the map are blocked."""
-    cells = np.ones(view + 2, bool)
-    low = np.maximum(corner - 1, 0)
-    high = np.minimum(corner + view + 1, blocked.shape)
-    if (low < high).all():
-        first, last = low - corner + 1, high - corner + 1
-        part = blocked[low[0] : high[0], low[1] : high[1]]
-        cells[first[0] : last[0], first[1] : last[1]] = part
-    return cells
 
 
 def _axes(pinhole: Pinhole, elevation: float) -> Floats:

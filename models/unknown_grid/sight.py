@@ -13,21 +13,10 @@ Ints = NDArray[np.int64]
 
 
 def uav_cells(model: Scenes, scene: int, positions: Ints) -> Ints:
-    """Return the cells below the UAV, which follows the vehicle or hovers.
+    """Return the cells below the UAV, which follows the vehicle or hovers, shape (n, 2).
 
-    Parameters
-    ----------
-    model : Scenes
-        Model; the function uses its targets, view and rule of the UAV, but not its maps.
-    scene : int
-        Index of the scene.
-    positions : ndarray of int, shape (n, 2)
-        Row and column of the vehicle before and after its actions.
-
-    Returns
-    -------
-    ndarray of int, shape (n, 2)
-        Row and column of the UAV at each position of the vehicle.
+    `positions` are the cells of the vehicle before and after its actions. The maps of `model` are not
+    used.
     """
     near = (np.abs(model.targets[scene] - positions) <= model.view // 2).all(axis=1)
     cells = positions.copy()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import show
-from .camera import PIXELS
+from .camera import PIXELS, crop
 from .plan import ACTIONS, STEPS, NavigationRuns
 from .scenes import Hover, Scenes
 
@@ -184,12 +184,8 @@ class World:
 
     def cells(self, scene: int, corner: Ints) -> Floats:
         """Return the cells of the view whose first cell is `corner`, shape of the view."""
-        window = np.full(tuple(self.problem.view), float(BLOCKED))
-        low = np.maximum(corner, 0)
-        high = np.minimum(corner + self.problem.view, self.problem.shape)
-        rows, columns = slice(low[0], high[0]), slice(low[1], high[1])
-        first, last = low - corner, high - corner
-        window[first[0] : last[0], first[1] : last[1]] = self.problem.blocked[scene, rows, columns]
+        blocked = crop(self.problem.blocked[scene], corner, self.problem.view)
+        window = np.where(blocked, float(BLOCKED), float(FREE))
         row, column = self.problem.targets[scene] - corner
         if 0 <= row < len(window) and 0 <= column < window.shape[1]:
             window[row, column] = TARGET

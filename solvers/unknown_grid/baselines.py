@@ -33,14 +33,9 @@ Ints = NDArray[np.int64]
 class _Nearest:
     """Baseline policy in one scene.
 
-    Parameters
-    ----------
-    patient : bool
-        Whether to execute the whole sequence of actions before the next decision.
-    reachable : bool
-        Whether to choose only among cells that are reachable within the view.
-    literal : bool
-        Whether to plan from the latest chosen cell and give up once the target is in the view (Table IV).
+    If `patient`, it executes the whole sequence of actions before the next decision. If `reachable`, it
+    chooses only among cells that are reachable within the view. If `literal`, it plans from the latest
+    chosen cell and gives up once the target is in the view (Table IV).
     """
 
     def __init__(

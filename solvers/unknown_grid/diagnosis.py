@@ -66,22 +66,10 @@ def diagnose_unknown_grid(
 
 
 def opening(blocked: Truths, start: Ints, target: Ints) -> Ints:
-    """Return a smallest set of obstacles whose removal opens a path, shape (n, 2).
+    """Return a smallest set of obstacles whose removal opens a path, in the order from the start, shape (n, 2).
 
     The nodes of the search graph are the connected parts of free cells and the single obstacles. An edge
-    into an obstacle costs 1.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        Map, true where blocked.
-    start, target : ndarray of int, shape (2,)
-        Row and column of free cells.
-
-    Returns
-    -------
-    ndarray of int, shape (n, 2)
-        Rows and columns, from the start to the target; n = 0 if a path exists.
+    into an obstacle costs 1. The result is empty if a path exists.
     """
     from scipy.ndimage import label
     from scipy.sparse import csr_array

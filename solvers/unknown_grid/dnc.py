@@ -24,20 +24,10 @@ _SQUARE = 1e-4
 class Record(NamedTuple):
     """State of the computer between steps. The first axis of every field is the batch.
 
-    Parameters
-    ----------
-    memory : Tensor, shape (n, words, width)
-        M.
-    usage, precedence, written : Tensor, shape (n, words)
-        u, p and the write weighting w^w.
-    links : Tensor, shape (n, words, words)
-        L; ``links[:, i, j]`` is near 1 if word i was written directly after word j.
-    attended : Tensor, shape (n, heads, words)
-        The read weightings w^r.
-    reads : Tensor, shape (n, heads, width)
-        r.
-    hidden, cell : Tensor, shape (n, units)
-        State of the LSTM.
+    `memory` is M, shape (n, words, width). `usage`, `precedence` and `written` are u, p and the write
+    weighting w^w, shape (n, words). `links` is L: ``links[:, i, j]`` is near 1 if word i was written
+    directly after word j. `attended` and `reads` are w^r and r of each head. `hidden` and `cell` are the
+    state of the LSTM.
     """
 
     memory: Tensor
@@ -54,18 +44,10 @@ class Record(NamedTuple):
 class Interface(NamedTuple):
     """Interface vector from the controller to the memory, after its activations.
 
-    Parameters
-    ----------
-    read_keys, read_strengths : Tensor, shapes (n, heads, width), (n, heads)
-    write_key, write_strength : Tensor, shapes (n, 1, width), (n, 1)
-    erase, content : Tensor, shape (n, width)
-        e and v.
-    free : Tensor, shape (n, heads)
-        f.
-    allocation, gate : Tensor, shape (n, 1)
-        g^a and g^w.
-    modes : Tensor, shape (n, heads, 3)
-        Shares of reading backward, by content and forward.
+    Each head reads with keys, shape (n, heads, width), strengths and the free gates f, shape (n, heads),
+    and the shares `modes` of reading backward, by content and forward, shape (n, heads, 3). The write
+    has a key, a strength, the vectors `erase` (e) and `content` (v), shape (n, width), and the gates
+    `allocation` (g^a) and `gate` (g^w), shape (n, 1).
     """
 
     read_keys: Tensor
@@ -104,14 +86,7 @@ class Interface(NamedTuple):
 
 
 def match(memory: Tensor, keys: Tensor, strengths: Tensor) -> Tensor:
-    """Return the content-based weighting of words by their similarity to keys, shape (n, heads, words).
-
-    Parameters
-    ----------
-    memory : Tensor, shape (n, words, width)
-    keys : Tensor, shape (n, heads, width)
-    strengths : Tensor, shape (n, heads)
-    """
+    """Return the content-based weighting of words by their similarity to keys, shape (n, heads, words)."""
     similarity = _unit(keys) @ _unit(memory).transpose(1, 2)
     return (strengths[:, :, None] * similarity).softmax(dim=2)
 
@@ -178,19 +153,9 @@ def build_computer(
 ) -> nn.Module:
     """Return the computer, which computes one step per call: ``computer(inputs, record) -> outputs, record``.
 
-    Inputs have shape (n, inputs) and outputs (n, outputs). ``computer.start(n)`` returns the initial record
-    of a batch of n.
-
-    Parameters
-    ----------
-    inputs, outputs : int
-        Sizes of the input and output vectors.
-    units : int, default 256
-        Number of units of the LSTM.
-    words, width : int, default 32 and 8
-        Number of words in the memory, and their length.
-    heads : int, default 4
-        Number of read heads. One further head writes.
+    Inputs have shape (n, inputs) and outputs (n, outputs). ``computer.start(n)`` returns the initial
+    record of a batch of n. The LSTM has `units` units, and the memory `words` words of length `width`;
+    one head writes, and `heads` heads read.
     """
     import torch
     from torch import nn

@@ -41,23 +41,10 @@ def apart(width: int, one: int, other: int) -> int:
 
 @kernel(interpretable=True)
 def descend(walls: Bytes, width: int, steps: Steps, cell: int) -> int:
-    """Return the action to the neighbour with the fewest steps; ties go to up, down, left, right.
+    """Return the action 0 … 3 to the neighbour with the fewest steps to the target, or :data:`STUCK`.
 
-    Parameters
-    ----------
-    walls : ndarray of uint8, shape (cells,)
-        1 where blocked.
-    width : int
-        Number of cells per row, including the frame.
-    steps : ndarray of int32, shape (cells,)
-        Steps to the target. Entries of blocked cells are ignored.
-    cell : int
-        Cell of the vehicle.
-
-    Returns
-    -------
-    int
-        0 … 3, or :data:`STUCK`.
+    Ties go to up, down, left, right. `walls` is 1 for blocked cells, whose `steps` are ignored, and
+    `width` is the number of cells per row, including the frame.
     """
     best, action = FAR, STUCK
     for index, move in enumerate((-width, width, -1, 1)):
@@ -73,21 +60,9 @@ def search(walls: Bytes, width: int, start: int, target: int, every: bool, flag:
     A step towards the start keeps the sum of steps and lower bound, and any other step raises it by 2.
     Two stacks (last in, first out) therefore suffice as a priority queue.
 
-    Parameters
-    ----------
-    walls, width
-        See :func:`descend`.
-    start, target : int
-        Free cells.
-    every : bool
-        Whether to compute all shortest paths, or only those that :func:`descend` needs at the start.
-    flag : ndarray of int8, shape (1,)
-        Nonzero stops the search.
-
-    Returns
-    -------
-    ndarray of int32, shape (cells,)
-        Exact on shortest paths from the start, upper bounds elsewhere; :data:`FAR` for unvisited cells.
+    If `every`, all shortest paths are computed, otherwise only those that :func:`descend` needs at the
+    start. A nonzero `flag` stops the search. The result is exact on shortest paths from the start, an
+    upper bound elsewhere, and :data:`FAR` for unvisited cells.
     """
     steps = np.full(walls.size, FAR, np.int32)
     now, later = np.empty(walls.size, np.int64), np.empty(walls.size, np.int64)
@@ -227,31 +202,13 @@ def repair(
     tally: Ints,
     flag: Flag,
 ) -> bool:
-    """Update `g` on all shortest paths from the start by D* Lite.
+    """Update `g` on all shortest paths from the start by D* Lite; return False if `flag` stopped the search.
 
-    Parameters
-    ----------
-    walls, width, flag
-        See :func:`search`. `walls` is the current map.
-    start, target : int
-        Free cells. The start is the current cell of the vehicle.
-    changed : ndarray of int64
-        Cells blocked or freed since the previous call. The first call also includes the target.
-    g, rhs : ndarray of int32, shape (cells,)
-        Steps to the target, and their one-step lookahead values; initially :data:`FAR`.
-    heap : ndarray of int64, shape (cells,)
-        Binary heap of the inconsistent cells, whose g and rhs differ.
-    where : ndarray of int32, shape (cells,)
-        Index of each cell in `heap` plus 1; initially 0.
-    keys : ndarray of int64, shape (cells,)
-        Key of each cell in `heap`.
-    tally : ndarray of int64, shape (3,)
-        State between calls; initially ``(0, 0, start)``.
-
-    Returns
-    -------
-    bool
-        False if `flag` stopped the search.
+    `walls` is the current map, and `start` the cell of the vehicle. `changed` are the cells blocked or
+    freed since the previous call; the first call also includes the target. `g` and `rhs` are the steps
+    to the target and their one-step lookahead values, initially :data:`FAR`. `heap` is the binary heap
+    of the inconsistent cells, whose g and rhs differ, `where` the index of each cell in it plus 1,
+    initially 0, and `keys` their keys. `tally` is the state between calls, initially ``(0, 0, start)``.
     """
     tally[_MOVED] += apart(width, tally[_LAST], start)
     tally[_LAST] = start

@@ -177,16 +177,10 @@ class StepTrainer(_ImitationTrainer):
 
 
 class Episodes(NamedTuple):
-    """Runs of the expert, one row per step and run.
+    """Runs of the expert, one row per step and run, in the order of the steps.
 
-    Parameters
-    ----------
-    observed : Observation
-        Observations before each step, as arrays in the order of the steps.
-    actions : ndarray of int, shape (k,)
-        Actions of the expert.
-    runs, steps : ndarray of int, shape (k,)
-        Indices of the run and of the step.
+    The fields are the observations before each step, the actions, and the indices of the run and of the
+    step.
     """
 
     observed: Observation
@@ -222,15 +216,7 @@ def lead_expert(scenes: Scenes, task: Task, steps: int = 40) -> Episodes:
 
 
 class _EpisodeTrainer(_ImitationTrainer):
-    """Base of trainers on batches of A* episodes in new scenes. The batches alternate between the tasks.
-
-    Parameters
-    ----------
-    course, kind, network, architecture
-        Parameters of :class:`~..learning.gradient.GradientTrainer`.
-    part : {0, 1, 2}
-        Steps that are learned, see :attr:`_ImitationTrainer.part`.
-    """
+    """Base of trainers on batches of A* episodes in new scenes. The batches alternate between the tasks."""
 
     def __init__(
         self, course: Course, kind: str, network: torch.nn.Module, architecture: Mapping[str, int],

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.unknown_grid.camera import PIXELS, Rendering, overlaps
+from ...models.unknown_grid.camera import PIXELS, Rendering, crop, overlaps
 from ...models.unknown_grid.rendering import render
 from ..learning.gradient import GradientTrainer
 from .imitation import Scenes, draw_scenes
@@ -53,16 +53,11 @@ _JUDGED = 8
 
 
 def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch.nn.Module:
-    """Return the network with its initial weights.
+    """Return the network with its initial weights. :data:`ARCHITECTURE` has the default channels.
 
-    The call ``network(images, view)`` takes images, a tensor of shape (n, 3, 256, 256) from 0 to 1, and the rows
-    and columns of the view. It returns the logits of obstacles: of the cells, shape (n, m, n'), and of the
-    pixels, shape (n, 256, 256).
-
-    Parameters
-    ----------
-    channels, inner, cells : int, default 32, 64 and 24
-        Channels of stages 1 and 4, of stages 2 and 3, and of PPN.
+    The call ``network(images, view)`` takes images, a tensor of shape (n, 3, 256, 256) from 0 to 1, and
+    the rows and columns of the view. It returns the logits of obstacles: of the cells, shape (n, m, n'),
+    and of the pixels, shape (n, 256, 256).
     """
     import torch
     from torch import nn
@@ -172,18 +167,10 @@ def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch
 def draw_images(
     scenes: Scenes, view: tuple[int, int], hard: float, generator: np.random.Generator
 ) -> tuple[Floats, Truths]:
-    """Return images of views around free cells, shape (n, 256, 256, 3), and their blocked cells, shape (n, m, n').
+    """Return images of views around free cells, and their blocked cells, shape (n, m, n').
 
-    Parameters
-    ----------
-    scenes : Scenes
-        One scene per image.
-    view : tuple of int
-        Numbers of rows and columns, odd.
-    hard : float
-        Probability of the hard law for each image; the other images have the plain law.
-    generator : numpy.random.Generator
-        Generator of the centres of views, the laws and the seeds of images.
+    Each scene has one image. `hard` is the probability of the hard law for each image; the other images
+    have the plain law.
     """
     half = np.array(view) // 2
     images = np.empty((len(scenes.blocked), PIXELS, PIXELS, 3))
@@ -193,9 +180,7 @@ def draw_images(
         seed = tuple(generator.integers(2**32, size=3).tolist())
         rendering = Rendering.HARD if generator.random() < hard else Rendering.PLAIN
         images[k] = render(blocked, scenes.targets[k], corner, np.array(view), rendering, seed)
-        widened = np.pad(blocked, list(zip(half, half, strict=True)), constant_values=True)
-        row, column = corner + half
-        cells[k] = widened[row : row + view[0], column : column + view[1]]
+        cells[k] = crop(blocked, corner, np.array(view))
     return images, cells
 
 

@@ -41,13 +41,7 @@ NEVER = 2**30
 
 
 class Task(NamedTuple):
-    """Task of the paper.
-
-    Parameters
-    ----------
-    shape, view : tuple of int
-        Numbers of rows and columns of the maps and of the views.
-    """
+    """Task of the paper: numbers of rows and columns of the maps and of the views."""
 
     shape: tuple[int, int]
     view: tuple[int, int]
@@ -58,15 +52,7 @@ TASKS = (Task((17, 17), (11, 11)), Task((17, 17), (9, 9)), Task((15, 15), (9, 9)
 
 
 class Scenes(NamedTuple):
-    """Random scenes.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (n, rows, columns)
-        Maps, true if blocked.
-    starts, targets : ndarray of int, shape (n, 2)
-        Row and column in each scene.
-    """
+    """Random scenes: maps, true if blocked, and the cells of start and target, shape (n, 2)."""
 
     blocked: Truths
     starts: Ints
@@ -81,28 +67,7 @@ def draw_scenes(
     examples: Examples | None, law: str, shape: tuple[int, int], obstacles: Any, scenes: int,
     generator: np.random.Generator,
 ) -> Scenes:  # fmt: skip
-    """Return random scenes.
-
-    Parameters
-    ----------
-    examples : callable or None
-        Function that draws solvable scenes.
-    law : str
-        Law of the scenes.
-    shape : tuple of int
-        Numbers of rows and columns.
-    obstacles : int or (int, int)
-        Number of obstacles, or its limits.
-    scenes : int
-        Number of scenes.
-    generator : numpy.random.Generator
-        Source of random numbers.
-
-    Raises
-    ------
-    InvalidData
-        `examples` is None.
-    """
+    """Return random scenes drawn by `examples`, or raise :class:`InvalidData` if it is None."""
     if examples is None:
         raise InvalidData(
             "examples must be a function that draws scenes, such as "
@@ -115,15 +80,8 @@ def draw_scenes(
 def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
     """Return the fewest steps to the target from every cell, shape (n, rows, columns).
 
-    The entries of cells without a path are :data:`NEVER`. A breadth-first search treats all maps at once,
-    with one sweep over all cells per step.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (n, rows, columns)
-        Maps, true if blocked.
-    targets : ndarray of int, shape (n, 2)
-        Row and column of each target.
+    The entries of cells without a path are :data:`NEVER`. A breadth-first search treats all maps at
+    once, with one sweep over all cells per step.
     """
     count, rows, columns = blocked.shape
     steps = np.full((count, rows + 2, columns + 2), NEVER, np.int32)
@@ -143,12 +101,8 @@ def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
 def best_actions(ways: Lengths, positions: Ints) -> Truths:
     """Return whether each action begins a shortest path, shape (n, 4); all false without a path.
 
-    Parameters
-    ----------
-    ways : ndarray of int32, shape (n, rows, columns)
-        Steps to the target, see :func:`shortest_ways`.
-    positions : ndarray of int, shape (n, 2)
-        Row and column of the vehicles.
+    `ways` are the steps of :func:`shortest_ways`, and `positions`, shape (n, 2), the cells of the
+    vehicles.
     """
     rows, columns = ways.shape[1:]
     cells = positions[:, None] + _MOVES
@@ -168,18 +122,10 @@ def first_of(best: Truths) -> Ints:
 
 
 class Walk:
-    """Vectorised simulation of many scenes, with the rules of :class:`~crosstrack.models.unknown_grid.World`.
+    """Vectorised simulation of scenes, with the rules of :class:`~crosstrack.models.unknown_grid.World`.
 
-    Parameters
-    ----------
-    scenes : Scenes
-        Scenes of equal shape.
-    view : tuple of int
-        Numbers of rows and columns of the view, odd.
-    steps : int, default 40
-        Maximum number of actions per run.
-    follow : bool, default False
-        Whether the UAV follows the vehicle after the target was seen. Otherwise it hovers.
+    A run has at most `steps` actions. If `follow`, the UAV follows the vehicle after the target was
+    seen; otherwise it hovers.
     """
 
     def __init__(
@@ -241,13 +187,8 @@ def walk_through(walk: Walk, choose: Callable[[Observation, Ints], Any]) -> None
 class Recurrence:
     """Network with the states of the active scenes.
 
-    A call takes the inputs of the active scenes and their ascending indices, which are among those of the
-    previous call. It returns the logits.
-
-    Parameters
-    ----------
-    network : callable
-        Function of inputs and state that returns logits and the new state, see :mod:`~.networks`.
+    A call takes the inputs of the active scenes and their ascending indices, which are among those of
+    the previous call. It returns the logits. See :mod:`~.networks` for the interface of the network.
     """
 
     def __init__(self, network: Callable[[Any, Any], tuple[torch.Tensor, Any]]) -> None:
@@ -268,11 +209,6 @@ def choose_actions(logits: Any) -> tuple[Ints, Ints]:
 
     Non-finite logits are ignored. Ties go to up, down, left, right in this order. If no logit is finite,
     the action is up.
-
-    Parameters
-    ----------
-    logits : ndarray, shape (n, 4)
-        Logits of the actions.
     """
     wrong = ~np.isfinite(logits)
     return np.where(wrong, -np.inf, logits).argmax(axis=1), wrong.sum(axis=1)

@@ -46,17 +46,7 @@ _WITHOUT = Option(
 
 
 class LearnedPolicy:
-    """Policy of consecutive scenes that evaluates a network on their masked maps.
-
-    Parameters
-    ----------
-    problem : UnknownGridNavigation
-        Model without its true maps.
-    scenes : ndarray of int, shape (n,)
-        Consecutive indices of scenes.
-    network : torch.nn.Module
-        Network with its weights.
-    """
+    """Policy of consecutive scenes that evaluates a network on their masked maps."""
 
     def __init__(
         self, problem: UnknownGridNavigation, scenes: Ints, network: torch.nn.Module

@@ -41,13 +41,7 @@ def build_network(
 ) -> torch.nn.Module:  # fmt: skip
     """Return the network with its initial weights. :data:`ARCHITECTURE` has the default sizes.
 
-    Parameters
-    ----------
-    side, hidden, iterations, units, words, width, heads : int
-        Side of the canvas, channels of the ConvNet, K, units of the LSTM, number and length of the
-        memory's words, and number of read heads.
-    reads_map : bool, default False
-        Whether the controller reads O_g and V (MCGN-I) instead of R and V (MACN).
+    The controller reads R and V (MACN) or, if `reads_map`, O_g and V (MCGN-I).
     """
     import torch
     from torch import nn
@@ -110,13 +104,7 @@ class Second:
 
 
 def combine(first: torch.nn.Module, second: torch.nn.Module) -> torch.nn.Module:
-    """Return the network that uses `first` until the target was seen, and `second` afterwards.
-
-    Parameters
-    ----------
-    first, second : torch.nn.Module
-        MCGN-I and MCGN-II with their weights.
-    """
+    """Return the network that uses MCGN-I until the target was seen, and MCGN-II afterwards."""
     import torch
     from torch import nn
 

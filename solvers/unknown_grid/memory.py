@@ -71,15 +71,7 @@ class Observation(NamedTuple):
 
 
 class Memory:
-    """Masked maps of k scenes of equal shape.
-
-    Parameters
-    ----------
-    shape, view : ndarray of int, shape (2,)
-        Numbers of rows and columns of the maps, and of the views.
-    targets : ndarray of int, shape (k, 2)
-        Row and column of the target of each scene.
-    """
+    """Masked maps of k scenes of equal shape; `targets`, shape (k, 2), are the cells of their targets."""
 
     def __init__(self, shape: Ints, view: Ints, targets: Ints) -> None:
         self.targets = targets
@@ -96,16 +88,10 @@ class Memory:
         self._actions = np.full(count, -1)
 
     def look(self, rows: Ints, positions: Ints, corners: Ints, view: Any) -> Observation:
-        """Store the views of the scenes `rows`, and return the knowledge of these scenes.
+        """Store the views of the scenes `rows`, which are distinct, and return the knowledge of these scenes.
 
-        Parameters
-        ----------
-        rows : ndarray of int, shape (n,)
-            Distinct indices of scenes, from 0.
-        positions, corners : ndarray of int, shape (n, 2)
-            Row and column of the vehicle, and of the view's first cell.
-        view : ndarray, shape (n, m, n')
-            Cells: 0 free, 1 obstacle or outside the map, 2 target (free).
+        `positions` are the cells of the vehicle, and `corners` the first cells of the views. A view has
+        0 for free cells, 1 for obstacles and cells outside the map, and 2 for the target.
         """
         places, targets = np.asarray(positions), self.targets[rows]
         indices = np.arange(len(rows))

@@ -46,30 +46,15 @@ NETWORKS: dict[str, Any] = {
 
 
 def shipped_weights(kind: str) -> Path:
-    """Return the path of the shipped weights of a network.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the weights, a key of :data:`NETWORKS`.
-    """
+    """Return the path of the shipped weights of a network, by its kind in :data:`NETWORKS`."""
     return Path(__file__).parent / "weights" / f"{kind}.npz"
 
 
 def load_network(kind: str, path: str | Path | None = None) -> torch.nn.Module:
-    """Return a network with the weights of a file, in evaluation mode.
+    """Return a network of a kind in :data:`NETWORKS` with the weights of a file, in evaluation mode.
 
-    Parameters
-    ----------
-    kind : str
-        Kind of the weights, a key of :data:`NETWORKS`.
-    path : path-like, optional
-        File of weights, by default the shipped weights.
-
-    Raises
-    ------
-    InvalidData
-        The file does not fit the network. The message names the file and the error.
+    The shipped weights are the default. Raise :class:`InvalidData` with the name of the file if it does
+    not fit the network.
     """
     file = shipped_weights(kind) if path is None else path
     weights, module = read_weights(file, kind), NETWORKS[kind]

@@ -35,33 +35,16 @@ _TOGETHER = 16
 def perceive(
     images: ArrayLike, view: tuple[int, int], method: str = "k-means", weights: str | None = None
 ) -> Truths:
-    """Return whether each cell of the views is an obstacle, shape (n, m, n').
+    """Return whether each cell of the views is an obstacle, shape (n, m, n'). The result is deterministic.
 
-    Parameters
-    ----------
-    images : array-like, shape (n, 256, 256, 3)
-        Red, green and blue from 0 to 1, one image per view.
-    view : tuple of int
-        Numbers of rows and columns of the view, odd.
-    method : {"k-means", "gmgn"}, default "k-means"
-        ``"k-means"`` (not in the paper) clusters the pixels of an image by colour. The majority of its pixels
-        decides on each cell. The cell in the middle is free, because the vehicle is or was there. All cells are
-        free if one cluster suffices. ``"gmgn"`` is the paper's network, see :mod:`~.gmgn`.
-    weights : str, optional
-        File of weights for the network, by default the shipped weights.
+    ``"k-means"`` (not in the paper) clusters the pixels of an image by colour. The majority of its
+    pixels decides on each cell. The cell in the middle is free, because the vehicle is or was there. All
+    cells are free if one cluster suffices. ``"gmgn"`` is the paper's network, see :mod:`~.gmgn`;
+    `weights` is its file, by default the shipped weights.
 
-    Returns
-    -------
-    ndarray of bool, shape (n, m, n')
-        True if blocked. The result is deterministic.
-
-    Raises
-    ------
-    InvalidData
-        The shape of the images is wrong, a value is outside 0 … 1, or a side of the view is even. The message
-        names the location.
-    BackendMissing
-        The method is ``"gmgn"`` and PyTorch is not installed.
+    The images, shape (n, 256, 256, 3), have red, green and blue from 0 to 1, and the sides of the view
+    are odd; otherwise :class:`InvalidData` names the location. The method ``"gmgn"`` raises
+    :class:`BackendMissing` without PyTorch.
     """
     if method not in METHODS:
         raise InvalidData(

@@ -32,23 +32,9 @@ Flag = NDArray[np.int8]
 class KnownMap:
     """Known map of a scene as a flat array with a frame of blocked cells.
 
-    Parameters
-    ----------
-    problem : UnknownGridNavigation
-        Model without its true maps.
-    scene : int
-        Index of the scene.
-
-    Attributes
-    ----------
-    walls : ndarray of uint8, shape (cells,)
-        1 for known obstacles and the frame, otherwise 0.
-    width : int
-        Number of cells per row, including the frame.
-    cell, target : int
-        Cells of the vehicle and of the target.
-    moves : tuple of int
-        Change of the cell number by each action.
+    `walls` is 1 for known obstacles and the frame, and `width` the number of cells per row, including
+    the frame. `cell` and `target` are the cells of vehicle and target, and `moves` the change of the
+    cell number by each action.
     """
 
     def __init__(self, problem: UnknownGridNavigation, scene: int) -> None:
@@ -66,19 +52,9 @@ class KnownMap:
         return (int(cell[0]) + 1) * self.width + int(cell[1]) + 1
 
     def notice(self, looks: Looks, expected: int) -> Ints:
-        """Update the map with an observation and a possible collision.
+        """Update the map with an observation and a possible collision; return the cells whose state changed.
 
-        Parameters
-        ----------
-        looks : Looks
-            Observation of one scene.
-        expected : int
-            Cell of the vehicle if its last step caused no collision.
-
-        Returns
-        -------
-        ndarray of int64
-            Cells whose state changed between free and blocked.
+        `expected` is the cell of the vehicle if its last step caused no collision.
         """
         self.cell = self._number(looks.positions[0])
         visited = np.array([expected, self.cell])
@@ -107,22 +83,7 @@ class KnownMap:
 
 
 class Replanning:
-    """A* on the known map before every step, in one scene.
-
-    Parameters
-    ----------
-    problem : UnknownGridNavigation
-        Model without its true maps.
-    scenes : ndarray of int, shape (1,)
-        Index of the scene.
-    request : Request
-        Request whose control may stop the search.
-
-    Attributes
-    ----------
-    known : KnownMap
-        Known map.
-    """
+    """A* on the known map before every step, in one scene. The control of `request` may stop the search."""
 
     def __init__(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> None:
         self._problem, self._scene = problem, int(scenes[0])

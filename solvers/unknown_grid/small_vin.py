@@ -33,13 +33,7 @@ _ROUND = 8
 
 
 def build_network(channels: int = 12, window: int = 5) -> torch.nn.Module:
-    """Return the network with its initial weights.
-
-    Parameters
-    ----------
-    channels, window : int, default 12 and 5
-        Channels and side of the kernel of the first layer.
-    """
+    """Return the network with its initial weights. :data:`ARCHITECTURE` has the default sizes."""
     import torch
     from torch import nn
     from torch.nn import functional

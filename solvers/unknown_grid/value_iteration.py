@@ -37,21 +37,14 @@ _SPREAD = 0.01
 
 
 def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
-    """Return the ConvNet and the value iteration module.
+    """Return the ConvNet with `hidden` channels and the value iteration module with K = `iterations`.
 
-    The call ``planner(maps, targets)`` takes maps, shape (n, rows, columns), and the row and column of each
-    target, shape (n, 2). It returns the reward map R and the final value map V, shapes (n, 1, rows, columns), and the
-    final action values Q, shape (n, 4, rows, columns).
+    The call ``planner(maps, targets)`` takes maps, shape (n, rows, columns), and the row and column of
+    each target, shape (n, 2). It returns the reward map R and the final value map V, shapes (n, 1, rows,
+    columns), and the final action values Q, shape (n, 4, rows, columns).
 
-    Table I has no activation, so its first two layers are computed as one convolution from map and reward map
-    to R. The padding is 0.
-
-    Parameters
-    ----------
-    hidden : int, default 150
-        Channels of the first layer.
-    iterations : int, default 30
-        Number of iterations K.
+    Table I has no activation, so its first two layers are computed as one convolution from map and
+    reward map to R. The padding is 0.
     """
     import torch
     from torch import nn
@@ -111,13 +104,7 @@ def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
 
 
 def build_network(hidden: int = 150, iterations: int = 30) -> nn.Module:
-    """Return the planner with attention to the vehicle's cell, and its initial weights.
-
-    Parameters
-    ----------
-    hidden, iterations : int, default 150 and 30
-        Channels of the first layer, and number of iterations.
-    """
+    """Return the planner with attention to the vehicle's cell, and its initial weights."""
     import torch
     from torch import nn
 
@@ -144,16 +131,9 @@ def build_network(hidden: int = 150, iterations: int = 30) -> nn.Module:
 def iterate(fixed: Singles, moves: Singles, values: Singles, best: Bytes) -> None:
     """Fill the values of each iteration and their maximising actions.
 
-    Parameters
-    ----------
-    fixed : ndarray of float32, shape (n, 4, rows, columns)
-        R(s, a).
-    moves : ndarray of float32, shape (4, 3, 3)
-        gamma P.
-    values : ndarray of float32, shape (iterations + 1, n, rows + 2, columns + 2)
-        Output V_1, V_2 and so on. The frame must be zero.
-    best : ndarray of uint8, shape (iterations + 1, n, rows, columns)
-        Output maximising actions.
+    `fixed` is R(s, a), shape (n, 4, rows, columns), and `moves` is gamma P, shape (4, 3, 3). Output:
+    `values` V_1, V_2 and so on with a zero frame, shape (iterations + 1, n, rows + 2, columns + 2), and
+    `best`, their maximising actions.
     """
     count, actions, rows, columns = fixed.shape
     worth = np.empty((4, columns), np.float32)
@@ -184,14 +164,9 @@ def pass_back(
 ) -> None:
     """Add the gradients with respect to R(s, a) and gamma P to `fixed` and `moved`.
 
-    Parameters
-    ----------
-    gradient : ndarray of float32, shape (n, rows + 2, columns + 2)
-        Gradient with respect to the last values. Its frame is ignored. The function overwrites it.
-    moves, values, best
-        Arguments of :func:`iterate`, after the call.
-    fixed, moved : ndarray of float32, shapes (n, 4, rows, columns) and (4, 3, 3)
-        Arrays that receive the gradients.
+    `gradient`, shape (n, rows + 2, columns + 2), is that with respect to the last values. Its frame is
+    ignored, and the function overwrites it. `moves`, `values` and `best` are the arguments of
+    :func:`iterate`, after the call.
     """
     count, actions, rows, columns = fixed.shape
     before = np.empty((rows + 2, columns + 2), np.float32)
