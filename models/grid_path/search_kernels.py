@@ -80,23 +80,8 @@ def steps_of(width: int, diagonal: bool) -> Ints:
 @kernel
 def box_around(numbers: Ints, width: int) -> Ints:
     """Return the first and last row, and the first and last column of cells, shape (4,)."""
-    box = np.zeros(4, np.int64)
-    box[0], box[2] = 2**62, width
-    for number in numbers:
-        row, column = number // width, number % width
-        box[0], box[1] = min(box[0], row), max(box[1], row)
-        box[2], box[3] = min(box[2], column), max(box[3], column)
-    return box
-
-
-@kernel
-def larger(ring: Ints, sizes: Ints) -> Ints:
-    """Return a copy of `ring` with twice the capacity."""
-    copy = np.empty((len(ring), 2 * ring.shape[1]), np.int64)
-    for k in range(len(ring)):
-        for i in range(sizes[k]):
-            copy[k, i] = ring[k, i]
-    return copy
+    rows, columns = numbers // width, numbers % width
+    return np.array([rows.min(), rows.max(), columns.min(), columns.max()])
 
 
 @kernel(interpretable=True)
@@ -193,7 +178,7 @@ def sweep(
             state[to] |= _WAITING
             bucket = ((CEILING - order) >> _SHIFT) % _RING
             if sizes[bucket] == ring.shape[1]:
-                ring = larger(ring, sizes)
+                ring = np.hstack((ring, np.empty_like(ring)))
             ring[bucket, sizes[bucket]] = to
             sizes[bucket] += 1
             waiting += 1

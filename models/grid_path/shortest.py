@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..fields import Array, show
 from .gridmap import GridMap
-from .sight import Sight
+from .sight import Sight, farthest
 
 __all__ = ["distances", "path_between", "trail"]
 
@@ -135,14 +135,8 @@ def trail(grid: GridMap, stops: ArrayLike, *, straightened: bool = False) -> Flo
         if grid.holds([here, there]).all():
             between = grid.centres(path_between(grid, here, there)).reshape(-1, 2)
         way = np.concatenate([ends[:1], between, ends[1:]])
-        parts.append((_straightened(sight, way) if straightened else way)[1:])
+        if straightened:
+            flag = np.zeros(1, np.int8)
+            way = way[farthest(sight.blocked, sight.cells(way), sight.slack, flag)]
+        parts.append(way[1:])
     return np.concatenate(parts)
-
-
-def _straightened(sight: Sight, way: Floats) -> Floats:
-    chosen = [0]
-    while chosen[-1] < len(way) - 1:
-        here = chosen[-1]
-        visible = (k for k in range(len(way) - 1, here + 1, -1) if sight.between(way[here], way[k]))
-        chosen.append(next(visible, here + 1))
-    return way[chosen]

@@ -23,7 +23,7 @@ from .checks import DIGITS
 if TYPE_CHECKING:
     from .gridmap import GridMap
 
-__all__ = ["SLACK", "Sight", "convex_corners", "free_at", "line_of_sight", "sees"]
+__all__ = ["SLACK", "Sight", "convex_corners", "farthest", "free_at", "line_of_sight", "sees"]
 
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
@@ -106,6 +106,30 @@ def sees(blocked: Truths, ax: float, ay: float, bx: float, by: float, slack: flo
     return not (right == math.floor(right) and y == math.floor(y)) or not _pinched(
         blocked, turned, int(right), int(y)
     )
+
+
+@kernel(interpretable=True)
+def farthest(
+    blocked: Truths, path: Floats, slack: float, flag: NDArray[np.int8]
+) -> NDArray[np.int64]:
+    """Return the indices of points that remain if each connects to its farthest visible point.
+
+    `blocked` is the padded map, and `slack` the distance, in cells, below which a segment passes through a
+    corner. If `flag` is nonzero, the remaining points stay.
+    """
+    n = len(path)
+    chosen = np.empty(n, np.int64)
+    size, here = 1, 0
+    chosen[0] = 0
+    while here < n - 1:
+        x, y = path[here, 0], path[here, 1]
+        there = n - 1 if flag[0] == 0 else here + 1
+        while there > here + 1 and not sees(blocked, x, y, path[there, 0], path[there, 1], slack):
+            there -= 1
+        here = there
+        chosen[size] = here
+        size += 1
+    return chosen[:size]
 
 
 def convex_corners(blocked: Truths) -> NDArray[np.int8]:

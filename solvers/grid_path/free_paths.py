@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -73,19 +73,16 @@ class Leg:
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
 
 
-@dataclass
 class Ground:
     """Problem with connectivity "any" in cells of the padded map; the control of `request` receives incumbents."""
 
-    problem: GridPath
-    request: Request
-    statistics: dict[str, float | int | str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.sight = Sight(self.problem.map)
-        self.start: Floats = self.problem.start[::-1].astype(np.float64) + 1.5
-        self.goals: Floats = self.problem.goals[:, ::-1].astype(np.float64) + 1.5
-        self.rng = np.random.default_rng(self.request.seed or 0)
+    def __init__(self, problem: GridPath, request: Request) -> None:
+        self.problem, self.request = problem, request
+        self.statistics: dict[str, float | int | str] = {}
+        self.sight = Sight(problem.map)
+        self.start: Floats = problem.start[::-1].astype(np.float64) + 1.5
+        self.goals: Floats = problem.goals[:, ::-1].astype(np.float64) + 1.5
+        self.rng = np.random.default_rng(request.seed or 0)
         self.offered = math.inf
 
     @cached_property

@@ -123,7 +123,7 @@ def greedy(
     is the first plan of an exact search with a time limit. The arguments are those of :func:`weighted`.
 
     The result is the status, the goal that the search reached, or -1, and the predecessors of the
-    visited cells, of which the start is its own parent.
+    visited cells; the start is its own.
     """
     steps = steps_of(width, diagonal)
     box = box_around(goals, width)

@@ -94,8 +94,8 @@ def jump(
     lost. The arguments are those of :func:`crosstrack.models.grid_path.search_kernels.sweep`.
 
     The result is the status, the goal, -1 if none is reachable, the cost of the path to it or, if
-    stopped, a lower bound on it, the previous jump points, of which the start is its own, and the number
-    of expanded cells.
+    stopped, a lower bound on it, the previous jump points, and the number of expanded cells. The start
+    is its own jump point.
     """
     moves = np.array([1, width + 1, width, width - 1, -1, -width - 1, -width, -width + 1])
     state = walls.copy()

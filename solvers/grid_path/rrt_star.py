@@ -30,7 +30,7 @@ MARGIN = 1.1
 
 
 class Tree(NamedTuple):
-    """Tree of points x, y, shape (n, 2), of which the first is the root.
+    """Tree of points x, y, shape (n, 2). The first point is the root.
 
     `parents` are the indices of the next points towards the root, and `ends` the distances to the goal,
     infinite without a line of sight.

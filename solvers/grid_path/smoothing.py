@@ -19,7 +19,7 @@ from ...errors import InvalidData
 from ...jit import kernel
 from ...models.fields import Array, show
 from ...models.grid_path.model import Connectivity, GridPath
-from ...models.grid_path.sight import Sight, convex_corners, sees
+from ...models.grid_path.sight import Sight, convex_corners, farthest, sees
 from ..contract.backend import Feature, Guarantee, Option, Request
 from .free_paths import AnyDirection, Ground, Leg
 from .heap_kernels import back
@@ -164,28 +164,6 @@ def first_hidden(blocked: Truths, path: Floats, slack: float) -> int:
         if not sees(blocked, path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1], slack):
             return k
     return max(len(path) - 1, 0)
-
-
-@kernel(interpretable=True)
-def farthest(blocked: Truths, path: Floats, slack: float, flag: Flag) -> Ints:
-    """Return the indices of points that remain if each connects to its farthest visible point.
-
-    `blocked` is the padded map, and `slack` the distance, in cells, below which a segment passes through a
-    corner. If `flag` is nonzero, the remaining points stay.
-    """
-    n = len(path)
-    chosen = np.empty(n, np.int64)
-    size, here = 1, 0
-    chosen[0] = 0
-    while here < n - 1:
-        x, y = path[here, 0], path[here, 1]
-        there = n - 1 if flag[0] == 0 else here + 1
-        while there > here + 1 and not sees(blocked, x, y, path[there, 0], path[there, 1], slack):
-            there -= 1
-        here = there
-        chosen[size] = here
-        size += 1
-    return chosen[:size]
 
 
 @kernel(interpretable=True)

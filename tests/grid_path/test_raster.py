@@ -223,6 +223,19 @@ def test_an_outline_of_many_points():
     assert np.array_equal(grid.blocked, shapely.dwithin(whole, cells, 0.25))
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.4, 0.5, 0.75, 1.2])
+def test_an_inflated_map_blocks_the_cells_nearer_than_the_radius(radius):
+    grid = GridMap(np.random.default_rng(3).random((9, 12)) < 0.06, 0.5, (3.0, -2.0))
+    cells = np.moveaxis(np.indices(grid.shape), 0, -1)
+    apart = np.abs(cells[:, :, None] - np.argwhere(grid.blocked)) - 1
+    away = grid.cell * np.hypot(*np.moveaxis(apart.clip(0), -1, 0)).min(axis=-1)
+    inflated = grid.inflated(radius)
+    np.testing.assert_array_equal(inflated.blocked, grid.blocked | (away < radius))
+    assert (inflated.cell, *inflated.origin) == (grid.cell, *grid.origin)
+    with pytest.raises(InvalidData, match="blocked must leave at least one cell free"):
+        grid.inflated(10.0)
+
+
 def test_a_free_space_of_one_cell():
     frame = {"shell": box(0, 0, 5, 5), "holes": [box(2, 2, 3, 3)]}
     grid = GridMap.from_polygons([frame], (0, 0, 5, 5), 1)
