@@ -24,21 +24,12 @@ __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "Airspace", "airspace"]
 
 
 class Airspace(NamedTuple):
-    """Points, thresholds and rates.
+    """Points in metres, shape (n, 3), their kinds, thresholds and rates.
 
-    Attributes
-    ----------
-    points : ndarray, shape (n, 3)
-        Coordinates in metres.
-    kinds : ndarray of int8, shape (n,)
-        ``START``, ``HORIZONTAL``, ``VERTICAL`` or ``END``.
-    start, end : int
-        Indices of the start A and the end B.
-    limits : ndarray, shape (4, 2)
-        Largest vertical (column 0) and horizontal (column 1) error on arrival, one row per kind of
-        point, slack included; the row of ``START`` is -1, as no route returns there.
-    rates : ndarray, shape (2,)
-        Vertical and horizontal error per metre of flight.
+    `start` and `end` are the indices of A and B. `limits`, shape (4, 2), are the largest vertical
+    (column 0) and horizontal (column 1) error on arrival, one row per kind of point, slack included; the
+    row of ``START`` is -1, as no route returns there. `rates` are the vertical and the horizontal error
+    per metre of flight.
     """
 
     points: NDArray[np.float64]

@@ -44,27 +44,12 @@ WORTH = 16
 def climb(
     space: Airspace, cutoff: float, flag: NDArray[np.int8]
 ) -> tuple[int, NDArray[np.int64], float, float, int, int]:
-    """Return the shortest walk from A to B.
+    """Return the shortest walk from A to B that is no longer than `cutoff` (m).
 
-    Parameters
-    ----------
-    space : Airspace
-        The problem.
-    cutoff : float
-        Largest length of interest, m; inf for none.
-    flag : ndarray of int8, shape (1,)
-        Stop flag; a nonzero value stops the search.
-
-    Returns
-    -------
-    status : int
-        ``FOUND``, ``NOTHING`` (no walk up to the cutoff exists), ``STOPPED`` or ``FULL``.
-    route : ndarray
-        Points from A to B, empty without one.
-    length, bound : float
-        Length of the route (inf without one), and a lower bound on every route's.
-    made, settled : int
-        Labels made and labels that left the heap, over all ceilings.
+    The result is the status, ``FOUND``, ``NOTHING`` (no walk up to the cutoff exists), ``STOPPED`` by
+    `flag` or ``FULL``; the points from A to B, empty without a walk; its length (m, inf without one) and
+    a lower bound on every walk's; and the numbers of labels made and of labels that left the heap, over
+    all ceilings.
     """
     points = space.points
     n = len(points)

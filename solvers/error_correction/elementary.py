@@ -43,12 +43,7 @@ FIRST, RISE = 1e-3, 2.2
 def critical_bits(grid: Grid, critical: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
     """Return the bit number of every slot (-1 if not critical) and the number of 64-bit words.
 
-    Parameters
-    ----------
-    grid : Grid
-        The slots.
-    critical : ndarray of int64
-        Indices of the critical points, ascending.
+    `critical` are the indices of the critical points, ascending.
     """
     bits = np.full(len(grid.ids), -1)
     if critical.size:
@@ -65,22 +60,11 @@ def simple_below(
     flag: NDArray[np.int8],
     search: Callable[..., tuple[int, NDArray[np.int64], float, float, int, int]],
 ) -> Found:
-    """Return the shortest walk up to `cutoff` that visits no critical point twice.
+    """Return the shortest walk up to `cutoff` (m) that visits no critical point twice.
 
-    Parameters
-    ----------
-    space : Airspace
-        The problem.
-    critical : ndarray of int64
-        Indices of the critical points, ascending.
-    lower : float
-        Lower bound on the length, m, the base of the ceilings.
-    cutoff : float
-        Largest length of interest, m; inf for none.
-    flag : ndarray of int8, shape (1,)
-        Stop flag; a nonzero value stops the search.
-    search : callable
-        Kernel that searches below a ceiling, such as :func:`.sweep_kernels.best_first`.
+    `critical` are the indices of the critical points, ascending, and `lower` is a lower bound on the
+    length (m), the base of the ceilings. `search` is a kernel that searches below a ceiling, such as
+    :func:`.sweep_kernels.best_first`.
     """
     behind, ahead = (
         np.linalg.norm(space.points - space.points[end], axis=1) for end in (space.start, space.end)

@@ -30,22 +30,11 @@ BORDER = 1e-9
 class Grid(NamedTuple):
     """Points by *slot*: correction points in the order of the grid, then A, then B.
 
-    Attributes
-    ----------
-    x, y, z : ndarray, shape (m + 2,)
-        Coordinates by slot; `x` is the axis along which the bounding box is longest.
-    kinds : ndarray of int8, shape (m + 2,)
-        Kind by slot.
-    ids : ndarray, shape (m + 2,)
-        Index of the point by slot.
-    first : ndarray
-        First slot of each (kind, cell), closed by the number of correction points.
-    shape : ndarray, shape (3,)
-        Cells along each axis.
-    origin, width : ndarray, shape (3,)
-        Corner of the first cell, and size of a cell.
-    span : float
-        Diameter of the bounding box; no two points are further apart.
+    `x`, `y`, `z`, `kinds` and `ids` are coordinates, kinds and indices of the points by slot; `x` is the
+    axis along which the bounding box is longest. `first` is the first slot of each (kind, cell), closed
+    by the number of correction points. `shape` is the number of cells along each axis, `origin` the
+    corner of the first cell and `width` the size of a cell. No two points are further apart than `span`,
+    the diameter of the bounding box.
     """
 
     x: Floats

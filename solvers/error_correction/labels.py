@@ -24,15 +24,9 @@ __all__ = ["Labels", "add", "close", "dominated", "grown", "link", "make", "visi
 class Labels(NamedTuple):
     """Columns of labels; only the first ones are in use.
 
-    Attributes
-    ----------
-    slot, parent, following : ndarray of int64
-        Slot of the last point, parent label (-1 for none), and next label in the list of the slot
-        (-1 at the end).
-    length, error : ndarray
-        Length (m) and surviving error.
-    visited : ndarray of uint64, shape (room, words)
-        Closed critical points, one bit each.
+    A label has the slot of its last point, its parent (-1 for none), the next label in the list of the
+    slot (-1 at the end), its length (m) and surviving error, and the closed critical points, one bit
+    each, shape (room, words).
     """
 
     slot: NDArray[np.int64]

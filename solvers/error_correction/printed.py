@@ -55,18 +55,10 @@ OPTIONS: Mapping[str, Option] = {
 
 @dataclass(frozen=True)
 class Labels:
-    """Result of stage 1.
+    """Result of stage 1: points from A to B and length (m), empty and inf without a route.
 
-    Parameters
-    ----------
-    route : ndarray of int64
-        Points from A to B, empty if no route was found.
-    length : float
-        Length of the route (m), inf if no route was found.
-    made : int
-        Number of temporary labels written, over all factors.
-    factor : float
-        The last factor tried, which gave the route.
+    `made` is the number of temporary labels written, over all factors, and `factor` the last one tried,
+    which gave the route.
     """
 
     route: NDArray[np.int64]
@@ -76,17 +68,7 @@ class Labels:
 
 
 def label_with_factors(space: Airspace, factor: float | None, request: Request) -> Labels:
-    """Return the route of stage 1.
-
-    Parameters
-    ----------
-    space : Airspace
-        The problem.
-    factor : float, optional
-        The paper's λ; without it, the first of :data:`FACTORS` with a route.
-    request : Request
-        The stop flag.
-    """
+    """Return the route of stage 1; without the paper's λ, `factor`, by the first of :data:`FACTORS` with a route."""
     from .printed_kernels import label_points
 
     route, length, made, last = np.empty(0, np.int64), np.inf, 0, 0.0
@@ -170,17 +152,7 @@ class PrintedSearch(RoutingBackend):
     def find_as_printed(
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
-        """Return the route of the printed algorithm and its statistics.
-
-        Parameters
-        ----------
-        space : Airspace
-            The problem.
-        ceiling : float
-            Length (m) that a route must not exceed; inf as printed.
-        request : Request
-            Options and stop flag.
-        """
+        """Return the route of the printed algorithm, at most `ceiling` m long (inf as printed), and statistics."""
 
 
 class Pulse(PrintedSearch):

@@ -37,18 +37,9 @@ def leg(space: Airspace, tail: int, head: int) -> float:
 def arrival(
     space: Airspace, kind: int, vertical: float, horizontal: float, length: float
 ) -> tuple[float, float]:
-    """Return the vertical and the horizontal error at the end of a leg.
+    """Return the vertical and the horizontal error at the end of a leg of `length` m.
 
-    Parameters
-    ----------
-    space : Airspace
-        The problem.
-    kind : int
-        Kind of the point at which the leg begins; it corrects one of the errors.
-    vertical, horizontal : float
-        Errors on arrival at that point.
-    length : float
-        Length of the leg (m).
+    The leg begins at a point of `kind`, which corrects one of the errors on arrival there.
     """
     if kind == VERTICAL:
         vertical = 0.0
@@ -63,25 +54,9 @@ def label_points(
 ) -> tuple[int, NDArray[np.int64], float, int]:
     """Return the route of the paper's stage 1, section 3.1, steps 1 to 4.
 
-    Parameters
-    ----------
-    space : Airspace
-        The problem.
-    factor : float
-        The paper's λ: share of a correction point's threshold that the vertical error may use.
-    flag : ndarray of int8, shape (1,)
-        A nonzero entry stops the search.
-
-    Returns
-    -------
-    status : int
-        ``FOUND``, ``NOTHING`` or ``STOPPED``.
-    route : ndarray of int64
-        Points from A to B, empty if no route was found.
-    length : float
-        Length of the route (m), inf if no route was found.
-    made : int
-        Number of temporary labels written.
+    `factor` is the paper's λ: the share of a correction point's threshold that the vertical error may
+    use. The result is the status, ``FOUND``, ``NOTHING`` or ``STOPPED`` by `flag`; points from A to B
+    and length (m), empty and inf without a route; and the number of temporary labels written.
     """
     n = len(space.points)
     lengths, father = np.full(n, np.inf), np.full(n, -1)
@@ -119,12 +94,8 @@ def label_points(
 class Tags(NamedTuple):
     """Labels in columns; only the first ones are in use.
 
-    Attributes
-    ----------
-    point, father, following : ndarray of int64
-        Point of the label, label that it extends (-1 at A), and next label of the same point (-1 at the end).
-    length, vertical, horizontal : ndarray
-        Length (m) and errors on arrival.
+    A label has its point, the label that it extends (-1 at A), the next label of the same point (-1 at
+    the end), its length (m) and the errors on arrival.
     """
 
     point: NDArray[np.int64]
@@ -207,29 +178,14 @@ def mark_route(tags: Tags, label: int, marks: NDArray[np.bool_], value: bool) ->
 def send_pulses(space: Airspace, bound: float, flag: NDArray[np.int8]) -> Result:
     """Return the best route shorter than `bound` that the paper's pulse algorithm finds.
 
-    Section 3.2: a depth-first search from A, points in the order of the list. A pulse ends at a
-    point of its own route, by the feasibility check, by the bound check (its length and the straight line
-    to B reach the best length), or by the dominance check.
+    Section 3.2: a depth-first search from A, points in the order of the list. A pulse ends at a point of
+    its own route, by the feasibility check, by the bound check (its length and the straight line to B
+    reach the best length), or by the dominance check.
 
-    Parameters
-    ----------
-    space : Airspace
-        The problem.
-    bound : float
-        The paper's primal_bound at the start (m); inf if no route is known.
-    flag : ndarray of int8, shape (1,)
-        A nonzero entry stops the search.
-
-    Returns
-    -------
-    status : int
-        ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL``.
-    route : ndarray of int64
-        Points from A to B, empty if no route was found.
-    length, bound : float
-        Length of the route (inf without one), and the straight line from A to B, a lower bound on it.
-    made, extended : int
-        Number of labels made and of labels extended.
+    `bound` is the paper's primal_bound at the start (m); inf if no route is known. The result is the
+    status, ``FOUND``, ``NOTHING``, ``STOPPED`` by `flag` or ``FULL``; points from A to B and length (m),
+    empty and inf without a route; the straight line from A to B, a lower bound on it; and the numbers of
+    labels made and extended.
     """
     n, best, route = len(space.points), bound, np.empty(0, np.int64)
     tags, heads = first_tags(space.start, 1024), np.full(n, -1)
@@ -276,24 +232,11 @@ def send_pulses(space: Airspace, bound: float, flag: NDArray[np.int8]) -> Result
 
 @kernel(interpretable=True)
 def correct_labels(space: Airspace, cutoff: float, flag: NDArray[np.int8]) -> Result:
-    """Return the route of the paper's dynamic program, DP Algorithm of section 4.
+    """Return the route of the paper's dynamic program, DP Algorithm of section 4, as :func:`send_pulses`.
 
     The set E is a queue. Every label of the selected point is extended to every point that is not on its
-    route, and a point enters E if its labels have changed.
-
-    Parameters
-    ----------
-    space : Airspace
-        The problem.
-    cutoff : float
-        Length (m) above which labels are dropped; inf as printed.
-    flag : ndarray of int8, shape (1,)
-        A nonzero entry stops the search.
-
-    Returns
-    -------
-    tuple
-        As :func:`send_pulses` returns.
+    route, and a point enters E if its labels have changed. Labels longer than `cutoff` (m; inf as
+    printed) are dropped.
     """
     n = len(space.points)
     tags, heads = first_tags(space.start, 1024), np.full(n, -1)

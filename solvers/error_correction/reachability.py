@@ -35,20 +35,11 @@ _THRESHOLDS = {
 
 @dataclass(frozen=True)
 class Refusal:
-    """Step excluded by a threshold.
+    """Step from a reachable point to an unreachable one, excluded by a threshold.
 
-    Parameters
-    ----------
-    tail, head : int
-        A reachable point and an unreachable one.
-    threshold : str
-        Field of the model that holds the threshold.
-    equation : str
-        Equation of the paper.
-    error : str
-        ``"horizontal error"`` or ``"vertical error"``.
-    arrival, limit, excess : float
-        Error on arrival, threshold, and their difference.
+    `threshold` is the field of the model that holds it, `equation` that of the paper, and `error` is
+    ``"horizontal error"`` or ``"vertical error"``. `excess` is the difference of error on arrival and
+    threshold.
     """
 
     tail: int
@@ -110,12 +101,7 @@ def onward(model: ErrorCorrectionRouting) -> NDArray[np.bool_]:
 def refusals(model: ErrorCorrectionRouting, least: NDArray[np.float64]) -> list[Refusal]:
     """Return the step towards B of least excess for each reachable point, sorted by excess.
 
-    Parameters
-    ----------
-    model : ErrorCorrectionRouting
-        The model.
-    least : ndarray
-        Result of :func:`reachable`.
+    `least` is the result of :func:`reachable`.
     """
     limit = model.rounded_limits[model.codes]
     beyond = ~np.isfinite(least) & onward(model)

@@ -35,34 +35,13 @@ def best_first(
     ceiling: float,
     flag: NDArray[np.int8],
 ) -> Result:
-    """Return the shortest route no longer than `ceiling` that visits no critical point twice.
+    """Return the shortest route no longer than `ceiling` (m) that visits no critical point twice.
 
-    Parameters
-    ----------
-    space, grid : Airspace, Grid
-        The problem.
-    ways : Ways
-        Lower bounds on the length from each slot to B as a function of the carried error, for routes
-        below the ceiling.
-    bits : ndarray of int64, shape (slots,)
-        Number of a slot among the critical points, -1 for the others.
-    words : int
-        Number of 64-bit words for the critical points.
-    ceiling : float
-        Largest length of interest, m.
-    flag : ndarray of int8, shape (1,)
-        Stop flag; a nonzero value stops the search.
-
-    Returns
-    -------
-    status : int
-        ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL``.
-    route : ndarray
-        Points from A to B, empty without one.
-    length, bound : float
-        Its length (inf without one), and a lower bound on every route's.
-    made, settled : int
-        Labels made, and labels extended.
+    `ways` are lower bounds on the length from each slot to B as a function of the carried error, for
+    routes below the ceiling. `bits` is the number of a slot among the critical points, -1 for the
+    others, and `words` the number of 64-bit words for them. The result is the status, ``FOUND``,
+    ``NOTHING``, ``STOPPED`` by `flag` or ``FULL``; points from A to B and length (m), empty and inf
+    without a route; a lower bound on every route's length; and the numbers of labels made and extended.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1

@@ -30,14 +30,9 @@ ROUNDING = 1e-12
 class Ways(NamedTuple):
     """Walks from slots to B, sorted by length and allowed error.
 
-    Attributes
-    ----------
-    first : ndarray of int64, shape (slots,)
-        Shortest walk of each slot, -1 for none.
-    following : ndarray of int64
-        Next walk of the same slot, longer and with more allowed error; -1 for none.
-    length, allowed : ndarray
-        Length, m, and largest error on leaving the slot.
+    `first` is the shortest walk of each slot, and `following` the next walk of the same slot, longer and
+    with more allowed error; -1 for none. A walk has its length, m, and the largest `allowed` error on
+    leaving the slot.
     """
 
     first: NDArray[np.int64]
@@ -133,14 +128,8 @@ def ways_on(
 ) -> tuple[int, Ways, int, int]:
     """Return the shortest walks to B that are part of a walk from A no longer than `ceiling`.
 
-    Returns
-    -------
-    status : int
-        ``FOUND`` if the search was completed, whether or not it reached A; ``STOPPED`` or ``FULL``.
-    ways : Ways
-        The walks.
-    labels, pruned : int
-        Numbers of labels made and of labels pruned by the ceiling.
+    The status is ``FOUND`` if the search was completed, whether or not it reached A, ``STOPPED`` or
+    ``FULL``. The last values are the numbers of labels made and of labels pruned by the ceiling.
     """
     count = len(grid.x)
     start, end = count - 2, count - 1
