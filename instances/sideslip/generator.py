@@ -132,7 +132,7 @@ def generate(
     """
     kind = RoadKind(Member(RoadKind).coerce("road", road, {}))
     seed = Whole(0).coerce("seed", seed, {})
-    who = _part(Driver, "driver", HELD_OUT if driver is None else driver)
+    first_driver = _part(Driver, "driver", HELD_OUT if driver is None else driver)
     count = Whole(0, MOST_DRIVES).coerce("drivers", drivers, {})
     plan = Design(Member(Design).coerce("design", design, {}))
     grip = Real(lower=0, strict=True).coerce("friction", friction, {})
@@ -154,42 +154,44 @@ def generate(
     )
     ratio = Optional(Real(-200.0, 200.0)).coerce("decibels", decibels, {})
     offset = Array((2,)).coerce("bias", bias, {})
-    lost = Real(0.0, 0.9).coerce("missing", missing, {})
-    old = Real(0.0, 0.9).coerce("stale", stale, {})
+    missing_share = Real(0.0, 0.9).coerce("missing", missing, {})
+    stale_share = Real(0.0, 0.9).coerce("stale", stale, {})
 
-    def driven(
+    def record_drive(
         by: Driver, place: int, speeds: Floats, grips: tuple[float, float]
     ) -> tuple[Drive, _Noise, Recording]:
         rng = np.random.default_rng([seed, place])
         shocks = _normal(rng, len(speeds)) * noise.disturbance * math.sqrt(period)
-        met = np.where(np.arange(len(speeds)) * 2 < len(speeds), *grips)
+        grip_at = np.where(np.arange(len(speeds)) * 2 < len(speeds), *grips)
         course = road_of(kind, float(speeds.sum()) * period)
         try:
-            drive = simulate(truth, course, by, speeds, met, shocks, period)
+            drive = simulate(truth, course, by, speeds, grip_at, shocks, period)
         except InvalidData as error:
             which = "recording" if place == _FIRST else f"training[{place - _FIRST - 1}]"
             raise InvalidData(f"{which}: {error}", field=error.field) from None
-        heard = noise if ratio is None or place > _FIRST else noise.at(drive, ratio)
-        return drive, heard, _recorded(drive, speeds, period, heard, _normal(rng, len(speeds)))
+        spread = noise if ratio is None or place > _FIRST else noise.at(drive, ratio)
+        return drive, spread, _recorded(drive, speeds, period, spread, _normal(rng, len(speeds)))
 
     grips = (grip, grip if later is None else later)
-    drive, heard, recording = driven(who, _FIRST, speeds, grips)
-    picked = design_drivers(count, plan, np.random.default_rng([seed, _PICKING]))
+    drive, spread, recording = record_drive(first_driver, _FIRST, speeds, grips)
+    roster = design_drivers(count, plan, np.random.default_rng([seed, _PICKING]))
     training = []
-    for place, other in enumerate(picked, _FIRST + 1):
-        seen, _, shown = driven(other, place, others, grips if trained is None else (trained,) * 2)
-        angle = np.round(seen.sideslip, _DIGITS)
-        training.append(dataclasses.replace(shown, sideslip=angle))
+    for place, other in enumerate(roster, _FIRST + 1):
+        other_drive, _, other_recording = record_drive(
+            other, place, others, grips if trained is None else (trained,) * 2
+        )
+        angle = np.round(other_drive.sideslip, _DIGITS)
+        training.append(dataclasses.replace(other_recording, sideslip=angle))
     rng = np.random.default_rng([seed, _LOSING])
-    recording, kept = _spoilt(recording, rng, offset, lost, old)
+    recording, places = _spoilt(recording, rng, offset, missing_share, stale_share)
     return SideslipEstimation(
         vehicle=_believed(truth, believed_tyre, mismatch),
         recording=recording,
         training=tuple(training),
         disturbance=noise.disturbance,
-        yaw_rate_noise=heard.yaw_rate,
-        acceleration_noise=heard.acceleration,
-        truth=np.round(drive.sideslip[kept], _DIGITS)
+        yaw_rate_noise=spread.yaw_rate,
+        acceleration_noise=spread.acceleration,
+        truth=np.round(drive.sideslip[places], _DIGITS)
         if Flag().coerce("known", known, {})
         else None,
         name=name,
@@ -278,18 +280,18 @@ def _spoilt(
     draw[:, 0] = draw[0, -1] = 1.0
     # A stale sample repeats the last sample that is not stale.
     shown = np.maximum.accumulate(np.where(draw[1] < stale, 0, np.arange(len(recording))))
-    kept = np.flatnonzero(draw[0] >= missing)
+    places = np.flatnonzero(draw[0] >= missing)
     result = dataclasses.replace(
         recording,
-        times=recording.times[kept],
-        speed=recording.speed[kept],
-        steering=recording.steering[kept],
-        yaw_rate=np.round(recording.yaw_rate[shown][kept] + bias[0], _DIGITS),
+        times=recording.times[places],
+        speed=recording.speed[places],
+        steering=recording.steering[places],
+        yaw_rate=np.round(recording.yaw_rate[shown][places] + bias[0], _DIGITS),
         lateral_acceleration=np.round(
-            recording.lateral_acceleration[shown][kept] + bias[1], _DIGITS
+            recording.lateral_acceleration[shown][places] + bias[1], _DIGITS
         ),
     )
-    return result, kept
+    return result, places
 
 
 def _believed(truth: Vehicle, tyre: str | None, mismatch: Mapping[str, float] | None) -> Vehicle:

@@ -94,12 +94,12 @@ def simulate(
     )
     grip = friction if v.tyre is Tyre.SATURATING else np.full(len(speed), math.inf)
     limits = grip[:, None] * np.array(v.loads)
-    who = (driver.preview, driver.correction, driver.gain, driver.delay, driver.lag)
+    style = (driver.preview, driver.correction, driver.gain, driver.delay, driver.lag)
     result = np.zeros((7, len(speed)))
-    wanted = np.zeros(steps * (len(speed) - 1) + 1)
+    demand = np.zeros(steps * (len(speed) - 1) + 1)
     _drive(
-        parameters, road.along, road.aside, road.sine, who, np.asarray(speed, dtype=float), limits, shocks,
-        period / steps, steps, wanted, result,
+        parameters, road.along, road.aside, road.sine, style, np.asarray(speed, dtype=float), limits, shocks,
+        period / steps, steps, demand, result,
     )  # fmt: skip
     if not (np.abs(result[3]) < 0.5 * math.pi).all():
         first = int(np.flatnonzero(~(np.abs(result[3]) < 0.5 * math.pi))[0])
@@ -159,14 +159,14 @@ def _aside(along: Floats, aside: Floats, sine: bool, at: float, piece: int) -> t
 
 @kernel(interpretable=True)
 def _drive(
-    p: Row, along: Floats, aside: Floats, sine: bool, who: Row, speeds: Floats, limits: Floats,
-    shocks: Floats, h: float, steps: int, wanted: Floats, found: Floats,
+    p: Row, along: Floats, aside: Floats, sine: bool, style: Row, speeds: Floats, limits: Floats,
+    shocks: Floats, h: float, steps: int, demand: Floats, output: Floats,
 ) -> None:  # fmt: skip
-    """Fill `wanted` with the driver's steering before delay and lag, and `found` with the drive.
+    """Fill `demand` with the driver's steering before delay and lag, and `output` with the drive.
 
     The steering angle is linear in time within an integration step.
     """
-    preview, correction, gain, late, lag = who[0], who[1], who[2], who[3] / h, who[4]
+    preview, correction, gain, late, lag = style[0], style[1], style[2], style[3] / h, style[4]
     x, y, heading, sideslip, yaw_rate, steering, muscle = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     fade = 1.0 - math.exp(-h / lag)
     piece, now = 0, 0
@@ -183,16 +183,16 @@ def _drive(
                 drift = u0 * math.sin(heading + sideslip)
                 least = max(u0, SLOW)
                 factor = gain * ((p[2] + p[3]) / (least * least) + p[6])
-                wanted[now] = factor * 2.0 * (goal - y - preview * drift) / (preview * preview)
+                demand[now] = factor * 2.0 * (goal - y - preview * drift) / (preview * preview)
                 before = max(now - late, 0.0)
                 whole = int(before)
-                asked = float(wanted[whole])
+                delayed = float(demand[whole])
                 if whole < now:
-                    asked += (before - whole) * (float(wanted[whole + 1]) - asked)
-                muscle += fade * (asked - muscle)
-                turned = muscle + correction * (asked - muscle) / lag
-                turned = min(max(turned, -STEERING_LIMIT), STEERING_LIMIT)
-                half = 0.5 * (steering + turned)
+                    delayed += (before - whole) * (float(demand[whole + 1]) - delayed)
+                muscle += fade * (delayed - muscle)
+                next_steering = muscle + correction * (delayed - muscle) / lag
+                next_steering = min(max(next_steering, -STEERING_LIMIT), STEERING_LIMIT)
+                half = 0.5 * (steering + next_steering)
                 # Classic Runge-Kutta.
                 a1, b1, _ = _rates(p, u0, steering, sideslip, yaw_rate, front, rear)
                 s1, w1 = sideslip + 0.5 * h * a1, yaw_rate + 0.5 * h * b1
@@ -200,7 +200,7 @@ def _drive(
                 s2, w2 = sideslip + 0.5 * h * a2, yaw_rate + 0.5 * h * b2
                 a3, b3, _ = _rates(p, u1, half, s2, w2, front, rear)
                 s3, w3 = sideslip + h * a3, yaw_rate + h * b3
-                a4, b4, _ = _rates(p, u2, turned, s3, w3, front, rear)
+                a4, b4, _ = _rates(p, u2, next_steering, s3, w3, front, rear)
                 c1 = heading + sideslip
                 c2, c3 = heading + 0.5 * h * yaw_rate + s1, heading + 0.5 * h * w1 + s2
                 c4 = heading + h * w2 + s3
@@ -211,13 +211,13 @@ def _drive(
                 heading += h / 6.0 * (yaw_rate + 2.0 * (w1 + w2) + w3)
                 sideslip += h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
                 yaw_rate += h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4)
-                steering = turned
+                steering = next_steering
                 now += 1
             sideslip += float(shocks[k, 0])
             yaw_rate += float(shocks[k, 1])
         _, _, acceleration = _rates(
             p, speeds[k], steering, sideslip, yaw_rate, limits[k, 0], limits[k, 1]
         )
-        found[0, k], found[1, k], found[2, k] = x, y, heading
-        found[3, k], found[4, k], found[5, k] = sideslip, yaw_rate, steering
-        found[6, k] = acceleration
+        output[0, k], output[1, k], output[2, k] = x, y, heading
+        output[3, k], output[4, k], output[5, k] = sideslip, yaw_rate, steering
+        output[6, k] = acceleration

@@ -63,10 +63,10 @@ def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
     errors, states = 2 * (count + len(used)), 2 * count
     row = np.broadcast_to(2 * row[:, None, None] + [[0], [1]], values.shape).ravel()
     column = np.broadcast_to(2 * column[:, None, None] + [0, 1], values.shape).ravel()
-    own = np.arange(errors)
+    diagonal = np.arange(errors)
     entries = (
         np.concatenate([values.ravel(), np.full(errors, -1.0)]),
-        (np.concatenate([row, own]), np.concatenate([column, states + own])),
+        (np.concatenate([row, diagonal]), np.concatenate([column, states + diagonal])),
     )
     right = np.concatenate(
         [
@@ -90,7 +90,7 @@ def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
     )
 
 
-def _named(program: QuadraticProgram, stretch: Stretch) -> QuadraticProgram:
+def _label(program: QuadraticProgram, stretch: Stretch) -> QuadraticProgram:
     """Return a program of :func:`least_squares_program` with its rows and columns labelled."""
     count = stretch.count
     rows, columns = [], [_block("state", 0, np.arange(count))]
@@ -146,7 +146,7 @@ class FullInformation(Formulation[SideslipEstimation, SideslipEstimate]):
     def rows(self) -> QuadraticProgram:
         """Program whose rows define the errors."""
         name = f"{self.model.name or self.model.kind}, {self.name}"
-        return _named(least_squares_program(self.stretch, name), self.stretch)
+        return _label(least_squares_program(self.stretch, name), self.stretch)
 
     def build(self) -> QuadraticProgram:
         """Return the program."""

@@ -114,11 +114,11 @@ def _stability(model: SideslipEstimation) -> Iterator[Remark]:
         yield tells(text, "vehicle", critical_speed=None)
         return
     share = float((model.recording.speed > critical).mean())
-    told = (
+    clause = (
         f"{100 * share:.3g} % of the samples are" if share else f"the fastest is {fastest:.3g} m/s"
     )
     yield (asks if share else tells)(
-        f"the believed vehicle oversteers and is unstable above {critical:.3g} m/s; {told}",
+        f"the believed vehicle oversteers and is unstable above {critical:.3g} m/s; {clause}",
         "vehicle", critical_speed=critical, share=share,
     )  # fmt: skip
 
@@ -131,14 +131,14 @@ def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
     reached = f"the lateral acceleration reaches {most:.3g} m/s²"
     if car.tyre is Tyre.LINEAR:
         share = float((size > _LINEAR_UP_TO + 4 * model.acceleration_noise).mean())
-        told = f"none is clearly above {_LINEAR_UP_TO:g} m/s², up to which tyres are about linear on a dry road"
+        clause = f"none is clearly above {_LINEAR_UP_TO:g} m/s², up to which tyres are about linear on a dry road"
         if share:
-            told = (
+            clause = (
                 f"{100 * share:.3g} % of the samples are above {_LINEAR_UP_TO:g} m/s², where an axle slips more "
                 "than linear tyres say"
             )
         yield (asks if share else tells)(
-            f"{reached}, {told}", "vehicle.tyre", greatest=most, share=share
+            f"{reached}, {clause}", "vehicle.tyre", greatest=most, share=share
         )
         return
     limit = car.friction * GRAVITY
@@ -146,15 +146,15 @@ def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
     # The brush model at a share s of its largest force has (1 - s)^(2/3) of its stiffness left.
     left = (1.0 - min(most / limit, 1.0)) ** (2 / 3)
     if share:
-        told = f"more than the {limit:.3g} m/s² that a friction of {car.friction:g} allows"
+        clause = f"more than the {limit:.3g} m/s² that a friction of {car.friction:g} allows"
     else:
-        told = (
+        clause = (
             f"of {limit:.3g} m/s² that a friction of {car.friction:g} allows: tyres then have {100 * left:.3g} % of "
             "their stiffness left"
         )
-        told += ", so that forces say little of the angle" if left < _SLIDING else ""
+        clause += ", so that forces say little of the angle" if left < _SLIDING else ""
     yield (asks if share or left < _SLIDING else tells)(
-        f"{reached}, {told}",
+        f"{reached}, {clause}",
         "vehicle.friction",
         greatest=most,
         allowed=limit,
@@ -212,13 +212,13 @@ def _training(model: SideslipEstimation) -> Iterator[Remark]:
         values = getattr(drive, name)[on]
         outside[name] = (values < seen.min() - slack) | (values > seen.max() + slack)
     share = float(np.any(list(outside.values()), axis=0).mean())
-    told = "the recording lies within what they show"
+    clause = "the recording lies within what they show"
     if share:
         most = max(outside, key=lambda name: int(outside[name].sum()))
-        told = f"{100 * share:.3g} % of the recording lies outside of what they show, most of it by {most}"
+        clause = f"{100 * share:.3g} % of the recording lies outside of what they show, most of it by {most}"
     drives = "1 drive" if len(others) == 1 else f"{len(others)} drives"
     yield (asks if share > 0.01 else tells)(
-        f"{drives} to learn from, {sum(map(len, others))} samples: {told}",
+        f"{drives} to learn from, {sum(map(len, others))} samples: {clause}",
         "training", drives=len(others), outside=share,
     )  # fmt: skip
     periods = np.array([entry.period for entry in others])

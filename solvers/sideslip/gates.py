@@ -168,25 +168,28 @@ def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation
     times, moving = drive.times, drive.moving
     speed = np.where(moving, drive.speed, np.inf)
     rate, steps = kinematic_rate(drive), np.diff(times)
-    heard = problem.yaw_rate_noise**2 + (problem.acceleration_noise / speed) ** 2
+    sensor_variance = problem.yaw_rate_noise**2 + (problem.acceleration_noise / speed) ** 2
     # Noise of both sensors, the model's disturbance of the angle, and the error of the trapezoidal rule.
-    noise = 0.5 * (heard[1:] + heard[:-1]) * steps**2 + problem.disturbance[0] ** 2 * steps
+    noise = (
+        0.5 * (sensor_variance[1:] + sensor_variance[:-1]) * steps**2
+        + problem.disturbance[0] ** 2 * steps
+    )
     noise += (np.diff(rate) * steps) ** 2 / 12.0
     # a_y / u - ω lacks - β u' / u, which is the same error in every step while the speed changes.
     braking = np.abs(np.diff(np.log(np.where(moving, drive.speed, 1.0))))
     lacking = braking * 0.5 * np.abs(sideslip[1:] + sideslip[:-1])
     halts = np.concatenate([[0], np.cumsum(~moving)])
     # The first sample of each window; the sample itself if a halt is in between.
-    own = np.arange(len(times))
+    index = np.arange(len(times))
     begins = [np.searchsorted(times, times - window * (1 + 1e-9)) for window in WINDOWS]
-    begins = [np.where(halts[own + 1] == halts[begin], begin, own) for begin in begins]
+    begins = [np.where(halts[index + 1] == halts[begin], begin, index) for begin in begins]
     differences = np.zeros(len(times))
     gate_path(
         times, moving, np.ascontiguousarray(sideslip, dtype=float),
         np.ascontiguousarray(deviation, dtype=float),
         _sums(0.5 * (rate[1:] + rate[:-1]) * steps), _sums(noise), _sums(lacking),
         BIASES[0] ** 2 + (BIASES[1] / speed) ** 2,
-        np.ascontiguousarray(np.stack(begins, axis=1), dtype=np.int64), own.copy(), differences,
+        np.ascontiguousarray(np.stack(begins, axis=1), dtype=np.int64), index.copy(), differences,
     )  # fmt: skip
     return differences
 

@@ -181,10 +181,10 @@ class KernelRegression:
             mean, spread = weigh(scores, self._values, self.width)
             beyond = np.maximum(self._nearest(places[part], scores) - self._reach, 0.0)
             known = np.exp(-0.5 * (beyond / max(self.width, self._reach)) ** 2)
-            own = self._factor**2 * (spread + self.error**2)
-            all_of_them = np.maximum((self._values**2).mean() + mean**2, own)
+            local = self._factor**2 * (spread + self.error**2)
+            all_of_them = np.maximum((self._values**2).mean() + mean**2, local)
             values[part], near[part] = mean + self._middle, known
-            deviations[part] = np.sqrt(known * own + (1.0 - known) * all_of_them)
+            deviations[part] = np.sqrt(known * local + (1.0 - known) * all_of_them)
         return values, deviations, near
 
 
@@ -202,8 +202,8 @@ class StraightLine:
         self._scale = Scale(examples.features)
         ones = self._with_constant(examples.features)
         _, sizes, directions = np.linalg.svd(ones, full_matrices=False)
-        kept = sizes > sizes[0] * max(ones.shape) * np.finfo(float).eps
-        self._basis = directions[kept].T / sizes[kept]
+        significant = sizes > sizes[0] * max(ones.shape) * np.finfo(float).eps
+        self._basis = directions[significant].T / sizes[significant]
         rows, angles = ones @ self._basis, examples.angles
         self.spread = float(angles.std())
         self._weights = rows.T @ angles
@@ -248,14 +248,14 @@ def left_out(drives: NDArray[np.int64]) -> NDArray[np.int64]:
     return result[:: -(-len(result) // most)]  # drives may outnumber `most`
 
 
-def best_width(scores: Floats, values: Floats, wanted: Floats) -> float:
+def best_width(scores: Floats, values: Floats, targets: Floats) -> float:
     """Return the kernel width with the least squared error, by grid search and refinement."""
     # Single precision is twice as fast and more accurate than the tolerance of the width.
     table, known = scores.astype(np.float32), values.astype(np.float32)
 
     def error(logarithm: float) -> float:
         mean, _ = weigh(table, known, math.exp(logarithm))
-        return float(((mean - wanted) ** 2).mean())
+        return float(((mean - targets) ** 2).mean())
 
     grid = np.linspace(math.log(NARROWEST), math.log(WIDEST), GRID)
     errors = [error(entry) for entry in grid]

@@ -26,7 +26,7 @@ __all__ = ["MovingHorizon"]
 Floats = NDArray[np.float64]
 
 #: Change of the states, in median disturbances, at which the linearisation has converged.
-SETTLED = 1e-6
+CONVERGED = 1e-6
 
 
 class MovingHorizon(SideslipBackend):
@@ -58,17 +58,17 @@ class MovingHorizon(SideslipBackend):
         solver = _solver(request.options["solver"])
         count = len(problem.recording)
         horizon = request.options["horizon"]
-        passed = filter_drive(problem, request.control)
-        if passed is None:
+        kalman = filter_drive(problem, request.control)
+        if kalman is None:
             return None
-        run = _Run(problem, request, solver, passed)
+        run = _Run(problem, request, solver, kalman)
         path = None if horizon else run.path(0, count - 1)
         if path is not None:
             point, stretch = path
             angle = point[: 2 * count : 2] * stretch.scale[0]
-            result = claim(problem, passed, angle, stretch.deviations**2, ahead=True)
+            result = claim(problem, kalman, angle, stretch.deviations**2, ahead=True)
             return run.report(result)
-        angle = passed.filtered[:, 0].copy()
+        angle = kalman.filtered[:, 0].copy()
         for last in range(count if horizon else 0):
             if request.control.stopped:
                 break
@@ -76,7 +76,7 @@ class MovingHorizon(SideslipBackend):
             if path is not None:
                 point, stretch = path
                 angle[last] = point[2 * stretch.count - 2] * stretch.scale[0]
-        return run.report(claim(problem, passed, angle, passed.filtered_covariance[:, 0, 0]))
+        return run.report(claim(problem, kalman, angle, kalman.filtered_covariance[:, 0, 0]))
 
 
 def _solver(name: str) -> Backend:
@@ -106,15 +106,15 @@ class _Run:
     """State of a run: the result of the Kalman filter, and counts of programs."""
 
     def __init__(
-        self, problem: SideslipEstimation, request: Request, solver: Backend, passed: FilterPass
+        self, problem: SideslipEstimation, request: Request, solver: Backend, kalman: FilterPass
     ) -> None:
-        self.problem, self.request, self.solver, self.passed = problem, request, solver, passed
-        self.whole = Stretch.of(problem, passed.model)
+        self.problem, self.request, self.solver, self.kalman = problem, request, solver, kalman
+        self.whole = Stretch.of(problem, kalman.model)
         self.programs = self.failed = self.unsettled = 0
 
-    def report(self, found: Estimate) -> Estimate:
+    def report(self, estimate: Estimate) -> Estimate:
         """Return the estimate with statistics and message on the programs."""
-        parts = [found.message] if found.message else []
+        parts = [estimate.message] if estimate.message else []
         if self.failed:
             parts.append(f"{self.failed} of {self.programs} programs had no solution")
         if self.unsettled:
@@ -123,8 +123,8 @@ class _Run:
             parts.append("stopped: the angles that are left are the Kalman filter's")
         counts = {"programs": self.programs, "programs without a solution": self.failed}
         counts["horizons not settled"] = self.unsettled
-        statistics = {**found.statistics, **counts}
-        return found._replace(statistics=statistics, message="; ".join(parts))
+        statistics = {**estimate.statistics, **counts}
+        return estimate._replace(statistics=statistics, message="; ".join(parts))
 
     def path(self, first: int, last: int) -> tuple[Floats, Stretch] | None:
         """Return the optimal column vector of the samples `first` … `last`, and their stretch.
@@ -133,11 +133,11 @@ class _Run:
         """
         mean, root = self.whole.mean, self.whole.root
         if first:
-            mean = self.passed.predicted[first]
+            mean = self.kalman.predicted[first]
             least = self.whole.disturbance[first - 1]
-            root = _root(self.passed.predicted_covariance[first], least)
+            root = _root(self.kalman.predicted_covariance[first], least)
         stretch = self.whole.part(first, last, mean, root)
-        point = self._solved(stretch)
+        point = self._solve(stretch)
         if self.problem.vehicle.tyre is Tyre.LINEAR:
             return None if point is None else (point, stretch)
         size = 2 * stretch.count
@@ -147,13 +147,13 @@ class _Run:
             before = point[:size]
             linear = linearise(self.problem, before.reshape(-1, 2) * stretch.scale, first)
             stretch = self.whole.part(first, last, mean, root, linear)
-            point = self._solved(stretch)
-            if point is not None and np.abs(point[:size] - before).max() <= SETTLED:
+            point = self._solve(stretch)
+            if point is not None and np.abs(point[:size] - before).max() <= CONVERGED:
                 return point, stretch
         self.unsettled += 1
         return None if point is None else (point, stretch)
 
-    def _solved(self, stretch: Stretch) -> Floats | None:
+    def _solve(self, stretch: Stretch) -> Floats | None:
         """Return the optimal column vector of a stretch, or None if the solver returns no optimum."""
         program = least_squares_program(stretch, "horizon")
         answer = self.request.within(self.solver, program)

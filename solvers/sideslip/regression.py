@@ -64,9 +64,9 @@ class _Learning(SideslipBackend):
         self, problem: SideslipEstimation, request: Request
     ) -> tuple[Window, dict[str, Any]]:
         """Return the window of the features, with the median period of the drives, and other options."""
-        own = self.checked_options(request.options)
+        others = self.checked_options(request.options)
         period = float(np.median([drive.period for drive in problem.training]))
-        return Window(period, **{name: own.pop(name) for name in _WINDOW}), own
+        return Window(period, **{name: others.pop(name) for name in _WINDOW}), others
 
 
 def _scaling(default: bool) -> dict[str, Option]:
@@ -95,8 +95,8 @@ class Grnn(_Learning):
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the weighted mean of the training angles, or None if the run was stopped."""
-        window, own = self.window(problem, request)
-        learned = KernelRegression(training_set(problem.training, window), **own)
+        window, others = self.window(problem, request)
+        learned = KernelRegression(training_set(problem.training, window), **others)
         result = learned(window.features(problem.recording), lambda: request.control.stopped)
         return None if result is None else widen_by_kinematics(problem, *result[:2], learned)
 
@@ -117,7 +117,7 @@ class KalmanGrnn(_Learning):
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the filter's angle, corrected by its error at similar measurements."""
-        window, own = self.window(problem, request)
+        window, others = self.window(problem, request)
         filtered: list[Estimate] = []
         for drive in (problem.recording, *problem.training):
             drive = replace(drive, sideslip=None)
@@ -133,7 +133,7 @@ class KalmanGrnn(_Learning):
         for drive, entry in zip(problem.training, there, strict=True):
             assert drive.sideslip is not None  # the model refuses such drives
             errors.append(drive.sideslip - entry.sideslip)
-        learned = KernelRegression(training_set(problem.training, window, errors), **own)
+        learned = KernelRegression(training_set(problem.training, window, errors), **others)
         result = learned(window.features(problem.recording), lambda: request.control.stopped)
         if result is None:
             return _uncorrected(here)
@@ -189,8 +189,8 @@ def widen_by_kinematics(
     apart, first, last = kinematic_differences(drive, bounded)
     apart = apart[trusted[first] & trusted[last]]
     here = math.degrees(float(np.abs(apart).mean())) if apart.size else 0.0
-    known = [(entry, entry.sideslip) for entry in problem.training]
-    there = max(kinematic_error(entry, true) for entry, true in known if true is not None)
+    drives = [(entry, entry.sideslip) for entry in problem.training]
+    there = max(kinematic_error(entry, true) for entry, true in drives if true is not None)
     beyond = math.radians(math.sqrt(math.pi * max(here**2 - there**2, 0.0)) / 2.0)
     claims = deviation[drive.moving & trusted]
     missing = max(beyond**2 - float((claims**2).mean()), 0.0) if claims.size else 0.0

@@ -141,10 +141,10 @@ def _rest(model: SideslipEstimation) -> Iterator[Remark]:
 
 def _slope(x: Floats, y: Floats) -> tuple[float, float]:
     """Return the slope of the least-squares line through 0, and the correlation about 0."""
-    across, own, other = float(x @ y), float(x @ x), float(y @ y)
-    if not (own > 1e-200 and other > 1e-200):
+    across, square_x, square_y = float(x @ y), float(x @ x), float(y @ y)
+    if not (square_x > 1e-200 and square_y > 1e-200):
         return 0.0, 0.0
-    return across / own, across / math.sqrt(own) / math.sqrt(other)
+    return across / square_x, across / math.sqrt(square_x) / math.sqrt(square_y)
 
 
 def _signs(drive: Recording) -> Iterator[Remark]:
@@ -159,11 +159,11 @@ def _signs(drive: Recording) -> Iterator[Remark]:
         )  # fmt: skip
     size = abs(slope)
     if abs(clear) > _CLEAR and not 1 / _SLACK < size < _SLACK:
-        factor, told = min(_UNITS, key=lambda one: abs(math.log(size * one[0])))
+        factor, cause = min(_UNITS, key=lambda entry: abs(math.log(size * entry[0])))
         if not 1 / 1.25 < size * factor < 1.25:
-            told = "a unit or a scale is wrong"
+            cause = "a unit or a scale is wrong"
         yield asks(
-            f"the lateral acceleration is {size:.3g} times speed times yaw rate, where about 1 is right: {told}",
+            f"the lateral acceleration is {size:.3g} times speed times yaw rate, where about 1 is right: {cause}",
             "lateral_acceleration", slope=slope, correlation=clear,
         )  # fmt: skip
 
@@ -177,10 +177,10 @@ def _steering(model: SideslipEstimation) -> Iterator[Remark]:
     )
     turn = car.wheelbase + under * drive.speed**2
     on &= turn > 0.2 * car.wheelbase  # a steady turn requires less than the critical speed
-    asked, yaw = (drive.speed * drive.steering / turn)[on], drive.yaw_rate[on]
-    if asked.size < _ENOUGH:
+    steady_yaw, yaw = (drive.speed * drive.steering / turn)[on], drive.yaw_rate[on]
+    if steady_yaw.size < _ENOUGH:
         return
-    gain, clear = _slope(asked, yaw)
+    gain, clear = _slope(steady_yaw, yaw)
     size = abs(gain)
     if clear < -0.5:
         yield asks(
@@ -190,9 +190,9 @@ def _steering(model: SideslipEstimation) -> Iterator[Remark]:
         )  # fmt: skip
     elif clear > _CLEAR and size < 1 / 8:
         wheel = "the angle of the steering wheel instead of that of the front wheels"
-        told = wheel if size > 1 / 30 else "degrees instead of rad"
+        cause = wheel if size > 1 / 30 else "degrees instead of rad"
         yield asks(
-            f"the vehicle turns {1 / size:.3g} times less than its steering asks for: {told}?",
+            f"the vehicle turns {1 / size:.3g} times less than its steering asks for: {cause}?",
             "steering", gain=gain, correlation=clear,
         )  # fmt: skip
     elif clear > _CLEAR and not 0.8 < size < 1.25:
@@ -202,9 +202,9 @@ def _steering(model: SideslipEstimation) -> Iterator[Remark]:
             "vehicle", gain=gain, correlation=clear,
         )  # fmt: skip
     # Yaw rate at zero steering, by a straight line through both signals.
-    gain, clear = _slope(asked - asked.mean(), yaw - yaw.mean())
-    bias = float(yaw.mean() - gain * asked.mean())
-    least = max(_BIAS * float(yaw.std()), 4.0 * model.yaw_rate_noise / math.sqrt(asked.size))
+    gain, clear = _slope(steady_yaw - steady_yaw.mean(), yaw - yaw.mean())
+    bias = float(yaw.mean() - gain * steady_yaw.mean())
+    least = max(_BIAS * float(yaw.std()), 4.0 * model.yaw_rate_noise / math.sqrt(steady_yaw.size))
     if clear > _CLEAR and abs(bias) > least:
         yield asks(
             f"yaw_rate is {bias:.3g} rad/s where the steering says straight ahead: one of both has a bias",
@@ -244,10 +244,10 @@ def _noise(model: SideslipEstimation) -> Iterator[Remark]:
             )  # fmt: skip
         # Third differences of a smooth signal are small; those of white noise are √20 times its deviation.
         third = np.abs(np.diff(values, 3)[even])
-        heard = float(np.median(third)) / 0.6745 / math.sqrt(20.0) if third.size >= 100 else 0.0
-        if heard and not 1 / _NOISE < heard / noise < _NOISE:
+        estimate = float(np.median(third)) / 0.6745 / math.sqrt(20.0) if third.size >= 100 else 0.0
+        if estimate and not 1 / _NOISE < estimate / noise < _NOISE:
             yield asks(
-                f"the noise of {name} looks like {heard:.2g} {unit}, where {noise:.2g} is declared: claimed "
+                f"the noise of {name} looks like {estimate:.2g} {unit}, where {noise:.2g} is declared: claimed "
                 "deviations follow what is declared",
-                name, heard=heard, declared=noise,
+                name, heard=estimate, declared=noise,
             )  # fmt: skip
