@@ -9,17 +9,17 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...files import as_path, read_text
-from ...models.fields import Flag, show
+from ...files import as_path
+from ...models.fields import Flag, Whole, show
 from ...models.fleet.data import MOST, Metric, Objective
 from ...models.fleet.model import FleetRouting
+from ..sections import KeywordFile
 from ..tables import NUMBER
 
 __all__ = ["read_tsplib", "read_vrplib"]
@@ -34,22 +34,17 @@ _FORMATS: dict[str, Callable[[int], Any]] = {
     "UPPER_DIAG_ROW": np.triu_indices,
     "LOWER_DIAG_ROW": np.tril_indices,
 }
-#: Sections whose rows begin with the number of a node.
-_NUMBERED = ("NODE_COORD", "DISPLAY_DATA", "DEMAND")
-#: Keywords that a reader uses or can ignore; all others are refused.
-_KEYS = frozenset({
-    "NAME", "TYPE", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT",
-    "NODE_COORD_TYPE", "DISPLAY_DATA_TYPE", "NODE_COORD_SECTION", "EDGE_WEIGHT_SECTION",
-    "DISPLAY_DATA_SECTION", "EOF",
-})  # fmt: skip
-_VEHICLE_KEYS = _KEYS | {
-    "CAPACITY", "VEHICLES", "DISTANCE", "VEHICLES_MAX_DISTANCE", "SERVICE_TIME", "DEMAND_SECTION",
-    "DEPOT_SECTION",
-}  # fmt: skip
-#: Supported values of keywords.
-_TYPES = ("TSP", "ATSP")
-_VEHICLE_TYPES = ("CVRP", "ACVRP", "DCVRP", "DVRP", "VRP")
-_PLANES = ("TWOD_COORDS", "NO_COORDS")
+#: Keywords that a reader uses or can ignore, with their supported values; all others are refused.
+_ANY: tuple[str, ...] = ()
+_COMMON = dict.fromkeys(
+    ("NAME", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT", "DISPLAY_DATA_TYPE",
+     "NODE_COORD_SECTION", "EDGE_WEIGHT_SECTION", "DISPLAY_DATA_SECTION"), _ANY,
+) | {"NODE_COORD_TYPE": ("TWOD_COORDS", "NO_COORDS")}  # fmt: skip
+_KEYS = {**_COMMON, "TYPE": ("TSP", "ATSP")}
+_VEHICLE_KEYS = _COMMON | dict.fromkeys(
+    ("CAPACITY", "VEHICLES", "DISTANCE", "VEHICLES_MAX_DISTANCE", "SERVICE_TIME", "DEMAND_SECTION",
+     "DEPOT_SECTION"), _ANY,
+) | {"TYPE": ("CVRP", "ACVRP", "DCVRP", "DVRP", "VRP")}  # fmt: skip
 #: Number of vehicles at the end of an instance's name, as in A-n32-k5.
 _FLEET = re.compile(r"-k([0-9]{1,4})\b")
 
@@ -92,10 +87,9 @@ def read_tsplib(
         names the file.
     """
     file = as_path(path)
-    sections = _read(file, _KEYS, _TYPES)
+    content = KeywordFile.read(file, _KEYS)
     return FleetRouting.from_data(
-        {**_distances(file, sections, rounded, display), "vehicles": vehicles, **fields},
-        name=file.stem,
+        {**_distances(content, rounded, display), "vehicles": vehicles, **fields}, name=file.stem
     )
 
 
@@ -134,162 +128,97 @@ def read_vrplib(
         there are several depots. The error names the file.
     """
     file = as_path(path)
-    sections = _read(file, _VEHICLE_KEYS, _VEHICLE_TYPES)
-    if sections.get("service_time", 0) != 0:
+    content = KeywordFile.read(file, _VEHICLE_KEYS)
+    head = content.head
+    if "SERVICE_TIME" in head and _number(content, "SERVICE_TIME") != 0:
         raise InvalidData(
-            f"{file}: SERVICE_TIME must be 0 or absent, got {show(sections['service_time'])}: routes have "
-            "no durations",
+            f"{file}: SERVICE_TIME must be 0 or absent, got {head['SERVICE_TIME']}: routes have no "
+            "durations",
             field="service_time",
         )
-    lengths = [sections[key] for key in ("distance", "vehicles_max_distance") if key in sections]
-    if any(isinstance(value, bool) or not isinstance(value, int | float) for value in lengths):
-        raise InvalidData(
-            f"{file}: DISTANCE must be a number, got {show(lengths[0])}", field="distance"
-        )
-    size = _size(file, sections)
-    demands = _column(file, sections, "demand", (size,))
-    depots = _column(file, sections, "depot", (1,))
-    capacity = sections.get("capacity")
-    if isinstance(capacity, bool) or not isinstance(capacity, int | float):
-        raise InvalidData(
-            f"{file}: CAPACITY must be a number, got {show(capacity)}", field="capacity"
-        )
+    limits = [_number(content, key) for key in ("DISTANCE", "VEHICLES_MAX_DISTANCE") if key in head]
+    demands = _column(content, "DEMAND_SECTION", (content.size(1, MOST),))
+    depots = _column(content, "DEPOT_SECTION", (1,))
+    capacity = _number(content, "CAPACITY")
     if vehicles is None:
         match = _FLEET.search(file.stem)
-        vehicles = sections.get("vehicles", int(match[1]) if match else None)
+        vehicles = int(match[1]) if match else None
+        if "VEHICLES" in head:
+            vehicles = Whole(1, MOST).coerce("vehicles", _number(content, "VEHICLES"), {})
     if vehicles is None:
         raise InvalidData(
             f"{file}: vehicles must be given, or be in the file or its name, as in A-n32-k5",
             field="vehicles",
         )
     data = {
-        **_distances(file, sections, rounded, False),
+        **_distances(content, rounded, False),
         "vehicles": vehicles,
         "depots": depots,
         "demands": demands,
         "capacity": capacity,
         "objective": Objective.SUM,
-        **({"battery": min(lengths)} if lengths else {}),
+        **({"battery": min(limits)} if limits else {}),
         **fields,
     }
     return FleetRouting.from_data(data, name=file.stem)
 
 
-def _require_known(file: Path, text: str, known: frozenset[str], types: tuple[str, ...]) -> None:
-    """Raise unless all keywords of the file are known and EOF is the last one."""
-    keywords: set[str] = set()
-    for line in text.splitlines():
-        key, sign, value = (part.strip() for part in line.partition(":"))
-        words = line.split()
-        if not words:
-            continue
-        if "EOF" in keywords:
-            raise InvalidData(f"{file}: nothing may follow EOF, got {show(words[0])}", field="eof")
-        word = key if sign else words[0]
-        if not sign and "_SECTION" not in word and word != "EOF":
-            continue  # the row of a section
-        if word not in known:
-            raise InvalidData(
-                f"{file}: {word} is not supported, and leaving it out would change the problem",
-                field=word.lower(),
-            )
-        if word in keywords and word != "COMMENT":
-            raise InvalidData(f"{file}: {word} must be there once", field=word.lower())
-        keywords.add(word)
-        allowed = {"TYPE": types, "NODE_COORD_TYPE": _PLANES}.get(word)
-        if allowed and value.split()[:1] not in [[name] for name in allowed]:
-            raise InvalidData(
-                f"{file}: {word} must be one of {', '.join(allowed)}, got {show(value)}",
-                field=word.lower(),
-            )
-
-
-def _read(file: Path, known: frozenset[str], types: tuple[str, ...]) -> dict[str, Any]:
-    """Return the content of a file by the lower-case names of its parts.
-
-    vrplib reads everything except matrices, as it supports only two formats; ``matrix`` holds the
-    words of that section. vrplib ignores the node numbers, so this function checks that they are
-    1, 2, ….
-    """
-    from vrplib.parse import parse_vrplib
-
-    lines, words, section, count = list[str](), list[str](), "", 0
-    text = read_text(file)
-    _require_known(file, text, known, types)
-    for line in text.splitlines():
-        head = line.split()
-        if head and ("_SECTION" in head[0] or head[0] == "EOF"):
-            section, count = head[0].partition("_SECTION")[0], 0
-        elif head and section == "EDGE_WEIGHT":
-            words += head
-            continue
-        elif head and section in _NUMBERED:
-            count += 1
-            if head[0] != str(count):
-                raise InvalidData(
-                    f"{file}: row {count} of {section}_SECTION must begin with {count}, got "
-                    f"{show(head[0])}",
-                    field=section.lower(),
-                )
-        if section != "EDGE_WEIGHT":
-            lines.append(line)
-    try:
-        sections: dict[str, Any] = dict(parse_vrplib("\n".join(lines), compute_edge_weights=False))
-    except Exception as error:  # the parser raises errors of many types
-        raise InvalidData(f"{file}: no TSPLIB or VRPLIB file: {error}") from None
-    return {**sections, "matrix": words}
-
-
-def _size(file: Path, sections: dict[str, Any]) -> int:
-    size = sections.get("dimension")
-    if isinstance(size, bool) or not isinstance(size, int) or not 1 <= size <= MOST:
+def _number(content: KeywordFile, keyword: str) -> float:
+    """Return the number of a keyword."""
+    text = content.head.get(keyword)
+    if text is None or not NUMBER.fullmatch(text):
         raise InvalidData(
-            f"{file}: DIMENSION must be a whole number from 1 to {MOST}, got {show(size)}",
-            field="dimension",
+            f"{content.path}: {keyword} must be a number, got {show(text)}", field=keyword.lower()
         )
-    return size
+    return float(text)
 
 
-def _column(file: Path, sections: dict[str, Any], name: str, shape: tuple[int, ...]) -> Floats:
-    """Return the numbers of a section; raise unless they have `shape`."""
-    section = f"{name.upper()}_SECTION"
+def _column(content: KeywordFile, section: str, shape: tuple[int, ...]) -> Floats:
+    """Return the numbers of a section without those of the nodes; raise unless they have `shape`."""
+    file, field = content.path, section.removesuffix("_SECTION").lower()
+    if section not in content.sections:
+        raise InvalidData(f"{file}: must have a {section}", field=field)
+    rows, first = content.sections[section], section != "DEPOT_SECTION"
+    for row, words in enumerate(rows if first else (), 1):
+        if words[0] != str(row):
+            raise InvalidData(
+                f"{file}: row {row} of {section} must begin with {row}, got {show(words[0])}",
+                field=field,
+            )
     try:
-        numbers = np.array(sections[name], float)
-    except KeyError:
-        raise InvalidData(f"{file}: must have a {section}", field=name) from None
-    except (TypeError, ValueError) as error:
-        raise InvalidData(f"{file}: {section} must hold numbers: {error}", field=name) from None
+        numbers = np.array([row[first:] for row in rows], float)
+    except ValueError as error:
+        raise InvalidData(f"{file}: {section} must hold numbers: {error}", field=field) from None
+    if len(shape) == 1 and numbers.shape[-1:] == (1,):
+        numbers = numbers[:, 0]
+    if not first:
+        # -1 ends the section, and nodes are counted from 1.
+        numbers = numbers[numbers != -1] - 1
     if numbers.shape != shape or not np.isfinite(numbers).all():
         raise InvalidData(
             f"{file}: {section} must hold {' × '.join(map(str, shape))} finite numbers, got shape "
             f"{numbers.shape}",
-            field=name,
+            field=field,
         )
     return numbers
 
 
-def _distances(
-    file: Path, sections: dict[str, Any], rounded: bool, display: bool
-) -> dict[str, Any]:
+def _distances(content: KeywordFile, rounded: bool, display: bool) -> dict[str, Any]:
     """Return the points and metric, or the costs, of an instance."""
     whole = Flag().coerce("rounded", rounded, {})
-    size, kind = _size(file, sections), sections.get("edge_weight_type")
+    size = content.size(1, MOST)
+    kind = content.require("EDGE_WEIGHT_TYPE", ("EUC_2D", *_ROUNDED, "EXPLICIT"))
     if kind == "EXPLICIT" and not Flag().coerce("display", display, {}):
-        return {"costs": _matrix(file, sections, size)}
+        return {"costs": _matrix(content, size)}
     if kind in _ROUNDED:
-        points = _column(file, sections, "node_coord", (size, 2))
-        costs = _ROUNDED[kind](points)
+        costs = _ROUNDED[kind](_column(content, "NODE_COORD_SECTION", (size, 2)))
         np.fill_diagonal(costs, 0.0)
         return {"costs": costs}
-    if kind not in ("EUC_2D", "EXPLICIT"):
-        names = ", ".join(["EUC_2D", *_ROUNDED])
-        raise InvalidData(
-            f"{file}: EDGE_WEIGHT_TYPE must be one of {names}, EXPLICIT, got {show(kind)}",
-            field="edge_weight_type",
-        )
-    name = "node_coord" if kind == "EUC_2D" or "node_coord" in sections else "display_data"
+    section = "NODE_COORD_SECTION"
+    if kind == "EXPLICIT" and section not in content.sections:
+        section = "DISPLAY_DATA_SECTION"
     metric = Metric.ROUNDED if whole else Metric.EUCLIDEAN
-    return {"points": _column(file, sections, name, (size, 2)), "metric": metric}
+    return {"points": _column(content, section, (size, 2)), "metric": metric}
 
 
 def _ceiled(points: Floats) -> Floats:
@@ -328,23 +257,18 @@ _ROUNDED: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-def _matrix(file: Path, sections: dict[str, Any], size: int) -> Floats:
+def _matrix(content: KeywordFile, size: int) -> Floats:
     """Return the distance matrix of the file, shape (size, size)."""
-    form, words = sections.get("edge_weight_format"), sections["matrix"]
-    if form not in _FORMATS:
-        raise InvalidData(
-            f"{file}: EDGE_WEIGHT_FORMAT must be one of {', '.join(_FORMATS)}, got {show(form)}",
-            field="edge_weight_format",
-        )
-    bad = next((word for word in words if not NUMBER.fullmatch(word)), None)
+    form = content.require("EDGE_WEIGHT_FORMAT", _FORMATS)
+    numbers = content.numbers("EDGE_WEIGHT_SECTION", "costs")
     rows, columns = _FORMATS[form](size)
-    if bad is not None or len(words) != len(rows):
-        what = f"{len(words)}" if bad is None else show(bad)
+    if len(numbers) != len(rows):
         raise InvalidData(
-            f"{file}: EDGE_WEIGHT_SECTION must hold {len(rows)} numbers, got {what}", field="costs"
+            f"{content.path}: EDGE_WEIGHT_SECTION must hold {len(rows)} numbers, got {len(numbers)}",
+            field="costs",
         )
     matrix = np.zeros((size, size))
-    matrix[rows, columns] = np.array(words, float)
+    matrix[rows, columns] = numbers
     return (
         matrix if form == "FULL_MATRIX" else matrix + np.tril(matrix, -1).T + np.triu(matrix, 1).T
     )

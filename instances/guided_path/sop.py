@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...files import as_path, read_text, write_text
-from ...models.fields import required, show
+from ...files import as_path, write_text
+from ...models.fields import required
 from ...models.guided_path.data import MOST
 from ...models.guided_path.model import GuidedPathTour
-from ..tables import NUMBER
+from ..sections import KeywordFile
 
 __all__ = ["read_sop", "write_sop"]
 
@@ -30,9 +30,11 @@ Floats = NDArray[np.float64]
 _ROUNDING = 1e-9
 #: Distance from the start to the end, an arc that no tour uses.
 _NO_WAY = 1_000_000
-#: Supported keywords of the format. Ignoring another keyword would change the problem.
-_KNOWN = ("NAME", "TYPE", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT")
-_HEAD = {"TYPE": "SOP", "EDGE_WEIGHT_TYPE": "EXPLICIT", "EDGE_WEIGHT_FORMAT": "FULL_MATRIX"}
+#: Supported keywords of the format with their values.
+_HEAD = {
+    "TYPE": ("SOP",), "EDGE_WEIGHT_TYPE": ("EXPLICIT",), "EDGE_WEIGHT_FORMAT": ("FULL_MATRIX",)
+}  # fmt: skip
+_KNOWN = dict.fromkeys(("NAME", "COMMENT", "DIMENSION", "EDGE_WEIGHT_SECTION"), ()) | _HEAD
 
 
 def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
@@ -152,40 +154,11 @@ def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
 
 def _matrix(file: Path) -> Floats:
     """Return the distance matrix of a file."""
-    head, parts, inside = dict[str, str](), [np.empty(0)], False
-    for line in read_text(file).splitlines():
-        key, _, value = (part.strip() for part in line.partition(":"))
-        if key == "EOF":
-            break
-        if inside:
-            parts.append(_numbers(file, line.split()))
-        elif key == "EDGE_WEIGHT_SECTION":
-            inside = True
-        elif key and key not in _KNOWN:
-            raise InvalidData(
-                f"{file}: {show(key)} is not supported, and leaving it out would change the problem; "
-                f"allowed before EDGE_WEIGHT_SECTION: {', '.join(_KNOWN)}",
-                field="keyword",
-            )
-        elif key in head and key != "COMMENT":
-            raise InvalidData(f"{file}: {key} must be there once", field=key.lower())
-        elif key:
-            head[key] = value
-    for key, value in _HEAD.items():
-        if head.get(key) != value:
-            raise InvalidData(
-                f"{file}: {key} must be {value}, got {show(head.get(key))}", field=key.lower()
-            )
-    dimension = head.get("DIMENSION", "")
-    size = (
-        int(dimension) if dimension.isascii() and dimension.isdigit() and len(dimension) < 10 else 0
-    )
-    if not 3 <= size <= MOST + 2:
-        raise InvalidData(
-            f"{file}: DIMENSION must be a whole number from 3 to {MOST + 2}, got {show(dimension)}",
-            field="dimension",
-        )
-    numbers = np.concatenate(parts)
+    content = KeywordFile.read(file, _KNOWN)
+    for keyword, allowed in _HEAD.items():
+        content.require(keyword, allowed)
+    size = content.size(3, MOST + 2)
+    numbers = content.numbers("EDGE_WEIGHT_SECTION", "coordinates")
     # The section may begin with the dimension, whereas a matrix begins with the 0 of its diagonal.
     if numbers.size and numbers[0] == size:
         numbers = numbers[1:]
@@ -195,19 +168,6 @@ def _matrix(file: Path) -> Floats:
             field="coordinates",
         )
     return numbers.reshape(size, size)
-
-
-def _numbers(file: Path, words: list[str]) -> Floats:
-    """Return the numbers of a line."""
-    bad = next((word for word in set(words) if not NUMBER.fullmatch(word)), None)
-    values = np.array([] if bad else words, float)
-    if bad is not None or not np.isfinite(values).all():
-        raise InvalidData(
-            f"{file}: EDGE_WEIGHT_SECTION must hold finite numbers, got "
-            f"{show(bad or words[int((~np.isfinite(values)).argmax())])}",
-            field="coordinates",
-        )
-    return values
 
 
 def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:

@@ -247,8 +247,8 @@ def test_bad_files_of_tsplib(old, new, message, tmp_path):
     [
         ("UPPER_COL", "1 2 3", "EDGE_WEIGHT_FORMAT must be one of FULL_MATRIX"),
         ("UPPER_ROW", "1 2", "EDGE_WEIGHT_SECTION must hold 3 numbers, got 2"),
-        ("UPPER_ROW", "1 2 x", "EDGE_WEIGHT_SECTION must hold 3 numbers, got 'x'"),
-        ("UPPER_ROW", "1 2 inf", "must hold 3 numbers, got 'inf'"),
+        ("UPPER_ROW", "1 2 x", "EDGE_WEIGHT_SECTION must hold finite numbers, got 'x'"),
+        ("UPPER_ROW", "1 2 inf", "must hold finite numbers, got 'inf'"),
         ("UPPER_ROW", "1 2 -3", "costs"),
         ("FULL_MATRIX", "1 1 2 1 0 3 2 3 0", r"costs\[0, 0\] must be 0"),
     ],
@@ -330,8 +330,10 @@ def test_a_limit_on_the_length_is_the_battery(key, tmp_path):
 
 
 def test_a_file_of_vehicles_is_no_tour(tmp_path):
-    with pytest.raises(InvalidData, match="TYPE must be one of TSP, ATSP"):
+    with pytest.raises(InvalidData, match="'CAPACITY' is not supported"):
         read_tsplib(written(tmp_path, LORRIES), 2)
+    with pytest.raises(InvalidData, match="TYPE must be one of TSP, ATSP"):
+        read_tsplib(written(tmp_path, EUCLIDEAN.replace("TYPE: TSP", "TYPE: CVRP")), 2)
     with pytest.raises(InvalidData, match="nothing may follow EOF"):
         read_vrplib(written(tmp_path, LORRIES.replace("EOF", "EOF\n1 2 3"), "a-k2.vrp"))
 
