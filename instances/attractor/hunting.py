@@ -140,17 +140,9 @@ class Hunt(Declared):
         return Motion(HUNT, constants, self._start(), self.step, _TRANSIENT / self.thrust)
 
     def gaps(self, places: Floats) -> Floats:
-        """Return the smallest gap around any body at each time, m.
+        """Return the smallest gap around any body at each time, m; negative if bodies overlap.
 
-        Parameters
-        ----------
-        places : ndarray, shape (n, bodies, 2)
-            Places of the bodies, m.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Smallest gap between bodies, and between bodies and walls or obstacles; negative if they overlap.
+        `places`, shape (n, bodies, 2), are those of the bodies. Walls and obstacles are bodies, too.
         """
         smallest: Floats = np.minimum(places, self.arena - places).min(axis=(1, 2)) - self.radius
         for x, y, radius in self.obstacles.tolist():
@@ -186,19 +178,8 @@ class Hunt(Declared):
 def hunt_states(hunt: Hunt, count: int, period: float = 1.0) -> Floats:
     """Return the places (m) and speeds (m/s) of the bodies, shape (count, bodies, 4), the evader last.
 
-    Parameters
-    ----------
-    hunt : Hunt
-        The hunt.
-    count : int
-        Number of samples.
-    period : float
-        Seconds between samples.
-
-    Raises
-    ------
-    InvalidData
-        A body is at an unreachable place, because the integration is not accurate enough.
+    Samples are `period` seconds apart. Raise InvalidData if a body is at an unreachable place, because the
+    integration is not accurate enough.
     """
     required("hunt", hunt, Hunt)
     count = Whole(1, MOST).coerce("count", count, {})

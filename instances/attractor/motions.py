@@ -42,18 +42,9 @@ _PARTS = 20
 class Motion(NamedTuple):
     """Equations of motion with their constants and initial state.
 
-    Parameters
-    ----------
-    kind : int
-        :data:`HENON`, :data:`LORENZ`, :data:`ROSSLER` or :data:`HUNT`.
-    constants : ndarray
-        Constants in the order of the equations of `kind`.
-    start : ndarray, shape (n,)
-        State at time 0.
-    step : float
-        Longest step of the integration, s.
-    transient : float
-        Seconds that are discarded until the motion is on its attractor.
+    `kind` is :data:`HENON`, :data:`LORENZ`, :data:`ROSSLER` or :data:`HUNT`, and the constants are in the
+    order of its equations. `step` is the longest step of the integration, s. `transient` seconds are
+    discarded until the motion is on its attractor.
     """
 
     kind: int
@@ -64,15 +55,7 @@ class Motion(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """A largest Lyapunov exponent.
-
-    Parameters
-    ----------
-    exponent : float
-        Nats per second.
-    deviation : float
-        Standard error, from the means of successive parts of the orbit.
-    """
+    """Largest Lyapunov exponent in nats per second, and its standard error from successive parts of the orbit."""
 
     exponent: float
     deviation: float
@@ -81,21 +64,8 @@ class Growth(NamedTuple):
 def orbit(motion: Motion, count: int, period: float) -> Floats:
     """Return `count` states `period` seconds apart after the transient, shape (count, n).
 
-    The method is that of Runge and Kutta of order 4 with steps of a fixed length.
-
-    Parameters
-    ----------
-    motion : Motion
-        The equations.
-    count : int
-        Number of states.
-    period : float
-        Seconds between states; an integer for a map.
-
-    Raises
-    ------
-    InvalidData
-        More steps than :data:`STEPS` are necessary, or the period of a map is not an integer.
+    The method is that of Runge and Kutta of order 4 with steps of a fixed length. Raise InvalidData if more
+    than :data:`STEPS` steps are necessary, or the period of a map is not an integer.
     """
     inner, step = _steps(motion, period)
     skipped = math.ceil(motion.transient / (inner * step))
@@ -106,18 +76,7 @@ def orbit(motion: Motion, count: int, period: float) -> Floats:
 
 
 def bounded_steps(count: int, inner: int) -> None:
-    """Reject `count` periods of `inner` steps if the number of steps is too large.
-
-    Parameters
-    ----------
-    count, inner : int
-        Number of periods, and steps per period.
-
-    Raises
-    ------
-    InvalidData
-        The number of steps is above :data:`STEPS`.
-    """
+    """Reject `count` periods of `inner` steps if the number of steps is above :data:`STEPS`."""
     if count * inner > STEPS:
         raise InvalidData(
             f"period must be shorter, or samples fewer: {count * inner:.3g} steps of the integration would be "
@@ -129,23 +88,10 @@ def bounded_steps(count: int, inner: int) -> None:
 def largest_exponent(motion: Motion, duration: float, interval: float = 1.0) -> Growth:
     """Return the largest Lyapunov exponent of a motion, from its equations.
 
-    A tangent vector follows the derivatives of the equations and is normalised after each `interval`. The
-    exponent is the mean logarithm of its growth (Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15,
-    1980).
-
-    Parameters
-    ----------
-    motion : Motion
-        The equations.
-    duration : float
-        Seconds of the motion after its transient; at least 20 intervals.
-    interval : float
-        Seconds between normalisations.
-
-    Raises
-    ------
-    InvalidData
-        The duration or the interval is not allowed, or the motion is unbounded.
+    A tangent vector follows the derivatives of the equations and is normalised after each `interval`, in
+    seconds. The exponent is the mean logarithm of its growth (Benettin, Galgani, Giorgilli and Strelcyn,
+    Meccanica 15, 1980). The duration after the transient is at least 20 intervals. Raise InvalidData for
+    other durations, and if the motion is unbounded.
     """
     interval = Real(0, strict=True, unit="s").coerce("interval", interval, {})
     duration = Real(_PARTS * interval, unit="s").coerce("duration", duration, {})

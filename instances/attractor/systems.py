@@ -60,20 +60,9 @@ class System(StrEnum):
 class Known(NamedTuple):
     """Known figures of a system.
 
-    Parameters
-    ----------
-    title : str
-        Short description.
-    period : float
-        Default seconds between samples; a map or a noise has one value per second.
-    exponent : float, optional
-        Largest Lyapunov exponent in nats per second.
-    dimension : float, optional
-        Correlation dimension.
-    chaotic : bool
-        Whether it is chaotic.
-    source : str
-        Source of the figures.
+    `period` is the default of the seconds between samples; a map or a noise has one value per second. The
+    exponent is the largest Lyapunov exponent in nats per second, and the dimension is the correlation
+    dimension.
     """
 
     title: str
@@ -214,17 +203,7 @@ def generate(
 def motion_of(system: str, seed: int = 0) -> Motion:
     """Return the equations of the Hénon map, of Lorenz or of Rössler, with a random initial state.
 
-    Parameters
-    ----------
-    system : str
-        Name of the system.
-    seed : int
-        Random seed of the initial state.
-
-    Raises
-    ------
-    InvalidData
-        Another system, or a seed that is not a non-negative integer.
+    Raise InvalidData for another system, or a seed that is not a non-negative integer.
     """
     kind = Member(System).coerce("system", system, {})
     rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))

@@ -130,17 +130,7 @@ def tsplib_file(name: str) -> Path | None:
 def table_2_model(path: str | os.PathLike[str], **fields: Any) -> FleetRouting:
     """Return the model of Table 2 for a TSPLIB file: three robots from city 1, least sum of lengths.
 
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    **fields
-        Other fields of :class:`~crosstrack.models.fleet.FleetRouting`.
-
-    Raises
-    ------
-    InvalidData
-        The file is not a TSPLIB file with coordinates.
+    `fields` are other fields of :class:`~crosstrack.models.fleet.FleetRouting`.
     """
     return read_tsplib(path, ROBOTS, display=True, **{"objective": "sum", **fields})
 

@@ -29,16 +29,7 @@ TIE = 1e-9
 class Sample:
     """States of an embedding, all or a random sample, with their distances from all others.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        All states.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    seed : int
-        Random seed of the sample.
-    most : int
-        Number of states up to which all are used.
+    States at most `theiler` samples apart are not neighbours. Up to `most` states, all are used.
     """
 
     def __init__(self, states: Floats, theiler: int, seed: int, most: int = ALL) -> None:
@@ -59,12 +50,7 @@ class Sample:
     def blocks(self, last: int, *, largest: bool) -> Iterator[tuple[Ints, Floats]]:
         """Yield states of the sample and their distances from the first `last`, infinite if near in time.
 
-        Parameters
-        ----------
-        last : int
-            Number of states that are used.
-        largest : bool
-            Whether the distance is the largest difference of a coordinate; otherwise the sum of squares.
+        The distance is the `largest` difference of a coordinate, or else the sum of squares.
         """
         taken, columns = self.taken(last), np.ascontiguousarray(self.states[:last].T)
         count = max(BLOCK // last, 1)
@@ -127,19 +113,10 @@ class Sample:
         return np.concatenate(result).astype(float)
 
     def divergence(self, slope: Slope, ahead: Ints) -> Floats:
-        """Return the curve of an exponent: the mean logarithm of the distance from neighbours.
+        """Return the curve of an exponent: the mean logarithm of the distance from neighbours by steps `ahead`.
 
-        Parameters
-        ----------
-        slope : Slope
-            Slope whose method selects the neighbours.
-        ahead : ndarray of int, shape (k,)
-            Steps ahead, ascending.
-
-        Returns
-        -------
-        ndarray, shape (k,)
-            Logarithms in the unit of the series; NaN without neighbours.
+        The method of `slope` selects the neighbours. Logarithms are in the unit of the series, NaN without
+        neighbours.
         """
         rows, _ = self._partings(slope, ahead)
         rows = rows[np.isfinite(rows).any(axis=1)]

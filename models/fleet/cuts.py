@@ -51,14 +51,7 @@ ALL = -1
 class Cut:
     """Subtour cut x(E(S)) <= y(S) - y_j of one vehicle, or x(E(S)) <= (nodes of S) - 1 of all together.
 
-    Parameters
-    ----------
-    members : tuple of int
-        S, in ascending order.
-    vehicle : int
-        The vehicle, or -1 for all together.
-    node : int
-        j; ignored for all together.
+    `members` is S in ascending order, `vehicle` is -1 for all together, and `node` is j.
     """
 
     members: tuple[int, ...]
@@ -68,15 +61,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Edges:
-    """Complete graph on n customers 0 … n-1 and the depot n.
-
-    Parameters
-    ----------
-    customers : int
-        n.
-    directed : bool
-        Whether each pair of nodes has two arcs rather than one edge.
-    """
+    """Complete graph on n customers 0 … n-1 and the depot n, with two arcs per pair if `directed`."""
 
     customers: int
     directed: bool
@@ -124,13 +109,7 @@ class Edges:
         return used
 
     def routes(self, used: Floats) -> list[list[int]]:
-        """Return closed routes from the depot that use each edge `used` times.
-
-        Raises
-        ------
-        InvalidData
-            The edges do not form routes from the depot, or some edges are unused.
-        """
+        """Return closed routes from the depot that use each edge `used` times, else raise."""
         count = np.rint(used).astype(int)
         tails, heads = self.ends
         unused: dict[int, list[int]] = {}
@@ -179,23 +158,9 @@ def find_isolated_sets(edges: Edges, weight: Floats) -> list[tuple[int, ...]]:
 def find_weak_sets(
     edges: Edges, weight: Floats, need: Floats
 ) -> Iterator[tuple[tuple[int, ...], int]]:
-    """Yield sets of customers whose subtour cut is violated, by minimum cuts from the depot.
+    """Yield sets of customers whose subtour cut is violated, by minimum cuts from the depot, and its node j.
 
-    Parameters
-    ----------
-    edges : Edges
-        Edges or arcs.
-    weight : ndarray, shape (edges,)
-        Value of x for each edge.
-    need : ndarray, shape (customers,)
-        Value of y for each customer.
-
-    Yields
-    ------
-    members : tuple of int
-        The set S.
-    node : int
-        The customer j of the violated cut.
+    `weight`, shape (edges,), is the value of x for each edge, and `need`, shape (customers,), that of y.
     """
     graph, depot = edges.network(weight), edges.customers
     capacity = sp.csr_array(
@@ -225,21 +190,8 @@ def add_root_cuts(
 ) -> tuple[Cut, ...]:
     """Return the cuts active at the optimum of the linear relaxation.
 
-    Parameters
-    ----------
-    program : callable
-        Builds the program for given cuts; its last rows are one per cut.
-    separate : callable
-        Returns the cuts that a point violates.
-    rounds : int
-        Maximum number of linear programs.
-    work : int
-        Maximum number of columns of all linear programs together.
-
-    Returns
-    -------
-    tuple of Cut
-        The cuts of the last round.
+    `program` builds the program for given cuts, one per row at its end, and `separate` returns the cuts
+    that a point violates. At most `rounds` linear programs with at most `work` columns together are solved.
     """
     from scipy.optimize import Bounds, LinearConstraint, milp
 

@@ -30,16 +30,9 @@ _STATES = 10
 def close_pairs(series: Floats, step: int, radii: Floats, largest: int) -> Ints:
     """Return the number of pairs of states within each radius, shape (subseries, dimensions, radii).
 
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The samples.
-    step : int
-        Number of subseries. Each takes every `step`-th sample, and consecutive samples are coordinates.
-    radii : ndarray, shape (R,)
-        Ascending. A distance equal to the radius counts (theta(0) = 1 in equation 2).
-    largest : int
-        Dimensions 1 … `largest` are counted, with the largest difference of a coordinate as the distance.
+    Each of `step` subseries takes every `step`-th sample, and consecutive samples are coordinates.
+    Dimensions 1 … `largest` are counted, with the largest difference of a coordinate as the distance. A
+    distance equal to a radius counts (theta(0) = 1 in equation 2); the radii ascend.
     """
     last = len(series)
     count = len(radii)
@@ -66,19 +59,9 @@ def close_pairs(series: Floats, step: int, radii: Floats, largest: int) -> Ints:
 
 
 def correlation_sums(series: Floats, delay: int) -> Floats:
-    """Return C_s(m, r, t) of equation 2 for the t = `delay` disjoint subseries of equation 3.
+    """Return C_s(m, r, t) of equation 2 for the t = `delay` subseries of equation 3, shape (t, 5, 4).
 
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The samples. Each subseries has INT(n / t) of them, so the last n modulo t samples are not used.
-    delay : int
-        The delay t.
-
-    Returns
-    -------
-    ndarray, shape (t, 5, 4)
-        By subseries, dimension 1 … 5 and radius.
+    Each subseries has INT(n / t) samples, so the last n modulo t samples are not used.
     """
     length = len(series) // delay
     radii = np.array(RADII) * float(series.std())
@@ -94,14 +77,8 @@ def correlation_sums(series: Floats, delay: int) -> Floats:
 class Curves:
     """The curves over the delays 1, 2, ….
 
-    Parameters
-    ----------
-    sums : ndarray, shape (t,)
-        Mean correlation sum C(t), equations 8 and 9.
-    mean : ndarray, shape (t,)
-        Mean statistic S(t), equations 5 and 7.
-    spread : ndarray, shape (t,)
-        Mean dispersion ΔS(t) between the radii, equations 6 and 7.
+    `sums` is the mean correlation sum C(t), equations 8 and 9; `mean` the mean statistic S(t), equations 5
+    and 7; `spread` the mean dispersion ΔS(t) between the radii, equations 6 and 7.
     """
 
     sums: Floats
@@ -131,17 +108,7 @@ def longest_delay(count: int, most: int) -> int:
 
 
 def curves(series: Floats, most: int, *, stopped: Callable[[], bool] = lambda: False) -> Curves:
-    """Return the curves for the delays 1 … `most`, or for fewer delays if `stopped` returns true.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The samples.
-    most : int
-        The longest delay, see :func:`longest_delay`.
-    stopped : callable
-        Polled after each delay.
-    """
+    """Return the curves for the delays 1 … `most`, or for fewer delays if `stopped` returns true."""
     powers = np.arange(2, LARGEST + 1)[:, None]
     rows = []
     for t in range(1, most + 1):

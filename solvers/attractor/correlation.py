@@ -59,22 +59,7 @@ GROWTH = 0.3
 
 
 def pair_counts(states: Floats, radii: Floats, theiler: int) -> Ints:
-    """Return the exact number of pairs of states within each radius in the ∞-norm.
-
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States in the order of time.
-    radii : ndarray, shape (k,)
-        Ascending radii.
-    theiler : int
-        Pairs at most this number of samples apart are excluded.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Numbers of unordered pairs.
-    """
+    """Return the exact number of unordered pairs of states within each radius in the ∞-norm."""
     result = correlation_counts(states, radii, theiler, references=len(states))
     assert result is not None
     total: Ints = result.counts.sum(axis=0)
@@ -83,16 +68,9 @@ def pair_counts(states: Floats, radii: Floats, theiler: int) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """Numbers of states within radii of reference states, by blocks of time.
+    """Numbers of ordered pairs within ascending `radii` of reference states, by blocks of time.
 
-    Parameters
-    ----------
-    radii : ndarray, shape (k,)
-        Ascending radii.
-    counts : ndarray, shape (blocks, k)
-        Numbers of ordered pairs.
-    references : int
-        Number of reference states.
+    `counts` has the shape (blocks, radii), and `references` is the number of reference states.
     """
 
     radii: Floats
@@ -118,23 +96,9 @@ def correlation_counts(
 ) -> Counts | None:
     """Return the numbers of states within radii of all states, or of a random sample to save time.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States in the order of time.
-    radii : ndarray, shape (k,)
-        Ascending radii.
-    theiler : int
-        Pairs at most this number of samples apart are excluded.
-    references : int
-        Largest number of reference states. Up to 1500 states, all are references.
-    stopped : callable
-        Function that returns True to stop, called between blocks of time.
-
-    Returns
-    -------
-    Counts, optional
-        None if the run was stopped.
+    States are in the order of time, and pairs at most `theiler` samples apart are excluded. Up to 1500
+    states, all are references, otherwise at most `references`. `stopped` is called between blocks of time;
+    the result is None after a stop.
     """
     count = len(states)
     ordered, times, places = order_states(states)
@@ -187,33 +151,11 @@ def fit_dimension(
     references: int = MOST,
     stopped: Stopped = bool,
 ) -> Fit | None:
-    """Return the correlation dimension of `states`.
+    """Return the correlation dimension of `states`; None if the run was stopped.
 
     The region is the widest plateau of the local slopes. At its smallest radius the states have two
-    neighbours on average, and its largest radius contains about a tenth of all pairs.
-
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States in the order of time.
-    theiler : int
-        Pairs at most this number of samples apart are excluded.
-    low, high : float, optional
-        Radii of the region. None leaves the choice to this function.
-    references : int
-        Largest number of reference states. Up to 1500 states, all are references.
-    stopped : callable
-        Function that returns True to stop, polled.
-
-    Returns
-    -------
-    Fit, optional
-        None if the run was stopped.
-
-    Raises
-    ------
-    InvalidData
-        `low` is not less than `high`.
+    neighbours on average, and its largest radius contains about a tenth of all pairs. `low` and `high` fix
+    its radii. The other arguments are those of :func:`correlation_counts`.
     """
     if low is not None and high is not None and not low < high:
         raise InvalidData(f"low must be < high = {high:g}, got {low:g}", field="low")

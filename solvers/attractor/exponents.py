@@ -44,17 +44,7 @@ PAIRS = 4000
 
 @dataclass(frozen=True)
 class Fit:
-    """Fitted slope, or the reason why it is missing.
-
-    Parameters
-    ----------
-    slope : Slope, optional
-        The exponent in nats per second.
-    statistics : mapping
-        Statistics of the fit.
-    message : str
-        Reason for a missing slope.
-    """
+    """Fitted slope with its statistics, or the reason for a missing slope."""
 
     slope: Slope | None
     statistics: Mapping[str, Any] = field(default_factory=dict)
@@ -71,27 +61,11 @@ def scaling_region(
 ) -> tuple[int, Stretches] | None:
     """Return the first step of the search, and the stretches of exponential divergence from there on.
 
-    The best is the longest stretch with a steady slope that ends :data:`MARGIN` nats below the level
-    of the curve and rises by at least :data:`RISE` nats. The slopes of its halves may differ by a
-    quarter; a larger difference lowers the score of a stretch.
-
-    Parameters
-    ----------
-    curve : Curve
-        Divergence of neighbours over time.
-    level : float
-        Mean logarithm of the distance between random states.
-    shortest : int
-        Smallest number of steps of a region.
-    earliest : int
-        First step at which a region may begin.
-    low, high : int, optional
-        First and last step of the region, if given.
-
-    Returns
-    -------
-    tuple of int and Stretches, optional
-        Stretches of the curve from that step on, in steps. None if the curve is too short.
+    The best is the longest stretch with a steady slope that ends :data:`MARGIN` nats below the level of the
+    curve and rises by at least :data:`RISE` nats. The slopes of its halves may differ by a quarter; a
+    larger difference lowers the score of a stretch. `level` is the mean logarithm of the distance between
+    random states. A stretch has at least `shortest` steps and begins at `earliest` or later; `low` and
+    `high` fix its ends. None if the curve is too short.
     """
     values = curve.values
     is_finite = np.isfinite(values)
@@ -133,24 +107,11 @@ def mean_turn(series: Floats) -> int:
 
 @dataclass(frozen=True)
 class Search:
-    """Search for an exponent in an embedding.
+    """Search for an exponent among the states of an embedding, in the order of time.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        All states of the embedding, in the order of time.
-    embedding : Embedding
-        Embedding of the states.
-    method : Method
-        Method of Rosenstein or of Kantz.
-    low, high : int, optional
-        First and last step of the region. None leaves the choice to :func:`scaling_region`.
-    radius : float, optional
-        Radius of Kantz' method. Default: :func:`~.partings.kantz_radius`.
-    references : int
-        Largest number of reference states. Up to 1500 states, all are references.
-    stopped : callable
-        Function that returns True to stop, polled.
+    `low` and `high` are the first and last step of the region; None leaves the choice to
+    :func:`scaling_region`. The default radius of Kantz' method is :func:`~.partings.kantz_radius`. Up to
+    1500 states, all are references, otherwise at most `references`.
     """
 
     states: Floats
@@ -204,28 +165,11 @@ class Search:
 
 
 def fit_exponent(search: Search, period: float) -> Fit | None:
-    """Return the largest Lyapunov exponent of the motion among states.
+    """Return the largest Lyapunov exponent of the motion among states; None if the run was stopped.
 
     The region is chosen from a first curve. The slope is computed from a second curve, which needs states
     with a future of `high` steps. If the region is chosen, the deviation includes the spread over
-    acceptable regions.
-
-    Parameters
-    ----------
-    search : Search
-        States, method and region.
-    period : float
-        Seconds between samples.
-
-    Returns
-    -------
-    Fit, optional
-        None if the run was stopped.
-
-    Raises
-    ------
-    InvalidData
-        `low` is not less than `high`, or the region exceeds the states.
+    acceptable regions. Raise InvalidData if the given region is empty or exceeds the states.
     """
     count, low, high = len(search.states), search.low, search.high
     if low is not None and high is not None and not low < high:

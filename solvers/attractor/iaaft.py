@@ -25,18 +25,13 @@ _ITERATIONS, _SHORT, _FEWER = 500, 2500, 12
 
 
 def match_ends(series: Floats) -> tuple[int, int, float]:
-    """Return the stretch of a series whose continuation is most similar to its beginning.
+    """Return the stretch of a series whose continuation is most similar to its beginning, and the jump.
 
-    Surrogates have the spectrum of a periodic repetition, in which a jump at the seam adds
-    frequencies. At most a tenth is cut at each end, or a quarter if that is not sufficient.
-
-    Returns
-    -------
-    first, end : int
-        Index of the first sample, and of the one after the last.
-    jump : float
-        Difference between the samples after the stretch and its first samples, relative to the root mean
-        square difference of consecutive samples. Above 1 the seam is visible.
+    Surrogates have the spectrum of a periodic repetition, in which a jump at the seam adds frequencies. At
+    most a tenth is cut at each end, or a quarter if that is not sufficient. The stretch is given by the
+    index of its first sample and of the one after its last. The jump is the difference between the samples
+    after the stretch and its first samples, relative to the root mean square difference of consecutive
+    samples; above 1 the seam is visible.
     """
     step = float(np.sqrt((np.diff(series) ** 2).mean()))
     for cut in _CUTS:
@@ -74,19 +69,9 @@ def surrogates_of(
 ) -> Floats:
     """Return surrogates with the values of a series and nearly its spectrum, shape (count, n).
 
-    Phases are random. Then spectrum and values are restored alternately until the order of the values
-    does not change (iterated amplitude-adjusted Fourier transform). Long series take at most 12 rounds.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-    count : int
-        Number of surrogates.
-    generator : numpy.random.Generator
-        Source of the random phases.
-    stopped : callable
-        Function that returns True to stop, called after each iteration.
+    Phases are random. Then spectrum and values are restored alternately until the order of the values does
+    not change (iterated amplitude-adjusted Fourier transform). Long series take at most 12 rounds.
+    `stopped` is polled after each round.
     """
     from scipy import fft
 

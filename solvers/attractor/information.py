@@ -52,15 +52,7 @@ def standardised(series: Floats) -> Floats:
 
 
 def autocorrelation(series: Floats, lags: int) -> Floats:
-    """Return the autocorrelation at the lags 0 … `lags`, shape (lags + 1,), each sum divided by that of lag 0.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-    lags : int
-        Largest lag, less than n.
-    """
+    """Return the autocorrelation at the lags 0 … `lags`, shape (lags + 1,), each sum divided by that of lag 0."""
     from scipy import fft
 
     x = standardised(series)
@@ -78,20 +70,10 @@ def decorrelation(series: Floats, level: float) -> int:
 
 
 def first_zero(series: Floats) -> int:
-    """Return the first lag at which the autocorrelation is not significantly positive.
+    """Return the first lag, up to a tenth of the samples, at which the autocorrelation is insignificant.
 
-    The limit is 1.96 / √n, because the sign of noise is random. Otherwise every other map would get a
-    delay above 1.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series, not constant.
-
-    Returns
-    -------
-    int
-        Lag from 1 to a tenth of the samples.
+    The limit is 1.96 / √n, because the sign of noise is random. Otherwise every other map would get a delay
+    above 1.
     """
     return decorrelation(series, 1.96 / math.sqrt(len(series)))
 
@@ -110,26 +92,12 @@ def _ranked(series: Floats, bins: int) -> Ints:
 
 
 def mutual_information(series: Floats, lags: Ints) -> tuple[Floats, float, float]:
-    """Return the mutual information of a value and the value one lag later, in nats, for each lag.
+    """Return the mutual information of values one lag apart, its standard deviation, and the entropy, in nats.
 
-    It is computed from a histogram whose bins hold equal numbers of values, so that no monotone
-    transform changes it. At most 50 000 pairs are used, and the mean of independent values is subtracted.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-    lags : ndarray, shape (k,)
-        Lags, each at least 1 and less than n.
-
-    Returns
-    -------
-    information : ndarray, shape (k,)
-    deviation : float
-        Standard deviation for independent values: twice the pairs times the information is χ²-distributed
-        with (bins - 1)² degrees of freedom.
-    entropy : float
-        Entropy of a value in nats.
+    It is computed for each lag from a histogram whose bins hold equal numbers of values, so that no
+    monotone transform changes it. At most 50 000 pairs are used, and the mean of independent values is
+    subtracted. The deviation is that of independent values: twice the pairs times the information is
+    χ²-distributed with (bins - 1)² degrees of freedom.
     """
     count = len(series) - int(lags.max())
     at = thin_out(count, _PAIRS)
@@ -162,18 +130,8 @@ def first_minimum(series: Floats) -> int:
     """Return the first minimum of the mutual information, at most the first zero of the autocorrelation.
 
     A minimum must be followed by a significant rise, and be less than half of the entropy of a value,
-    because the curve of a periodic series follows its bins. The information of maps and of noise
-    decreases without a minimum; then the first zero is returned.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series, not constant.
-
-    Returns
-    -------
-    int
-        Lag from 1 to a tenth of the samples.
+    because the curve of a periodic series follows its bins. The information of maps and of noise decreases
+    without a minimum; then the first zero is returned.
     """
     return minimum_of_information(series)[0]
 

@@ -38,13 +38,7 @@ EMBEDDING: Mapping[str, Option] = {
 
 @dataclass(frozen=True)
 class Embedding:
-    """Embedding of a series.
-
-    Parameters
-    ----------
-    delay, dimension, theiler : int
-        As in :class:`~crosstrack.models.attractor.AttractorEstimate`.
-    """
+    """Embedding of a series, as in :class:`~crosstrack.models.attractor.AttractorEstimate`."""
 
     delay: int
     dimension: int
@@ -57,17 +51,7 @@ class Embedding:
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of a backend.
-
-    Parameters
-    ----------
-    plan : AttractorEstimate
-        The estimate.
-    statistics : mapping
-        Statistics of the backend.
-    message : str
-        Remark for the user, such as the lack of a scaling region.
-    """
+    """Result of a backend: estimate, statistics, and a remark such as the lack of a scaling region."""
 
     plan: AttractorEstimate
     statistics: Mapping[str, Any] = field(default_factory=dict)
@@ -75,22 +59,11 @@ class Finding:
 
 
 def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
-    """Return the embedding of `options`; missing parts are chosen from the series.
+    """Return the embedding of `options` (:data:`EMBEDDING`); missing parts are chosen from the series.
 
     The delay is the first minimum of the mutual information, the dimension is Cao's. The Theiler window is
-    the larger of the span of a state and the first zero of the autocorrelation.
-
-    Parameters
-    ----------
-    problem : AttractorAnalysis
-        The model.
-    options : mapping
-        Values of :data:`EMBEDDING`; None or missing for a choice.
-
-    Raises
-    ------
-    InvalidData
-        The series is too short for the embedding.
+    the larger of the span of a state and the first zero of the autocorrelation. Raise InvalidData if the
+    series is too short.
     """
     from .information import first_minimum
     from .unfolding import cao_dimension

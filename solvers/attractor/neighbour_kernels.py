@@ -21,13 +21,7 @@ Ints = NDArray[np.int64]
 
 
 def order_states(states: Floats) -> tuple[Floats, Ints, Ints]:
-    """Return states in the order of their first coordinate, their times, and the row of each time.
-
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States in the order of time.
-    """
+    """Return states in the order of their first coordinate, their times, and the row of each time."""
     times = np.argsort(states[:, 0], kind="stable")
     rows = np.empty_like(times)
     rows[times] = np.arange(len(times))
@@ -38,32 +32,14 @@ def order_states(states: Floats) -> tuple[Floats, Ints, Ints]:
 def nearest_states(
     states: Floats, times: Ints, places: Ints, theiler: int, count: int, largest: bool
 ) -> tuple[Ints, Floats, int]:
-    """Return the nearest neighbours of some states, and their distances.
+    """Return the times of the `count` nearest neighbours of some states, their distances, and the visited pairs.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States ordered by the first coordinate.
-    times : ndarray, shape (m,)
-        Time of each state, in samples.
-    places : ndarray, shape (r,)
-        Rows of the states whose neighbours are searched.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    count : int
-        Number of neighbours. Of equal distances the earlier state is first.
-    largest : bool
-        True for the largest difference of a coordinate as distance. False for the square of the Euclidean distance;
-        then equal states are not neighbours.
-
-    Returns
-    -------
-    which : ndarray, shape (r, count)
-        Times of the neighbours, the nearest first; -1 if there are too few.
-    far : ndarray, shape (r, count)
-        Distances; infinite if there are too few.
-    visits : int
-        Number of visited pairs.
+    `states`, shape (m, d), are ordered by the first coordinate, with their `times` in samples; `places` are
+    the rows of the r states whose neighbours are searched. States at most `theiler` samples apart are not
+    neighbours. Of equal distances the earlier state is first. The distance is the `largest` difference of a
+    coordinate, or else the square of the Euclidean distance; then equal states are not neighbours. The
+    results have the shape (r, count), the nearest first. If there are too few, times are -1 and distances
+    infinite.
     """
     m, d = states.shape
     which, nearest, visits = (
@@ -120,23 +96,11 @@ def nearest_states(
 def nearest_partings(
     states: Floats, firsts: Ints, seconds: Ints, ahead: int
 ) -> tuple[Floats, Ints]:
-    """Return the sums of the log distances of pairs of states over time.
+    """Return the sums of the log distances of pairs of states over time, and the numbers of summed distances.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States in the order of time.
-    firsts, seconds : ndarray, shape (r,)
-        Indices of the pairs; pairs with a negative index are skipped.
-    ahead : int
-        Number of steps.
-
-    Returns
-    -------
-    sums : ndarray, shape (ahead + 1,)
-        Sums of the positive distances' logarithms.
-    counts : ndarray, shape (ahead + 1,)
-        Numbers of summed distances.
+    `firsts` and `seconds` are the indices of the pairs among states in the order of time; a pair with a
+    negative second index is skipped. The results have the shape (ahead + 1,); distances of 0 are not
+    summed.
     """
     sums, counts = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64)
     for row in range(len(firsts)):
@@ -166,25 +130,10 @@ def mean_partings(
 ) -> tuple[Floats, Ints, int]:
     """Return the sums of the logarithms of the mean distances from all neighbours over time.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States in the order of time.
-    ordered, times, places, theiler
-        As for :func:`nearest_states`.
-    square_radius : float
-        Largest squared distance of neighbours.
-    ahead : int
-        Number of steps.
-
-    Returns
-    -------
-    sums : ndarray, shape (ahead + 1,)
-        Sums of the positive mean distances' logarithms.
-    counts : ndarray, shape (ahead + 1,)
-        Numbers of summed states.
-    neighbours : int
-        Total number of neighbours.
+    `states` are in the order of time; `ordered`, `times`, `places` and `theiler` are those of
+    :func:`nearest_states`. Neighbours are at most the root of `square_radius` apart. The sums have the
+    shape (ahead + 1,); the numbers of summed states and the total number of neighbours follow. Distances of
+    0 are not summed.
     """
     m, d = ordered.shape
     sums, counts, neighbours = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64), 0
@@ -232,21 +181,10 @@ def mean_partings(
 def count_pairs(
     states: Floats, times: Ints, places: Ints, theiler: int, radii: Floats
 ) -> tuple[Ints, int]:
-    """Return the numbers of states in the shells between radii around some states, by the ∞-norm.
+    """Return the numbers of states in the shells between ascending radii around some states, by the ∞-norm.
 
-    Parameters
-    ----------
-    states, times, places, theiler
-        As for :func:`nearest_states`, but equal states are counted.
-    radii : ndarray, shape (k,)
-        Ascending radii.
-
-    Returns
-    -------
-    found : ndarray, shape (k,)
-        Numbers of pairs within a radius but beyond the previous one.
-    visits : int
-        Number of visited pairs.
+    The other arguments are those of :func:`nearest_states`, but equal states are counted. The number of
+    visited pairs is returned, too.
     """
     m, d = states.shape
     last = len(radii) - 1

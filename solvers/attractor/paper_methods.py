@@ -38,21 +38,9 @@ _LEVEL = 1.0 - 1.0 / math.e
 
 
 def all_pairs(states: Floats, radii: Floats, stopped: Any) -> Counts | None:
-    """Return the counts of equation 15: all ordered pairs closer than each radius, each state with itself included.
+    """Return the counts of equation 15: all ordered pairs closer than each radius, and each state with itself.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        In the order of time.
-    radii : ndarray, shape (k,)
-        Ascending.
-    stopped : callable
-        Polled between blocks of time.
-
-    Returns
-    -------
-    Counts, optional
-        None if the run was stopped.
+    States are in the order of time, and radii ascend. None if the run was stopped.
     """
     # theta(0) = 0 in equation 16, and a distance equal to the radius counts in the kernel.
     counts = correlation_counts(states, np.nextafter(radii, 0.0), 0, stopped=stopped)
@@ -66,21 +54,9 @@ def all_pairs(states: Floats, radii: Floats, stopped: Any) -> Counts | None:
 def slope_of(states: Floats, size: float, method: Method, stopped: Any) -> Slope | str | None:
     """Return the slope of ln C over ln r between the radii r_2 and r_1 of equation 17.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        In the order of time.
-    size : float
-        Standard deviation of the series.
-    method : Method
-        TWO_POINTS for equation 17, LINE for a line through 16 radii as in Figure 4.
-    stopped : callable
-        Polled between blocks of time.
-
-    Returns
-    -------
-    Slope or str, optional
-        The slope, or a text with the reason for its absence. None if the run was stopped.
+    `size` is the standard deviation of the series. The method is TWO_POINTS for equation 17, or LINE for a
+    line through 16 radii as in Figure 4. The result is a text if there is no slope, and None if the run was
+    stopped.
     """
     largest = _SHARE * size
     radii = np.geomspace(_SPAN * largest, largest, _FINE)

@@ -34,17 +34,7 @@ CROWD, CROWDED = 5, 0.5
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Sums of the log distances of neighbours, by blocks of time.
-
-    Parameters
-    ----------
-    sums : ndarray, shape (blocks, high + 1)
-        Sums over the reference states of a block.
-    counts : ndarray, shape (blocks, high + 1)
-        Numbers of summed states.
-    references : int
-        Number of reference states.
-    """
+    """Sums of the log distances of neighbours by blocks of time, shape (blocks, high + 1), and their counts."""
 
     sums: Floats
     counts: Ints
@@ -73,16 +63,9 @@ def _mean(sums: Floats, counts: Ints) -> Floats:
 
 
 class Neighbours:
-    """States ordered for neighbour search, and choice of reference states.
+    """States before `last` ordered for neighbour search, and choice of reference states.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        All states, in the order of time.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    last : int
-        Only states before this one are used.
+    States at most `theiler` samples apart are not neighbours.
     """
 
     def __init__(self, states: Floats, theiler: int, last: int) -> None:
@@ -126,23 +109,9 @@ def rosenstein_curve(
 ) -> Curve | None:
     """Return the divergence of the states before `last` from their nearest neighbours, 0 … `high` steps ahead.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        States in the order of time.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    last, high : int
-        Numbers with ``last + high <= m``.
-    references : int
-        Largest number of reference states. Up to 1500 states, all are references.
-    stopped : callable
-        Function that returns True to stop, called between blocks of time.
-
-    Returns
-    -------
-    Curve, optional
-        None if the run was stopped.
+    States, shape (m, d), are in the order of time, with ``last + high <= m``. Those at most `theiler`
+    samples apart are not neighbours. Up to 1500 states, all are references, otherwise at most `references`.
+    `stopped` is called between blocks of time; the result is None after a stop.
     """
     pool = Neighbours(states, theiler, last)
     visits = pool.nearest(pool.pilot)[2]

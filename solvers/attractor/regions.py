@@ -17,15 +17,7 @@ PLACES = 160
 
 
 def line_slopes(x: Floats, y: Floats, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Floats:
-    """Return the least-squares slopes of stretches of a curve, including their last points.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (k,)
-        The curve.
-    begin, end : ndarray
-        Indices of the first and the last point, broadcast.
-    """
+    """Return the least-squares slopes of stretches of a curve from the points `begin` to `end`, inclusive."""
     with np.errstate(all="ignore"):  # a curve with an infinite value has no slope
         x, y = x - x.mean(), y - y.mean()
         sums = [np.concatenate(([0.0], np.cumsum(part))) for part in (x, y, x * x, x * y)]
@@ -38,15 +30,9 @@ def line_slopes(x: Floats, y: Floats, begin: NDArray[np.int64], end: NDArray[np.
 def whole_slope(x: Floats, y: Floats, left_out: Floats) -> tuple[float, float]:
     """Return the least-squares slope of a whole curve, and its standard deviation.
 
-    States near in time are similar, so the deviation is that of the jackknife over blocks of time. Half the
-    difference of the slopes of the two halves is added in squares.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (k,)
-        The curve.
-    left_out : ndarray, shape (blocks, k)
-        The same curve without the states of each block.
+    States near in time are similar, so the deviation is that of the jackknife over blocks of time:
+    `left_out`, shape (blocks, k), is the curve without the states of each block. Half the difference of the
+    slopes of the two halves is added in squares.
     """
     first, last = np.array([0]), np.array([len(x) - 1])
     slopes = np.array([line_slopes(x, curve, first, last)[0] for curve in left_out])
@@ -61,14 +47,9 @@ def whole_slope(x: Floats, y: Floats, left_out: Floats) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Stretches of a curve with a steady slope.
+    """Stretches of a curve with a steady slope: first and last points, slopes, and scores.
 
-    Parameters
-    ----------
-    begin, end : ndarray of int
-        First and last point of each stretch.
-    slopes, scores : ndarray
-        Slope of each stretch, and its score: its length reduced by its bend.
+    The score is the length of a stretch reduced by its bend.
     """
 
     begin: NDArray[np.int64]
@@ -104,27 +85,12 @@ def steady_stretches(
     from_first: bool = False,
     to_last: bool = False,
 ) -> Stretches:
-    """Return the stretches of a curve with a steady slope.
+    """Return the stretches of a finite curve with a steady slope, none if no stretch is acceptable.
 
-    Each stretch is cut into halves, each fitted by a line.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (k,)
-        The curve, finite.
-    least : int
-        Smallest number of points of a stretch.
-    rise : float
-        Smallest increase of `y` along the fitted line.
-    change : float
-        Largest difference of the slopes of the halves, relative to that of the whole.
-    from_first, to_last : bool
-        Whether a stretch must begin at the first point, or end at the last one.
-
-    Returns
-    -------
-    Stretches
-        Empty if no stretch is acceptable.
+    Each stretch is cut into halves, each fitted by a line. A stretch has at least `least` points, `y`
+    increases along its line by at least `rise`, and the slopes of its halves differ by at most `change`,
+    relative to that of the whole. It begins at the first point if `from_first`, and ends at the last one if
+    `to_last`.
     """
     places = np.unique(np.linspace(0, len(x) - 1, PLACES).round().astype(np.int64))
     begin, end = (part.ravel() for part in np.meshgrid(places, places, indexing="ij"))

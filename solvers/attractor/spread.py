@@ -48,19 +48,10 @@ RADIUS = 2.0
 
 
 def variants(embedding: Embedding, count: int) -> Iterator[Embedding]:
-    """Yield other embeddings that show the same attractor, if the series has samples for them.
+    """Yield other embeddings that show the same attractor, if the `count` samples of a series suffice for them.
 
-    Parameters
-    ----------
-    embedding : Embedding
-        The chosen embedding.
-    count : int
-        Samples of the series.
-
-    Yields
-    ------
-    Embedding
-        One and two coordinates more, half the delay, and half the coordinates if there are at least six.
+    They have one and two coordinates more, half the delay, and half the coordinates if there are at least
+    six.
     """
     delay, dimension = embedding.delay, embedding.dimension
     other = [(delay, dimension + 1), (delay, dimension + 2)]
@@ -94,20 +85,9 @@ def widened(
 ) -> Slope:
     """Return the slope with the deviation that includes all parts.
 
-    Parameters
-    ----------
-    slope : Slope
-        Slope with the deviation of the fit.
-    region : float
-        Spread of the slopes of the acceptable regions.
-    others : sequence of float
-        Slopes in other embeddings.
-    relative : float
-        Calibrated error, as a share of the slope.
-    unconfirmed : float
-        Error that is added if `others` is empty, as a share of the slope.
-    absolute : float
-        Calibrated error in the unit of the slope.
+    `region` is the spread of the slopes of the acceptable regions, and `others` are the slopes in other
+    embeddings. The calibrated error is the sum in squares of the share `relative` of the slope and of
+    `absolute`. Without others, the share `unconfirmed` of the slope is added.
     """
     squares = [(value - slope.value) ** 2 for value in others if math.isfinite(value)]
     between = unconfirmed * abs(slope.value)
@@ -127,16 +107,8 @@ def widened_exponent(
 ) -> Slope:
     """Return an exponent with the deviation that includes all parts.
 
-    Parameters
-    ----------
-    slope, region, others
-        As for :func:`widened`.
-    turn : float
-        Samples per turn.
-    duration : float
-        Duration of the series in seconds.
-    change : float
-        Difference of the slope with half the radius, which is multiplied by :data:`RADIUS`.
+    `turn` is the number of samples per turn, `duration` that of the series in seconds, and `change` the
+    difference of the slope with half the radius, which is multiplied by :data:`RADIUS`.
     """
     return widened(
         slope, region, others,

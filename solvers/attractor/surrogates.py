@@ -56,20 +56,11 @@ _SIGMAS, _NOTHING = 3.5, 1e-9
 class Ranks:
     """Rank of a series among its surrogates.
 
-    Parameters
-    ----------
-    count, exceeded : int
-        As in :class:`~crosstrack.models.attractor.SurrogateTest`.
-    error, median : float
-        Root mean square error of predicting the normal scores of the series, and the median of the surrogates'.
-    sigmas : float
-        Difference between the mean of the surrogates' errors and that of the series, in deviations, of logarithms.
-    jump : float
-        See :func:`~.iaaft.match_ends`.
-    read, among : int
-        Number of compared samples, and of samples of the series.
-    step : int
-        Distance of the compared samples.
+    `count` and `exceeded` are those of :class:`~crosstrack.models.attractor.SurrogateTest`. `error` is the
+    root mean square error of predicting the normal scores of the series, and `median` that of the
+    surrogates. `sigmas` is the difference between the mean of the surrogates' errors and that of the
+    series, in deviations, of logarithms. `jump` is that of :func:`~.iaaft.match_ends`. Of `among` samples,
+    `read` were compared, one in `step`.
     """
 
     count: int
@@ -113,20 +104,8 @@ def ranks(
 ) -> Ranks | None:
     """Return the rank of a series among its surrogates by its prediction one delay ahead; None if stopped.
 
-    If a delay has more than 16 samples, samples are skipped so that the same number covers a longer time.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-    embedding : Embedding
-        The embedding.
-    options : mapping
-        Values of :data:`RANKING`.
-    seed : int
-        Random seed of the surrogates.
-    stopped : callable
-        Function that returns True to stop, polled.
+    `options` are those of :data:`RANKING`. If a delay has more than 16 samples, samples are skipped so that
+    the same number covers a longer time.
     """
     step = max(embedding.delay // _FINE, 1)
     delay = max(round(embedding.delay / step), 1)
@@ -163,25 +142,11 @@ def ranks(
 
 
 def prediction_error(values: Floats, delay: int, dimension: int, theiler: int, count: int) -> float:
-    """Return the mean square error of predictions by the mean future of the nearest states.
+    """Return the mean square error of predictions one delay ahead by the mean future of the nearest states.
 
-    Up to :data:`ASKED` samples all states are predicted, otherwise a sample of them.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        The series.
-    delay, dimension : int
-        The embedding. The prediction is one delay ahead.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    count : int
-        Number of neighbours, by the largest difference of a coordinate.
-
-    Returns
-    -------
-    float
-        NaN if no state has enough neighbours.
+    Up to :data:`ASKED` samples all states are predicted, otherwise a sample of them. A state has `count`
+    neighbours by the largest difference of a coordinate, more than `theiler` samples away. NaN if no state
+    has enough.
     """
     last = len(values) - dimension * delay
     # The last coordinates diverge first, so the search is along the last one.
@@ -200,16 +165,9 @@ def prediction_error(values: Floats, delay: int, dimension: int, theiler: int, c
 def judge(
     found: Ranks, exponent: Slope | None, duration: float = math.inf
 ) -> tuple[SurrogateTest, str]:
-    """Return the judgement from the rank and the exponent, and its reason.
+    """Return the judgement from the rank and the exponent in nats per second, and its reason.
 
-    Parameters
-    ----------
-    found : Ranks
-        Rank of the series.
-    exponent : Slope, optional
-        The exponent in nats per second.
-    duration : float
-        Duration of the series in seconds.
+    `duration` is that of the series in seconds.
     """
     if not found.rejected:
         judgement = Judgement.NOISE

@@ -64,27 +64,11 @@ def states_of(series: Floats, at: Ints, delay: int, dimension: int) -> Floats:
 def nearest(
     states: Floats, times: Ints, asked: Ints, theiler: int, norm: float = np.inf
 ) -> tuple[Ints, Floats]:
-    """Return the nearest distinct state of each given state that is not near in time.
+    """Return the nearest distinct state of each given state that is not near in time, and its distance.
 
-    Parameters
-    ----------
-    states : ndarray, shape (m, d)
-        All states.
-    times : ndarray, shape (m,)
-        First sample of each state, ascending.
-    asked : ndarray, shape (k,)
-        Indices of the states whose neighbours are searched.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-    norm : float
-        Norm of the distance: infinity or 2.
-
-    Returns
-    -------
-    found : ndarray, shape (k,)
-        Index of the neighbour; -1 without a neighbour.
-    apart : ndarray, shape (k,)
-        Distance, above 1e-10 of the extent of the states; infinite without a neighbour.
+    `states`, shape (m, d), have ascending `times`. States at most `theiler` samples apart are not
+    neighbours, nor are those within 1e-10 of the extent of the states. The norm is infinity or 2. Without a
+    neighbour the index is -1, and the distance infinite.
     """
     from scipy.spatial import KDTree
 
@@ -132,15 +116,7 @@ def largest_dimension(count: int, delay: int, most: int = LARGEST) -> int:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """States and their nearest neighbours in some coordinates, with one coordinate more.
-
-    Parameters
-    ----------
-    apart : ndarray, shape (k,)
-        Distances in the coordinates.
-    new : ndarray, shape (k,)
-        Differences of the next coordinate.
-    """
+    """Distances of nearest neighbours in some coordinates, and differences of the next coordinate."""
 
     apart: Floats
     new: Floats
@@ -159,29 +135,13 @@ def neighbours(series: Floats, delay: int, dimension: int, theiler: int, norm: f
 def cao_curves(
     series: Floats, delay: int, most: int, theiler: int | None = None
 ) -> tuple[Floats, Floats]:
-    """Return Cao's E₁ and E₂ of the dimensions 1 … `most`.
+    """Return Cao's E₁ and E₂ of the dimensions 1 … `most`; NaN if all neighbours have distance 0.
 
     E(d) is the mean growth of the distance of nearest neighbours from d to d + 1 coordinates, and E₁(d) =
     E(d + 1) / E(d). E₂ is the same for the distance of the new coordinates alone: 1 in every dimension for
-    noise. Neighbours are more than a delay apart in time, because neighbours on the same piece of a
-    trajectory do not show its folds.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-    delay : int
-        Samples between coordinates.
-    most : int
-        Largest dimension, with ``(most + 1) * delay < n``.
-    theiler : int, optional
-        States at most this number of samples apart are not neighbours. Default: the delay.
-
-    Returns
-    -------
-    ndarray, shape (most,)
-    ndarray, shape (most,)
-        NaN if all neighbours have distance 0.
+    noise. Neighbours are more than `theiler` samples, by default a delay, apart in time, because neighbours
+    on the same piece of a trajectory do not show its folds. The series has more than ``(most + 1) * delay``
+    samples.
     """
     grows, moves = np.full(most + 1, np.nan), np.full(most + 1, np.nan)
     for k in range(most + 1):
@@ -196,17 +156,7 @@ def cao_curves(
 def cao_dimension(series: Floats, delay: int) -> int:
     """Return the smallest dimension at which Cao's E₁ is at least 0.9, and at the next dimension, too.
 
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series, not constant.
-    delay : int
-        Samples between coordinates, at most a tenth of the series.
-
-    Returns
-    -------
-    int
-        The largest dimension tried, 10 or fewer for a short series, if the curve does not saturate.
+    If the curve does not saturate, it is the largest dimension tried, 10 or fewer for a short series.
     """
     most = largest_dimension(len(series), delay)
     return saturated(cao_curves(series, delay, most)[0])
@@ -223,26 +173,10 @@ def saturated(curve: Floats) -> int:
 
 
 def false_shares(series: Floats, delay: int, most: int, theiler: int) -> Floats:
-    """Return the share of false nearest neighbours of the dimensions 1 … `most`.
+    """Return the share of false nearest neighbours of the dimensions 1 … `most`; NaN without neighbours.
 
-    A neighbour is false if the next coordinates differ by more than 15 times the distance, or if the distance
-    with them exceeds two deviations of the series.
-
-    Parameters
-    ----------
-    series : ndarray, shape (n,)
-        The series.
-    delay : int
-        Samples between coordinates.
-    most : int
-        Largest dimension, with ``most * delay < n``.
-    theiler : int
-        States at most this number of samples apart are not neighbours.
-
-    Returns
-    -------
-    ndarray, shape (most,)
-        NaN if no state has a neighbour.
+    A neighbour is false if the next coordinates differ by more than 15 times the distance, or if the
+    distance with them exceeds two deviations of the series.
     """
     shares = np.full(most, np.nan)
     size = float(series.std())

@@ -22,34 +22,13 @@ Ints = NDArray[np.int64]
 def array_tours(
     xp: ModuleType, d: Any, size: Any, numbers: Any, symmetric: bool, settings: Floats, draw: Any
 ) -> tuple[Any, Any]:
-    """Return the lengths and orders of tours of a batch of clusters, by ant colonies.
+    """Return lengths (clusters,) and orders (clusters, s) of tours of a batch of clusters, by ant colonies.
 
-    The same array code runs on NumPy and on PyTorch. It follows :func:`.tour_kernels.colony` without
-    an initial tour.
-
-    Parameters
-    ----------
-    xp : module
-        ``numpy`` or ``torch``.
-    d : array, shape (clusters, s, s)
-        Distances of each cluster; node 0 is the depot, and nodes from `size` on are padding.
-    size : array of int, shape (clusters, 1)
-        Number of nodes of each cluster with its depot.
-    numbers : array of int
-        0, 1, 2, … on the same device, at least as many as clusters, nodes and ants.
-    symmetric : bool
-        Whether distances are the same in both directions.
-    settings : ndarray, shape (5,)
-        Ants, iterations, alpha, beta and evaporation.
-    draw : callable
-        Returns uniform random numbers of a given shape.
-
-    Returns
-    -------
-    lengths : array, shape (clusters,)
-        Tour lengths.
-    orders : array of int, shape (clusters, s)
-        Nodes in order of the tour, from 0; the last node repeats as padding.
+    The same array code runs on NumPy and on PyTorch. It follows :func:`.tour_kernels.colony` without an
+    initial tour. The distances `d`, shape (clusters, s, s), have the depot as node 0, and padding from
+    `size`, shape (clusters, 1), on; an order repeats its last node as padding. `numbers` holds 0, 1, 2, …
+    on the same device, at least as many as clusters, nodes and ants. `settings` holds ants, iterations,
+    alpha, beta and evaporation, and `draw` returns uniform random numbers of a given shape.
     """
     ants, iterations = max(int(settings[0]), 1), max(int(settings[1]), 1)
     alpha, beta, evaporation = settings[2:].tolist()
@@ -139,12 +118,7 @@ class ArrayColonies(Colonies):
 def torch_colonies(device: str = "cuda") -> type[ArrayColonies]:
     """Return the class of ant colonies that runs on a PyTorch device.
 
-    Raises
-    ------
-    BackendMissing
-        PyTorch is not installed.
-    UnsupportedOption
-        PyTorch finds no CUDA device.
+    Raise BackendMissing without PyTorch, and UnsupportedOption without a CUDA device.
     """
     try:
         import torch

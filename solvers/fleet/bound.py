@@ -57,17 +57,8 @@ LEFT_OVER = 1e-4
 def lower_bound(model: FleetRouting, flag: Flag) -> float:
     """Return a lower bound on the objective of every plan, in the unit of the objective.
 
-    Parameters
-    ----------
-    model : FleetRouting
-        Any fleet model. The capacity is the only limit considered; the bound on a range is 0.
-    flag : ndarray of int8, shape (1,)
-        Stop flag; a nonzero value ends the computation with the best bound so far.
-
-    Returns
-    -------
-    float
-        The bound, >= 0.
+    The capacity is the only limit considered, and the bound on a range is 0. A nonzero `flag` ends the
+    computation with the best bound so far.
     """
     unit = float(model.distances.max())
     if model.objective is Objective.RANGE or unit == 0.0 or flag[0] != 0:
@@ -107,20 +98,9 @@ def trip_bound(model: FleetRouting) -> float:
 class _Proof:
     """Data of the relaxations, scaled so that the longest distance is 1.
 
-    Parameters
-    ----------
-    costs : ndarray, shape (n, n)
-        Distances between customers.
-    starts, ends : ndarray, shape (homes, n)
-        Distances from each depot to each customer, and back.
-    counts : ndarray of int, shape (homes,)
-        Number of vehicles of each depot.
-    fewest, most : int
-        Minimum and maximum number of routes.
-    symmetric : bool
-        Whether distances are the same in both directions.
-    flag : ndarray of int8
-        Stop flag; a nonzero value requests a stop.
+    `costs`, shape (n, n), are distances between customers; `starts` and `ends`, shape (homes, n), those
+    from each depot and back; `counts` the vehicles of each depot; `fewest` and `most` limit the number of
+    routes.
     """
 
     costs: Floats
@@ -214,10 +194,7 @@ class _Proof:
     def apart(self, longest: float, known: float) -> float:
         """Return a bound on the longest route from distant nodes, which share a route or are separate.
 
-        Parameters
-        ----------
-        longest, known : float
-            Known bounds on the longest route and on the sum.
+        `longest` and `known` are known bounds on the longest route and on the sum.
         """
         if not self.pairs.size or self.most == 1:
             return longest
@@ -234,18 +211,10 @@ class _Proof:
     def prices(
         self, known: float, each: bool, apart: Sequence[int] = (), enough: float = np.inf
     ) -> float:
-        """Return the Lagrangian bound by node prices.
+        """Return the Lagrangian bound by node prices: on the mean of the used routes (`each`), or on the sum.
 
-        Parameters
-        ----------
-        known : float
-            Known bound on the sum, which scales the step length.
-        each : bool
-            Whether to bound the mean of the used routes rather than their sum.
-        apart : sequence of int
-            Customers on pairwise different routes.
-        enough : float
-            Bound at which the subgradient steps end early.
+        A `known` bound on the sum scales the step length. The customers in `apart` are on different routes.
+        The steps end early at the bound `enough`.
         """
         n, roots = self.size, max(len(apart), 1)
         nodes = np.concatenate([np.array(apart, int), np.setdiff1d(np.arange(n), apart)])
@@ -320,16 +289,8 @@ def _paths(first: Floats, costs: Floats) -> Floats:
 def _spread(trips: Floats, most: int, enough: float) -> list[tuple[float, list[int]]]:
     """Return sets of 2, 3 … `most` distant nodes, each with the shortest trip to two of its nodes.
 
-    Farthest-first insertion from each node; the best start is used for each size.
-
-    Parameters
-    ----------
-    trips : ndarray, shape (n, n)
-        Shortest round trip to each pair of nodes.
-    most : int
-        Size of the largest set.
-    enough : float
-        Trip length at or below which sets are omitted.
+    Farthest-first insertion from each node; the best start is used for each size. `trips`, shape (n, n), is
+    the shortest round trip to each pair; sets with a trip of at most `enough` are omitted.
     """
     np.fill_diagonal(trips, -np.inf)
     rows = np.arange(len(trips))

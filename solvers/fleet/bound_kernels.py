@@ -27,25 +27,12 @@ def spanning_tree(
     roots: int,
     both: bool,
 ) -> None:
-    """Compute a minimum spanning forest, one tree per root, by Prim's algorithm.
+    """Compute a minimum spanning forest of costs `there` and their transpose `back` by Prim's algorithm.
 
-    The weight of the arc from i to j is ``there[i, j] - leave[i] - enter[j]``; the lighter of two
-    opposite arcs is used.
-
-    Parameters
-    ----------
-    there, back : ndarray, shape (n, n)
-        Costs, and their transpose.
-    leave, enter : ndarray, shape (n,)
-        Prices of leaving and of entering each node.
-    tails, heads : ndarray of int, shape (n - roots,)
-        Output: the arcs.
-    weights : ndarray, shape (n - roots,)
-        Output: their weights.
-    roots : int
-        Number of leading nodes in different trees; 1 makes one tree.
-    both : bool
-        Whether opposite arcs differ.
+    The weight of the arc from i to j is ``there[i, j] - leave[i] - enter[j]``, with the prices of leaving
+    and entering a node. The lighter of two opposite arcs is used; `both` states whether they differ. The
+    first `roots` nodes are in different trees. `tails`, `heads` and `weights`, shape (n - roots,), are
+    outputs.
     """
     n = there.shape[0]
     key = np.empty(n)

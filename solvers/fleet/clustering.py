@@ -85,22 +85,9 @@ def reclassify(
 ) -> None:
     """Fill `labels` with the cluster of each sample (Algorithm 3, lines 6-10; eq. 20).
 
-    Each centre in turn takes the nearest unassigned samples while the sum of their weights is at most
-    `share`. The last centre takes the rest. If there are enough samples, a centre takes at least one
-    and leaves one for each later centre.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, dims)
-        The samples, n >= 1.
-    centres : ndarray, shape (m, dims)
-        Cluster centres.
-    weights : ndarray, shape (n,)
-        Weight of each sample, R_i of eq. 18.
-    share : float
-        Largest sum of the weights of a cluster, R / m.
-    labels : ndarray of int, shape (n,)
-        Output: the cluster of each sample.
+    Each centre in turn takes the nearest unassigned samples while the sum of their `weights` (R_i of eq.
+    18) is at most `share` (R / m). The last centre takes the rest. If there are enough samples, a centre
+    takes at least one and leaves one for each later centre. Points have shape (n, dims), centres (m, dims).
     """
     free = np.arange(len(points))
     for k, centre in enumerate(centres):

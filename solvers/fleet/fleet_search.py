@@ -102,12 +102,7 @@ def _scaled(model: FleetRouting) -> Fleet:
 class _Candidate:
     """Routes with their key, the violation of limits and the objective; infinite if nodes are missing.
 
-    Parameters
-    ----------
-    fleet : Fleet
-        Data of the model.
-    stops : list of lists of int
-        Stops of each vehicle. Annealing inserts the missing nodes.
+    `stops` lists the nodes of each vehicle. Annealing inserts the missing nodes.
     """
 
     def __init__(self, fleet: Fleet, stops: list[list[int]]) -> None:

@@ -79,18 +79,9 @@ class OrToolsRouting(FleetHeuristic):
 
 
 def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | None) -> int:
-    """Search from the incumbent, if any, and return the number of solutions.
+    """Search from the incumbent, if any, and return the number of solutions, at most `solution_limit`.
 
-    Parameters
-    ----------
-    best : Best
-        The incumbent, updated by each better solution.
-    request : Request
-        Options and limits.
-    used : bool
-        Whether every vehicle must be used.
-    most : int, optional
-        Maximum number of solutions.
+    Every vehicle must be used if `used`. Each better solution updates the incumbent.
     """
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 

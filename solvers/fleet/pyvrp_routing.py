@@ -120,13 +120,8 @@ class _Kind:
 class _Posed:
     """PyVRP's model of the problem: node i is location i, and each customer is a client.
 
-    Parameters
-    ----------
-    model : FleetRouting
-        The fleet model.
-    forced : bool
-        Whether each vehicle must first visit a copy of its depot. A copy is an additional client
-        with an additional load type; a vehicle has capacity for one. Arcs lead from it to nodes only.
+    If `forced`, each vehicle must first visit a copy of its depot. A copy is an additional client with an
+    additional load type; a vehicle has capacity for one. Arcs lead from it to nodes only.
     """
 
     def __init__(self, model: FleetRouting, forced: bool) -> None:

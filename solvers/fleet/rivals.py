@@ -29,15 +29,7 @@ TRIED = 16
 
 @dataclass
 class Best:
-    """Incumbent: the best plan so far that satisfies every limit.
-
-    Parameters
-    ----------
-    problem : FleetRouting
-        The model.
-    request : Request
-        Receives every better plan.
-    """
+    """Incumbent: the best plan so far that satisfies every limit; `request` receives every better plan."""
 
     problem: FleetRouting
     request: Request

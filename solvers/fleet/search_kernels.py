@@ -39,24 +39,11 @@ WIDE, FAR = 0.1, 40.0
 class Fleet(NamedTuple):
     """Data of a fleet of m vehicles and n nodes, scaled so that the longest distance is 1.
 
-    Attributes
-    ----------
-    nodes : ndarray of int
-        Nodes to visit.
-    near : ndarray of int, shape (n, k)
-        Nearest other nodes of each node, -1 beyond the last.
-    distances : ndarray, shape (n, n)
-        Distances.
-    place : ndarray of int, shape (n + m,)
-        Node of each node and mark.
-    demands, capacity, battery : ndarray
-        Demand of each node; largest load and length of each route.
-    rules : ndarray, shape (9,)
-        Code of the objective, q, divisor in the deviation, weight of the mean load in the energy, limits on
-        sum, deviation and range, penalty for a violation as large as its limit in units of mean plus longest
-        load, and objective at which annealing ends.
-    use_all : bool
-        Whether every vehicle must have a node.
+    `near`, shape (n, k), holds the nearest other nodes of each node, -1 beyond the last, and `place`, shape
+    (n + m,), the node of each node and mark. `rules`, shape (9,), holds the code of the objective, q,
+    divisor in the deviation, weight of the mean load in the energy, limits on sum, deviation and range,
+    penalty for a violation as large as its limit in units of mean plus longest load, and objective at which
+    annealing ends.
     """
 
     nodes: Whole
@@ -73,12 +60,9 @@ class Fleet(NamedTuple):
 class Routes(NamedTuple):
     """Routes as linked lists, modified in place.
 
-    Attributes
-    ----------
-    after, before, route : ndarray of int, shape (n + m,)
-        Next and previous entry of each node and mark, and vehicle of each node, -1 without one.
-    loads, carried, counts : ndarray, shape (m,)
-        Length, demand and number of nodes of each route.
+    `after`, `before` and `route`, shape (n + m,), are the next and previous entry of each node and mark,
+    and the vehicle of each node, -1 without one. `loads`, `carried` and `counts`, shape (m,), are length,
+    demand and number of nodes of each route.
     """
 
     after: Whole

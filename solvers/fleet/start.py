@@ -39,14 +39,7 @@ def first_routes(
 ) -> Routes | None:
     """Return routes that visit each node once within the capacities, or None after a failure.
 
-    Parameters
-    ----------
-    model : FleetRouting
-        The model. Only its capacities and `use_all` are considered, not its other limits.
-    draw : numpy.random.Generator
-        Source of random numbers.
-    ended : callable, optional
-        Returns True if the time is up.
+    Other limits than capacities and `use_all` are not considered. `ended` returns True if the time is up.
     """
     routes = cut_tour(model)
     if model.capacity is None:
@@ -88,18 +81,9 @@ def repair(
 ) -> Routes | None:
     """Return routes without overload, similar to `routes`, or None after a failure.
 
-    Parameters
-    ----------
-    model : FleetRouting
-        The model, with demands and capacities.
-    routes : list of lists of int
-        Stops of each vehicle; each node in exactly one list.
-    draw : numpy.random.Generator
-        Source of random numbers.
-    ended : callable, optional
-        Returns True if the time is up.
-    improvements : int
-        Redistributions per vehicle for compact routes after the overload is removed.
+    Each node of the model, which has demands and capacities, is in exactly one route. `ended` returns True
+    if the time is up. After the overload is removed, `improvements` redistributions per vehicle make the
+    routes more compact.
     """
     assert model.demands is not None and model.capacity is not None
     demands, capacity, m = model.demands, model.capacity, model.vehicles

@@ -113,15 +113,9 @@ def _share(model: FleetData) -> float:
 def shortest_tours(distances: Floats) -> Floats:
     """Return the lengths of shortest paths from the depot through each set, and of the tours.
 
-    Parameters
-    ----------
-    distances : ndarray, shape (n + 1, n + 1)
-        Distances of n customers and the depot, which is last.
-
-    Returns
-    -------
-    ndarray, shape (2^n, n + 1)
-        Column j: length of the path through set S that ends at j in S. Last column: the tour.
+    `distances`, shape (n + 1, n + 1), are those of n customers and the depot, which is last. In the result,
+    shape (2^n, n + 1), column j is the path through set S that ends at j in S, and the last column the
+    tour.
     """
     n = len(distances) - 1
     sets = np.arange(2**n)

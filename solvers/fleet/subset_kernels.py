@@ -25,23 +25,9 @@ def least_sums(
 ) -> bool:
     """Compute the least total length for vehicles k, k + 1, … to visit S, for all k and S.
 
-    Parameters
-    ----------
-    tours : ndarray, shape (vehicles, sets)
-        Lengths of the shortest routes.
-    limit : float
-        Longest feasible route.
-    sums : ndarray, shape (vehicles + 1, sets)
-        Output: the total lengths; infinite if infeasible.
-    choice : ndarray of int, shape (vehicles, sets)
-        Output: the set that vehicle k takes.
-    flag : ndarray of int8
-        Stop flag; a nonzero value requests a stop.
-
-    Returns
-    -------
-    bool
-        Whether the tables are complete.
+    Routes are at most `limit` long. `sums`, shape (vehicles + 1, sets), are the lengths, infinite if
+    infeasible, and `choice`, shape (vehicles, sets), the sets that vehicle k takes. Return whether the
+    tables are complete; a nonzero `flag` requests a stop.
     """
     vehicles, size = tours.shape
     for s in range(size):
@@ -85,34 +71,13 @@ def best_spread(
     tours: Floats, sums: Floats, alike: NDArray[np.int8], q: float, share: float, budget: float,
     ceiling: float, owned: Ints, flag: NDArray[np.int8],
 ) -> tuple[float, int]:  # fmt: skip
-    """Return the least Σ L + q s over all partitions of the nodes, by branch and bound.
+    """Return the least Σ L + q s over all partitions of the nodes, by branch and bound, and the sets tried.
 
     The objective increases with every length. It is bounded below by equal lengths of the remaining
-    vehicles with the least total length.
-
-    Parameters
-    ----------
-    tours, sums
-        Tables as in :func:`least_sums`.
-    alike : ndarray of int8, shape (vehicles,)
-        Whether vehicle k and all later ones are identical: then k takes the first remaining node.
-    q, share : float
-        Weight of the deviation, and divisor of the sum of squares.
-    budget : float
-        Largest total length.
-    ceiling : float
-        Upper bound: only better objectives are considered.
-    owned : ndarray of int, shape (vehicles,)
-        Output: the sets of the best partition.
-    flag : ndarray of int8
-        Stop flag; a nonzero value requests a stop.
-
-    Returns
-    -------
-    best : float
-        The least objective, or `ceiling` if no partition is below it.
-    tried : int
-        The number of sets tried.
+    vehicles with the least total length. ``alike[k]`` states whether vehicle k and all later ones are
+    identical: then k takes the first remaining node. `share` is the divisor of the sum of squares, and
+    `budget` the largest total length. Only objectives below `ceiling` are considered; the sets of the best
+    partition are written to `owned`. A nonzero `flag` requests a stop.
     """
     vehicles, size = tours.shape
     loads, left = np.zeros(vehicles), np.zeros(vehicles, np.int64)

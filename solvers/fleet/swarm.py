@@ -40,18 +40,8 @@ def energies(model: FleetRouting) -> Floats:
 class Colonies:
     """Ant colonies that find a tour for each cluster (Algorithm 3, lines 12-22).
 
-    Parameters
-    ----------
-    model : FleetRouting
-        The model.
-    settings : ndarray, shape (5,)
-        Ants, iterations, alpha, beta and evaporation of a colony.
-    threads : int
-        Number of chunks of particles.
-    pool : ThreadPoolExecutor or None
-        Threads for all chunks except the first.
-    flag : ndarray of int8, shape (1,)
-        Stop flag.
+    `settings` holds ants, iterations, alpha, beta and evaporation of a colony. Particles are split into
+    `threads` chunks, all but the first on the threads of `pool`. `flag` requests a stop.
     """
 
     model: FleetRouting
@@ -89,23 +79,10 @@ class Colonies:
             entry.result()
 
     def tours(self, labels: Ints, draws: list[Generator]) -> tuple[Floats, list[Routes], int]:
-        """Find the routes of each particle by ant colonies.
+        """Return lengths and routes of each particle by ant colonies, and the number of iterations.
 
-        Parameters
-        ----------
-        labels : ndarray of int, shape (particles, n)
-            Cluster of each customer.
-        draws : list of Generator
-            Random number generator of each particle.
-
-        Returns
-        -------
-        loads : ndarray, shape (particles, vehicles)
-            Route lengths.
-        routes : list of Routes
-            Stops of each vehicle, per particle.
-        iterations : int
-            Total number of ant iterations.
+        `labels`, shape (particles, n), is the cluster of each customer, and `draws` holds a generator per
+        particle. The lengths have shape (particles, vehicles).
         """
         from .tour_kernels import colony
 
@@ -157,27 +134,15 @@ def swarm(
 ) -> SwarmResult:  # fmt: skip
     """Optimise cluster centres by a particle swarm and return the best plan (Algorithm 3).
 
-    A particle starts at random samples. In each iteration it moves, its centres take their samples
-    (lines 5-11), the centres move to the means of these (eq. 21), and an ant colony per cluster finds
-    the tours that determine the fitness (lines 12-23).
+    A particle starts at random samples. In each iteration it moves, its centres take their samples (lines
+    5-11), the centres move to the means of these (eq. 21), and an ant colony per cluster finds the tours
+    that determine the fitness (lines 12-23). Each particle has a separate generator, so the plan does not
+    depend on the number of threads.
 
-    Each particle has a separate generator, so the plan does not depend on the number of threads.
-
-    Parameters
-    ----------
-    points, weights : ndarray, shape (n, dims) and (n,)
-        Samples in the unit square, and their weights.
-    clusters, particles, iterations : int
-        Numbers of clusters, particles and iterations.
-    learning : float
-        Both acceleration coefficients.
-    share : float
-        Largest sum of weights of a cluster; the last cluster may exceed it.
-    colonies, fitness, offer
-        Finds the tours; returns the fitness for the lengths of all routes; is called with the routes of each
-        new best particle.
-    seeds : SeedSequence
-        Source of the random number generators.
+    The samples `points`, shape (n, dims), are in the unit square; a cluster has at most the sum `share` of
+    their `weights`, except the last. `learning` is the value of both acceleration coefficients. `fitness`
+    maps the lengths of all routes to a number, and `offer` is called with the routes of each new best
+    particle.
     """
     from .clustering import move_centres, reclassify
 

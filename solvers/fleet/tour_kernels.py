@@ -95,26 +95,11 @@ def colony(
     d: Floats, symmetric: bool, ants: int, iterations: int, alpha: float, beta: float,
     evaporation: float, rng: Generator, flag: Flag, order: Ints,
 ) -> tuple[float, int]:  # fmt: skip
-    """Improve the tour `order` in place; return its length and the number of iterations.
+    """Improve the tour `order`, shape (n,), in place; return its length and the number of iterations.
 
-    Parameters
-    ----------
-    d : ndarray, shape (n + 1, n + 1)
-        Distances, the largest about 1; node 0 is the depot.
-    symmetric : bool
-        Whether distances are the same in both directions.
-    ants, iterations : int
-        Number of ants and of iterations.
-    alpha, beta : float
-        Exponents of the pheromone and of the reciprocal distance.
-    evaporation : float
-        Share of the pheromone that is lost in an iteration.
-    rng : Generator
-        Source of random numbers.
-    flag : ndarray of int8, shape (1,)
-        Stop flag, polled after each ant.
-    order : ndarray of int, shape (n,)
-        Initial tour; overwritten by the best tour.
+    `d`, shape (n + 1, n + 1), are distances, the largest about 1, with the depot as node 0. `alpha` and
+    `beta` are the exponents of the pheromone and of the reciprocal distance, and `evaporation` is the share
+    of the pheromone that is lost in an iteration. The stop flag is polled after each ant.
     """
     n = len(order)
     best = measure(d, order)
@@ -253,16 +238,8 @@ def breed(
 ) -> tuple[float, int]:  # fmt: skip
     """Improve the tour `order` in place; return its length and the number of generations.
 
-    Parameters
-    ----------
-    d, symmetric, rng, flag
-        See :func:`colony`.
-    population, generations : int
-        Number of individuals and of generations.
-    mutation : float
-        Probability that a child is mutated.
-    order : ndarray of int, shape (n,)
-        Initial tour, a member of the first population; overwritten by the best tour.
+    `mutation` is the probability that a child is mutated. The initial tour is a member of the first
+    population. The other arguments are those of :func:`colony`.
     """
     n = len(order)
     polish(d, symmetric, flag, order)
