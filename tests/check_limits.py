@@ -96,6 +96,8 @@ def _written(tree):
             functions = [one for one in node.body if getattr(one, "name", "") == "__init__"]
             function = functions[0] if functions else node
             given = [one.arg for one in function.args.args] if hasattr(function, "args") else []
+            if any(getattr(base, "id", "") == "NamedTuple" for base in getattr(node, "bases", ())):
+                given = [one.target.id for one in node.body if isinstance(one, ast.AnnAssign)]
             given = [one for one in given if one != "self"]
             if "name" in given:
                 places[node.name] = given.index("name")

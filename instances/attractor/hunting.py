@@ -245,12 +245,7 @@ def simulate_hunt(
 def hunt_exponent(hunt: Hunt, duration: float = 20_000.0, interval: float = 5.0) -> Growth:
     """Return the largest Lyapunov exponent of a hunt, from its equations.
 
-    Parameters
-    ----------
-    hunt : Hunt
-        The hunt.
-    duration, interval : float
-        Seconds of the motion, and between normalisations; see
-        :func:`~crosstrack.instances.attractor.motions.largest_exponent`, which also lists the errors.
+    The motion of `duration` seconds is normalised each `interval`, see
+    :func:`~crosstrack.instances.attractor.motions.largest_exponent`.
     """
     return largest_exponent(required("hunt", hunt, Hunt).motion, duration, interval)

@@ -80,14 +80,14 @@ PAPER = Paper(
             "same, with their coordinates in reverse order.",
         ),
         corrected(
-            "eq. 2", "correlation sum C(m, N, r, t)", "solvers.attractor.c_c_curves:correlation_sums",
+            "eq. 2", "correlation sum C(m, N, r, t)", "solvers.attractor.delays:correlation_sums",
             "Printed for i <= j. With the M pairs i = j the sum could be (M + 1) / (M - 1), so i < j. theta(0) = 1 as printed.",
         ),
-        printed("eq. 3", "t disjoint subseries of INT(N / t) samples", "solvers.attractor.c_c_curves:correlation_sums"),
-        printed("eq. 4-5", "statistic S(m, r, t)", "solvers.attractor.c_c_curves:curves"),
-        printed("eq. 6", "dispersion ΔS(m, t)", "solvers.attractor.c_c_curves:curves"),
+        printed("eq. 3", "t disjoint subseries of INT(N / t) samples", "solvers.attractor.delays:correlation_sums"),
+        printed("eq. 4-5", "statistic S(m, r, t)", "solvers.attractor.delays:curves"),
+        printed("eq. 6", "dispersion ΔS(m, t)", "solvers.attractor.delays:curves"),
         printed(
-            "eq. 7", "means over m = 2 … 5 and r = σ/2 … 2σ, and S_cor", "solvers.attractor.c_c_curves:Curves.combined",
+            "eq. 7", "means over m = 2 … 5 and r = σ/2 … 2σ, and S_cor", "solvers.attractor.delays:Curves.combined",
             "S_cor = ΔS + |S|: the available text has lost all vertical bars, also in eq. 13 and 15.",
         ),
         printed(
@@ -95,9 +95,9 @@ PAPER = Paper(
             "solvers.attractor.delays:CorrelationIntegral", "Option criterion; the minimum is the default.",
         ),
         printed("window of C-C", "global minimum of S_cor", "solvers.attractor.delays:CorrelationIntegral.window"),
-        printed("eq. 8-9", "mean correlation sum C(t)", "solvers.attractor.c_c_curves:curves"),
+        printed("eq. 8-9", "mean correlation sum C(t)", "solvers.attractor.delays:curves"),
         printed(
-            "eq. 10", "S_c(t) = C(t) - S(t)", "solvers.attractor.c_c_curves:Curves.periodic",
+            "eq. 10", "S_c(t) = C(t) - S(t)", "solvers.attractor.delays:Curves.periodic",
             "Equal to the mean of C_s(1, r, t)^m: it depends on sums of one coordinate only.",
         ),
         printed(

@@ -200,17 +200,8 @@ def generate(
     )
 
 
-def motion_of(system: str, seed: int = 0) -> Motion:
-    """Return the equations of the Hénon map, of Lorenz or of Rössler, with a random initial state.
-
-    Raise InvalidData for another system, or a seed that is not a non-negative integer.
-    """
-    kind = Member(System).coerce("system", system, {})
-    rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
-    return _motion(System(kind), rng)
-
-
-def _motion(system: System, rng: np.random.Generator) -> Motion:
+def motion_of(system: System, rng: np.random.Generator) -> Motion:
+    """Return the equations of the Hénon map, of Lorenz or of Rössler, with a random initial state."""
     draw = rng.random(3) - 0.5
     if system is System.HENON:
         return Motion(HENON, np.array([1.4, 0.3]), 0.2 * draw[:2], 1.0, float(_DISCARDED))
@@ -229,7 +220,7 @@ def _motion(system: System, rng: np.random.Generator) -> Motion:
 
 def _first(system: System, rng: np.random.Generator, count: int, period: float) -> Floats:
     """Return the first coordinate of an orbit."""
-    first: Floats = orbit(_motion(system, rng), count, period)[:, 0]
+    first: Floats = orbit(motion_of(system, rng), count, period)[:, 0]
     return first
 
 

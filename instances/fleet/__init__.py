@@ -13,12 +13,15 @@ if TYPE_CHECKING:
         write_vrplib as write_vrplib,
     )
     from .generator import generate as generate
-    from .nodes import read_nodes as read_nodes
-    from .tsplib import read_tsplib as read_tsplib, read_vrplib as read_vrplib
+    from .readers import (
+        read_nodes as read_nodes,
+        read_tsplib as read_tsplib,
+        read_vrplib as read_vrplib,
+    )
 
 CATALOGUE = {"fleet": ".listing:catalogue_entries"}
-REFERENCES = {"fleet-routing": ".nodes:resolve_references"}
-TABLE_FILES = {"fleet-routing": ".nodes:read_nodes"}
+REFERENCES = {"fleet-routing": ".readers:resolve_references"}
+TABLE_FILES = {"fleet-routing": ".readers:read_nodes"}
 DEMOS = {"fleet": "fleet/max-10"}
 EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exports:VRPLIB"}
 PAPERS = {"fleet": ".paper:PAPER"}

@@ -10,7 +10,7 @@ __all__ = ["PAPER"]
 
 _ROUTES = "solvers.fleet.two_phases"
 _SWARM = "solvers.fleet.swarm"
-_KERNELS = "solvers.fleet.clustering"
+_KERNELS = "solvers.fleet.swarm"
 
 PAPER = Paper(
     "fleet-mission",
@@ -38,7 +38,7 @@ PAPER = Paper(
             "give 10403.2 m. A centre takes at least one sample, and the last takes the rest.",
         ),
         different(
-            "eq. 21", "move of a cluster centre", "solvers.fleet.clustering:move_centres",
+            "eq. 21", "move of a cluster centre", "solvers.fleet.swarm:move_centres",
             "The text lacks it. Here a centre moves to the mean of its samples, as in k-means.",
         ),
         different(

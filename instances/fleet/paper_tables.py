@@ -14,7 +14,7 @@ import numpy as np
 from ...models.fleet.model import FleetRouting
 from ..paper import ResultTable, Run, Trials
 from .generator import generate
-from .tsplib import read_tsplib
+from .readers import read_tsplib
 
 __all__ = ["TABLE_1", "TABLE_2", "table_1", "table_2", "table_2_model"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,36 @@ from ..verification import Check, Verification, check_entries, check_tolerance
 from .data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from .plan import FleetPlan
 
-__all__ = ["deviation_of", "loads_of", "objective_of", "variance_of", "verify_routes"]
+__all__ = [
+    "LIMITS", "LoadLimit", "deviation_of", "loads_of", "measure_of", "objective_of", "variance_of",
+    "verify_routes",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
+
+
+class LoadLimit(NamedTuple):
+    """Upper limit on a measure of the route lengths.
+
+    `name` is that of its check. `objective` minimises the measure, if there is one. A `monotone` measure
+    never decreases if a route gets longer, so no detour pays.
+    """
+
+    field: str
+    measure: str
+    name: str
+    objective: Objective | None
+    monotone: bool
+
+
+#: Limits on the route lengths in the order of their checks. A new limit also needs its field in
+#: :class:`FleetData`, its measure below, and its rows in the program and in the energy of the search.
+LIMITS = (
+    LoadLimit("battery", "max", "route within battery", Objective.MAX, True),
+    LoadLimit("budget", "sum", "sum within budget", Objective.SUM, True),
+    LoadLimit("deviation_limit", "deviation", "deviation within limit", None, False),
+    LoadLimit("range_limit", "range", "range within limit", Objective.RANGE, False),
+)
 
 
 def loads_of(model: FleetData, plan: FleetPlan) -> Floats:
@@ -41,6 +69,15 @@ def deviation_of(model: FleetData, loads: Floats) -> float:
     if loads.size < 2:
         return 0.0
     return float(np.std(loads, ddof=1 if model.deviation is Deviation.SAMPLE else 0))
+
+
+def measure_of(model: FleetData, name: str, loads: Floats) -> float:
+    """Return the "max", "sum", "deviation" or "range" of the route lengths."""
+    if name == "deviation":
+        return deviation_of(model, loads)
+    if name == "sum":
+        return float(loads.sum())
+    return float(loads.max() if name == "max" else np.ptp(loads))
 
 
 def objective_of(model: FleetData, loads: Floats) -> float:
@@ -99,13 +136,11 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
     if model.battery is not None:
         checks.append(check_each("route within battery", loads, model.battery, unit))
     noise = 1e-12 * float(loads.max(initial=0.0))  # rounding in the lengths
-    for name, value, limit in (
-        ("sum within budget", loads.sum(), model.budget),
-        ("deviation within limit", deviation_of(model, loads), model.deviation_limit),
-        ("range within limit", np.ptp(loads), model.range_limit),
-    ):
+    for rule in LIMITS[1:]:
+        limit = getattr(model, rule.field)
         if limit is not None:
-            checks.append(Check.within(name, value, limit, unit, "", tolerance, noise=noise))
+            value = measure_of(model, rule.measure, loads)
+            checks.append(Check.within(rule.name, value, limit, unit, "", tolerance, noise=noise))
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective is Objective.RANGE else 0.0
     return Verification(objective_of(model, loads), tuple(checks), scale=scale)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..model import Model
 from ..verification import TOLERANCE, Verification
-from .checks import deviation_of, loads_of, verify_routes
+from .checks import LIMITS, loads_of, measure_of, verify_routes
 from .data import FleetData, Objective
 from .plan import FleetPlan
 
@@ -95,18 +95,18 @@ class FleetRouting(FleetData, Model[FleetPlan]):
         "three-index": ".models.fleet.three_index:ThreeIndexFormulation",
     }
     default_formulation: ClassVar[str] = "three-index"
-    second_objectives: ClassVar[dict[str, str]] = {
-        "max": "battery",
-        "sum": "budget",
-        "deviation": "deviation_limit",
-        "range": "range_limit",
-    }
+    second_objectives: ClassVar[dict[str, str]] = {rule.measure: rule.field for rule in LIMITS}
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """Names of the limits of the model."""
+        names = ("capacity", *(rule.field for rule in LIMITS))
+        return tuple(name for name in names if getattr(self, name) is not None)
 
     @property
     def preferred_formulation(self) -> str:
         """Name "two-index" if it covers the model, as it has far fewer columns, else "three-index"."""
-        limits = (self.capacity, self.battery, self.deviation_limit, self.range_limit)
-        plain = self.objective is Objective.SUM and all(limit is None for limit in limits)
+        plain = self.objective is Objective.SUM and set(self.limits) <= {"budget"}
         covered = plain and self.depots.size == 1 and self.symmetric
         return "two-index" if covered else self.default_formulation
 
@@ -123,12 +123,7 @@ class FleetRouting(FleetData, Model[FleetPlan]):
 
     def second_objective(self, name: str, plan: FleetPlan) -> float:
         """Return the "max", "sum", "deviation" or "range" of the route lengths."""
-        loads = loads_of(self, plan)
-        if name == "deviation":
-            return deviation_of(self, loads)
-        if name == "sum":
-            return float(loads.sum())
-        return float(loads.max() if name == "max" else np.ptp(loads))
+        return measure_of(self, name, loads_of(self, plan))
 
     def describe(self) -> str:
         """Return a one-line summary: vehicles, nodes, objective and limits."""
@@ -136,10 +131,6 @@ class FleetRouting(FleetData, Model[FleetPlan]):
         what = str(self.objective)
         if self.objective in (Objective.VARIANCE, Objective.DEVIATION):
             what += f", q {self.q:g}"
-        limits = [
-            name.replace("_limit", "")
-            for name in ("capacity", "battery", "budget", "deviation_limit", "range_limit")
-            if getattr(self, name) is not None
-        ]
-        more = f", limits: {', '.join(limits)}" if limits else ""
+        limits = ", ".join(name.replace("_limit", "") for name in self.limits)
+        more = f", limits: {limits}" if limits else ""
         return f"{several}, {len(self.customers)} nodes, {what}{more}"

@@ -64,10 +64,7 @@ class TwoIndexFormulation(CutFormulation):
             f"the objective {str(model.objective)!r}": model.objective is not Objective.SUM,
             "several depots": np.unique(model.depots).size > 1,
             "distances that depend on the direction": not model.symmetric,
-            "capacity": model.capacity is not None,
-            "battery": model.battery is not None,
-            "deviation_limit": model.deviation_limit is not None,
-            "range_limit": model.range_limit is not None,
+            **{name: name != "budget" for name in model.limits},
         }
         for what, applies in reasons.items():
             if applies:

@@ -8,7 +8,7 @@ Review A 34 (1986) 2427-2432, for the window.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -22,17 +22,23 @@ from ...models.attractor.plan import Method, Slope
 from ..contract.backend import Request
 from ..contract.option import Option
 from .exponents import Fit
-from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
+from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of
 from .neighbour_kernels import count_pairs, order_states
 from .partings import BLOCKS, FEW, MOST
-from .regions import Stretches, steady_stretches, whole_slope
-from .spread import REFERENCES, describe_variants, variants, widened_dimension
+from .regions import (
+    REFERENCES,
+    Stretches,
+    describe_variants,
+    steady_stretches,
+    variants,
+    whole_slope,
+    widened_dimension,
+)
 
-__all__ = ["CorrelationDimension", "Counts", "correlation_counts", "fit_dimension", "pair_counts"]
+__all__ = ["CorrelationDimension", "Counts", "correlation_counts", "fit_dimension"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Stopped = Callable[[], bool]
 
 #: Smallest number of reference states, if not all states are references.
 SOME = 300
@@ -56,14 +62,6 @@ LEAST, SPAN, CHANGE = 6, 3.0, 0.15
 RISE = 0.5
 #: Largest growth of the dimension with one more coordinate.
 GROWTH = 0.3
-
-
-def pair_counts(states: Floats, radii: Floats, theiler: int) -> Ints:
-    """Return the exact number of unordered pairs of states within each radius in the ∞-norm."""
-    result = correlation_counts(states, radii, theiler, references=len(states))
-    assert result is not None
-    total: Ints = result.counts.sum(axis=0)
-    return total // 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +90,12 @@ class Counts:
 
 
 def correlation_counts(
-    states: Floats, radii: Floats, theiler: int, *, references: int = MOST, stopped: Stopped = bool
-) -> Counts | None:
+    states: Floats, radii: Floats, theiler: int, *, references: int = MOST, poll: Poll = bool
+) -> Counts:
     """Return the numbers of states within radii of all states, or of a random sample to save time.
 
     States are in the order of time, and pairs at most `theiler` samples apart are excluded. Up to 1500
-    states, all are references, otherwise at most `references`. `stopped` is called between blocks of time;
-    the result is None after a stop.
+    states, all are references, otherwise at most `references`. `poll` is called between blocks of time.
     """
     count = len(states)
     ordered, times, places = order_states(states)
@@ -116,8 +113,7 @@ def correlation_counts(
         )
     blocks = []
     for some in np.array_split(reference_states, min(BLOCKS, len(reference_states))):
-        if stopped():
-            return None
+        poll()
         blocks.append(part(some)[0])
     return Counts(radii, np.array(blocks), len(reference_states))
 
@@ -149,9 +145,9 @@ def fit_dimension(
     low: float | None = None,
     high: float | None = None,
     references: int = MOST,
-    stopped: Stopped = bool,
-) -> Fit | None:
-    """Return the correlation dimension of `states`; None if the run was stopped.
+    poll: Poll = bool,
+) -> Fit:
+    """Return the correlation dimension of `states`.
 
     The region is the widest plateau of the local slopes. At its smallest radius the states have two
     neighbours on average, and its largest radius contains about a tenth of all pairs. `low` and `high` fix
@@ -165,9 +161,7 @@ def fit_dimension(
         if radii is None:
             return Fit(None, message=NONE.format("no two states differ"))
         few = min(FIRST, references)
-        first = correlation_counts(states, radii, theiler, references=few, stopped=stopped)
-        if first is None:
-            return None
+        first = correlation_counts(states, radii, theiler, references=few, poll=poll)
         begin, stretches = plateau(first, low is not None, high is not None)
         region = None if stretches is None else stretches.best
         if stretches is None or region is None:
@@ -175,10 +169,8 @@ def fit_dimension(
         low, high = float(radii[begin + region[0]]), float(radii[begin + region[1]])
         spread = stretches.spread
     counts = correlation_counts(
-        states, np.geomspace(low, high, RADII), theiler, references=references, stopped=stopped
+        states, np.geomspace(low, high, RADII), theiler, references=references, poll=poll
     )
-    if counts is None:
-        return None
     value, deviation = counts.slope()
     if not math.isfinite(value):
         return Fit(None, message=NONE.format("there are no pairs within the least radius"))
@@ -211,21 +203,15 @@ def plateau(counts: Counts, from_first: bool, to_last: bool) -> tuple[int, Stret
     )
 
 
-def other_dimensions(
-    problem: AttractorAnalysis, embedding: Embedding, stopped: Stopped
-) -> list[float] | None:
-    """Return the dimensions in other embeddings that have a plateau; None if the run was stopped."""
+def other_dimensions(problem: AttractorAnalysis, embedding: Embedding, poll: Poll) -> list[float]:
+    """Return the dimensions in other embeddings that have a plateau."""
     values = []
     for other in variants(embedding, len(problem.series)):
         states = problem.states(other.delay, other.dimension)
         radii = drawn_radii(states, other.theiler, None, None)
         if radii is None:
             continue
-        counts = correlation_counts(
-            states, radii, other.theiler, references=REFERENCES, stopped=stopped
-        )
-        if counts is None:
-            return None
+        counts = correlation_counts(states, radii, other.theiler, references=REFERENCES, poll=poll)
         stretches = plateau(counts, False, False)[1]
         if stretches is not None and stretches.best is not None:
             values.append(float(stretches.slopes[stretches.scores.argmax()]))
@@ -233,19 +219,16 @@ def other_dimensions(
 
 
 def slope_of_shares(
-    states: Floats, theiler: int, low: float, high: float, stopped: Stopped = bool
+    states: Floats, theiler: int, low: float, high: float, poll: Poll = bool
 ) -> float | None:
     """Return the slope between the radii that contain given shares of all pairs.
 
-    It compares embeddings without choosing a region in each. None if the run was stopped or no slope
-    exists.
+    It compares embeddings without choosing a region in each. None if no slope exists.
     """
     radii = drawn_radii(states, theiler, None, None)
     if radii is None:
         return None
-    counts = correlation_counts(states, radii, theiler, references=FIRST, stopped=stopped)
-    if counts is None:
-        return None
+    counts = correlation_counts(states, radii, theiler, references=FIRST, poll=poll)
     shares = counts.counts.sum(axis=0) / (counts.references * len(states))
     chosen = np.flatnonzero((shares >= low) & (shares <= high) & (shares > 0))
     if len(chosen) < 2:
@@ -279,23 +262,19 @@ class CorrelationDimension(AttractorBackend):
         ),
     }
 
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Choose a region, compute the slope, and test whether it grows with the embedding dimension."""
         options = request.options
         embedding = embed(problem, options)
-        fit_options: dict[str, Any] = {
-            "low": options.get("low"),
-            "high": options.get("high"),
-            "references": options.get("references", MOST),
-            "stopped": lambda: request.control.stopped,
-        }
+        low, high, poll = options.get("low"), options.get("high"), poll_of(request)
         states = problem.states(embedding.delay, embedding.dimension)
-        fit = fit_dimension(states, embedding.theiler, **fit_options)
-        if fit is None:
-            return None
+        fit = fit_dimension(
+            states, embedding.theiler, low=low, high=high, references=options.get("references", MOST),
+            poll=poll,
+        )  # fmt: skip
         slope, message = fit.slope, fit.message
         statistics = dict(fit.statistics)
-        is_automatic = fit_options["low"] is None and fit_options["high"] is None
+        is_automatic = low is None and high is None
         has_room = (
             len(problem.series) - embedding.dimension * embedding.delay > 2 * embedding.theiler
         )
@@ -305,19 +284,16 @@ class CorrelationDimension(AttractorBackend):
                 embedding.theiler,
                 statistics["share of pairs at low"],
                 statistics["share of pairs at high"],
-                fit_options["stopped"],
+                poll,
             )
-            if request.control.stopped:
-                return None
+            poll()
             if higher is not None:
                 statistics["one dimension more"] = higher
                 if higher > slope.value + GROWTH:
                     grows = f"it grows with the embedding, from {slope.value:.3g} to {higher:.3g}"
                     slope, message = None, NONE.format(grows)
         if slope is not None and is_automatic:
-            others = other_dimensions(problem, embedding, fit_options["stopped"])
-            if others is None:
-                return None
+            others = other_dimensions(problem, embedding, poll)
             slope = widened_dimension(slope, statistics["spread over regions"], others)
             statistics.update(describe_variants(slope, others))
         return Finding(embedding.plan(correlation=slope), statistics, message)

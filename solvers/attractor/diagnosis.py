@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
 from ..run.diagnosis import Diagnosis, Finding
-from .information import autocorrelation, standardised
+from .embedding import autocorrelation, standardised
 
 __all__ = ["diagnose_attractor"]
 
@@ -37,16 +37,9 @@ _RUN = 5
 
 
 def diagnose_attractor(model: AttractorAnalysis, time_limit: float | None = None) -> Diagnosis:
-    """Return statistics of a series that limit the meaning of its estimates.
+    """Return statistics of a series that limit the meaning of its estimates; `time_limit` is not used.
 
     Every embedding that fits is a plan, so a plan always exists.
-
-    Parameters
-    ----------
-    model : AttractorAnalysis
-        The model.
-    time_limit : float, optional
-        Not used.
     """
     values = standardised(model.series)
     count, lags = len(values), np.arange(len(values) // 2)

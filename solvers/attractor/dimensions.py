@@ -13,8 +13,8 @@ from ...models.attractor.model import AttractorAnalysis
 from ..contract.backend import Request
 from ..contract.option import Option
 from .delays import halves
-from .native import EMBEDDING, AttractorBackend, Finding, embed
-from .unfolding import LARGEST, cao_curves, false_shares, largest_dimension, saturated
+from .embedding import LARGEST, cao_curves, false_shares, largest_dimension, saturated
+from .native import EMBEDDING, AttractorBackend, Finding, embed, poll_of
 
 __all__ = ["Cao", "FalseNeighbours"]
 
@@ -39,16 +39,15 @@ class DimensionBackend(AttractorBackend):
     ) -> tuple[int, dict[str, Any], str]:
         """Return the dimension, its statistics, and a remark for the user."""
 
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Return the embedding with the dimension of this method."""
-        options = request.options
+        options, poll = request.options, poll_of(request)
         # The delay is chosen here, the dimension below.
         delay = embed(problem, {**options, "dimension": 1}).delay
         most = largest_dimension(len(problem.series), delay, options["largest"])
         dimension, figures, message = self.dimension(problem.series, delay, most, options)
         for half, x in halves(problem.series).items():
-            if request.control.stopped:
-                return None
+            poll()
             most = largest_dimension(len(x), delay, options["largest"])
             figures[f"dimension of the {half}"] = self.dimension(x, delay, most, options)[0]
         embedding = embed(problem, {**options, "delay": delay, "dimension": dimension})

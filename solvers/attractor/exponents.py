@@ -21,10 +21,16 @@ from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Method, Slope
 from ..contract.backend import Request
 from ..contract.option import Option
-from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
+from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of
 from .partings import FEW, MOST, Curve, kantz_curve, kantz_radius, rosenstein_curve
-from .regions import Stretches, steady_stretches
-from .spread import REFERENCES, describe_variants, variants, widened_exponent
+from .regions import (
+    REFERENCES,
+    Stretches,
+    describe_variants,
+    steady_stretches,
+    variants,
+    widened_exponent,
+)
 
 __all__ = ["Fit", "Kantz", "Rosenstein", "Search", "fit_exponent", "mean_level", "scaling_region"]
 
@@ -121,7 +127,7 @@ class Search:
     high: int | None = None
     radius: float | None = None
     references: int = MOST
-    stopped: Callable[[], bool] = bool
+    poll: Poll = bool
 
     @property
     def steps(self) -> int:
@@ -137,22 +143,20 @@ class Search:
         radius = kantz_radius(self.states, self.embedding.theiler, last)
         return None if radius is None else replace(self, radius=radius)
 
-    def curve(self, high: int, references: int) -> Curve | None:
-        """Return the curve up to `high` steps; None if the run was stopped."""
+    def curve(self, high: int, references: int) -> Curve:
+        """Return the curve up to `high` steps."""
         last, theiler = len(self.states) - high, self.embedding.theiler
-        draw: Callable[..., Curve | None] = rosenstein_curve
+        draw: Callable[..., Curve] = rosenstein_curve
         if self.radius is not None:
             draw = partial(kantz_curve, radius=self.radius)
-        return draw(self.states, theiler, last, high, references=references, stopped=self.stopped)
+        return draw(self.states, theiler, last, high, references=references, poll=self.poll)
 
-    def region(self, references: int) -> tuple[int, Stretches] | str | None:
-        """Return the acceptable regions, or the reason for their absence; None if the run was stopped."""
+    def region(self, references: int) -> tuple[int, Stretches] | str:
+        """Return the acceptable regions, or the reason for their absence."""
         level = mean_level(self.states)
         if self.method is Method.KANTZ and math.log(self.radius or 1.0) > level - MARGIN:
             return "the nearest states are not near"
         first = self.curve(self.steps, min(references, self.references))
-        if first is None:
-            return None
         # Nearest states diverge faster at first, for as long as a state spans, and distances oscillate
         # with each turn. A map has no such span.
         span = (self.embedding.dimension - 1) * self.embedding.delay
@@ -164,8 +168,8 @@ class Search:
         return result
 
 
-def fit_exponent(search: Search, period: float) -> Fit | None:
-    """Return the largest Lyapunov exponent of the motion among states; None if the run was stopped.
+def fit_exponent(search: Search, period: float) -> Fit:
+    """Return the largest Lyapunov exponent of the motion among states.
 
     The region is chosen from a first curve. The slope is computed from a second curve, which needs states
     with a future of `high` steps. If the region is chosen, the deviation includes the spread over
@@ -184,8 +188,6 @@ def fit_exponent(search: Search, period: float) -> Fit | None:
         return Fit(None, message=_NONE.format("states have too few neighbours for a radius"))
     if low is None or high is None:
         result = ready.region(FIRST)
-        if result is None:
-            return None
         if isinstance(result, str):
             return Fit(None, message=_NONE.format(result))
         begin, stretches = result
@@ -193,8 +195,6 @@ def fit_exponent(search: Search, period: float) -> Fit | None:
         low, high = (begin + place for place in stretches.best)
         spread = stretches.spread / period
     curve = ready.curve(high, ready.references)
-    if curve is None:
-        return None
     value, deviation = curve.slope(low, high, period)
     if not math.isfinite(value):
         return Fit(None, message=_NONE.format("there are no neighbours to follow"))
@@ -212,11 +212,11 @@ def fit_exponent(search: Search, period: float) -> Fit | None:
 
 def widen_exponent(
     fit: Fit, search: Search, embedding: Embedding, problem: AttractorAnalysis
-) -> Fit | None:
+) -> Fit:
     """Return the fit with a deviation that includes regions, other choices and the calibrated error.
 
     The other choices are embeddings, and for Kantz' method nearest neighbours and half the radius. Those without
-    a scaling region are left out. None if the run was stopped.
+    a scaling region are left out.
     """
     assert fit.slope is not None
     searches = [
@@ -236,8 +236,6 @@ def widen_exponent(
     for candidate in searches:
         ready = candidate.with_radius()
         result = "no radius" if ready is None else ready.region(REFERENCES)
-        if result is None:
-            return None
         if isinstance(result, str):
             continue
         stretches = result[1]
@@ -287,7 +285,7 @@ class Rosenstein(AttractorBackend):
         """Return the first and the last step of the region; None leaves the choice to :func:`scaling_region`."""
         return request.options["low"], request.options["high"]
 
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Choose a region and compute the slope."""
         options = request.options
         embedding = self.embedding(problem, request)
@@ -301,16 +299,12 @@ class Rosenstein(AttractorBackend):
             high=high,
             radius=options.get("radius"),
             references=options.get("references", MOST),
-            stopped=lambda: request.control.stopped,
+            poll=poll_of(request),
         )
         fit = fit_exponent(search, problem.period)
-        if fit is None:
-            return None
         if fit.slope is not None and (low is None or high is None):
             open_search = replace(search, low=None, high=None, radius=fit.slope.radius)
             fit = widen_exponent(fit, open_search, embedding, problem)
-            if fit is None:
-                return None
         return Finding(embedding.plan(exponent=fit.slope), fit.statistics, fit.message)
 
 

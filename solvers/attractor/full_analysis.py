@@ -18,7 +18,7 @@ from .delays import (
 )
 from .dimensions import Cao, FalseNeighbours
 from .exponents import Kantz, Rosenstein
-from .native import EMBEDDING, AttractorBackend, Finding, embed
+from .native import EMBEDDING, AttractorBackend, Finding, RunStopped, embed, poll_of
 from .surrogates import RANKING, judge, ranks, statistics
 
 __all__ = ["FullAnalysis"]
@@ -55,7 +55,7 @@ class FullAnalysis(AttractorBackend):
         **RANKING,
     }
 
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Compute the parts in order."""
         options, figures, remarks = request.options, dict[str, Any](), list[str]()
 
@@ -90,13 +90,11 @@ class FullAnalysis(AttractorBackend):
         result = part(CorrelationDimension(), "correlation dimension", where)
         correlation = None if result is None else result.correlation
         seed = 0 if request.seed is None else request.seed
-        ranking = None
-        if not request.control.stopped:
-            ranking = ranks(
-                problem.series, embedding, options, seed, stopped=lambda: request.control.stopped
-            )
-        test = None
-        if ranking is None:
+        test, poll = None, poll_of(request)
+        try:
+            poll()
+            ranking = ranks(problem.series, embedding, options, seed, poll)
+        except RunStopped:
             remarks.append("no judgement: the run was stopped before")
         else:
             test, why = judge(ranking, exponent, len(problem.series) * problem.period)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,9 +17,29 @@ from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from ..contract.option import Option
 
-__all__ = ["EMBEDDING", "AttractorBackend", "Embedding", "Finding", "embed", "theiler_window"]
+__all__ = [
+    "EMBEDDING", "AttractorBackend", "Embedding", "Finding", "Poll", "RunStopped", "embed", "poll_of",
+    "theiler_window",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
+#: Function that raises :class:`RunStopped` after a stop request; ``bool`` does nothing.
+Poll = Callable[[], object]
+
+
+class RunStopped(Exception):
+    """End of a backend's work by a stop request; :meth:`AttractorBackend.run` catches it."""
+
+
+def poll_of(request: Request) -> Poll:
+    """Return the function that raises :class:`RunStopped` if a stop of the run is requested."""
+
+    def poll() -> None:
+        if request.control.stopped:
+            raise RunStopped
+
+    return poll
+
 
 #: Options for the embedding.
 EMBEDDING: Mapping[str, Option] = {
@@ -65,8 +85,7 @@ def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
     the larger of the span of a state and the first zero of the autocorrelation. Raise InvalidData if the
     series is too short.
     """
-    from .information import first_minimum
-    from .unfolding import cao_dimension
+    from .embedding import cao_dimension, first_minimum
 
     series = problem.series
     delay = options.get("delay") or first_minimum(series)
@@ -80,7 +99,7 @@ def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
 
 def theiler_window(series: Floats, delay: int, dimension: int) -> int:
     """Return the span of a state or the first zero of the autocorrelation, whichever is larger, in samples."""
-    from .information import first_zero
+    from .embedding import first_zero
 
     return min(max((dimension - 1) * delay, first_zero(series)), len(series) // 10)
 
@@ -96,18 +115,19 @@ class AttractorBackend(Backend):
     options = EMBEDDING
 
     @abstractmethod
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
-        """Return the result; None if the run was stopped before."""
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
+        """Return the result; raise :class:`RunStopped` if a stop is requested before."""
 
     def run(self, problem: AttractorAnalysis, request: Request) -> Answer:
         """Analyse the series and return the estimate, see :meth:`Backend.run`."""
         begin = clock()
-        with np.errstate(all="ignore"):
-            finding = self.find(problem, request)
-        seconds = {"solve": clock() - begin}
-        if finding is None:
+        try:
+            with np.errstate(all="ignore"):
+                finding = self.find(problem, request)
+        except RunStopped:
             reason = request.control.reason or Limit.TIME
-            return Answer(Termination.NO_SOLUTION, reason, seconds=seconds)
+            return Answer(Termination.NO_SOLUTION, reason, seconds={"solve": clock() - begin})
+        seconds = {"solve": clock() - begin}
         plan = finding.plan
         largest = len(problem.series) - plan.window - 2
         if plan.theiler > largest:

@@ -19,11 +19,19 @@ from ..contract.backend import Answer, Request
 from ..contract.option import Option
 from .correlation import Counts, correlation_counts
 from .delays import ImprovedCorrelationIntegral
+from .embedding import LARGEST, decorrelation, largest_dimension, mean_period
 from .exponents import FIRST, LEAST, SHARE, STEPS, Rosenstein, mean_level
-from .information import decorrelation, mean_period
-from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
+from .native import (
+    EMBEDDING,
+    AttractorBackend,
+    Embedding,
+    Finding,
+    Poll,
+    RunStopped,
+    embed,
+    poll_of,
+)
 from .partings import rosenstein_curve
-from .unfolding import LARGEST, largest_dimension
 
 __all__ = ["GrassbergerProcaccia", "SmallDataSets"]
 
@@ -37,40 +45,33 @@ _FINE, _SPAN = 512, 1e-3
 _LEVEL = 1.0 - 1.0 / math.e
 
 
-def all_pairs(states: Floats, radii: Floats, stopped: Any) -> Counts | None:
+def all_pairs(states: Floats, radii: Floats, poll: Poll) -> Counts:
     """Return the counts of equation 15: all ordered pairs closer than each radius, and each state with itself.
 
-    States are in the order of time, and radii ascend. None if the run was stopped.
+    States are in the order of time, and radii ascend.
     """
     # theta(0) = 0 in equation 16, and a distance equal to the radius counts in the kernel.
-    counts = correlation_counts(states, np.nextafter(radii, 0.0), 0, stopped=stopped)
-    if counts is None:
-        return None
+    counts = correlation_counts(states, np.nextafter(radii, 0.0), 0, poll=poll)
     blocks = np.array_split(np.arange(counts.references), len(counts.counts))
     own = np.array([len(block) for block in blocks])[:, None]
     return Counts(radii, counts.counts + own, counts.references)
 
 
-def slope_of(states: Floats, size: float, method: Method, stopped: Any) -> Slope | str | None:
+def slope_of(states: Floats, size: float, method: Method, poll: Poll) -> Slope | str:
     """Return the slope of ln C over ln r between the radii r_2 and r_1 of equation 17.
 
     `size` is the standard deviation of the series. The method is TWO_POINTS for equation 17, or LINE for a
-    line through 16 radii as in Figure 4. The result is a text if there is no slope, and None if the run was
-    stopped.
+    line through 16 radii as in Figure 4. The result is a text if there is no slope.
     """
     largest = _SHARE * size
     radii = np.geomspace(_SPAN * largest, largest, _FINE)
-    counts = all_pairs(states, radii, stopped)
-    if counts is None:
-        return None
+    counts = all_pairs(states, radii, poll)
     total = counts.counts.sum(axis=0)
     if total[-1] < _RATIO * total[0]:
         return "no radius has a fifth of the pairs within a quarter of the standard deviation"
     smallest = float(radii[np.abs(np.log(total[-1] / total / _RATIO)).argmin()])
     points = RADII if method is Method.LINE else 2
-    counts = all_pairs(states, np.geomspace(smallest, largest, points), stopped)
-    if counts is None:
-        return None
+    counts = all_pairs(states, np.geomspace(smallest, largest, points), poll)
     return Slope(method, *counts.slope(), smallest, largest)
 
 
@@ -94,14 +95,14 @@ class GrassbergerProcaccia(AttractorBackend):
         ),
     }
 
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Return the slope for the dimension at which it is largest."""
         options = request.options
         delay = options["delay"]
         if delay is None:
             answer: Answer = request.within(ImprovedCorrelationIntegral(), problem)
             if answer.point is None:
-                return None
+                raise RunStopped
             delay = answer.point.delay
         most = max(largest_dimension(len(problem.series), delay, options["largest"]), 2)
         own: dict[str, Any] = {}
@@ -111,10 +112,8 @@ class GrassbergerProcaccia(AttractorBackend):
                 problem.states(delay, m),
                 problem.deviation,
                 Method(options["fit"]),
-                lambda: request.control.stopped,
+                poll_of(request),
             )
-            if slope is None:
-                return None
             if isinstance(slope, str):
                 message = f"no slope from dimension {m} on: {slope}"
                 break
@@ -163,9 +162,9 @@ class SmallDataSets(Rosenstein):
         if high is None and steps > low:
             curve = rosenstein_curve(
                 states, embedding.theiler, len(states) - steps, steps, references=FIRST,
-                stopped=lambda: request.control.stopped,
+                poll=poll_of(request),
             )  # fmt: skip
-            if curve is not None and np.isfinite(curve.values).all():
+            if np.isfinite(curve.values).all():
                 values = curve.values
                 level = min(mean_level(states), float(values[steps // 2 :].mean()))
                 reached = values >= (values[low] + level) / 2.0

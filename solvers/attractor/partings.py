@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.attractor.checks import ALL
+from .native import Poll
 from .neighbour_kernels import mean_partings, nearest_partings, nearest_states, order_states
 from .regions import whole_slope
 
@@ -17,7 +18,6 @@ __all__ = ["FEW", "MOST", "Curve", "Neighbours", "kantz_curve", "kantz_radius", 
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Stopped = Callable[[], bool]
 
 #: Smallest and largest number of reference states, if not all states are references.
 SOME, MOST = 500, 10_000
@@ -105,13 +105,13 @@ def rosenstein_curve(
     high: int,
     *,
     references: int = MOST,
-    stopped: Stopped = bool,
-) -> Curve | None:
+    poll: Poll = bool,
+) -> Curve:
     """Return the divergence of the states before `last` from their nearest neighbours, 0 … `high` steps ahead.
 
     States, shape (m, d), are in the order of time, with ``last + high <= m``. Those at most `theiler`
     samples apart are not neighbours. Up to 1500 states, all are references, otherwise at most `references`.
-    `stopped` is called between blocks of time; the result is None after a stop.
+    `poll` is called between blocks of time.
     """
     pool = Neighbours(states, theiler, last)
     visits = pool.nearest(pool.pilot)[2]
@@ -121,7 +121,7 @@ def rosenstein_curve(
         result: tuple[Floats, Ints] = nearest_partings(states, some, pool.nearest(some)[0], high)
         return result
 
-    return _curve(part, asked, stopped)
+    return _curve(part, asked, poll)
 
 
 def kantz_curve(
@@ -132,8 +132,8 @@ def kantz_curve(
     *,
     radius: float,
     references: int = MOST,
-    stopped: Stopped = bool,
-) -> Curve | None:
+    poll: Poll = bool,
+) -> Curve:
     """Return the divergence of the states before `last` from all states within `radius`.
 
     The other parameters are those of :func:`rosenstein_curve`.
@@ -142,7 +142,7 @@ def kantz_curve(
     neighbours = pool.within(pool.pilot, radius, 0)[2]
     cost = max(neighbours, 1) * (high + 1) * states.shape[1]
     asked = pool.asked(min(max(MEANS * PILOT // cost, FEW), references))
-    return _curve(lambda some: pool.within(some, radius, high)[:2], asked, stopped)
+    return _curve(lambda some: pool.within(some, radius, high)[:2], asked, poll)
 
 
 def kantz_radius(states: Floats, theiler: int, last: int) -> float | None:
@@ -159,13 +159,10 @@ def kantz_radius(states: Floats, theiler: int, last: int) -> float | None:
     return math.sqrt(square) * (1 + 1e-9) if 0.0 < square < math.inf else None
 
 
-def _curve(
-    part: Callable[[Ints], tuple[Floats, Ints]], asked: Ints, stopped: Stopped
-) -> Curve | None:
+def _curve(part: Callable[[Ints], tuple[Floats, Ints]], asked: Ints, poll: Poll) -> Curve:
     done = []
     for some in np.array_split(asked, min(BLOCKS, len(asked))):
-        if stopped():
-            return None
+        poll()
         done.append(part(some))
     sums, counts = zip(*done, strict=True)
     return Curve(np.array(sums), np.array(counts), len(asked))

@@ -1,15 +1,16 @@
 """``surrogates``: a test against linear noise, and the decision whether a series is chaotic.
 
 A positive exponent alone proves nothing, for noise has one too wherever a region is fitted to it. So the series
-is first set against surrogates: linear noise with its values and its spectrum. Source: J. Theiler, S. Eubank,
+is first set against surrogates: linear noise with its values and its spectrum. Sources: J. Theiler, S. Eubank,
 A. Longtin, B. Galdrikian and J. D. Farmer, "Testing for nonlinearity in time series: the method of surrogate data",
-Physica D 58, 1992.
+Physica D 58, 1992; T. Schreiber and A. Schmitz, "Improved surrogate data for nonlinearity tests", Physical Review
+Letters 77, 1996; the same, "Surrogate time series", Physica D 142, 2000, for the choice of ends.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
@@ -20,15 +21,117 @@ from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Judgement, Slope, SurrogateTest
 from ..contract.backend import Feature, Request
 from ..contract.option import Option
+from .embedding import thin_out
 from .exponents import Rosenstein
-from .iaaft import match_ends, normal_scores, surrogates_of
-from .native import EMBEDDING, AttractorBackend, Embedding, Finding, embed
+from .native import (
+    EMBEDDING,
+    AttractorBackend,
+    Embedding,
+    Finding,
+    Poll,
+    RunStopped,
+    embed,
+    poll_of,
+)
 from .neighbour_kernels import nearest_states, order_states
-from .unfolding import thin_out
 
-__all__ = ["RANKING", "Ranks", "Surrogates", "judge", "ranks"]
+__all__ = [
+    "RANKING",
+    "Ranks",
+    "Surrogates",
+    "judge",
+    "match_ends",
+    "normal_scores",
+    "ranks",
+    "surrogates_of",
+]
 
 Floats = NDArray[np.float64]
+
+#: Number of consecutive samples that must match at both ends, and largest shares cut at each end.
+_ALIKE, _CUTS = 3, (0.1, 0.25)
+#: Largest number of samples cut at each end; the comparison needs its square of memory.
+_ENDS = 2000
+#: Largest number of iterations for series up to a length, that length, and the limit for longer series,
+#: which start with the spectrum of the series and need fewer.
+_ITERATIONS, _SHORT, _FEWER = 500, 2500, 12
+
+
+def match_ends(series: Floats) -> tuple[int, int, float]:
+    """Return the stretch of a series whose continuation is most similar to its beginning, and the jump.
+
+    Surrogates have the spectrum of a periodic repetition, in which a jump at the seam adds frequencies. At
+    most a tenth is cut at each end, or a quarter if that is not sufficient. The stretch is given by the
+    index of its first sample and of the one after its last. The jump is the difference between the samples
+    after the stretch and its first samples, relative to the root mean square difference of consecutive
+    samples; above 1 the seam is visible.
+    """
+    step = float(np.sqrt((np.diff(series) ** 2).mean()))
+    for cut in _CUTS:
+        largest_cut = min(max(int(cut * len(series)), 1), _ENDS)
+        begins, ends = np.arange(largest_cut), len(series) - _ALIKE - np.arange(largest_cut)
+        distances = np.zeros((largest_cut, largest_cut))
+        for k in range(_ALIKE):
+            distances += (series[begins + k][:, None] - series[ends + k]) ** 2
+        best = int(distances.argmin())
+        jump = float(np.sqrt(distances.flat[best] / _ALIKE)) / step
+        if jump <= 1.0:
+            break
+    return int(begins[best // largest_cut]), int(ends[best % largest_cut]), jump
+
+
+def normal_scores(series: Floats) -> Floats:
+    """Return the quantiles of a normal distribution at the ranks of a series, with mean 0; ties share one.
+
+    They do not change if the series is transformed by a rising function. Surrogates of skewed values would
+    be less predictable than the noise they come from.
+    """
+    from scipy.special import ndtri
+
+    _, index, count = np.unique(series, return_inverse=True, return_counts=True)
+    scores: Floats = ndtri((np.cumsum(count) - count / 2) / len(series))[index]
+    scores -= scores.mean()
+    return scores
+
+
+def surrogates_of(
+    series: Floats, count: int, generator: np.random.Generator, poll: Poll = bool
+) -> Floats:
+    """Return surrogates with the values of a series and nearly its spectrum, shape (count, n).
+
+    Phases are random. Then spectrum and values are restored alternately until the order of the values does
+    not change (iterated amplitude-adjusted Fourier transform). Long series take at most 12 rounds.
+    `poll` is called before each round.
+    """
+    from scipy import fft
+
+    n = len(series)
+    values = np.sort(series)
+    wanted = np.abs(fft.rfft(series))
+    result = generator.permuted(np.tile(series, (count, 1)), axis=1)
+    limit = _ITERATIONS
+    if n > _SHORT:
+        spectra = fft.rfft(result, axis=1)
+        size = np.abs(spectra)
+        spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
+        result, limit = fft.irfft(spectra, n, axis=1), _FEWER
+    order = np.argsort(result, axis=1, kind="stable")
+    if n > _SHORT:
+        np.put_along_axis(result, order, np.broadcast_to(values, result.shape), 1)
+    open_ = np.arange(count)
+    while open_.size and limit:
+        poll()
+        spectra = fft.rfft(result[open_], axis=1)
+        size = np.abs(spectra)
+        spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
+        new = np.argsort(fft.irfft(spectra, n, axis=1), axis=1, kind="stable")
+        moved = (new != order[open_]).any(axis=1)
+        order[open_] = new
+        np.put_along_axis(result, order, np.broadcast_to(values, result.shape), 1)
+        open_ = open_[moved]
+        limit -= 1
+    return result
+
 
 #: Options of the test.
 RANKING: Mapping[str, Option] = {
@@ -59,7 +162,7 @@ class Ranks:
     `count` and `exceeded` are those of :class:`~crosstrack.models.attractor.SurrogateTest`. `error` is the
     root mean square error of predicting the normal scores of the series, and `median` that of the
     surrogates. `sigmas` is the difference between the mean of the surrogates' errors and that of the
-    series, in deviations, of logarithms. `jump` is that of :func:`~.iaaft.match_ends`. Of `among` samples,
+    series, in deviations, of logarithms. `jump` is that of :func:`match_ends`. Of `among` samples,
     `read` were compared, one in `step`.
     """
 
@@ -100,9 +203,9 @@ def ranks(
     embedding: Embedding,
     options: Mapping[str, Any],
     seed: int,
-    stopped: Callable[[], bool] = lambda: False,
-) -> Ranks | None:
-    """Return the rank of a series among its surrogates by its prediction one delay ahead; None if stopped.
+    poll: Poll = bool,
+) -> Ranks:
+    """Return the rank of a series among its surrogates by its prediction one delay ahead.
 
     `options` are those of :data:`RANKING`. If a delay has more than 16 samples, samples are skipped so that
     the same number covers a longer time.
@@ -128,10 +231,9 @@ def ranks(
         return math.sqrt(prediction_error(values, delay, dimension, theiler, options["neighbours"]))
 
     own_error, others = error(part), []
-    drawn = surrogates_of(part, options["count"], np.random.default_rng(seed), stopped)
+    drawn = surrogates_of(part, options["count"], np.random.default_rng(seed), poll)
     for surrogate in drawn:
-        if stopped():
-            return None
+        poll()
         others.append(error(surrogate))
     # A series that cannot be predicted, for lack of neighbours, rejects nothing.
     exceeded = sum(not other > own_error for other in others)
@@ -200,21 +302,17 @@ class Surrogates(AttractorBackend):
     deterministic = False
     options: ClassVar[Mapping[str, Option]] = {**EMBEDDING, **RANKING}
 
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding | None:
+    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Compute the rank of the series and the judgement."""
         options = request.options
         embedding = embed(problem, options)
         seed = 0 if request.seed is None else request.seed
-        result = ranks(
-            problem.series, embedding, options, seed, stopped=lambda: request.control.stopped
-        )
-        if result is None:
-            return None
+        result = ranks(problem.series, embedding, options, seed, poll_of(request))
         exponent, messages = None, []
         if result.rejected:
             answer = request.within(Rosenstein(), problem, options=asdict(embedding))
             if answer.point is None:
-                return None
+                raise RunStopped
             exponent = answer.point.exponent
             messages.append(answer.message)
         test, said = judge(result, exponent, len(problem.series) * problem.period)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import UnsupportedFormulation
-from ...models.fleet.checks import deviation_of, loads_of
+from ...models.fleet.checks import LIMITS, loads_of, measure_of
 from ...models.fleet.data import Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
@@ -19,27 +19,12 @@ from ..run.dispatch import solve
 
 __all__ = ["diagnose_fleet"]
 
-#: Limits that are removed one at a time.
-_LIMITS = ("battery", "budget", "deviation_limit", "range_limit", "capacity")
-
 
 def diagnose_fleet(model: FleetRouting, time_limit: float | None = None) -> Diagnosis:
     """Return the nodes or limits that make the model infeasible, and by how much.
 
-    Nodes that no vehicle can reach or serve are reported first. If every node can be reached, the
-    model is solved, and then again without each of its limits.
-
-    Parameters
-    ----------
-    model : FleetRouting
-        The model to diagnose.
-    time_limit : float, optional
-        Time limit of each search, s.
-
-    Returns
-    -------
-    Diagnosis
-        Feasibility, a summary and the findings.
+    Nodes that no vehicle can reach or serve are reported first. If every node can be reached, the model is
+    solved, and then again without each of its limits. `time_limit` is that of each search, s.
     """
     findings = (*_too_far(model), *_too_heavy(model))
     method = "each node by itself"
@@ -103,10 +88,8 @@ def _too_heavy(model: FleetRouting) -> Iterator[Finding]:
 
 def _too_long(model: FleetRouting, time_limit: float | None) -> Iterator[Finding]:
     """Yield a finding if the lower bound on the sum, without other limits, exceeds the budget."""
-    free = replace(
-        model, objective=Objective.SUM, q=0.0, budget=None, deviation_limit=None, range_limit=None,
-        battery=None, capacity=None, demands=None,
-    )  # fmt: skip
+    limits = dict[str, Any].fromkeys((*model.limits, "demands"))
+    free = replace(model, objective=Objective.SUM, q=0.0, **limits)
     try:
         answer = solve(free, "highs", formulation="two-index", time_limit=time_limit)
     except UnsupportedFormulation:
@@ -124,14 +107,13 @@ def _too_long(model: FleetRouting, time_limit: float | None) -> Iterator[Finding
 
 def _without_limits(model: FleetRouting, time_limit: float | None) -> Iterator[Finding]:
     """Yield the limits whose removal makes the model feasible, with the value that a plan needs."""
-    for name in _LIMITS:
-        if getattr(model, name) is None:
-            continue
+    aims = {rule.field: rule.objective for rule in LIMITS if rule.objective}
+    # The capacity is the last.
+    for name in sorted(model.limits, key="capacity".__eq__):
         changes: dict[str, Any] = {name: None}
         if name == "capacity":
             changes["demands"] = None
         # Minimise the limited quantity itself: its optimum is the smallest feasible limit.
-        aims = {"budget": Objective.SUM, "battery": Objective.MAX, "range_limit": Objective.RANGE}
         if name in aims:
             changes |= {"objective": aims[name], "q": 0.0}
         answer = solve(replace(model, **changes), time_limit=time_limit)
@@ -164,10 +146,5 @@ def _limit_and_value(model: FleetRouting, name: str, plan: FleetPlan) -> tuple[f
         assert model.demands is not None
         carried = [float(model.demands[list(route)].sum()) for route in plan.routes]
         return float(np.max(np.asarray(model.capacity))), max(carried)
-    needed = {
-        "battery": float(loads.max()),
-        "budget": float(loads.sum()),
-        "deviation_limit": deviation_of(model, loads),
-        "range_limit": float(np.ptp(loads)),
-    }
-    return float(np.max(getattr(model, name))), needed[name]
+    measure = next(rule.measure for rule in LIMITS if rule.field == name)
+    return float(np.max(getattr(model, name))), measure_of(model, measure, loads)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
-from ...models.fleet.checks import loads_of, objective_of
+from ...models.fleet.checks import LIMITS, loads_of, objective_of
 from ..contract.backend import (
     Answer,
     Backend,
@@ -28,7 +28,7 @@ from ..contract.backend import (
 )
 from .bound import lower_bound, trip_bound
 from .search_kernels import Fleet, Routes, anneal, measure
-from .start import first_routes, repair
+from .start import first_plan, repair
 
 __all__ = ["FleetSearch"]
 
@@ -52,8 +52,6 @@ BORN, STALE = 8, 10
 PENALTY, STRICTER, STRICTEST = 10.0, 2.0, 1e4
 #: Concurrent annealings; independent of the number of threads, so threads do not change the plan.
 ABREAST = 2
-#: Relative excess over a limit accepted in first routes, as sums in another order round differently.
-ROUNDING = 1e-12
 #: Relative improvement of the objective required for a new incumbent.
 BETTER = 1e-9
 
@@ -83,7 +81,7 @@ def _scaled(model: FleetRouting) -> Fleet:
     scale = unit if model.objective is Objective.VARIANCE else 1.0
     weight = 1e-6 if model.objective is Objective.LEXICOGRAPHIC else model.q * scale
     flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
-    limits = (model.budget, model.deviation_limit, model.range_limit)
+    limits = [getattr(model, rule.field) for rule in LIMITS[1:]]
     rules = [
         float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
         *(none if limit is None else limit / unit for limit in limits), PENALTY, -none,
@@ -252,12 +250,9 @@ class _Search:
         if request.warm_start is not None:
             self.offer(_Candidate(self.fleet, [list(route) for route in request.warm_start.routes]))
             return
-        routes = first_routes(model, self.packing, lambda: self.must_stop)
-        if routes is not None:
-            plan = FleetPlan(tuple(map(tuple, routes)))
-            checked = model.verify(plan, tolerance=ROUNDING)
-            if checked.ok and checked.objective is not None:
-                self.keep(plan, checked.objective)
+        first = first_plan(model, self.packing, lambda: self.must_stop)
+        if first is not None:
+            self.keep(*first)
 
     def search(self, threads: ThreadPoolExecutor) -> None:
         """Anneal in rounds: each generation starts from scratch, then recombines its pool."""

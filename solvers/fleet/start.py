@@ -14,9 +14,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.fleet import FleetRouting
+from ...models.fleet import FleetPlan, FleetRouting
 
-__all__ = ["cut_tour", "first_routes", "repair"]
+__all__ = ["cut_tour", "first_plan", "first_routes", "repair"]
 
 Floats = NDArray[np.float64]
 Routes = list[list[int]]
@@ -47,6 +47,18 @@ def first_routes(
     improvements = IMPROVEMENTS if len(model.customers) <= SHORT * model.vehicles else 0
     fixed = repair(model, routes, draw, ended, improvements)
     return fixed or repair(model, _best_fit(model), draw, ended, improvements)
+
+
+def first_plan(
+    model: FleetRouting, draw: np.random.Generator, ended: Callable[[], bool]
+) -> tuple[FleetPlan, float] | None:
+    """Return the plan of :func:`first_routes` and its objective; None if it violates a limit."""
+    routes = first_routes(model, draw, ended)
+    if routes is None:
+        return None
+    plan = FleetPlan(tuple(map(tuple, routes)))
+    checked = model.verify(plan, tolerance=ROUNDING)
+    return (plan, checked.objective) if checked.ok and checked.objective is not None else None
 
 
 def cut_tour(model: FleetRouting) -> Routes:

@@ -10,6 +10,9 @@ or range; such models are refused.
 Tours are computed by the dynamic program of M. Held and R. M. Karp, "A dynamic programming approach to
 sequencing problems", Journal of SIAM 10, 1962, once per depot. A second program over subsets assigns
 them to vehicles.
+
+A set is a whole number with one bit per node. ``tours[k, S]`` is the length of the shortest route of
+vehicle k through S, infinite if the route is infeasible.
 """
 
 from __future__ import annotations
@@ -21,18 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...jit import clock
-from ...models.fleet.checks import loads_of, objective_of
+from ...jit import clock, kernel
+from ...models.fleet.checks import LIMITS, loads_of, objective_of
 from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from .bound import trip_bound
-from .start import first_routes
+from .start import first_plan
 
-__all__ = ["SubsetDP", "shortest_tours"]
+__all__ = ["SubsetDP", "best_spread", "least_sums", "shortest_tours"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Maximum number of customers and of vehicles: 3^15 pairs of set and subset take 1 s per vehicle.
 MOST = 15
@@ -60,9 +64,9 @@ class SubsetDP(Backend):
         size, vehicles = len(problem.customers), problem.vehicles
         if max(size, vehicles) > MOST:
             return f"it takes at most {MOST} nodes and vehicles, got {size} and {vehicles}"
-        for name in ("deviation_limit", "range_limit"):
-            if getattr(problem, name) is not None:
-                return f"it does not take {name}, for which a detour may pay"
+        for rule in LIMITS:
+            if rule.field in problem.limits and not rule.monotone:
+                return f"it does not take {rule.field}, for which a detour may pay"
         squared = problem.objective is Objective.VARIANCE and problem.q > 0
         if squared or problem.objective is Objective.RANGE:
             name = str(problem.objective)
@@ -184,19 +188,13 @@ class _Search:
         """Make heuristic routes the incumbent, for a stop before the tables are complete."""
         if len(self.model.customers) <= FEW:
             return
-        routes = first_routes(self.model, np.random.default_rng(0), lambda: self.control.stopped)
-        if routes is None:
-            return
-        plan = FleetPlan(tuple(map(tuple, routes)))
-        checked = self.model.verify(plan, tolerance=_ROUNDING)
-        if checked.ok and checked.objective is not None:
-            self.plan, self.value = plan, checked.objective
-            self.control.incumbent(self.value, plan)
+        first = first_plan(self.model, np.random.default_rng(0), lambda: self.control.stopped)
+        if first is not None:
+            self.plan, self.value = first
+            self.control.incumbent(self.value, self.plan)
 
     def _sum(self, limit: float) -> float | None:
         """Return the least sum with routes up to `limit`, inf if infeasible; None after a stop."""
-        from .subset_kernels import least_sums
-
         model = self.model
         self.statistics["programs over subsets"] = int(self.statistics["programs over subsets"]) + 1
         if not least_sums(self.tours, limit, self.sums, self.choice, self.control.flag):
@@ -257,8 +255,6 @@ class _Search:
 
     def _spread(self) -> bool:
         """Minimise the sum plus q times the deviation; return False after a stop."""
-        from .subset_kernels import best_spread
-
         model = self.model
         limits = (model.homes, model.capacity, model.battery)
         kinds = list(zip(*(a.tolist() for a in limits if a is not None), strict=True))
@@ -273,3 +269,98 @@ class _Search:
         if owned[0] >= 0:
             self._offer(owned.tolist())
         return not self.control.stopped
+
+
+@kernel(interpretable=True)
+def least_sums(
+    tours: Floats, limit: float, sums: Floats, choice: Ints, flag: NDArray[np.int8]
+) -> bool:
+    """Compute the least total length for vehicles k, k + 1, … to visit S, for all k and S.
+
+    Routes are at most `limit` long. `sums`, shape (vehicles + 1, sets), are the lengths, infinite if
+    infeasible, and `choice`, shape (vehicles, sets), the sets that vehicle k takes. Return whether the
+    tables are complete; a nonzero `flag` requests a stop.
+    """
+    vehicles, size = tours.shape
+    for s in range(size):
+        sums[vehicles, s] = math.inf
+    sums[vehicles, 0] = 0.0
+    for k in range(vehicles - 1, -1, -1):
+        for s in range(size):
+            if flag[0] != 0:
+                return False
+            best, taken, part = math.inf, 0, s
+            while True:
+                if tours[k, part] <= limit:
+                    total = tours[k, part] + sums[k + 1, s ^ part]
+                    if total < best:
+                        best, taken = total, part
+                if part == 0:
+                    break
+                part = (part - 1) & s
+            sums[k, s] = best
+            choice[k, s] = taken
+    return True
+
+
+@kernel
+def _objective(loads: Floats, count: int, rest: float, q: float, share: float) -> float:
+    """Return Σ L + q s if the lengths from index `count` on are equal and sum to `rest`."""
+    vehicles = len(loads)
+    each = rest / (vehicles - count) if count < vehicles else 0.0
+    total = rest if count < vehicles else 0.0
+    for k in range(count):
+        total += loads[k]
+    mean, squares = total / vehicles, 0.0
+    for k in range(count):
+        squares += (loads[k] - mean) ** 2
+    squares += (vehicles - count) * (each - mean) ** 2
+    return total + q * math.sqrt(squares / share)
+
+
+@kernel(interpretable=True)
+def best_spread(
+    tours: Floats, sums: Floats, alike: NDArray[np.int8], q: float, share: float, budget: float,
+    ceiling: float, owned: Ints, flag: NDArray[np.int8],
+) -> tuple[float, int]:  # fmt: skip
+    """Return the least Σ L + q s over all partitions of the nodes, by branch and bound, and the sets tried.
+
+    The objective increases with every length. It is bounded below by equal lengths of the remaining
+    vehicles with the least total length. ``alike[k]`` states whether vehicle k and all later ones are
+    identical: then k takes the first remaining node. `share` is the divisor of the sum of squares, and
+    `budget` the largest total length. Only objectives below `ceiling` are considered; the sets of the best
+    partition are written to `owned`. A nonzero `flag` requests a stop.
+    """
+    vehicles, size = tours.shape
+    loads, left = np.zeros(vehicles), np.zeros(vehicles, np.int64)
+    part, best, tried, k = np.zeros(vehicles, np.int64), ceiling, 0, 0
+    left[0] = part[0] = size - 1
+    while k >= 0:
+        if flag[0] != 0:
+            break
+        now = part[k]
+        if now < 0:
+            k -= 1
+            continue
+        part[k] = -1 if now == 0 else (now - 1) & left[k]
+        first = left[k] & -left[k]
+        if (alike[k] != 0 and now & first != first) or tours[k, now] == math.inf:
+            continue
+        rest = sums[k + 1, left[k] ^ now]
+        loads[k] = tours[k, now]
+        total = rest
+        for other in range(k + 1):
+            total += loads[other]
+        if not total <= budget:
+            continue
+        tried += 1
+        if _objective(loads, k + 1, rest, q, share) >= best:
+            continue
+        if k + 1 == vehicles:
+            best = _objective(loads, vehicles, 0.0, q, share)
+            for other in range(vehicles):
+                owned[other] = left[other] ^ (left[other + 1] if other + 1 < vehicles else 0)
+        else:
+            k += 1
+            left[k] = part[k] = left[k - 1] ^ now
+    return best, tried

@@ -17,7 +17,7 @@ from ...models.fleet import FleetRouting
 from ...models.fleet.checks import objective_of
 from ..contract.backend import Feature, Option, Request
 from .rivals import Best, FleetHeuristic, available_threads
-from .swarm import Colonies, energies, swarm
+from .swarm import Colonies, assign_vehicles, energies, k_means, positions, swarm
 
 __all__ = ["KMeansAntColony", "PsoAntColony", "PsoAntColonySerial", "TwoPhase", "TwoPhases"]
 
@@ -43,12 +43,17 @@ def _colony(ants: int, iterations: int) -> dict[str, Option]:
 class Stage:
     """Data of one run, shared by its phases."""
 
-    problem: FleetRouting
-    request: Request
+    best: Best
     points: Floats
+    weights: Floats
     clusters: int
     colonies: Colonies
     counts: dict[str, int]
+
+    @property
+    def share(self) -> float:
+        """Largest sum of the weights of a cluster, 1 / m of all."""
+        return float(self.weights.sum()) / self.clusters
 
     def count(self, **more: int) -> None:
         """Add to the statistics of the run."""
@@ -60,16 +65,19 @@ class Stage:
 class TwoPhases(FleetHeuristic):
     """Base class of the algorithms that cluster the nodes and find a tour of each cluster.
 
-    Clusters use the model's points, or an embedding of the distances
-    (:func:`.clustering.positions`). Tour lengths use the true distances. Limits of the model are
-    checked but do not guide the search.
+    Clusters use the model's points, or an embedding of the distances (:func:`.swarm.positions`). Tour
+    lengths use the true distances. Limits of the model are checked but do not guide the search.
     """
 
     features = FleetHeuristic.features | {Feature.THREADS}
 
     @abstractmethod
-    def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
-        """Run the algorithm once and offer its plans to `best`."""
+    def once(self, stage: Stage, seeds: SeedSequence) -> None:
+        """Run the algorithm once and offer its plans to the incumbent."""
+
+    def weights(self, model: FleetRouting) -> Floats:
+        """Return the weights of the nodes, R_i of eq. 18."""
+        return energies(model)
 
     def colonies(self, request: Request) -> type[Colonies]:
         """Return the implementation of the ant colonies."""
@@ -77,12 +85,10 @@ class TwoPhases(FleetHeuristic):
 
     def search(self, best: Best, request: Request) -> Mapping[str, Any]:
         """Run the algorithm once, or until the time limit with the option ``restarts``."""
-        from .clustering import positions
-
-        model, own = best.problem, request.options
+        model, options = best.problem, request.options
         points = positions(model)
         names = ("ants", "ant_iterations", "alpha", "beta", "evaporation")
-        settings = np.array([float(own.get(name, 0)) for name in names])
+        settings = np.array([float(options.get(name, 0)) for name in names])
         threads = 1 if self.single_threaded else available_threads(request)
         counts = {"runs": 0}
         with ExitStack() as stack:
@@ -90,11 +96,11 @@ class TwoPhases(FleetHeuristic):
             kind = self.colonies(request)
             colonies = kind(model, settings, threads, pool, request.control.flag)
             clusters = min(model.vehicles, len(points))
-            stage = Stage(model, request, points, clusters, colonies, counts)
+            stage = Stage(best, points, self.weights(model), clusters, colonies, counts)
             while True:
-                self.once(stage, best, SeedSequence([request.seed or 0, counts["runs"]]))
+                self.once(stage, SeedSequence([request.seed or 0, counts["runs"]]))
                 counts["runs"] += 1
-                again = own["restarts"] and request.time_limit is not None
+                again = options["restarts"] and request.time_limit is not None
                 if not again or request.control.stopped:
                     return counts
 
@@ -141,14 +147,13 @@ class PsoAntColony(TwoPhases):
 
         return torch_colonies()
 
-    def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
+    def once(self, stage: Stage, seeds: SeedSequence) -> None:
         """Run the swarm and offer the plan of each improving particle."""
-        model, own = stage.problem, stage.request.options
-        weights = energies(model)
+        best, options = stage.best, stage.best.request.options
         result = swarm(
-            stage.points, stage.clusters, own["swarm"], own["iterations"], own["learning"],
-            float(weights.sum()) / stage.clusters, weights, stage.colonies,
-            lambda loads: objective_of(model, loads), best.offer_filled, seeds,
+            stage.points, stage.clusters, options["swarm"], options["iterations"], options["learning"],
+            stage.share, stage.weights, stage.colonies,
+            lambda loads: objective_of(best.problem, loads), best.offer_filled, seeds,
         )  # fmt: skip
         for name in ("iterations", "evaluations", "ant_iterations"):
             stage.count(**{name: getattr(result, name)})
@@ -169,26 +174,18 @@ class PsoAntColonySerial(PsoAntColony):
 class ClusterFirst(TwoPhases):
     """Base class of the paper's competitors: bounded k-means, then one tour per cluster."""
 
-    def weights(self, stage: Stage) -> Floats:
-        """Return the weights of the nodes, R_i of eq. 18; a cluster takes at most 1 / m of their sum."""
-        return energies(stage.problem)
-
     @abstractmethod
     def tours(
         self, stage: Stage, labels: Ints, rng: Generator
     ) -> tuple[list[list[int]], dict[str, int]]:
         """Return the routes through the clusters, and the statistics."""
 
-    def once(self, stage: Stage, best: Best, seeds: SeedSequence) -> None:
+    def once(self, stage: Stage, seeds: SeedSequence) -> None:
         """Cluster the nodes, find the tours and offer the plan."""
-        from .clustering import assign_vehicles, k_means
-
-        rng = np.random.default_rng(seeds)
-        weights = self.weights(stage)
-        share = float(weights.sum()) / stage.clusters
-        rounds = stage.request.options["rounds"]
-        labels = k_means(stage.points, stage.clusters, weights, share, rounds, rng)
-        routes, counts = self.tours(stage, assign_vehicles(stage.problem, labels), rng)
+        rng, best = np.random.default_rng(seeds), stage.best
+        rounds = best.request.options["rounds"]
+        labels = k_means(stage.points, stage.clusters, stage.weights, stage.share, rounds, rng)
+        routes, counts = self.tours(stage, assign_vehicles(best.problem, labels), rng)
         best.offer_filled(routes)
         stage.count(**counts)
 
@@ -236,9 +233,9 @@ class TwoPhase(ClusterFirst):
     }
     summary = "balanced k-means, and a genetic algorithm for each cluster (TPHA)"
 
-    def weights(self, stage: Stage) -> Floats:
+    def weights(self, model: FleetRouting) -> Floats:
         """Return 1 for each node."""
-        return np.ones(len(stage.points))
+        return np.ones(len(model.customers))
 
     def tours(
         self, stage: Stage, labels: Ints, rng: Generator
@@ -246,15 +243,16 @@ class TwoPhase(ClusterFirst):
         """Return tours by a genetic algorithm, with the clusters distributed over threads."""
         from .tour_kernels import breed
 
-        model, own = stage.problem, stage.request.options
+        model, request = stage.best.problem, stage.best.request
+        options = request.options
         draws, routes = rng.spawn(model.vehicles), [list[int]()] * model.vehicles
         done = np.zeros(model.vehicles, np.int64)
 
         def find(k: int) -> None:
             nodes, d, order = stage.colonies.part(labels, k)
             done[k] = breed(
-                d, model.symmetric, own["population"], own["generations"], own["mutation"], draws[k],
-                stage.request.control.flag, order,
+                d, model.symmetric, options["population"], options["generations"], options["mutation"],
+                draws[k], request.control.flag, order,
             )[1]  # fmt: skip
             routes[k] = nodes[order].tolist()
 

@@ -21,11 +21,16 @@ from crosstrack.solvers.attractor.correlation import (
     Counts,
     correlation_counts,
     drawn_radii,
-    pair_counts,
 )
 from crosstrack.solvers.contract.backend import Control, Limit, Request
 
 BACKEND = CorrelationDimension()
+
+
+def pair_counts(states, radii, theiler):
+    """Return the exact number of unordered pairs within each radius."""
+    counts = correlation_counts(states, radii, theiler, references=len(states))
+    return counts.counts.sum(axis=0) // 2
 
 
 def plain_counts(states: np.ndarray, radii: np.ndarray, theiler: int) -> list[int]:

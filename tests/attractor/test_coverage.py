@@ -13,10 +13,9 @@ from crosstrack.models.attractor import Judgement
 from crosstrack.models.attractor.plan import Method, Slope
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.attractor import surrogates
-from crosstrack.solvers.attractor.iaaft import surrogates_of
 from crosstrack.solvers.attractor.native import Embedding
-from crosstrack.solvers.attractor.spread import variants, widened
-from crosstrack.solvers.attractor.surrogates import Ranks, judge, prediction_error
+from crosstrack.solvers.attractor.regions import variants, widened
+from crosstrack.solvers.attractor.surrogates import Ranks, judge, prediction_error, surrogates_of
 
 
 def ikeda(n):

@@ -8,19 +8,17 @@ from scipy.spatial.distance import pdist
 
 from crosstrack.errors import UnsupportedOption
 from crosstrack.solvers import Control, Limit, Termination
-from crosstrack.solvers.attractor.c_c_curves import (
+from crosstrack.solvers.attractor.delays import (
+    CorrelationIntegral,
     Curves,
+    ImprovedCorrelationIntegral,
     close_pairs,
     correlation_sums,
     curves,
-)
-from crosstrack.solvers.attractor.delays import (
-    CorrelationIntegral,
-    ImprovedCorrelationIntegral,
     first_local_minimum,
     first_zero_crossing,
 )
-from crosstrack.solvers.attractor.information import (
+from crosstrack.solvers.attractor.embedding import (
     autocorrelation,
     decorrelation,
     first_minimum,

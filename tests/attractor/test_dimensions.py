@@ -6,11 +6,11 @@ from attractor.known import analysed, arma, henon, logistic, lorenz, rossler, st
 from hypothesis import given, settings, strategies as st
 
 from crosstrack.errors import InvalidData
-from crosstrack.solvers.attractor.information import first_minimum
-from crosstrack.solvers.attractor.unfolding import (
+from crosstrack.solvers.attractor.embedding import (
     cao_curves,
     cao_dimension,
     false_shares,
+    first_minimum,
     largest_dimension,
     nearest,
     saturated,

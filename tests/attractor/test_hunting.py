@@ -11,8 +11,7 @@ from crosstrack.errors import InvalidData
 from crosstrack.instances.attractor import Hunt, motions, simulate_hunt
 from crosstrack.instances.attractor.hunting import hunt_exponent, hunt_states
 from crosstrack.instances.attractor.listing import HUNT_EXPONENTS, HUNTS
-from crosstrack.instances.attractor.motions import orbit
-from crosstrack.instances.attractor.pursuit import SHARED, hunt_rates
+from crosstrack.instances.attractor.motions import SHARED, hunt_rates, orbit
 
 NONE = np.empty((0, 3))
 #: A chase around the arena that repeats itself, and one robot behind the other.

@@ -12,10 +12,16 @@ from crosstrack.errors import UnsupportedOption
 from crosstrack.models import AttractorAnalysis
 from crosstrack.models.attractor import Judgement
 from crosstrack.solvers import Control, Limit, Termination
-from crosstrack.solvers.attractor.iaaft import match_ends, normal_scores, surrogates_of
 from crosstrack.solvers.attractor.native import Embedding, embed
 from crosstrack.solvers.attractor.neighbour_kernels import nearest_states
-from crosstrack.solvers.attractor.surrogates import RANKING, prediction_error, ranks
+from crosstrack.solvers.attractor.surrogates import (
+    RANKING,
+    match_ends,
+    normal_scores,
+    prediction_error,
+    ranks,
+    surrogates_of,
+)
 
 OPTIONS = {name: option.default for name, option in RANKING.items()}
 
@@ -64,9 +70,9 @@ def test_normal_scores_keep_order_and_ties(seed, n, values):
 
 @pytest.mark.parametrize(("n", "cut"), [(60, 0.1), (301, 0.1), (301, 0.25)])
 def test_the_ends_that_match_best_are_taken(n, cut, monkeypatch):
-    from crosstrack.solvers.attractor import iaaft
+    from crosstrack.solvers.attractor import surrogates
 
-    monkeypatch.setattr(iaaft, "_CUTS", (cut,))
+    monkeypatch.setattr(surrogates, "_CUTS", (cut,))
     x = arma(n, (1.8, -0.9), seed=n)
     most = int(cut * n)
     wanted = min(

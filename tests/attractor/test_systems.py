@@ -15,6 +15,10 @@ from crosstrack.instances.attractor.systems import SYSTEMS, System, motion_of
 NAMES = [str(one) for one in System]
 
 
+def make_motion(name: str, seed: int = 0) -> motions.Motion:
+    return motion_of(System(name), np.random.default_rng(seed))
+
+
 def lorenz(t, x):
     return [10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
 
@@ -38,7 +42,7 @@ def test_maps_obey_their_equations(seed):
 @pytest.mark.parametrize(("name", "rates"), [("lorenz", lorenz), ("rossler", rossler)])
 @pytest.mark.parametrize("period", [0.003, 0.1, 0.73])
 def test_flows_agree_with_scipy(name, rates, period):
-    states = orbit(motion_of(name, 4), 8, period)
+    states = orbit(make_motion(name, 4), 8, period)
     for one, following in itertools.pairwise(states):
         found = solve_ivp(rates, (0, period), one, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
         assert following == pytest.approx(found, rel=1e-5, abs=1e-5)
@@ -135,7 +139,7 @@ def test_rounding_ends_no_orbit():
     ("name", "duration", "within"), [("henon", 20_000, 8e-3), ("lorenz", 1000, 3e-2)]
 )
 def test_exponents_by_the_tangent_vector(name, duration, within):
-    found = largest_exponent(motion_of(name), duration)
+    found = largest_exponent(make_motion(name), duration)
     assert found.exponent == pytest.approx(SYSTEMS[System(name)].exponent, abs=within)
     assert 0 < found.deviation < within
 
@@ -147,14 +151,14 @@ def test_exponents_by_the_tangent_vector(name, duration, within):
 )
 def test_long_orbits_have_the_exponents_that_are_known(name, duration, within):
     for seed in range(2):
-        found = largest_exponent(motion_of(name, seed), duration)
+        found = largest_exponent(make_motion(name, seed), duration)
         assert found.exponent == pytest.approx(SYSTEMS[System(name)].exponent, abs=within)
         assert found.deviation < within
 
 
 @pytest.mark.parametrize("name", ["henon", "lorenz", "rossler"])
 def test_the_tangent_vector_is_that_of_nearby_orbits(name):
-    motion = motion_of(name, 2)
+    motion = make_motion(name, 2)
     motion = motion._replace(start=orbit(motion, 1, 1.0)[0], transient=0.0)
     count = len(motion.start)
     inner, step = motions._steps(motion, 1.0)
@@ -174,7 +178,7 @@ def test_the_tangent_vector_is_that_of_nearby_orbits(name):
 
 
 def test_compiled_loops_mean_what_they_say():
-    motion = motion_of("lorenz", 3)._replace(transient=0.0)
+    motion = make_motion("lorenz", 3)._replace(transient=0.0)
     inner, step = motions._steps(motion, 0.02)
     for name, shape in (("_orbit", (50, 3)), ("_growth", (50,))):
         kernel = getattr(motions, name)
@@ -265,12 +269,12 @@ def test_the_generator_refuses(options, message):
 
 def test_exponents_are_refused_without_equations_or_time():
     with pytest.raises(InvalidData, match="henon, lorenz, rossler, got ar1"):
-        motion_of("ar1")
+        make_motion("ar1")
     with pytest.raises(InvalidData, match="duration must be >= 20 s, got 5"):
-        largest_exponent(motion_of("lorenz"), 5)
+        largest_exponent(make_motion("lorenz"), 5)
     with pytest.raises(InvalidData, match="interval must be > 0"):
-        largest_exponent(motion_of("lorenz"), 100, 0)
-    away = motion_of("henon")._replace(start=np.array([9.0, 9.0]))
+        largest_exponent(make_motion("lorenz"), 100, 0)
+    away = make_motion("henon")._replace(start=np.array([9.0, 9.0]))
     with pytest.raises(InvalidData, match="must stay bounded"):
         largest_exponent(away, 1000)
 

@@ -16,8 +16,7 @@ from scipy.sparse import csgraph, csr_array
 
 from crosstrack.instances.fleet import read_tsplib
 from crosstrack.models import FleetRouting
-from crosstrack.solvers.fleet.bound import _Proof, _spread, lower_bound
-from crosstrack.solvers.fleet.bound_kernels import spanning_tree
+from crosstrack.solvers.fleet.bound import _Proof, _spread, lower_bound, spanning_tree
 
 GO = np.zeros(1, np.int8)
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "tsplib"

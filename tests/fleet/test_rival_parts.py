@@ -18,15 +18,17 @@ from crosstrack.models.fleet import FleetPlan
 from crosstrack.models.fleet.checks import objective_of
 from crosstrack.solvers import Request
 from crosstrack.solvers.fleet.array_colonies import ArrayColonies, torch_colonies
-from crosstrack.solvers.fleet.clustering import (
+from crosstrack.solvers.fleet.rivals import Best
+from crosstrack.solvers.fleet.swarm import (
+    Colonies,
     assign_vehicles,
+    energies,
     k_means,
     move_centres,
     positions,
     reclassify,
+    swarm,
 )
-from crosstrack.solvers.fleet.rivals import Best
-from crosstrack.solvers.fleet.swarm import Colonies, energies, swarm
 from crosstrack.solvers.fleet.tour_kernels import (
     _cross,
     _mark,

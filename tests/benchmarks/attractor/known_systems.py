@@ -194,7 +194,7 @@ def iterate_pair(number: int, u: Floats, step: float, inner: int, count: int) ->
 
 _BOOK, _OURS, _EXACT = "Sprott", "computed", "exact"
 _PROCACCIA = "Grassberger and Procaccia"
-#: Systems on which the constants of :mod:`crosstrack.solvers.attractor.spread` are calibrated.
+#: Systems on which the constants of :mod:`crosstrack.solvers.attractor.regions` are calibrated.
 CALIBRATION: Mapping[str, Known] = {
     "logistic": Known(-1, (0.3, 0, 0), 1, math.log(2), 1.0, _EXACT, _EXACT),
     "henon": Known(-2, (0.1, 0.1, 0), 1, 0.41922, 1.220, _BOOK, _BOOK),

@@ -18,7 +18,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
 from benchmarks.measured import write  # noqa: E402
 
 from crosstrack.instances.fleet.paper_tables import table_2_model, tsplib_file  # noqa: E402
-from crosstrack.solvers.fleet.clustering import move_centres, reclassify  # noqa: E402
+from crosstrack.solvers.fleet.swarm import move_centres, reclassify  # noqa: E402
 
 BEST, WORST = 10403.2, 10706.1
 STARTS, STEPS, MOST = 40, 250, 13

@@ -1,4 +1,4 @@
-"""Readers of TSPLIB and VRPLIB files, the public collections of tours and vehicle routes.
+"""Readers of nodes in CSV and Excel files, of TSPLIB and VRPLIB files, and of instances that refer to them.
 
 Sources: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991;
 CVRPLIB, http://vrp.galgos.inf.puc-rio.br.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,12 @@ from ...files import as_path
 from ...models.fields import Flag, Whole, show
 from ...models.fleet.data import MOST, Metric, Objective
 from ...models.fleet.model import FleetRouting
+from ..grid_path.maps import resolve_references as resolve_map
 from ..sections import KeywordFile
-from ..tables import NUMBER
+from ..storage import Find, reference
+from ..tables import NUMBER, Column, read_table
 
-__all__ = ["read_tsplib", "read_vrplib"]
+__all__ = ["read_nodes", "read_tsplib", "read_vrplib", "resolve_references"]
 
 Floats = NDArray[np.float64]
 
@@ -272,3 +274,52 @@ def _matrix(content: KeywordFile, size: int) -> Floats:
     return (
         matrix if form == "FULL_MATRIX" else matrix + np.tril(matrix, -1).T + np.triu(matrix, 1).T
     )
+
+
+_COLUMNS = (
+    Column("x"),
+    Column("y"),
+    Column("demand", optional=True),
+    Column("id", field="ids", text=True, optional=True),
+)
+
+
+def read_nodes(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read the nodes in a CSV or Excel file.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    dict
+        Fields of :class:`~crosstrack.models.fleet.FleetRouting`: ``points`` (m), and ``demands`` and
+        ``ids`` if the file has these columns.
+
+    Raises
+    ------
+    BackendMissing
+        It is an Excel file, and openpyxl is not installed.
+    InvalidData
+        The file is invalid; the error names file, line, column and value. Examples: missing, repeated
+        or unknown columns, a row of another length, a number that is not finite, an empty id, or a
+        file without nodes.
+    """
+    header = "x,y, with optional demand and id"
+    table = read_table(path, _COLUMNS, header, row="node", field="points").values
+    data: dict[str, Any] = {"points": list(zip(table["x"], table["y"], strict=True))}
+    for name, field in (("demand", "demands"), ("id", "ids")):
+        if name in table:
+            data[field] = table[name]
+    return data
+
+
+def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:
+    """Return `data` of an instance after reading its nodes and map from their files.
+
+    ``"points": "file.csv"`` names a file of nodes, ``"map": "rooms.map"`` one of a map, as for
+    :func:`~crosstrack.instances.grid_path.maps.resolve_references`.
+    """
+    return reference("points", read_nodes)(resolve_map(data, find), find)
