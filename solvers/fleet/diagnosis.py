@@ -88,7 +88,7 @@ def _too_heavy(model: FleetRouting) -> Iterator[Finding]:
 
 def _too_long(model: FleetRouting, time_limit: float | None) -> Iterator[Finding]:
     """Yield a finding if the lower bound on the sum, without other limits, exceeds the budget."""
-    limits = dict[str, Any].fromkeys((*model.limits, "demands"))
+    limits: dict[str, Any] = dict.fromkeys((*model.limits, "demands"))
     free = replace(model, objective=Objective.SUM, q=0.0, **limits)
     try:
         answer = solve(free, "highs", formulation="two-index", time_limit=time_limit)
