@@ -234,15 +234,17 @@ class CorrelationIntegral(AttractorBackend):
         if not np.ptp(series) > 0:
             series = problem.series
         delay, window, messages = self._chosen(series, request)
-        own: dict[str, Any] = {"delay": delay, "window": window, "samples": len(series)}
+        figures: dict[str, Any] = {"delay": delay, "window": window, "samples": len(series)}
         for half, x in halves(series).items():
-            own[f"delay of the {half}"], own[f"window of the {half}"], _ = self._chosen(x, request)
+            figures[f"delay of the {half}"], figures[f"window of the {half}"], _ = self._chosen(
+                x, request
+            )
         # Equation 11: the window is (m - 1) delays.
         dimension = max(round(window / delay), 1) + 1
         theiler = request.options["theiler"]
         if theiler is None:
             theiler = theiler_window(problem.series, delay, dimension)
-        return Finding(AttractorEstimate(delay, dimension, theiler), own, "; ".join(messages))
+        return Finding(AttractorEstimate(delay, dimension, theiler), figures, "; ".join(messages))
 
     def _chosen(self, series: Floats, request: Request) -> tuple[int, int, list[str]]:
         """Return delay and window in samples, and messages about both."""
@@ -259,9 +261,9 @@ class CorrelationIntegral(AttractorBackend):
         window, other = self.window(result, delay)
         return delay, window, [text for text in (message, other) if text]
 
-    def window(self, found: Curves, delay: int) -> tuple[int, str]:
+    def window(self, result: Curves, delay: int) -> tuple[int, str]:
         """Return the window in samples, and a message about it."""
-        return int(found.combined.argmin()) + 1, ""
+        return int(result.combined.argmin()) + 1, ""
 
 
 class ImprovedCorrelationIntegral(CorrelationIntegral):
@@ -275,16 +277,16 @@ class ImprovedCorrelationIntegral(CorrelationIntegral):
     name = "improved-c-c"
     summary = "delay and dimension by the paper's improved C-C method"
 
-    def window(self, found: Curves, delay: int) -> tuple[int, str]:
+    def window(self, result: Curves, delay: int) -> tuple[int, str]:
         """Return the first prominent peak beyond the delay, or the window of the C-C method without one."""
         from scipy.signal import find_peaks
 
-        prominence = _PEAK * float(np.ptp(found.periodic))
-        peaks = find_peaks(found.periodic, prominence=prominence)[0] + 1
+        prominence = _PEAK * float(np.ptp(result.periodic))
+        peaks = find_peaks(result.periodic, prominence=prominence)[0] + 1
         peaks = peaks[peaks > delay]
         if peaks.size:
             return int(peaks[0]), ""
-        return super().window(found, delay)[0], "no period stands out; the window is that of c-c"
+        return super().window(result, delay)[0], "no period stands out; the window is that of c-c"
 
 
 def first_local_minimum(spread: Floats) -> tuple[int, str]:

@@ -118,8 +118,8 @@ def mutual_information(series: Floats, lags: Ints) -> tuple[Floats, float, float
     for k, lag in enumerate(lags.tolist()):
         share = np.bincount(first + code[at + lag], minlength=bins**2).reshape(bins, bins) / len(at)
         alone = share.sum(axis=1)[:, None] * share.sum(axis=0)
-        held = share > 0
-        result[k] = (share[held] * np.log(share[held] / alone[held])).sum()
+        occupied = share > 0
+        result[k] = (share[occupied] * np.log(share[occupied] / alone[occupied])).sum()
     alone = np.bincount(code) / len(code)
     entropy = -float((alone[alone > 0] * np.log(alone[alone > 0])).sum())
     bias = (bins - 1) ** 2 / (2 * len(at))
@@ -197,7 +197,7 @@ def states_of(series: Floats, at: Ints, delay: int, dimension: int) -> Floats:
 
 
 def nearest(
-    states: Floats, times: Ints, asked: Ints, theiler: int, norm: float = np.inf
+    states: Floats, times: Ints, rows: Ints, theiler: int, norm: float = np.inf
 ) -> tuple[Ints, Floats]:
     """Return the nearest distinct state of each given state that is not near in time, and its distance.
 
@@ -212,11 +212,11 @@ def nearest(
     # and the last state of a group show whether any is distant in time.
     first, last = _repeats(states)
     tree = KDTree(states[first])
-    result = np.full(len(asked), -1)
-    apart = np.full(len(asked), np.inf)
-    left, count = np.arange(len(asked)), _FIRST
+    result = np.full(len(rows), -1)
+    apart = np.full(len(rows), np.inf)
+    left, count = np.arange(len(rows)), _FIRST
     while left.size and count <= _MOST:
-        mine = asked[left]
+        mine = rows[left]
         far, who = tree.query(states[mine], range(1, min(count, len(first)) + 1), p=norm)
         early, late = first[who], last[who]
         before = np.abs(times[early] - times[mine][:, None]) > theiler
@@ -258,10 +258,10 @@ def neighbour_growth(
     """
     at = thin_out(len(series) - dimension * delay, _AMONG)
     states = states_of(series, at, delay, dimension + 1)
-    asked = thin_out(len(at), _ASKED)
-    result, apart = nearest(states[:, :dimension], at, asked, theiler, norm)
+    rows = thin_out(len(at), _ASKED)
+    result, apart = nearest(states[:, :dimension], at, rows, theiler, norm)
     good = result >= 0
-    return apart[good], np.abs(states[asked[good], -1] - states[result[good], -1])
+    return apart[good], np.abs(states[rows[good], -1] - states[result[good], -1])
 
 
 def cao_curves(

@@ -53,8 +53,8 @@ def all_pairs(states: Floats, radii: Floats, poll: Poll) -> Counts:
     # theta(0) = 0 in equation 16, and a distance equal to the radius counts in the kernel.
     counts = correlation_counts(states, np.nextafter(radii, 0.0), 0, poll=poll)
     blocks = np.array_split(np.arange(counts.references), len(counts.counts))
-    own = np.array([len(block) for block in blocks])[:, None]
-    return Counts(radii, counts.counts + own, counts.references)
+    sizes = np.array([len(block) for block in blocks])[:, None]
+    return Counts(radii, counts.counts + sizes, counts.references)
 
 
 def slope_of(states: Floats, size: float, method: Method, poll: Poll) -> Slope | str:
@@ -105,7 +105,7 @@ class GrassbergerProcaccia(AttractorBackend):
                 raise RunStopped
             delay = answer.point.delay
         most = max(largest_dimension(len(problem.series), delay, options["largest"]), 2)
-        own: dict[str, Any] = {}
+        figures: dict[str, Any] = {}
         best, dimension, message = None, 2, ""
         for m in range(2, most + 1):
             slope = slope_of(
@@ -117,10 +117,10 @@ class GrassbergerProcaccia(AttractorBackend):
             if isinstance(slope, str):
                 message = f"no slope from dimension {m} on: {slope}"
                 break
-            own[f"slope, dimension {m}"] = slope.value
+            figures[f"slope, dimension {m}"] = slope.value
             if best is None or slope.value > best.value:
                 best, dimension = slope, m
-        return Finding(AttractorEstimate(delay, dimension, 0, correlation=best), own, message)
+        return Finding(AttractorEstimate(delay, dimension, 0, correlation=best), figures, message)
 
 
 class SmallDataSets(Rosenstein):

@@ -72,7 +72,7 @@ class Neighbours:
         self.states, self.theiler, self.last = states, theiler, last
         self.ordered, self.times, self.places = order_states(states[:last])
 
-    def asked(self, count: int) -> Ints:
+    def references(self, count: int) -> Ints:
         """Return `count` random states in the order of time; all if there are few."""
         if len(self.states) <= ALL or count >= self.last:
             return np.arange(self.last)
@@ -115,13 +115,13 @@ def rosenstein_curve(
     """
     pool = Neighbours(states, theiler, last)
     visits = pool.nearest(pool.pilot)[2]
-    asked = pool.asked(min(max(WORK * PILOT // max(visits, 1), SOME), references))
+    rows = pool.references(min(max(WORK * PILOT // max(visits, 1), SOME), references))
 
     def part(some: Ints) -> tuple[Floats, Ints]:
         result: tuple[Floats, Ints] = nearest_partings(states, some, pool.nearest(some)[0], high)
         return result
 
-    return _curve(part, asked, poll)
+    return _curve(part, rows, poll)
 
 
 def kantz_curve(
@@ -141,8 +141,8 @@ def kantz_curve(
     pool = Neighbours(states, theiler, last)
     neighbours = pool.within(pool.pilot, radius, 0)[2]
     cost = max(neighbours, 1) * (high + 1) * states.shape[1]
-    asked = pool.asked(min(max(MEANS * PILOT // cost, FEW), references))
-    return _curve(lambda some: pool.within(some, radius, high)[:2], asked, poll)
+    rows = pool.references(min(max(MEANS * PILOT // cost, FEW), references))
+    return _curve(lambda some: pool.within(some, radius, high)[:2], rows, poll)
 
 
 def kantz_radius(states: Floats, theiler: int, last: int) -> float | None:
@@ -153,16 +153,16 @@ def kantz_radius(states: Floats, theiler: int, last: int) -> float | None:
     five of half of them a tenth.
     """
     pool = Neighbours(states, theiler, last)
-    squares = pool.nearest(pool.asked(SOME), CROWD)[1]
+    squares = pool.nearest(pool.references(SOME), CROWD)[1]
     square = float(np.sort(squares)[int(CROWDED * (len(squares) - 1))])
     # Slightly larger, because rounding would split ties.
     return math.sqrt(square) * (1 + 1e-9) if 0.0 < square < math.inf else None
 
 
-def _curve(part: Callable[[Ints], tuple[Floats, Ints]], asked: Ints, poll: Poll) -> Curve:
+def _curve(part: Callable[[Ints], tuple[Floats, Ints]], rows: Ints, poll: Poll) -> Curve:
     done = []
-    for some in np.array_split(asked, min(BLOCKS, len(asked))):
+    for some in np.array_split(rows, min(BLOCKS, len(rows))):
         poll()
         done.append(part(some))
     sums, counts = zip(*done, strict=True)
-    return Curve(np.array(sums), np.array(counts), len(asked))
+    return Curve(np.array(sums), np.array(counts), len(rows))

@@ -254,27 +254,27 @@ def prediction_error(values: Floats, delay: int, dimension: int, theiler: int, c
     # The last coordinates diverge first, so the search is along the last one.
     columns = [values[k * delay : k * delay + last] for k in range(dimension - 1, -1, -1)]
     states, times, places = order_states(np.stack(columns, axis=1))
-    asked = thin_out(last, ASKED if dimension <= HIGH or len(values) <= ASKED else ASKED_HIGH)
-    which, _, _ = nearest_states(states, times, places[asked], theiler, count, True)
+    rows = thin_out(last, ASKED if dimension <= HIGH or len(values) <= ASKED else ASKED_HIGH)
+    which, _, _ = nearest_states(states, times, places[rows], theiler, count, True)
     complete = which[:, -1] >= 0
     if not complete.any():
         return math.nan
     futures = values[dimension * delay :]
-    errors = futures[asked[complete]] - futures[which[complete]].mean(axis=1)
+    errors = futures[rows[complete]] - futures[which[complete]].mean(axis=1)
     return float((errors**2).mean())
 
 
 def judge(
-    found: Ranks, exponent: Slope | None, duration: float = math.inf
+    ranking: Ranks, exponent: Slope | None, duration: float = math.inf
 ) -> tuple[SurrogateTest, str]:
     """Return the judgement from the rank and the exponent in nats per second, and its reason.
 
     `duration` is that of the series in seconds.
     """
-    if not found.rejected:
+    if not ranking.rejected:
         judgement = Judgement.NOISE
         drifts = "the series drifts: its surrogates have a jump that it has not, and prove nothing"
-        reason = drifts if found.jump > 1.0 else "linear noise explains the series as well"
+        reason = drifts if ranking.jump > 1.0 else "linear noise explains the series as well"
     elif exponent is None:
         judgement = Judgement.NONLINEAR
         reason = "linear noise does not explain the series, but no positive exponent was found"
@@ -289,8 +289,8 @@ def judge(
         )
     else:
         judgement, reason = Judgement.CHAOTIC, ""
-    reason = "; ".join(filter(None, (reason, found.extent)))
-    return SurrogateTest(judgement, found.count, found.exceeded), reason
+    reason = "; ".join(filter(None, (reason, ranking.extent)))
+    return SurrogateTest(judgement, ranking.count, ranking.exceeded), reason
 
 
 class Surrogates(AttractorBackend):
@@ -321,13 +321,13 @@ class Surrogates(AttractorBackend):
         return Finding(plan, statistics(result), "; ".join(filter(None, messages)))
 
 
-def statistics(found: Ranks) -> dict[str, Any]:
+def statistics(ranking: Ranks) -> dict[str, Any]:
     """Return the statistics of a test."""
     return {
-        "surrogates": found.count,
-        "samples compared": found.read,
-        "prediction error": found.error,
-        "median of the surrogates": found.median,
-        "deviations below": found.sigmas,
-        "jump at the seam": found.jump,
+        "surrogates": ranking.count,
+        "samples compared": ranking.read,
+        "prediction error": ranking.error,
+        "median of the surrogates": ranking.median,
+        "deviations below": ranking.sigmas,
+        "jump at the seam": ranking.jump,
     }

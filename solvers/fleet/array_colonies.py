@@ -106,8 +106,8 @@ class ArrayColonies(Colonies):
             def draw(shape: tuple[int, ...]) -> Any:
                 return xp.rand(shape, generator=source, device=self.device, dtype=xp.float64)
 
-            held, sizes, places = (xp.as_tensor(x, device=self.device) for x in (d, size, numbers))
-            tours = array_tours(xp, held, sizes, places, model.symmetric, self.settings, draw)
+            d, size, numbers = (xp.as_tensor(x, device=self.device) for x in (d, size, numbers))
+            tours = array_tours(xp, d, size, numbers, model.symmetric, self.settings, draw)
             lengths, orders = (entry.cpu().numpy() for entry in tours)
         stops = [nodes[i, order[1 : len(parts[i]) + 1]].tolist() for i, order in enumerate(orders)]
         routes = [stops[i : i + m] for i in range(0, len(stops), m)]

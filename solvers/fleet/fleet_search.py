@@ -320,12 +320,12 @@ class _Search:
         a, b = (int(k) for k in draw.integers(0, len(self.pool), 2))
         return self.cross(self.pool[a], self.pool[b], draw), WARM, draw
 
-    def cross(self, one: _Candidate, other: _Candidate, draw: np.random.Generator) -> _Candidate:
-        """Return the crossover of two fleets: random routes of `one`, completed from `other`."""
-        first, second = one.stops(), other.stops()
+    def cross(self, parent: _Candidate, other: _Candidate, draw: np.random.Generator) -> _Candidate:
+        """Return the crossover of two fleets: random routes of `parent`, completed from `other`."""
+        first, second = parent.stops(), other.stops()
         m = len(first)
         chosen = [k for k in range(m) if draw.random() < 0.5]
-        if one is other or not chosen:
+        if parent is other or not chosen:
             return _Candidate(self.fleet, first)
         taken = {node for k in chosen for node in first[k]}
         routes: list[list[int]] = [[] for _ in range(m)]

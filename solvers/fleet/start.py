@@ -136,7 +136,7 @@ def repair(
 
 def _redistribute(
     model: FleetRouting,
-    one: list[int],
+    stops: list[int],
     other: list[int],
     most: Floats,
     draw: np.random.Generator,
@@ -144,13 +144,13 @@ def _redistribute(
 ) -> tuple[list[int], list[int]] | None:
     """Redistribute the nodes of two routes with the least overload; None for the same split."""
     assert model.demands is not None
-    nodes = np.array([*one, *other])
+    nodes = np.array([*stops, *other])
     picked = np.arange(nodes.size)
     if nodes.size > MOST:
         picked = np.sort(draw.choice(nodes.size, MOST, replace=False))
-    before = picked < len(one)
+    before = picked < len(stops)
     rest = np.delete(np.arange(nodes.size), picked)
-    fixed = nodes[rest[rest < len(one)]], nodes[rest[rest >= len(one)]]
+    fixed = nodes[rest[rest < len(stops)]], nodes[rest[rest >= len(stops)]]
     bits = _subsets(picked.size)
     sums = bits @ model.demands[nodes[picked]]
     first = model.demands[fixed[0]].sum() + sums

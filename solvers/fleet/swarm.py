@@ -284,7 +284,7 @@ def swarm(
     n = len(points)
     place = np.stack([points[rng.choice(n, clusters, replace=False)] for _ in range(particles)])
     speed = rng.uniform(-STRIDE, STRIDE, place.shape)
-    own, own_worth = place.copy(), np.full(particles, np.inf)
+    personal, personal_worth = place.copy(), np.full(particles, np.inf)
     labels = np.zeros((particles, n), np.int64)
     best, result = place[0].copy(), SwarmResult(np.inf, [], 0, 0, 0)
 
@@ -298,14 +298,14 @@ def swarm(
                 break
             inertia = INERTIA[0] + (INERTIA[1] - INERTIA[0]) * (step - 1) / max(iterations - 1, 1)
             pull = learning * rng.random((2, *place.shape))
-            speed = inertia * speed + pull[0] * (own - place) + pull[1] * (best - place)
+            speed = inertia * speed + pull[0] * (personal - place) + pull[1] * (best - place)
             np.clip(speed, -STRIDE, STRIDE, out=speed)
             place = np.clip(place + speed, 0.0, 1.0)
         colonies.each(classify, particles)
         loads, routes, done = colonies.tours(labels, draws)
         worth = np.array([fitness(lengths) for lengths in loads])
-        better = worth < own_worth
-        own[better], own_worth[better] = place[better], worth[better]
+        better = worth < personal_worth
+        personal[better], personal_worth[better] = place[better], worth[better]
         lead = int(worth.argmin())
         if worth[lead] < result.fitness or not result.routes:
             best, result.fitness, result.routes = (
