@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import show
 from ..verification import Check, Verification, check_tolerance
-from .definition import Definition, Phase, Restriction
+from .definition import Definition, Restriction, entry_slices, entry_units
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
 from .sampling import Course, Extreme, Instants, courses, endpoint
@@ -143,7 +143,7 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
             ),
             *([*_bounds(named, what, tolerance)] for what in ("states", "controls")),
             sides.checks(
-                "bounds of parameters", parameters, _units(definition, "parameters"),
+                "bounds of parameters", parameters, entry_units(definition.parameters),
                 definition.parameter_names, tolerance,
             ),
             *([check] for pair in named for check in _paths(*pair, tolerance)),
@@ -166,10 +166,6 @@ def _labels(phases: tuple[Course, ...]) -> list[str]:
     return [f" of phase {course.phase.name!r}" if len(phases) > 1 else "" for course in phases]
 
 
-def _units(of: Phase | Definition, what: str) -> list[str]:
-    return [part.unit for part in getattr(of, what) for _ in range(part.size)]
-
-
 def _place(name: str, course: Course, time: float, label: str) -> str:
     """Return ``"x at t = 0.31 s of phase 'climb'"``, or the time alone for an empty name."""
     head = f"{name} at " if name else ""
@@ -180,7 +176,7 @@ def _place(name: str, course: Course, time: float, label: str) -> str:
 
 
 def _motion(course: Course, label: str, reintegrated: Reintegration, tolerance: float) -> Check:
-    units = _units(course.phase, "states")
+    units = entry_units(course.phase.states)
 
     def place(row: int, state: int) -> str:
         text = _place(course.phase.state_names[state], course, reintegrated.times[row], label)
@@ -195,7 +191,7 @@ def _motion(course: Course, label: str, reintegrated: Reintegration, tolerance: 
 
 
 def _continuity(course: Course, label: str, tolerance: float) -> Check:
-    grid, units, name = course.dense, _units(course.phase, "states"), "continuity of states"
+    grid, units, name = course.dense, entry_units(course.phase.states), "continuity of states"
     starts = np.flatnonzero(np.diff(grid.interval) > 0)
     if not starts.size:
         return Check.largest(name, [], 1.0, units[0], "", tolerance)
@@ -218,10 +214,7 @@ def _invariants(
     tables = (course.dense_values, course.values(reintegrated.at, reintegrated.states))
     grids = (course.dense.times, ""), (reintegrated.times, " (integrated)")
     begin = tables[0]["invariant"][0]
-    start = 0
-    for invariant in course.phase.invariants:
-        entries = slice(start, start + invariant.size)
-        start += invariant.size
+    for invariant, entries in entry_slices(course.phase.invariants):
         scale = np.maximum(invariant.scale, np.abs(begin[entries]))
         checks = []
         for table, (times, whose) in zip(tables, grids, strict=True):
@@ -262,17 +255,14 @@ def _bounds(named: list[tuple[Course, str]], what: str, tolerance: float) -> Ite
         entry = int(sides.entry[worst.entry])
         names = course.phase.state_names if what == "states" else course.phase.control_names
         place = _place(names[entry], course, worst.time, label)
-        unit = _units(course.phase, what)[entry]
+        unit = entry_units(getattr(course.phase, what))[entry]
         yield sides.check(f"bounds of {what}", worst, unit, place, tolerance)
 
 
 def _paths(course: Course, label: str, tolerance: float) -> Iterator[Check]:
     """Yield the check of each path constraint, also between the nodes."""
-    begin = 0
-    for restriction in course.phase.paths:
-        entries = slice(begin, begin + restriction.size)
+    for restriction, entries in entry_slices(course.phase.paths):
         sides = _Sides(restriction.lower, restriction.upper, course.sizes.paths[entries])
-        begin += restriction.size
         if not sides.entry.size:
             continue
         worst = course.largest(
@@ -318,7 +308,7 @@ def _ends(
     if end and reintegrated.windows == 1:
         values.append((reintegrated.states[-1], " (integrated)"))
     time = (course.plan.start, course.plan.end)[end]
-    units = _units(course.phase, "states")
+    units = entry_units(course.phase.states)
     for state, whose in values:
         places = [_place(name, course, time, label) + whose for name in course.phase.state_names]
         yield from sides.checks(f"{word} values", state, units, places, tolerance)
@@ -333,10 +323,7 @@ def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[
 def _boundaries(
     definition: Definition, values: Floats, scale: Floats, tolerance: float
 ) -> Iterator[list[Check]]:
-    begin = 0
-    for boundary in definition.boundaries:
-        part = slice(begin, begin + boundary.size)
-        begin += boundary.size
+    for boundary, part in entry_slices(definition.boundaries):
         sides = _Sides(boundary.lower, boundary.upper, scale[part])
         places = [_entry(boundary, k) for k in range(boundary.size)]
         units = [boundary.unit] * boundary.size

@@ -7,10 +7,10 @@ digested, verified and transcribed.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,17 @@ from ..programs.compiled import Compiled, canonical_text
 if TYPE_CHECKING:
     import casadi
 
-__all__ = ["Definition", "Guess", "Phase", "Quantity", "Restriction", "check_order", "entry_names"]
+__all__ = [
+    "Definition",
+    "Guess",
+    "Phase",
+    "Quantity",
+    "Restriction",
+    "check_order",
+    "entry_names",
+    "entry_slices",
+    "entry_units",
+]
 
 Floats = NDArray[np.float64]
 
@@ -90,6 +100,9 @@ class _Bounded(Declared):
     def size(self) -> int:
         """Number of entries."""
         return int(self.lower.size)
+
+
+ItemT = TypeVar("ItemT", bound=_Bounded)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +194,19 @@ def entry_names(quantities: Iterable[Quantity | Restriction]) -> tuple[str, ...]
     for item in quantities:
         names += [item.name] if item.size == 1 else [f"{item.name}[{k}]" for k in range(item.size)]
     return tuple(names)
+
+
+def entry_units(items: Iterable[Quantity | Restriction]) -> list[str]:
+    """Return one unit per entry."""
+    return [item.unit for item in items for _ in range(item.size)]
+
+
+def entry_slices(items: Iterable[ItemT]) -> Iterator[tuple[ItemT, slice]]:
+    """Yield each item with the places of its entries in the stacked vector."""
+    start = 0
+    for item in items:
+        yield item, slice(start, start + item.size)
+        start += item.size
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from ..fields import (
     show,
 )
 from ..records import Several, Table
+from .definition import entry_slices
 from .piecewise import Piecewise
 
 if TYPE_CHECKING:
@@ -190,12 +191,10 @@ class PhasePlan(Plan):
         if self.declared is None:
             kind = "state or control (model.attach(plan) gives outputs and path constraints too)"
             raise UnknownName(f"{kind} of phase {self.name!r}", name, known)
-        start = 0
-        for item in self.declared.observed:
+        for item, places in entry_slices(self.declared.observed):
             if isinstance(name, str) and item.name == name:
-                entries = tuple(range(start, start + item.size))
+                entries = tuple(range(places.start, places.stop))
                 return Signal(self.observed, entries, scalar=item.size == 1)
-            start += item.size
         known += [item.name for item in self.declared.observed]
         raise UnknownName(
             f"state or control, constraint or output, of phase {self.name!r}", name, known

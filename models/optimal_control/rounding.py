@@ -19,6 +19,7 @@ from scipy.integrate import solve_ivp
 from ...errors import InvalidData
 from ..fields import Whole, show
 from ..verification import TOLERANCE, Verification
+from .definition import entry_slices
 from .piecewise import Piecewise
 from .plan import ControlPlan, PhasePlan
 
@@ -146,11 +147,7 @@ def round_controls(
         raise InvalidData(f"plan must have 1 phase, got {len(plan.phases)}", field="plan")
     phase, part = model.definition.phases[0], plan.phases[0]
     steps = Whole(1, MOST).coerce("steps", steps, {})
-    groups, start = {}, 0
-    for control in phase.controls:
-        if control.integer:
-            groups[control.name] = slice(start, start + control.size)
-        start += control.size
+    groups = {item.name: part for item, part in entry_slices(phase.controls) if item.integer}
     if not groups:
         raise InvalidData("model has no control that is declared integer=True", field="model")
     lower, upper = phase.bounds("controls")

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from ...errors import InvalidData
 from ..fields import Array, Real, show
+from .definition import entry_names, entry_slices
 
 __all__ = ["Breach", "Simulation", "simulate"]
 
@@ -185,11 +186,8 @@ def simulate(
             break
     t, x, u = (np.concatenate(column) for column in zip(*parts, strict=True))
     path, invariant, output = phase.observe(t, x, u, p)
-    observed, last = {}, 0
     table = np.concatenate([path, invariant, output], axis=1)
-    for point in phase.observed:
-        observed[point.name] = table[:, last : last + point.size]
-        last += point.size
+    observed = {item.name: table[:, entries] for item, entries in entry_slices(phase.observed)}
     return Simulation(
         times=t,
         states=x,
@@ -207,12 +205,9 @@ def _first_breach(
     """Return the first violated limit; its time is that at which the chord crosses the limit."""
     breaches: list[Breach] = []
     for what, table in zip(("states", "controls", "paths"), tables, strict=True):
-        column = 0
-        for item in getattr(plan.declared, what):
-            for k in range(item.size):
-                values = table[:, column]
-                column += 1
-                name = item.name if item.size == 1 else f"{item.name}[{k}]"
+        for item, entries in entry_slices(getattr(plan.declared, what)):
+            for k, name in enumerate(entry_names([item])):
+                values = table[:, entries.start + k]
                 for limit, sign in ((item.lower[k], -1.0), (item.upper[k], 1.0)):
                     if not np.isfinite(limit):
                         continue

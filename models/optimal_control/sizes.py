@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..programs.compiled import scalar_form
-from .definition import SIDES, Definition, Quantity, Restriction
+from .definition import SIDES, Definition, Quantity, Restriction, entry_slices
 
 __all__ = ["PhaseSizes", "Sizes", "along", "of_phase", "sizes_at"]
 
@@ -77,10 +77,9 @@ def along(quantities: Iterable[Quantity], values: Floats) -> Floats:
     The size is the largest magnitude. If an entry stays smaller than its declared scale, the scale
     is used, but at most :data:`WIDE` times the largest magnitude of its vector.
     """
-    result, begin = [], 0
-    for quantity in quantities:
-        magnitude = np.abs(values[:, begin : begin + quantity.size]).max(axis=0, initial=0.0)
-        begin += quantity.size
+    result = []
+    for quantity, entries in entry_slices(quantities):
+        magnitude = np.abs(values[:, entries]).max(axis=0, initial=0.0)
         largest = float(magnitude.max(initial=0.0))
         wide = max(WIDE * largest, LEAST * float(quantity.scale.min(initial=1.0)))
         # A default scale of 1 is ignored, unless the whole vector stays 0.

@@ -59,7 +59,7 @@ _SOLVERS: Mapping[str, str] = {
     "ipopt": ".solvers.nlp.ipopt:Ipopt",
     "uno": ".solvers.nlp.plugins:Uno",
     "fatrop": ".solvers.nlp.plugins:Fatrop",
-    "sqpmethod": ".solvers.nlp.sqpmethod:SqpMethod",
+    "sqpmethod": ".solvers.nlp.plugins:SqpMethod",
     "sleqp": ".solvers.nlp.plugins:Sleqp",
     "blocksqp": ".solvers.nlp.plugins:BlockSqp",
     "bonmin": ".solvers.nlp.plugins:Bonmin",

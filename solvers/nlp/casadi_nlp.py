@@ -63,20 +63,26 @@ class CasadiNlp(NonlinearBackend):
         """Load the plugin and the libraries it needs."""
         load_plugin(self.name, "nlpsol", self.plugin, brings_highs=self.brings_highs)
 
+    def create(self, name: str, problem: Mapping[str, Any], options: Mapping[str, Any]) -> Any:
+        """Return CasADi's solver of `problem` with the options of the plugin."""
+        import casadi
+
+        call: Any = casadi
+        quiet = dict.fromkeys(("error_on_fail", "print_time", "show_eval_warnings"), False)
+        try:
+            return call.nlpsol(name, self.plugin, problem, {**quiet, **options})
+        except RuntimeError as error:
+            raise BackendBroken(
+                f"backend {self.name!r}: plugin {self.plugin!r} does not start: {last_line(error)}"
+            ) from error
+
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
         """Pass the program to the plugin, with a callback if it supports one."""
-        import casadi
-
         self.load(request)
         scaled = Scaled(program)
-        options: dict[str, Any] = {
-            "error_on_fail": False,
-            "print_time": False,
-            "show_eval_warnings": False,
-            **{name: getattr(scaled, self.given[name]) for name in self.given},
-        }
+        options = {name: getattr(scaled, self.given[name]) for name in self.given}
         watcher = None
         if Feature.INTERRUPT in self.features:
             # CasADi keeps no reference to the callback, so it must outlive the call.
@@ -86,13 +92,7 @@ class CasadiNlp(NonlinearBackend):
         left = clock.left()
         if left is not None and self.limit_option:
             options.get(self.plugin, options)[self.limit_option] = max(left, 1e-3)
-        call: Any = casadi
-        try:
-            solver = call.nlpsol("solver", self.plugin, scaled.problem(), options)
-        except RuntimeError as error:
-            raise BackendBroken(
-                f"backend {self.name!r}: plugin {self.plugin!r} does not start: {last_line(error)}"
-            ) from error
+        solver = self.create("solver", scaled.problem(), options)
         clock.lap("build")
         first = {} if request.warm_start is None else self.first(scaled, start)
         try:

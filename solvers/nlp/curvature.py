@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...models.programs.nonlinear import NonlinearProgram
 
-__all__ = ["descent_by_curvature"]
+__all__ = ["augmented_factors", "descent_by_curvature"]
 
 Vector = NDArray[np.float64]
 
@@ -28,6 +29,18 @@ EXHAUSTED = 1e-7
 DAMPING = 1e-11
 
 
+def augmented_factors(rows: sp.csc_array, damping: float) -> Any:
+    """Return the factors of ``[[I, rows.T], [rows, -damping I]]``; None if it is singular all the same."""
+    from scipy.sparse.linalg import splu
+
+    damped = -damping * sp.eye_array(rows.shape[0])
+    blocks = [[sp.eye_array(rows.shape[1]), rows.T], [rows, damped]]
+    try:
+        return splu(sp.block_array(blocks, format="csc"))
+    except RuntimeError:
+        return None
+
+
 def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector) -> Vector | None:
     """Return a direction along which the objective decreases on both sides; None if none is found.
 
@@ -36,8 +49,6 @@ def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector
     (Golub and Van Loan, "Matrix Computations", section 10.1). The direction is scaled to a largest
     entry of 1 in column sizes.
     """
-    from scipy.sparse.linalg import splu
-
     scale = program.column_scale
     slack = np.minimum(point - program.column_lower, program.column_upper - point)
     free = np.flatnonzero(slack > REACH * np.maximum(scale, np.abs(point)))
@@ -53,10 +64,8 @@ def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector
     size = free.size
     if not size or not (np.isfinite(curved.data).all() and np.isfinite(table.data).all()):
         return None
-    blocks = [[sp.eye_array(size), table.T], [table, -DAMPING * sp.eye_array(binding.size)]]
-    try:
-        factors = splu(sp.block_array(blocks, format="csc"))
-    except RuntimeError:  # singular in spite of the damping
+    factors = augmented_factors(table, DAMPING)
+    if factors is None:
         return None
     below = np.zeros(binding.size)
 

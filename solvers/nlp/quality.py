@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.programs.blocks import Block
 from ...models.programs.nonlinear import NonlinearProgram
+from .curvature import augmented_factors
 
 __all__ = ["Quality", "estimated_duals", "explained_duals", "measure", "worst_blocks"]
 
@@ -182,17 +183,11 @@ def estimated_duals(program: NonlinearProgram, point: Vector) -> Vector | None:
 
 def _least_squares(matrix: sp.csc_array, right: Vector) -> Vector | None:
     """Return the y that minimises ``|right - matrix.T @ y|``, by the sparse augmented system."""
-    from scipy.sparse.linalg import splu
-
     rows, columns = matrix.shape
-    system = sp.block_array(
-        [[sp.eye_array(columns), matrix.T], [matrix, -DAMPING * sp.eye_array(rows)]], format="csc"
-    )
-    try:
-        stacked = splu(system).solve(np.concatenate([right, np.zeros(rows)]))
-    except RuntimeError:  # singular in spite of the damping
+    factors = augmented_factors(matrix, DAMPING)
+    if factors is None:
         return None
-    solution: Vector = stacked[columns:]
+    solution: Vector = factors.solve(np.concatenate([right, np.zeros(rows)]))[columns:]
     return solution if np.isfinite(solution).all() else None
 
 

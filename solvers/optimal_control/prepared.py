@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import (
-    BackendBroken,
     InvalidData,
     NoDerivative,
     UnsupportedFormulation,
@@ -309,29 +308,14 @@ class PreparedSolver:
 
     def _make_solver(self, more: Mapping[str, Any]) -> Any:
         """Return ``nlpsol`` with the options of the backend and `more` options of the plugin."""
-        import casadi
-
         backend, posed = self.backend, self.posed
-        options: dict[str, Any] = {
-            "error_on_fail": False,
-            "print_time": False,
-            "show_eval_warnings": False,
-            **self._derivatives,
-            **backend.settings(posed.program, self.request),
-        }
+        options = {**self._derivatives, **backend.settings(posed.program, self.request)}
         limit = self.request.time_limit
         if limit is not None:
             more = {**more, backend.limit_option: limit}
         # Some plugins have options in addition to CasADi's.
         options.get(backend.plugin, options).update(more)
-        call: Any = casadi
-        try:
-            return call.nlpsol("step", backend.plugin, posed.problem(), options)
-        except RuntimeError as error:
-            raise BackendBroken(
-                f"backend {backend.name!r}: plugin {backend.plugin!r} does not start: "
-                f"{last_line(error)}"
-            ) from error
+        return backend.create("step", posed.problem(), options)
 
 
 def prepare(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import LSODA
 
 from ....errors import InvalidData
-from ..definition import Guess, entry_names
+from ..definition import Guess, entry_names, entry_slices
 from .guess import Guessed, sample_guess
 
 __all__ = ["fly"]
@@ -112,12 +112,9 @@ def fly(
     samples = np.unique(np.linspace(0, t.size - 1, min(t.size, SAMPLES)).round().astype(int))
     t, table = t[samples], np.clip(table[samples], lower, upper)
     u = np.array([control(*item) for item in zip(t, table, strict=True)])
-    start = 0
-    for name, item in states.items():
-        if name not in phase.flown:
-            guessed = sample_guess(
-                item, phase.guessed[name], (t - begin) / (t[-1] - begin), (begin, t[-1])
-            )
-            table[:, start : start + item.size] = guessed
-        start += item.size
-    return Guess(begin, float(t[-1]), (t - begin) / (t[-1] - begin), table, u)
+    fractions = (t - begin) / (t[-1] - begin)
+    for item, entries in entry_slices(states.values()):
+        if item.name not in phase.flown:
+            guessed = phase.guessed[item.name]
+            table[:, entries] = sample_guess(item, guessed, fractions, (begin, t[-1]))
+    return Guess(begin, float(t[-1]), fractions, table, u)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...programs.blocks import Block
 from ...programs.triplets import Triplets
-from ..definition import Definition, Phase, Quantity
+from ..definition import Definition, Phase, entry_units
 from ..piecewise import Piecewise
 from ..sizes import Sizes
 from .mesh import Mesh
@@ -178,7 +178,7 @@ class PhaseLayout:
                 (phase.state_names, phase.states, self._at(points, interval)),
                 (phase.control_names, phase.controls, self._at_owners()),
             )
-            for name, unit in zip(names, _units(quantities), strict=True)
+            for name, unit in zip(names, entry_units(quantities), strict=True)
         ]
         blocks += [Block(f"integral {k + 1}{of}", "", 0, 1) for k in range(phase.integrals)]
         blocks += [
@@ -195,7 +195,7 @@ class PhaseLayout:
         equation = phase.dynamics_equation
         blocks = [
             Block(f"dynamics of {name}{of}", equation, 0, self.defects, _PLACE, table, unit)
-            for name, unit in zip(phase.state_names, _units(phase.states), strict=True)
+            for name, unit in zip(phase.state_names, entry_units(phase.states), strict=True)
         ]
         places = self._at_owners()
         for path in phase.paths:
@@ -216,10 +216,6 @@ class PhaseLayout:
 
 def _starts(sizes: Iterable[int]) -> Whole:
     return np.concatenate([[0], np.cumsum(list(sizes))])
-
-
-def _units(quantities: Sequence[Quantity]) -> list[str]:
-    return [quantity.unit for quantity in quantities for _ in range(quantity.size)]
 
 
 def stack_blocks(start: int, blocks: Iterable[Block]) -> list[Block]:
