@@ -25,17 +25,6 @@ if TYPE_CHECKING:
         minimum_time_to_climb as minimum_time_to_climb,
         shuttle_reentry as shuttle_reentry,
     )
-    from .oscillators import (
-        aly_chan as aly_chan,
-        harmonic_oscillator as harmonic_oscillator,
-        rayleigh as rayleigh,
-        van_der_pol as van_der_pol,
-    )
-    from .reactors import (
-        batch_reactor as batch_reactor,
-        tubular_reactor as tubular_reactor,
-        tumor as tumor,
-    )
     from .robots import (
         around_discs as around_discs,
         cart_pole as cart_pole,
@@ -55,12 +44,19 @@ if TYPE_CHECKING:
         two_stage_ascent as two_stage_ascent,
     )
     from .switching import (
+        aly_chan as aly_chan,
+        batch_reactor as batch_reactor,
         catalyst_mixing as catalyst_mixing,
         double_integrator as double_integrator,
         double_integrator_fuel as double_integrator_fuel,
+        harmonic_oscillator as harmonic_oscillator,
         lotka_volterra_fishing as lotka_volterra_fishing,
         moon_lander as moon_lander,
+        rayleigh as rayleigh,
         singular_regulator as singular_regulator,
+        tubular_reactor as tubular_reactor,
+        tumor as tumor,
+        van_der_pol as van_der_pol,
     )
 
 CATALOGUE = {"optimal-control": ".listing:catalogue_entries"}

@@ -28,8 +28,7 @@ from ..contract.backend import (
     Termination,
 )
 from ..programs.attempts import Clock, Ended, Ending, ending_if_stopped, limit_reached, stop_reason
-from .curvature import descent_by_curvature
-from .quality import Quality, measure, worst_blocks
+from .quality import Quality, descent_by_curvature, measure, worst_blocks
 
 __all__ = ["COMMON", "HESSIAN", "NonlinearBackend", "most_iterations"]
 

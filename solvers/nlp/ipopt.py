@@ -38,7 +38,8 @@ _CAREFUL = "careful"
 #: Barrier parameter of a warm start, and its distance from bounds. From an optimum on a coarser mesh,
 #: Ipopt takes a third of the iterations of the default, 0.1.
 NEAR = 1e-5
-_PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+#: Options for the distance of a start from bounds.
+PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 
 
 class Ipopt(CasadiNlp):
@@ -84,7 +85,7 @@ class Ipopt(CasadiNlp):
             options.update(_MUMPS)
         if request.warm_start is not None:
             options.update(
-                mu_init=NEAR, bound_mult_init_method="mu-based", **dict.fromkeys(_PUSHES, NEAR)
+                mu_init=NEAR, bound_mult_init_method="mu-based", **dict.fromkeys(PUSHES, NEAR)
             )
         if given["mu_init"] is not None:
             options["mu_init"] = given["mu_init"]

@@ -62,13 +62,10 @@ class _Posed:
             self._cached[name] = key, getattr(self.scaled, name)(z, [])
         return self._cached[name][1]
 
-    def objective(self, z: Vector) -> float:
-        """Return the scaled objective."""
-        return float(self._values("gradient", z)[0])
-
-    def gradient(self, z: Vector) -> Vector:
-        """Return the gradient of the objective, shape (n,)."""
-        return vector(self._values("gradient", z)[1])
+    def objective(self, z: Vector) -> tuple[float, Vector]:
+        """Return the scaled objective and its gradient, shape (n,)."""
+        value, gradient = self._values("gradient", z)
+        return float(value), vector(gradient)
 
     def rows(self, z: Vector) -> Vector:
         """Return the bounded rows."""
@@ -145,7 +142,7 @@ class _ScipyNlp(NonlinearBackend):
         if np.isfinite(posed.lower).any() or np.isfinite(posed.upper).any():
             limits = Bounds(posed.lower, posed.upper)
         return minimize(
-            posed.objective, start, jac=posed.gradient, method=self.name, bounds=limits,
+            posed.objective, start, jac=True, method=self.name, bounds=limits,
             constraints=constraints, callback=posed.see, **arguments,
         )  # fmt: skip
 

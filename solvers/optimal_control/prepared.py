@@ -33,6 +33,7 @@ from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
 from ..nlp.casadi_nlp import CasadiNlp
+from ..nlp.ipopt import PUSHES
 from ..programs.attempts import Ended
 from ..programs.casadi_plugins import last_line, status_of, vector
 from .generated import write_step
@@ -49,16 +50,8 @@ _WARM_IPOPT = {
     "warm_start_init_point": "yes",
     "mu_strategy": "monotone",
     "mu_init": NEAR,
-    **dict.fromkeys(
-        (
-            "warm_start_bound_push",
-            "warm_start_bound_frac",
-            "warm_start_slack_bound_push",
-            "warm_start_slack_bound_frac",
-            "warm_start_mult_bound_push",
-        ),
-        NEAR,
-    ),
+    "warm_start_mult_bound_push": NEAR,
+    **{f"warm_start_{name}": NEAR for name in PUSHES},
 }
 
 

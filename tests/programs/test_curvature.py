@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 import crosstrack as ct
 from crosstrack.models import NonlinearProgram, OptimalControlProblem
-from crosstrack.solvers.nlp.curvature import NEGATIVE, descent_by_curvature
+from crosstrack.solvers.nlp.quality import NEGATIVE, descent_by_curvature
 
 
 def drawn(draw):

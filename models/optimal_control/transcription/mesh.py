@@ -106,9 +106,9 @@ def read_mesh(mesh: Any, degree: int) -> Mesh:
     """Return a mesh from the fractions given by the user, with `degree` nodes per interval."""
     if isinstance(mesh, Mesh):
         return mesh
-    if not isinstance(mesh, Sequence | np.ndarray) or isinstance(mesh, str):
-        raise UnsupportedOption(f"mesh must be fractions from 0 to 1, got {show(mesh)}")
     try:
+        if not isinstance(mesh, Sequence | np.ndarray) or isinstance(mesh, str):
+            raise TypeError
         fractions = np.asarray(mesh, float)
     except (TypeError, ValueError):
         raise UnsupportedOption(f"mesh must be fractions from 0 to 1, got {show(mesh)}") from None
