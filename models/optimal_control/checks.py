@@ -6,7 +6,7 @@ and path constraints are checked between the nodes, and integrals are computed b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from ..verification import Check, Verification, check_tolerance
 from .definition import Definition, Restriction, entry_slices, entry_units
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
-from .sampling import Course, Extreme, Instants, courses, endpoint
+from .sampling import Course, Extreme, courses, endpoint
 from .sizes import along, sizes_at
 
 __all__ = ["motion", "verify_control"]
@@ -266,17 +266,14 @@ def _paths(course: Course, label: str, tolerance: float) -> Iterator[Check]:
         if not sides.entry.size:
             continue
         worst = course.largest(
-            _on_path(course, sides, entries), sides(course.dense_values["path"][:, entries])
+            lambda at, sides=sides, part=entries: sides(course.values(at)["path"][:, part]),  # type: ignore[misc]
+            sides(course.dense_values["path"][:, entries]),
         )
         name = _entry(restriction, int(sides.entry[worst.entry]))
         place = _place(name, course, worst.time, label)
         yield sides.check(
             restriction.name, worst, restriction.unit, place, tolerance, restriction.equation
         )
-
-
-def _on_path(course: Course, sides: _Sides, entries: slice) -> Callable[[Instants], Floats]:
-    return lambda at: sides(course.values(at)["path"][:, entries])
 
 
 # -- at the ends -------------------------------------------------------------------------------------

@@ -213,7 +213,7 @@ class _Run:
                 ending, quality, Termination.NO_SOLUTION, "its iterates diverge"
             )
         if quality is None or not quality.feasible:
-            return self.warm_start_answer(ending, quality) or self.infeasible(ending, quality)
+            return self.warm_start_answer(ending) or self.infeasible(ending, quality)
         is_iteration_limit = ending.limit is Limit.ITERATIONS and not self.request.control.stopped
         if ending.ended is Ended.STOPPED and not (
             is_iteration_limit and quality.stationarity <= CLEARLY_STATIONARY
@@ -246,7 +246,7 @@ class _Run:
             remark = f"the solver calls its point an optimum; {remark}".rstrip("; ")
         return self.without_point(ending, quality, Termination.FAILED, remark)
 
-    def warm_start_answer(self, ending: Ending, quality: Quality | None) -> Answer | None:
+    def warm_start_answer(self, ending: Ending) -> Answer | None:
         """Return the warm start if it is feasible and the search lost it, else None."""
         if self.request.warm_start is None:
             return None

@@ -456,15 +456,12 @@ class PhaseBuilder(Guessed):
         if self.outputs:
             columns = {"output": [item for _, item in self.outputs]}
             outputs = compile_function("outputs", arguments, columns, self._explain)
-        start_lower, start_upper, end_lower, end_upper = self.bounds
+        sides = ("start_lower", "start_upper", "end_lower", "end_upper")
         return Phase(
             name=self.name,
             states=tuple(self.states.values()),
             controls=tuple(self.controls.values()),
-            start_lower=start_lower,
-            start_upper=start_upper,
-            end_lower=end_lower,
-            end_upper=end_upper,
+            **dict(zip(sides, self.bounds, strict=True)),
             time_unit=self.unit,
             paths=tuple(item for item, _ in paths),
             integrals=len(self.integrands),

@@ -143,10 +143,10 @@ class PhaseLayout:
         """
         rows = Triplets()
         count = 0
-        for k, scheme in enumerate(self.schemes):
-            many = self.mesh.calm_rows(k)
+        for k, many in enumerate(self.mesh.calm_rows.tolist()):
             if not many:
                 continue
+            scheme = self.schemes[k]
             nodes = scheme.control_points
             table = np.linalg.inv(legendre.legvander(nodes, nodes.size - 1))[-many:]
             controls = self.visit_control[self.visit_starts[k] : self.visit_starts[k + 1]]
@@ -282,15 +282,10 @@ class Layout:
         """
         if duals is None:
             return tuple(np.zeros(phase.mesh.intervals) for phase in self.phases)
-        counts = [
-            np.array([part.mesh.calm_rows(k) for k in range(part.mesh.intervals)])
-            for part in self.phases
-        ]
-        start = duals.size - sum(
-            int(rows.sum()) * part.nu for rows, part in zip(counts, self.phases, strict=True)
-        )
+        start = duals.size - sum(int(part.mesh.calm_rows.sum()) * part.nu for part in self.phases)
         result: list[Floats] = []
-        for part, rows, size in zip(self.phases, counts, sizes.phases, strict=True):
+        for part, size in zip(self.phases, sizes.phases, strict=True):
+            rows = part.mesh.calm_rows
             factors = np.concatenate([np.repeat(size.controls, n) for n in rows] + [np.zeros(0)])
             shares = np.abs(duals[start : start + factors.size]) * factors
             start += factors.size

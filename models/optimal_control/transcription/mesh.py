@@ -91,10 +91,10 @@ class Mesh:
         fractions = np.sort(np.concatenate([self.fractions, middle[chosen]]))
         return Mesh(fractions, np.repeat(self.degrees, parts), np.repeat(quiet, parts))
 
-    def calm_rows(self, interval: int) -> int:
-        """Return the number of Legendre coefficients of a control that vanish in `interval`."""
-        degree = int(self.degrees[interval])
-        return degree - 1 - degree // 2 if self.calm[interval] else 0
+    @property
+    def calm_rows(self) -> NDArray[np.int64]:
+        """Number of Legendre coefficients of a control that vanish, per interval."""
+        return np.where(self.calm, self.degrees - 1 - self.degrees // 2, 0)
 
 
 def even(intervals: int, degree: int) -> Mesh:
