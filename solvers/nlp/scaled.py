@@ -23,11 +23,6 @@ class Scaled:
 
     Its functions take ``(x, p)`` in CasADi's names, with z as x and no parameters p, so that
     ``nlpsol`` can use them.
-
-    Parameters
-    ----------
-    program : NonlinearProgram
-        The program.
     """
 
     def __init__(self, program: NonlinearProgram) -> None:

@@ -162,15 +162,7 @@ class _Part(NamedTuple):
 
 
 class Assembly:
-    """Builder of the program for one layout.
-
-    Parameters
-    ----------
-    layout : Layout
-        Columns and rows of the program.
-    sizes : Sizes
-        Sizes of all quantities.
-    """
+    """Builder of the program for one layout and the sizes of all quantities."""
 
     def __init__(self, layout: Layout, sizes: Sizes) -> None:
         self.layout, self.sizes = layout, sizes

@@ -32,20 +32,8 @@ class PhaseLayout:
 
     Columns are ordered state by state and control by control, followed by integrals, t0 and tf. A
     *visit* is the use of one collocated point by one interval. If neighbours share a point, the
-    first interval owns its path constraints.
-
-    Parameters
-    ----------
-    phase : Phase
-        Declaration.
-    number : int
-        Number of the phase, from 1.
-    mesh : Mesh
-        Intervals.
-    schemes : tuple of Scheme
-        One scheme per interval.
-    first : int
-        First column of the phase.
+    first interval owns its path constraints. `number` counts the phases from 1, and `first` is the
+    first column of the phase.
     """
 
     def __init__(
@@ -230,14 +218,7 @@ def stack_blocks(start: int, blocks: Iterable[Block]) -> list[Block]:
 class Layout:
     """Columns and rows of the whole program: the phases in order, then the parameters.
 
-    Parameters
-    ----------
-    definition : Definition
-        Definition of the problem.
-    meshes : sequence of Mesh
-        One mesh per phase.
-    schemes : sequence of tuple of Scheme
-        Schemes of the intervals, one tuple per phase.
+    There is one mesh per phase, and one scheme per interval.
     """
 
     def __init__(
