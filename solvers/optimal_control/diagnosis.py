@@ -111,12 +111,26 @@ def _relax(
     whole: Request, program: NonlinearProgram, rows: list[Block], columns: list[Block], most: int
 ) -> tuple[Answer, list[_Relaxation]]:
     """Return the answer of the search for the smallest relaxation, and the relaxed limits."""
-    relaxed = _elastic(program, rows, columns)
-    answer = whole.within(find_backend("ipopt"), relaxed.program, options={"max_iter": most})
+    elastic, scales = _elastic(program, rows, columns)
+    answer = whole.within(find_backend("ipopt"), elastic, options={"max_iter": most})
     if answer.point is None:
         return answer, []
-    slack = np.asarray(answer.point)[program.size :]
-    return answer, _relaxations(relaxed, program, len(rows), slack)
+    slack, groups = np.asarray(answer.point)[program.size :], [*rows, *columns]
+    result = []
+    for number in np.flatnonzero(slack > KEPT):
+        block, amount = groups[number], float(slack[number] * scales[number])
+        unit = f" {block.unit}" if block.unit else ""
+        on_rows = number < len(rows)
+        low = (program.row_lower if on_rows else program.column_lower)[block.slice]
+        high = (program.row_upper if on_rows else program.column_upper)[block.slice]
+        finding = Finding(
+            f"{block.title}: {_limits(low, high)}{unit} would have to give by {amount:.4g}{unit}",
+            block.equation,
+            block.name,
+            {"block": block.name, "by": amount, "unit": block.unit},
+        )
+        result.append(_Relaxation(float(slack[number]), finding))
+    return answer, result
 
 
 def _violated_implications(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]:
@@ -173,27 +187,6 @@ def _relaxable_blocks(
     return rows, sorted(columns, key=lambda block: not block.name.startswith(first))
 
 
-def _relaxations(
-    relaxed: _Elastic, program: NonlinearProgram, rows: int, slack: Vector
-) -> list[_Relaxation]:
-    """Return the limits with a positive slack."""
-    result = []
-    for number in np.flatnonzero(slack > KEPT):
-        block, amount = relaxed.groups[number], float(slack[number] * relaxed.scales[number])
-        unit = f" {block.unit}" if block.unit else ""
-        on_rows = number < rows
-        low = (program.row_lower if on_rows else program.column_lower)[block.slice]
-        high = (program.row_upper if on_rows else program.column_upper)[block.slice]
-        finding = Finding(
-            f"{block.title}: {_limits(low, high)}{unit} would have to give by {amount:.4g}{unit}",
-            block.equation,
-            block.name,
-            {"block": block.name, "by": amount, "unit": block.unit},
-        )
-        result.append(_Relaxation(float(slack[number]), finding))
-    return result
-
-
 def _limits(low: Vector, high: Vector) -> str:
     """Return the bounds of a block for messages."""
     smallest, largest = float(low.min()), float(high.max())
@@ -206,24 +199,14 @@ def _limits(low: Vector, high: Vector) -> str:
     return f"the limits {smallest:g} to {largest:g}"
 
 
-@dataclass(frozen=True, eq=False)
-class _Elastic:
-    """Program with relaxed limits: the original columns, then one slack per group.
-
-    The groups are blocks of rows or columns of the original program with relaxed bounds. Each slack is
-    in units of its group's typical size, one of `scales`.
-    """
-
-    program: NonlinearProgram
-    groups: tuple[Block, ...]
-    scales: Vector
-
-
-def _elastic(program: NonlinearProgram, rows: list[Block], columns: list[Block]) -> _Elastic:
+def _elastic(
+    program: NonlinearProgram, rows: list[Block], columns: list[Block]
+) -> tuple[NonlinearProgram, Vector]:
     """Return `program` with the bounds of `rows` and `columns` relaxed by one slack per block.
 
-    All other rows and bounds are unchanged. The objective is the sum of the slacks relative to their
-    block's typical size. As a sum, it relaxes few blocks if few suffice.
+    The slacks are the last columns, in units of the typical sizes of their blocks, which are the second
+    result. All other rows and bounds are unchanged. The objective is the sum of the slacks. As a sum, it
+    relaxes few blocks if few suffice.
     """
     import casadi
 
@@ -295,4 +278,4 @@ def _elastic(program: NonlinearProgram, rows: list[Block], columns: list[Block])
             "second", [x, scale, duals], [casadi.triu(hessian)], ["x", "lam_f", "lam_g"], ["hess"]
         ),
     )
-    return _Elastic(elastic_program, tuple(groups), scales)
+    return elastic_program, scales

@@ -8,7 +8,6 @@ and Stability Analysis in Nonlinear Programming" (1983), theorem 3.2.2.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -136,13 +135,12 @@ class Sensitivity:
     @cached_property
     def _perturbed(self) -> tuple[ControlPlan, ...]:
         """Plans at positive and negative moves of each entry."""
-        return tuple(self._plans())
-
-    def _plans(self) -> Iterator[ControlPlan]:
         decode = self.point.posed.formulation.decode
-        for k, length in enumerate(self._length):
-            for side in (-length, length):
-                yield decode(self.point.columns + side * self.columns[:, k])
+        return tuple(
+            decode(self.point.columns + side * self.columns[:, k])
+            for k, length in enumerate(self._length)
+            for side in (-length, length)
+        )
 
 
 class _System:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -448,12 +448,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._with(_start=plan)
 
     def _with(self, **changes: Any) -> Self:
-        options = {
-            option.name: changes.get(option.name, getattr(self, option.name))
-            for option in fields(self)
-            if option.init
-        }
-        result = type(self)(**options)
+        options = {name: value for name, value in changes.items() if not name.startswith("_")}
+        result = replace(self, **options)
         for name in ("_meshes", "_history", "_start", "_past_rows"):
             object.__setattr__(result, name, changes.get(name, getattr(self, name)))
         return result
