@@ -110,12 +110,6 @@ class NonlinearBackend(Backend):
         return _Run(self, problem, request, Clock(request.time_limit)).answer()
 
 
-def _counted(answer: Answer, more: Answer) -> dict[str, float | int | str]:
-    """Return the statistics of `answer` with the iterations of another search added."""
-    spent = sum(int(part.statistics.get("iterations", 0)) for part in (answer, more))
-    return {**answer.statistics, "iterations": spent}
-
-
 def _is_less(one: Answer, other: Answer) -> bool:
     """Return True if `one` has a point that is better by more than solver errors."""
     if one.primal_bound is None or other.primal_bound is None or one.point is None:
@@ -189,7 +183,8 @@ class _Run:
                 break
             start = np.clip(answer.point + side * away, low, high)
             other = self.attempt(start, replace(self.request, warm_start=None))
-            answer = replace(answer, statistics=_counted(answer, other))
+            spent = sum(int(part.statistics.get("iterations", 0)) for part in (answer, other))
+            answer = replace(answer, statistics={**answer.statistics, "iterations": spent})
             if _is_less(other, answer):
                 return replace(other, statistics=answer.statistics), True
         return answer, False

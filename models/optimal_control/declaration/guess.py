@@ -314,30 +314,22 @@ def sample_guess(
     quantity: Quantity, value: Any, fractions: Floats, span: tuple[float, float]
 ) -> Floats:
     """Return samples of the guess of one quantity, shape (fractions, size)."""
-    if callable(value):
-        return _sample(
-            quantity.name, value, span[0] + fractions * (span[1] - span[0]), quantity.size
-        )
-    positions, samples = value
-    return np.stack(
-        [np.interp(fractions, positions, samples[:, k]) for k in range(quantity.size)], axis=1
-    )
-
-
-def _sample(name: str, function: Any, times: Floats, size: int) -> Floats:
-    rows = []
-    for t in times.tolist():
+    name, size, rows = quantity.name, quantity.size, []
+    if not callable(value):
+        positions, samples = value
+        return np.stack([np.interp(fractions, positions, column) for column in samples.T], axis=1)
+    for t in (span[0] + fractions * (span[1] - span[0])).tolist():
         try:
-            value = function(t)
+            result = value(t)
         except Exception as error:
             raise InvalidData(
                 f"guess of {name!r} fails at t = {t:g}: {type(error).__name__}: {error}", field=name
             ) from error
         rule = f"return {size} finite number{'s' * (size > 1)} at every time"
-        row = numbers(f"guess of {name!r}", value, rule, "must").reshape(-1)
+        row = numbers(f"guess of {name!r}", result, rule, "must").reshape(-1)
         if row.size != size or not np.isfinite(row).all():
             raise InvalidData(
-                f"guess of {name!r} must {rule}, got {show(value)} at t = {t:g}", field=name
+                f"guess of {name!r} must {rule}, got {show(result)} at t = {t:g}", field=name
             )
         rows.append(row)
     return np.array(rows)

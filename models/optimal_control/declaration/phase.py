@@ -84,10 +84,6 @@ class PhaseBuilder(Guessed):
         free_name(kind, name, [*self.states, *self.controls])
         return checked_size(name, size)
 
-    def _add_symbol(self, name: str, size: int) -> Symbol:
-        self.symbols[name] = casadi.MX.sym(name, size)
-        return self.symbols[name]
-
     def state(
         self,
         name: str,
@@ -144,10 +140,10 @@ class PhaseBuilder(Guessed):
         self.states[name] = quantity(name, scale, unit, (low, high, *ends))
         first, last = (casadi.MX.sym(f"{name}({time})", size) for time in ("t0", "tf"))
         self.ends[name] = first, last
-        symbol = self._add_symbol(name, size)
+        self.symbols[name] = casadi.MX.sym(name, size)
         if any(isinstance(value, casadi.MX) for value in given.values()):
             self._end_by_expressions(name, given)
-        return symbol
+        return self.symbols[name]
 
     def _end_by_expressions(self, name: str, ends: Mapping[str, Any]) -> None:
         """Add constraints for ends that are expressions, and guess them at the values of the data."""
@@ -203,7 +199,8 @@ class PhaseBuilder(Guessed):
         size = self._check_name("a control", name, size)
         low, high = bounds(name, lower, upper, size)
         self.controls[name] = quantity(name, scale, unit, (low, high) * 3, integer=integer)
-        return self._add_symbol(name, size)
+        self.symbols[name] = casadi.MX.sym(name, size)
+        return self.symbols[name]
 
     # -- what holds at every instant -------------------------------------------------------------
 
