@@ -7,6 +7,7 @@ digested, verified and transcribed.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -66,11 +67,9 @@ def _check_entries(of: str, item: Any) -> None:
 
 def _check_unique(what: str, names: Iterable[str]) -> None:
     """Raise if a name occurs twice."""
-    known: set[str] = set()
-    for name in names:
-        if name in known:
+    for name, count in Counter(names).items():
+        if count > 1:
             raise InvalidData(f"{what}: {name!r} stands twice", field=what)
-        known.add(name)
 
 
 def _check_sizes(what: str, function: casadi.Function, sizes: Mapping[str, int]) -> None:

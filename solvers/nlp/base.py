@@ -110,11 +110,11 @@ class NonlinearBackend(Backend):
         return _Run(self, problem, request, Clock(request.time_limit)).answer()
 
 
-def _is_less(one: Answer, other: Answer) -> bool:
-    """Return True if `one` has a point that is better by more than solver errors."""
-    if one.primal_bound is None or other.primal_bound is None or one.point is None:
+def _is_less(answer: Answer, other: Answer) -> bool:
+    """Return True if `answer` has a point that is better by more than solver errors."""
+    if answer.primal_bound is None or other.primal_bound is None or answer.point is None:
         return False
-    return one.primal_bound < other.primal_bound - LESS * abs(other.primal_bound)
+    return answer.primal_bound < other.primal_bound - LESS * abs(other.primal_bound)
 
 
 @dataclass(frozen=True, eq=False)

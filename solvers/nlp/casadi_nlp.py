@@ -115,10 +115,15 @@ class CasadiNlp(NonlinearBackend):
         return scaled.multipliers(start, duals)
 
     def ending(
-        self, stats: Mapping[str, Any], found: Any, scaled: Scaled, request: Request, clock: Clock
+        self,
+        stats: Mapping[str, Any],
+        solution: Any,
+        scaled: Scaled,
+        request: Request,
+        clock: Clock,
     ) -> Ending:
         """Return the ending of the plugin in the units of the program."""
-        point, duals = scaled.point(vector(found["x"])), scaled.duals(vector(found["lam_g"]))
+        point, duals = scaled.point(vector(solution["x"])), scaled.duals(vector(solution["lam_g"]))
         ended, limit = self.ended(stats)
         late = limit_reached(request, clock)
         if ended is not Ended.PROVEN and late is not None:

@@ -172,7 +172,7 @@ EXCEPTIONS = {
     "messenger": (8850, "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays"),
     "minimum_snap": (11_450, "the interior point proves bounds, and its contacts certify shapes"),
     "optimal_control": (
-        11_500,
+        11_350,
         "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5",
     ),
     "unknown_grid": (6250, "six trained networks have 1,761 lines, the camera 500"),
