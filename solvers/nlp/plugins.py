@@ -199,8 +199,8 @@ class SqpMethod(CasadiNlp):
             "print_iteration": request.verbose,
             "print_status": request.verbose,
             "max_iter": given["max_iter"],
-            "tol_pr": solver_tolerance(request.tolerance * 1e-2, 1e-12, 1e-9),
-            "tol_du": solver_tolerance(request.tolerance, 1e-11, 1e-7),
+            "tol_pr": solver_tolerance(request, 1e-12, 1e-9, share=1e-2),
+            "tol_du": solver_tolerance(request, 1e-11, 1e-7),
             "hessian_approximation": exact,
         }
         if exact == "exact":
