@@ -31,56 +31,40 @@ _ENDS, _INNER, _SHARED = range(3)
 
 
 class _Worst(NamedTuple):
-    """Largest violation of a condition, relative to its allowance.
+    """Largest violation of a condition, relative to its allowance."""
 
-    Parameters
-    ----------
-    share : float
-        Violation divided by the allowance.
-    off, noise, scale : float
-        Violation, rounding allowance and scale of the violation, in the unit of the derivative.
-    knot, axis : int
-        Location of the violation.
-    unclear : bool
-        Whether rounding may exceed the rounding allowance.
-    """
-
+    #: Violation divided by the allowance.
     share: float
+    #: Violation, rounding allowance and scale of the violation, in the unit of the derivative.
     off: float
     noise: float
     scale: float
+    #: Location of the violation.
     knot: int
     axis: int
+    #: Whether rounding may exceed the rounding allowance.
     unclear: bool
 
 
 class _Part(NamedTuple):
     """Batch of consecutive segments: derivatives at their ends, scales and fixed values.
 
-    Parameters
-    ----------
-    first : int
-        Index of the first segment.
-    begin, end : ndarray, shape (orders, dimensions, segments)
-        Derivatives 0, 1, … at the start and at the end of each segment.
-    noise : ndarray, shape (orders, dimensions, segments)
-        Rounding error of `begin` and `end`. Short segments magnify that of the coefficients.
-    usual : ndarray, shape (orders, dimensions, segments)
-        Size implied by the model's data: the largest of half a sine wave over the step and duration
-        of the segment, the fixed values at its ends and
-        :meth:`~.bounds.PathData.derivative_scale`.
-    size : ndarray, shape (orders, dimensions, segments)
-        Scale of a violation.
-    wanted : ndarray, shape (rows, dimensions, segments + 1)
-        Fixed values at the knots; infinite for free components.
+    Without another shape, arrays have the shape (orders, dimensions, segments).
     """
 
+    #: Index of the first segment.
     first: int
+    #: Derivatives 0, 1, … at the start and at the end of each segment.
     begin: Floats
     end: Floats
+    #: Rounding error of `begin` and `end`. Short segments magnify that of the coefficients.
     noise: Floats
+    #: Size implied by the model's data: the largest of half a sine wave over the step and duration of
+    #: the segment, the fixed values at its ends and :meth:`~.bounds.PathData.derivative_scale`.
     usual: Floats
+    #: Scale of a violation.
     size: Floats
+    #: Fixed values at the knots, shape (rows, dimensions, segments + 1); infinite if free.
     wanted: Floats
 
     @classmethod
@@ -115,13 +99,7 @@ class _Part(NamedTuple):
         return cls(part.start, begin, end, noise, usual, size, wanted)
 
     def worst(
-        self,
-        off: Floats,
-        noise: Floats,
-        usual: Floats,
-        scale: Floats,
-        knot: int,
-        tolerance: float,
+        self, off: Floats, noise: Floats, usual: Floats, scale: Floats, knot: int, tolerance: float
     ) -> list[_Worst]:
         """Return the largest relative violation in each row of `off`, whose first knot is `knot`."""
         # The tolerance caps the rounding allowance.

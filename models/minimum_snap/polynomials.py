@@ -48,12 +48,7 @@ def derivative_matrix(degree: int, orders: int) -> Floats:
 def derived(coefficients: Floats, derivative: int) -> Floats:
     """Return the coefficients of a derivative in s, with the powers along the second axis.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (N, degree + 1, ...)
-        Ascending powers.
-    derivative : int
-        Order of the derivative. Above the degree, the result is one zero coefficient.
+    Above the degree, the result is one zero coefficient.
     """
     degree = coefficients.shape[1] - 1
     if derivative == 0:
@@ -65,20 +60,10 @@ def derived(coefficients: Floats, derivative: int) -> Floats:
 
 
 def by_power(coefficients: Floats, derivative: int = 0) -> Floats:
-    """Return a copy of the coefficients of a derivative in s, with the polynomials along the last axis.
+    """Return a copy of the coefficients of a derivative in s, shape (degree + 1 - derivative, D, N).
 
-    Loops over many polynomials are several times faster in this layout.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (N, degree + 1, D)
-        Ascending powers.
-    derivative : int
-        Order of the derivative, at most the degree.
-
-    Returns
-    -------
-    ndarray, shape (degree + 1 - derivative, D, N)
+    `coefficients` has the shape (N, degree + 1, D). Loops over many polynomials are several times
+    faster with the polynomials along the last axis.
     """
     inner = np.array(coefficients.transpose(1, 2, 0)[derivative:], order="C")
     if derivative:
@@ -87,14 +72,9 @@ def by_power(coefficients: Floats, derivative: int = 0) -> Floats:
 
 
 def horner(coefficients: Floats, s: Floats) -> Floats:
-    """Evaluate each polynomial at its own argument `s` by Horner's method.
+    """Evaluate each polynomial, shape (N, degree + 1, D), at its own argument by Horner's method.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (N, degree + 1, D)
-        Ascending powers.
-    s : ndarray, shape (N,) or (N, D)
-        Arguments. If `coefficients` has D = 1, `s` may have any number of columns.
+    `s` has the shape (N,) or (N, D). For D = 1 it may have any number of columns.
     """
     argument = s[:, None] if s.ndim == 1 else s
     shape = np.broadcast_shapes(coefficients[:, -1].shape, argument.shape)
@@ -148,18 +128,9 @@ def gauss_legendre(count: int) -> tuple[Floats, Floats]:
 def critical_points(coefficients: Floats) -> Floats:
     """Return arguments in [0, 1] that include the minimum and maximum of every polynomial.
 
-    The arguments are both ends and the real part of every root of the derivative, clipped to the
-    interval. The real part of a complex root is only an additional sample, so that no tolerance has
-    to identify the real roots.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (N, degree + 1)
-        Ascending powers.
-
-    Returns
-    -------
-    ndarray, shape (N, 2 + 2 max(degree - 1, 0))
+    The arguments, shape (N, 2 + 2 max(degree - 1, 0)), are both ends and the real part of every root
+    of the derivative, clipped to the interval. The real part of a complex root is only an additional
+    sample, so that no tolerance has to identify the real roots.
     """
     count = coefficients.shape[0]
     ends = np.broadcast_to(np.array([0.0, 1.0]), (count, 2))

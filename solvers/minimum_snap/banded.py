@@ -263,14 +263,9 @@ def _begin(values: Floats, pattern: Bools) -> Floats:
 
 
 def knot_forces(forces: Floats, rests: Floats, shared: int) -> Floats:
-    """Return the sum of both segments' gradients for the shared entries of their knots.
+    """Return the sum of both segments' gradients for the derivatives that neighbours share.
 
-    Parameters
-    ----------
-    forces, rests : ndarray, shape (axes, segments, 2, r)
-        Half the derivative of J with respect to the jets, and its rounding remainder.
-    shared : int
-        Number of derivatives that neighbours share.
+    `forces` are half the derivative of J with respect to the jets, and `rests` rounding remainders.
     """
     axes, count = forces.shape[:2]
     knots = np.empty((axes, count + 1, shared))

@@ -34,22 +34,9 @@ def solve_boundary(
     """Minimise w ∫ (x^(r))² dt for axes with one pattern.
 
     It takes ten times as long as the Newton steps on derivatives at the knots. It is the fallback
-    if those do not converge.
-
-    Parameters
-    ----------
-    durations : ndarray, shape (M,)
-        T_k, s.
-    values : ndarray, shape (A, M + 1, r)
-        Derivatives at the knots. Free entries are ignored.
-    fixed : ndarray of bool, shape (M + 1, r)
-        Mask of the fixed entries.
-    weight : float
-        w, positive.
-    continuity : int
-        Highest order of a derivative that neighbours share.
-    floor : ndarray, shape (A,)
-        Minimum scale of corrections, for segments with little motion.
+    if those do not converge. Arguments are those of ``banded.solve_hermite``, with one pattern
+    `fixed`, shape (M + 1, r). `floor` is the minimum scale of corrections of each axis, for segments
+    with little motion.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu

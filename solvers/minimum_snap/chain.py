@@ -46,39 +46,25 @@ def unit_cost(order: int, degree: int, derivative: int) -> Floats:
 
 
 class Imposed(NamedTuple):
-    """Bounds at instants, sorted by segment: the bounded value is ``T^-derivative unit'y``.
+    """Bounds at instants, sorted by segment: the bounded value is ``T^-derivative unit'y``."""
 
-    Parameters
-    ----------
-    unit : ndarray, shape (Q, width)
-        Coefficients in the local coordinates of a segment of 1 s.
-    limits : Limits
-        Bound of each instant, relative to the origin of the chain.
-    bounded : ndarray of bool, shape (2, Q)
-        Mask of the finite lower and upper bounds.
-    scale : ndarray, shape (2, Q)
-        Scales of violations from below and from above.
-    """
-
+    #: Coefficients in the local coordinates of a segment of 1 s, shape (Q, width).
     unit: Floats
+    #: Bound of each instant, relative to the origin of the chain.
     limits: Limits
+    #: Mask of the finite lower and upper bounds, shape (2, Q).
     bounded: Flags
+    #: Scales of violations from below and from above, shape (2, Q).
     scale: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Group of coupled axes.
+    """Group of coupled axes."""
 
-    Parameters
-    ----------
-    model : MinimumDerivative
-        Problem at given times; for free times, the problem with segments of 1 s.
-    axes : tuple of int
-        Indices of the axes in the group.
-    """
-
+    #: Problem at given times; for free times, the problem with segments of 1 s.
     model: MinimumDerivative
+    #: Indices of the axes in the group.
     axes: tuple[int, ...]
 
     @property
@@ -232,12 +218,8 @@ class Chain:
     ) -> tuple[float, Floats]:
         """Return J and the derivatives of the Lagrangian by the durations at fixed derivatives.
 
-        At optimal derivatives, they are the slope of the optimal value (envelope theorem).
-
-        Parameters
-        ----------
-        pull : ndarray, shape (Q,)
-            Multiplier of the upper bound less that of the lower one, in units of J per unit.
+        At optimal derivatives, they are the slope of the optimal value (envelope theorem). `pull` is
+        the multiplier of the upper bound less that of the lower one, in units of J per unit.
         """
         unit, orders = self._cost
         y = self._local(durations, now.knots, now.inner)

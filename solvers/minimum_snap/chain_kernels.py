@@ -144,28 +144,14 @@ def _reflect(work: Floats, rows: int, first: int, pivots: int, width: int, where
 
 @kernel
 def factorise(
-    cost: Floats,
-    rows: Floats,
-    start: Ints,
-    weight: Floats,
-    fixed: Flags,
-    factors: Floats,
+    cost: Floats, rows: Floats, start: Ints, weight: Floats, fixed: Flags, factors: Floats,
     last: Floats,
-) -> None:
-    """Triangularise the cost rows and the weighted bound rows of all segments.
+) -> None:  # fmt: skip
+    """Triangularise the cost rows and the bound rows times `weight` of all segments.
 
-    Parameters
-    ----------
-    cost : ndarray, shape (segments, c, width)
-        Rows whose squares sum to the cost.
-    rows, start, weight : ndarray
-        Bound rows, index of the first row of each segment, and square roots of the weights.
-    fixed : ndarray of bool, shape (segments + 1, n)
-        Mask of the fixed coordinates of the knots.
-    factors : ndarray, shape (segments, interior + n, interior + 2 n)
-        Receives the triangular rows; columns are interior, previous knot, next knot.
-    last : ndarray, shape (n, n)
-        Receives the triangle of the last knot.
+    `factors`, shape (segments, interior + n, interior + 2 n), receives the triangular rows, whose
+    columns are interior, previous knot, next knot. `last`, shape (n, n), receives the triangle of
+    the last knot.
     """
     count, c, width = cost.shape
     n = fixed.shape[1]
@@ -322,16 +308,9 @@ def hold_still(fixed: Flags, knots: Floats) -> None:
 
 @kernel
 def newton_step(
-    cost: Floats,
-    rows: Floats,
-    start: Ints,
-    weight: Floats,
-    fixed: Flags,
-    factors: Floats,
-    last: Floats,
-    b_knots: Floats,
-    b_inner: Floats,
-) -> tuple[Floats, Floats]:
+    cost: Floats, rows: Floats, start: Ints, weight: Floats, fixed: Flags, factors: Floats,
+    last: Floats, b_knots: Floats, b_inner: Floats,
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Solve ``(C'C + G'W²G) x = b`` with the factors and one step of refinement with the rows."""
     x_knots, x_inner = times(1.0, b_knots), times(1.0, b_inner)
     solve_factors(factors, last, fixed, x_knots, x_inner)

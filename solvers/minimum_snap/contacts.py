@@ -55,24 +55,16 @@ _ULP = float(np.finfo(float).eps)
 
 
 class Certified(NamedTuple):
-    """Path that Newton's method converges to.
+    """Path that Newton's method converges to."""
 
-    Parameters
-    ----------
-    powers : ndarray, shape (segments, 2r, axes)
-        Coefficients in ascending powers of s.
-    objective, gap : float
-        J, and a bound on its distance from the optimum.
-    correction : float
-        Largest change of a scaled derivative in the last step, as a share of the extent.
-    contacts : int
-        Number of contacts.
-    """
-
+    #: Coefficients in ascending powers of s, shape (segments, 2r, axes).
     powers: Floats
+    #: J, and a bound on its distance from the optimum.
     objective: float
     gap: float
+    #: Largest change of a scaled derivative in the last step, as a share of the extent.
     correction: float
+    #: Number of contacts.
     contacts: int
 
 
@@ -139,12 +131,8 @@ def uncertifiable(model: MinimumDerivative) -> str:
 def certify_chain(state: State, threshold: float) -> Certified | None:
     """Return the certified path of a solved chain, or None without proof.
 
-    Parameters
-    ----------
-    state : State
-        Last iterate of the interior point, which continues from it if necessary.
-    threshold : float
-        Largest violation between the instants, in the scale of the verification.
+    The interior point continues from its last iterate if necessary. `threshold` is the largest
+    violation between the instants, in the scale of the verification.
     """
     for depth in (None, *DEPTHS):
         if depth is not None and not _deeper(state, depth):

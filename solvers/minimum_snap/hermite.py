@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 from fractions import Fraction
 from functools import cache
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +48,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
+Exact = NDArray[np.object_]
 
 #: Largest correction of a segment with a certified shape, relative to its size.
 CERTIFIED = 1e-9
@@ -65,46 +67,31 @@ class Outcome(IntEnum):
 
 
 class Solved(NamedTuple):
-    """Solution of a minimum-derivative problem.
+    """Solution of a minimum-derivative problem."""
 
-    Parameters
-    ----------
-    jets : ndarray, shape (axes, segments, 2, r)
-        Derivatives 0 … r-1 at the start and the end of each segment; NaN unless ``SOLVED``.
-    moments : ndarray, shape (axes, segments, r), or None
-        Legendre moments of the r-th derivative, which are more accurate than the jets if durations
-        differ strongly. None if the jets are equally accurate.
-    objective : ndarray, shape (axes,)
-        J of each axis; NaN unless ``SOLVED``.
-    outcome : Outcome
-        Outcome of the solve.
-    correction : float
-        Error estimate of the scaled derivatives at the ends of the worst segment: the last Newton
-        step, relative to the largest of them. NaN without refinement, for which the error is known
-        to be about 1e-11 and is not measured.
-    segment : int
-        Index of the worst segment.
-    gap : float
-        Bound on J less its optimum: half the gradient times the last Newton step, plus the rounding
-        error of the moments.
-    refinements : int
-        Newton steps after the first one, the maximum over all groups of axes.
-    factorisations : int
-        Number of groups of axes with different patterns.
-    method : str
-        ``"refined"`` for the kernels for waypoints alone, ``"general"`` for the kernels for any
-        pattern, ``"boundary"`` for the slow method of :mod:`~.boundary`.
-    """
-
+    #: Derivatives 0 … r-1 at the start and the end of each segment, shape (axes, segments, 2, r).
+    #: NaN unless ``SOLVED``.
     jets: Floats
+    #: Legendre moments of the r-th derivative, shape (axes, segments, r), which are more accurate than
+    #: the jets if durations differ strongly. None if the jets are equally accurate.
     moments: Floats | None
+    #: J of each axis; NaN unless ``SOLVED``.
     objective: Floats
     outcome: Outcome
+    #: Error estimate of the scaled derivatives at the ends of the worst segment: the last Newton step,
+    #: relative to the largest of them. NaN without refinement: the error is about 1e-11, not measured.
     correction: float
+    #: Index of the worst segment.
     segment: int
+    #: Bound on J less its optimum: half the gradient times the last Newton step, plus the rounding
+    #: error of the moments.
     gap: float
+    #: Newton steps after the first one, the maximum over all groups of axes.
     refinements: int
+    #: Number of groups of axes with different patterns.
     factorisations: int
+    #: ``"refined"`` for the kernels for waypoints alone, ``"general"`` for the kernels for any
+    #: pattern, ``"boundary"`` for the slow method of :mod:`~.boundary`.
     method: str
 
 
@@ -112,139 +99,97 @@ class Solved(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Objective of a segment on [0, 1], with the rows of all orders stacked.
+    """Objective of a segment on [0, 1], with the rows of all orders stacked."""
 
-    Parameters
-    ----------
-    rows : ndarray, shape (N, 2r)
-        Map from the scaled jet y to the Legendre moments g of every derivative with a weight. Each
-        row is scaled to integers.
-    factors : ndarray, shape (N,)
-        ``(2i + 1) w_j`` of each row, divided by the square of its scale.
-    orders : ndarray of int, shape (N,)
-        Order j of each row, so that ``J = Σ factors T^(1 - 2 orders) g²``.
-    """
-
+    #: Map from the scaled jet y to the Legendre moments g of every derivative with a weight, shape
+    #: (N, 2r). Each row is scaled to integers.
     rows: Floats
+    #: ``(2i + 1) w_j`` of each row, divided by the square of its scale.
     factors: Floats
+    #: Order j of each row, so that ``J = Σ factors T^(1 - 2 orders) g²``.
     orders: Ints
 
 
-def _legendre(index: int) -> list[int]:
-    """Return the coefficients of the Legendre polynomial on [0, 1] that equals 1 at 1."""
-    sign = (-1) ** index
-    return [
-        sign * (-1) ** m * math.comb(index, m) * math.comb(index + m, m) for m in range(index + 1)
-    ]
+def _legendre(count: int) -> Exact:
+    """Return the coefficients of the Legendre polynomials on [0, 1] that equal 1 at 1, one per row."""
+    places = range(count)
+    return np.array(
+        [[(-1) ** (i + m) * math.comb(i, m) * math.comb(i + m, m) for m in places] for i in places],
+        object,
+    )
 
 
-@cache
-def _hermite_powers(order: int) -> tuple[tuple[Fraction, ...], ...]:
-    """Return exact coefficients of powers 0 … 2r-1 (rows) of the Hermite functions (columns).
-
-    The coefficients below r are y_i / i!. The others follow from x^(r) = Σ (2i + 1) g_i P_i.
-    """
-    r = order
-    moments = _end_moments(r)
-    powers = [[Fraction(0)] * (2 * r) for _ in range(2 * r)]
-    for i in range(r):
-        powers[i][i] = Fraction(1, math.factorial(i))
-    for i in range(r):
-        for m, value in enumerate(_legendre(i)):
-            for column in range(2 * r):
-                share = Fraction((2 * i + 1) * value * moments[i][column])
-                powers[r + m][column] += share / math.perm(r + m, r)
-    return tuple(map(tuple, powers))
-
-
-def _end_moments(order: int) -> list[list[int]]:
+def _end_moments(order: int) -> Exact:
     """Return the integer map from the jet to ∫ x^(r) P_i ds for i < r, by integration by parts.
 
     The m-th derivative of P_i is (i + m)! / (m! (i - m)!) at 1, and that times (-1)^(i + m) at 0.
     """
-    rows = []
+    rows = np.full((order, 2 * order), 0, object)
     for i in range(order):
-        row = [0] * (2 * order)
         for m in range(i + 1):
-            at_one = math.factorial(i + m) // (math.factorial(m) * math.factorial(i - m))
-            row[2 * order - 1 - m] = (-1) ** m * at_one
-            row[order - 1 - m] = -((-1) ** i) * at_one
-        rows.append(row)
+            at_one = math.perm(i + m, 2 * m) // math.factorial(m)
+            rows[i, 2 * order - 1 - m] = (-1) ** m * at_one
+            rows[i, order - 1 - m] = -((-1) ** i) * at_one
     return rows
+
+
+def _blend(order: int) -> Exact:
+    """Return the map from the moments to powers r … 2r-1: x^(r) = Σ (2i + 1) g_i P_i, integrated."""
+    legendre = _legendre(order)
+    places = range(order)
+    return np.array(
+        [
+            [Fraction((2 * i + 1) * legendre[i, m], math.perm(order + m, order)) for i in places]
+            for m in places
+        ],
+        object,
+    )
 
 
 @cache
 def moment_tables(order: int) -> tuple[Floats, Floats, Floats]:
     """Return the tables that compute powers of s via the moments of the r-th derivative.
 
-    Returns
-    -------
-    rows : ndarray, shape (r, 2r)
-        Integer map from the scaled jet to the moments.
-    blend : ndarray, shape (r, r)
-        Map from the moments to the coefficients of powers r … 2r-1.
-    factorials : ndarray, shape (r,)
-        i!, so that the coefficients below r are y_i / i!.
+    They are the integer map from the scaled jet to the moments, shape (r, 2r), the map from the
+    moments to the coefficients of powers r … 2r-1, shape (r, r), and i!, so that the coefficients
+    below r are y_i / i!.
     """
-    blend = np.zeros((order, order))
-    for i in range(order):
-        for m, value in enumerate(_legendre(i)):
-            blend[m, i] = float(Fraction((2 * i + 1) * value, math.perm(order + m, order)))
     factorials = np.array([float(math.factorial(i)) for i in range(order)])
-    return np.array(_end_moments(order), float), blend, factorials
+    return _end_moments(order).astype(float), _blend(order).astype(float), factorials
 
 
 @cache
-def _power_moments(order: int, derivative: int) -> tuple[tuple[Fraction, ...], ...]:
-    """Return ∫ (s^n)^(j) P_i ds, shape (2r - j, 2r): rows i, columns n."""
-    j = derivative
-    return tuple(
-        tuple(
-            sum(
-                (Fraction(p * math.perm(n, j), m + n - j + 1) for m, p in enumerate(_legendre(i))),
-                Fraction(0),
-            )
-            if n >= j
-            else Fraction(0)
-            for n in range(2 * order)
-        )
-        for i in range(2 * order - j)
-    )
-
-
-@cache
-def _exact_rows(order: int, derivative: int) -> tuple[tuple[Fraction, ...], ...]:
+def _exact_rows(order: int, derivative: int) -> Exact:
     """Return the map from the scaled jet to Legendre moments of the j-th derivative, (2r - j, 2r).
 
     For j = r, x^(r) has degree r-1, so moments above index r-1 vanish and are omitted.
     """
-    powers = _hermite_powers(order)
-    places = range(2 * order)
-    return tuple(
-        tuple(sum((row[n] * powers[n][p] for n in places), Fraction(0)) for p in places)
-        for row in _power_moments(order, derivative)
-    )
+    count, size = 2 * order - derivative, 2 * order
+    # Powers 0 … 2r-1 (rows) of the Hermite functions (columns).
+    powers = np.full((size, size), Fraction(0), object)
+    for i in range(order):
+        powers[i, i] = Fraction(1, math.factorial(i))
+    powers[order:] = _blend(order) @ _end_moments(order)
+    # ∫ (s^n)^(j) s^m ds
+    integrals = np.full((count, size), Fraction(0), object)
+    for m, n in product(range(count), range(derivative, size)):
+        integrals[m, n] = Fraction(math.perm(n, derivative), m + n - derivative + 1)
+    rows: Exact = _legendre(count) @ integrals @ powers
+    return rows
 
 
 @cache
 def _table(weights: tuple[float, ...]) -> Table:
-    r = len(weights)
     rows, factors, orders = [], [], []
     for j, weight in enumerate(weights, start=1):
-        if weight == 0.0:
-            continue
-        own = _exact_rows(r, j)
-        for i, row in enumerate(own):
+        for i, row in enumerate(_exact_rows(len(weights), j) if weight else ()):
             # Integers are exact in floating point, so that motions without cost have a cost of 0.
             common = math.lcm(*(value.denominator for value in row))
             rows.append([float(value * common) for value in row])
             factors.append(weight * float(Fraction(2 * i + 1, common * common)))
             orders.append(j)
-    return Table(
-        frozen(np.array(rows)),
-        frozen(np.array(factors)),
-        frozen(np.array(orders, np.int64)),
-    )
+    parts = np.array(rows), np.array(factors), np.array(orders, np.int64)
+    return Table(*map(frozen, parts))
 
 
 def table_of(weights: Floats) -> Table:
@@ -268,22 +213,10 @@ def scaled_jets(durations: Floats, jets: Floats) -> Floats:
 
 
 def jets_to_coefficients(durations: Floats, jets: Floats, moments: Floats | None = None) -> Floats:
-    """Return ascending powers of s = (t - t_k) / T_k.
+    """Return ascending powers of s = (t - t_k) / T_k, shape (M, 2r, axes), in units of position.
 
-    Parameters
-    ----------
-    durations : ndarray, shape (M,)
-        T_k, s.
-    jets : ndarray, shape (A, M, 2, r)
-        Derivatives 0 … r-1 at the start and the end of each segment.
-    moments : ndarray, shape (A, M, r), optional
-        ``Solved.moments``, for the powers from r on. Without them these powers are computed from the
-        jets and lose digits if durations differ strongly.
-
-    Returns
-    -------
-    ndarray, shape (M, 2r, A)
-        Coefficients in units of position.
+    Without the `moments` of a solution, the powers from r on are computed from the jets and lose
+    digits if durations differ strongly.
     """
     axes, count, _, order = jets.shape
     coefficients = np.empty((count, 2 * order, axes))
@@ -295,26 +228,10 @@ def jets_to_coefficients(durations: Floats, jets: Floats, moments: Floats | None
 def duration_gradient(
     durations: Floats, jets: Floats, weights: Floats, *, per_axis: bool = False
 ) -> Floats:
-    """Return dJ/dT_k at fixed derivatives at the knots.
+    """Return dJ/dT_k at fixed derivatives at the knots, shape (M,), or one row per axis.
 
     At an optimum the free derivatives are stationary, so that this is the total derivative of the
     optimal value with respect to the duration (envelope theorem), without a second solve.
-
-    Parameters
-    ----------
-    durations : ndarray, shape (M,)
-        T_k, s.
-    jets : ndarray, shape (A, M, 2, r)
-        Derivatives 0 … r-1 at the start and the end of each segment.
-    weights : ndarray, shape (r,)
-        Weights of the orders 1 … r.
-    per_axis : bool
-        Whether to return one gradient per axis instead of the sum.
-
-    Returns
-    -------
-    ndarray, shape (M,), or (A, M) with `per_axis`
-        J per second.
     """
     table = table_of(weights)
     scaled = scaled_jets(durations, jets)
@@ -325,10 +242,7 @@ def duration_gradient(
     scale = table.factors * durations[:, None] ** powers
     slope: Floats = np.einsum("kn,akn,akn->ak", scale, moments, powers * moments + 2.0 * slopes)
     slope /= durations
-    if per_axis:
-        return slope
-    total: Floats = slope.sum(axis=0)
-    return total
+    return slope if per_axis else np.asarray(slope.sum(axis=0))
 
 
 def patterns(fixed: Bools) -> Iterator[Ints]:
@@ -348,12 +262,7 @@ def has_one_optimum(
     A motion without cost has x^(j) = 0 for the lowest order j with a weight. If `continuity` is at
     least j-1, it is one polynomial of degree < j on the whole path. The optimum is unique if only
     the zero polynomial vanishes at all fixed entries (a Birkhoff problem). Return None for a lower
-    continuity: the pivots of the factorisation then decide.
-
-    Parameters
-    ----------
-    fixed : ndarray of bool, shape (M + 1, r)
-        Mask of the fixed entries of one axis.
+    continuity: the pivots of the factorisation then decide. `fixed` has shape (M + 1, r).
     """
     least = int(np.flatnonzero(weights)[0]) + 1
     if continuity < least - 1:

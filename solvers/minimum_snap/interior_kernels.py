@@ -35,29 +35,19 @@ Flags = NDArray[np.bool_]
 
 
 class Posed(NamedTuple):
-    """Quadratic program of a chain: minimise ``|cost @ y|² / 2`` within bounds.
+    """Quadratic program of a chain: minimise ``|cost @ y|² / 2`` within bounds."""
 
-    Parameters
-    ----------
-    cost : ndarray, shape (segments, c, width)
-        Rows of the cost.
-    rows : ndarray, shape (Q, width)
-        Rows of the bounds, with a largest entry of 1.
-    start : ndarray of int, shape (segments + 1,)
-        Index of the first bound row of each segment.
-    edge : ndarray, shape (2, Q)
-        Lower bounds, and negated upper bounds; -inf for unbounded sides.
-    fixed : ndarray of bool, shape (segments + 1, n)
-        Mask of the fixed coordinates of the knots.
-    share : ndarray, shape (Q,)
-        Factor that normalises each bound row.
-    """
-
+    #: Rows of the cost, shape (segments, c, width).
     cost: Floats
+    #: Rows of the bounds, with a largest entry of 1, shape (Q, width).
     rows: Floats
+    #: Index of the first bound row of each segment, shape (segments + 1,).
     start: Ints
+    #: Lower bounds, and negated upper bounds, shape (2, Q); -inf for unbounded sides.
     edge: Floats
+    #: Mask of the fixed coordinates of the knots, shape (segments + 1, n).
     fixed: Flags
+    #: Factor that normalises each bound row, shape (Q,).
     share: Floats
 
 
@@ -118,25 +108,50 @@ def _residuals(posed: Posed, now: Iterate, rest: Floats) -> tuple[Floats, Floats
     return g_knots, g_inner, cost, typical
 
 
+class _Work(NamedTuple):
+    """Arrays of the Newton system, and residuals and steps of slacks and multipliers, shape (2, Q).
+
+    `excess` is slack times multiplier less its target.
+    """
+
+    factors: Floats
+    last: Floats
+    weight: Floats
+    rest: Floats
+    excess: Floats
+    d_slack: Floats
+    d_z: Floats
+
+
 @kernel
-def _factorised(posed: Posed, now: Iterate, weight: Floats, factors: Floats, last: Floats) -> None:
-    """Factorise the Newton system of the iterate, and fill `weight` with its row weights."""
+def _allocated(posed: Posed) -> _Work:
+    count, _, width = posed.cost.shape
+    n, size = posed.fixed.shape[1], posed.rows.shape[0]
+    return _Work(
+        np.zeros((count, width - n, width)), np.zeros((n, n)), np.zeros(size),
+        np.zeros((2, size)), np.zeros((2, size)), np.zeros((2, size)), np.zeros((2, size)),
+    )  # fmt: skip
+
+
+@kernel
+def _factorise(posed: Posed, now: Iterate, work: _Work) -> None:
+    """Factorise the Newton system of the iterate with its row weights."""
+    weight = work.weight
     for q in range(weight.size):
         weight[q] = np.sqrt(now.z[0, q] / now.slack[0, q] + now.z[1, q] / now.slack[1, q])
-    factorise(posed.cost, posed.rows, posed.start, weight, posed.fixed, factors, last)
+    factorise(posed.cost, posed.rows, posed.start, weight, posed.fixed, work.factors, work.last)
 
 
 @kernel
 def _direction(
-    posed: Posed, now: Iterate, g_knots: Floats, g_inner: Floats, weight: Floats, factors: Floats,
-    last: Floats, rest: Floats, excess: Floats, d_slack: Floats, d_z: Floats, limit: float,
-) -> tuple[Floats, Floats, float]:  # fmt: skip
-    """Fill `d_slack` and `d_z` with the Newton step that removes residuals and `excess`.
+    posed: Posed, now: Iterate, work: _Work, g_knots: Floats, g_inner: Floats, limit: float
+) -> tuple[Floats, Floats, float]:
+    """Fill the steps of slacks and multipliers that remove the residuals and the excess.
 
-    `excess` is slack times multiplier less its target. Return the changes of the coordinates and
-    the step length, at most 1, that uses at most the share `limit` of any slack or multiplier.
+    Return the changes of the coordinates and the step length, at most 1, that uses at most the share
+    `limit` of any slack or multiplier.
     """
-    size = weight.size
+    rest, excess, size = work.rest, work.excess, work.weight.size
     pull = np.zeros(size)
     for q in range(size):
         for side in range(2):
@@ -147,8 +162,9 @@ def _direction(
     bound_gradient(posed.rows, posed.start, pull, b_knots, b_inner)
     hold_still(posed.fixed, b_knots)
     x_knots, x_inner = newton_step(
-        posed.cost, posed.rows, posed.start, weight, posed.fixed, factors, last, b_knots, b_inner
-    )
+        posed.cost, posed.rows, posed.start, work.weight, posed.fixed, work.factors, work.last,
+        b_knots, b_inner,
+    )  # fmt: skip
     step = row_values(posed.rows, posed.start, x_knots, x_inner)
     alpha = 1.0
     for q in range(size):
@@ -161,18 +177,16 @@ def _direction(
                     alpha = min(alpha, -limit * slack / a)
                 if b < 0.0:
                     alpha = min(alpha, -limit * z / b)
-                d_slack[side, q], d_z[side, q] = a, b
+                work.d_slack[side, q], work.d_z[side, q] = a, b
     return x_knots, x_inner, alpha
 
 
 @kernel
-def _advance(
-    now: Iterate, alpha: float, x_knots: Floats, x_inner: Floats, d_slack: Floats, d_z: Floats
-) -> None:
+def _advance(now: Iterate, alpha: float, x_knots: Floats, x_inner: Floats, work: _Work) -> None:
     advance(now.knots, alpha, x_knots)
     advance(now.inner, alpha, x_inner)
-    advance(now.slack, alpha, d_slack)
-    advance(now.z, alpha, d_z)
+    advance(now.slack, alpha, work.d_slack)
+    advance(now.z, alpha, work.d_z)
 
 
 @kernel
@@ -182,19 +196,12 @@ def interior_point(
 ) -> tuple[int, int, float]:  # fmt: skip
     """Run Mehrotra's predictor-corrector method from the given iterate, which is updated in place.
 
-    Gaps are relative to the objective, or to `nothing` if that is larger.
-
-    Returns
-    -------
-    tuple
-        Status, iterations, largest primal residual.
+    Gaps are relative to the objective, or to `nothing` if that is larger. Return status, iterations
+    and the largest primal residual.
     """
-    count, _, width = posed.cost.shape
-    n, size = posed.fixed.shape[1], posed.rows.shape[0]
-    factors, last, weight = np.zeros((count, width - n, width)), np.zeros((n, n)), np.zeros(size)
-    rest, excess = np.zeros((2, size)), np.zeros((2, size))
-    d_slack, d_z = np.zeros((2, size)), np.zeros((2, size))
-    pairs = 0
+    work = _allocated(posed)
+    rest, excess, d_slack, d_z = work.rest, work.excess, work.d_slack, work.d_z
+    pairs, size = 0, posed.rows.shape[0]
     for q in range(size):
         pairs += int(posed.edge[0, q] > -np.inf) + int(posed.edge[1, q] > -np.inf)
     primal, best, idle, done = 0.0, np.inf, 0, 0
@@ -222,10 +229,8 @@ def interior_point(
             best, idle = merit, 0
         if idle > 15:
             break
-        _factorised(posed, now, weight, factors, last)
-        _, _, alpha = _direction(
-            posed, now, g_knots, g_inner, weight, factors, last, rest, excess, d_slack, d_z, 1.0
-        )
+        _factorise(posed, now, work)
+        _, _, alpha = _direction(posed, now, work, g_knots, g_inner, 1.0)
         ahead = 0.0
         for q in range(size):
             for side in range(2):
@@ -236,10 +241,8 @@ def interior_point(
             for side in range(2):
                 if posed.edge[side, q] > -np.inf:
                     excess[side, q] += d_slack[side, q] * d_z[side, q] - sigma * comp / pairs
-        x_knots, x_inner, alpha = _direction(
-            posed, now, g_knots, g_inner, weight, factors, last, rest, excess, d_slack, d_z, 0.995
-        )
-        _advance(now, alpha, x_knots, x_inner, d_slack, d_z)
+        x_knots, x_inner, alpha = _direction(posed, now, work, g_knots, g_inner, 0.995)
+        _advance(now, alpha, x_knots, x_inner, work)
         done = iteration + 1
     return STALLED, done, primal
 
@@ -252,27 +255,13 @@ def centre(
     """Minimise ``|cost @ y|² / 2 - mu Σ log slack`` by primal-dual Newton steps, in place.
 
     The barrier parameter `mu` is constant, so that the value is a smooth function of the durations
-    and a few steps lead to the solution for similar durations.
-
-    Parameters
-    ----------
-    room : ndarray, shape (2, Q)
-        Largest violations of the bounds, in the normalised rows.
-    accuracy : float
-        Largest relative error of slack times multiplier, and of the gradient.
-    most : int
-        Largest number of Newton steps. Without convergence, the bounds are treated as infeasible.
-
-    Returns
-    -------
-    tuple
-        Status and number of steps.
+    and a few steps lead to the solution for similar durations. `room` contains the largest
+    violations of the bounds, shape (2, Q), in the normalised rows, and `accuracy` is the largest
+    relative error of slack times multiplier and of the gradient. Without convergence after `most`
+    steps, the bounds are treated as infeasible. Return status and number of steps.
     """
-    count, _, width = posed.cost.shape
-    n, size = posed.fixed.shape[1], posed.rows.shape[0]
-    factors, last, weight = np.zeros((count, width - n, width)), np.zeros((n, n)), np.zeros(size)
-    rest, excess = np.zeros((2, size)), np.zeros((2, size))
-    d_slack, d_z = np.zeros((2, size)), np.zeros((2, size))
+    work = _allocated(posed)
+    rest, excess, size = work.rest, work.excess, posed.rows.shape[0]
     best, idle, before = np.inf, 0, np.inf
     for iteration in range(most):
         if flag[0] != 0:
@@ -300,9 +289,7 @@ def centre(
                 best, idle = primal, 0
             if idle > 12:
                 break
-        _factorised(posed, now, weight, factors, last)
-        x_knots, x_inner, alpha = _direction(
-            posed, now, g_knots, g_inner, weight, factors, last, rest, excess, d_slack, d_z, 0.99
-        )
-        _advance(now, alpha, x_knots, x_inner, d_slack, d_z)
+        _factorise(posed, now, work)
+        x_knots, x_inner, alpha = _direction(posed, now, work, g_knots, g_inner, 0.99)
+        _advance(now, alpha, x_knots, x_inner, work)
     return STALLED, most

@@ -31,36 +31,26 @@ BOOSTS = (1e4, 1e6, 1e8)
 
 @dataclass(frozen=True)
 class ChainResult:
-    """Result of the interior point for one chain.
+    """Result of the interior point for one chain."""
 
-    Parameters
-    ----------
-    status : str
-        ``"solved"``, ``"infeasible"``, ``"stopped"`` or ``"stalled"``.
-    powers : ndarray, shape (segments, degree + 1, axes)
-        Coefficients in ascending powers of s.
-    objective, bound : float
-        Objective of the iterate, and the lower bound that its multipliers prove.
-    primal, dual : float
-        Largest residuals: of the rows, and of the gradient relative to the largest multiplier.
-    iterations, rounds, instants : int
-        Numbers of iterations, of rounds and of instants.
-    conflict : ndarray of int
-        Segments whose bounds prove infeasibility.
-    correction : float
-        Last Newton step of a certified path, as a share of the extent; infinite without a certificate.
-    """
-
+    #: ``"solved"``, ``"infeasible"``, ``"stopped"`` or ``"stalled"``.
     status: str
+    #: Coefficients in ascending powers of s, shape (segments, degree + 1, axes).
     powers: Floats
+    #: Objective of the iterate, and the lower bound that its multipliers prove.
     objective: float
     bound: float
+    #: Largest residuals: of the rows, and of the gradient relative to the largest multiplier.
     primal: float
     dual: float
+    #: Numbers of iterations, of rounds and of instants.
     iterations: int
     rounds: int
     instants: int
+    #: Segments whose bounds prove infeasibility.
     conflict: NDArray[np.int64]
+    #: Last Newton step of a certified path, as a share of the extent; infinite without a
+    #: certificate.
     correction: float = np.inf
 
 

@@ -33,32 +33,21 @@ SMALL, MOST = 1e-6, 30.0
 
 @dataclass(frozen=True)
 class Settings:
-    """Termination criteria and limits of the interior point.
+    """Termination criteria and limits of the interior point."""
 
-    Parameters
-    ----------
-    gap : float
-        Final relative complementarity.
-    tolerance : float
-        Largest violation at the imposed instants, in normalised rows.
-    between : float
-        Largest violation between the instants, in the scale of the verification.
-    samples : int
-        Initial instants per segment.
-    iterations : int
-        Largest number of Newton steps for one set of instants.
-    rounds : int
-        Largest number of additions of instants.
-    certify : bool
-        Whether to refine and certify the path itself, see :mod:`~.contacts`.
-    """
-
+    #: Final relative complementarity.
     gap: float = 1e-10
+    #: Largest violation at the imposed instants, in normalised rows.
     tolerance: float = 1e-10
+    #: Largest violation between the instants, in the scale of the verification.
     between: float = 1e-8
+    #: Initial instants per segment.
     samples: int = 8
+    #: Largest number of Newton steps for one set of instants.
     iterations: int = 100
+    #: Largest number of additions of instants.
     rounds: int = 40
+    #: Whether to refine and certify the path itself, see :mod:`~.contacts`.
     certify: bool = False
 
 
@@ -138,11 +127,8 @@ class State:
     def begin(self, boost: float = 1.0) -> None:
         """Initialise a smooth path near the middle of the bounds, with slacks and multipliers.
 
-        Parameters
-        ----------
-        boost : float
-            Factor of the barrier parameter. Narrow bounds have multipliers far above those of the
-            initial guess, and a smaller barrier stalls at the boundary.
+        `boost` multiplies the barrier parameter. Narrow bounds have multipliers far above those of
+        the initial guess, and a smaller barrier stalls at the boundary.
         """
         now = smooth_start(self.posed, self.now.knots, self.now.inner)
         value = multiply(self.posed.cost, now.knots, now.inner)
@@ -205,10 +191,7 @@ class State:
     def find_violations(self, threshold: float) -> tuple[Instants | None, float]:
         """Return the instants at which the iterate violates bounds, and the largest violation.
 
-        Parameters
-        ----------
-        threshold : float
-            Smallest violation reported, in the scale of the verification.
+        The smallest violation reported is `threshold`, in the scale of the verification.
         """
         limits = self.chain.limits
         at, share = outside(limits.polynomials(self.powers(), self.durations), limits, threshold)

@@ -65,20 +65,10 @@ def differentiate(
 ) -> None:
     """Compute the cost of the jets and half its gradient.
 
-    Parameters
-    ----------
-    durations : ndarray, shape (M,)
-        T_k, s.
-    rows, factors, orders : ndarray
-        Fields of ``hermite.Table``.
-    jets, lows : ndarray, shape (A, M, 2, r)
-        Derivatives at both ends of each segment, and their rounding remainders.
-    forces, rests : ndarray, shape (A, M, 2, r)
-        Filled with half the derivative of J with respect to each, and its rounding remainder.
-    moments : ndarray, shape (A, M, N)
-        Filled with the moments, for the rows of the table.
-    objective : ndarray, shape (A,)
-        Filled with J.
+    `rows`, `factors` and `orders` are the fields of ``hermite.Table``, and `lows` the rounding
+    remainders of `jets`. `forces` and `rests`, shape (A, M, 2, r), receive half the derivative of J
+    with respect to each and its rounding remainder, `moments`, shape (A, M, N), the moments for the
+    rows of the table, and `objective` J of each axis.
     """
     axes, count, _, order = jets.shape
     size, terms = 2 * order, rows.shape[0]

@@ -306,47 +306,27 @@ def refined(
     orders: Orders, durations: Floats, values: Floats, rows: Floats, factors: Floats, certify: bool, jets: Floats,
     objective: Floats, blocks: Floats, work: Floats,
 ) -> tuple[int, int, float, int, float, float]:  # fmt: skip
-    """Minimise ∫ (x^(r))² dt.
+    """Minimise ∫ (x^(r))² dt for the positions at all knots and the derivatives at the two ends.
 
-    Parameters
-    ----------
-    orders : tuple of int, length r - 1
-        1, …, r-1.
-    durations : ndarray, shape (M,)
-        T_k, s.
-    values : ndarray, shape (A, M + 1, r)
-        Positions at all knots, derivatives at the two ends.
-    rows, factors : ndarray
-        Fields of ``hermite.Table``.
-    certify : bool
-        Whether to refine at least once and until the last correction proves the shape.
-    jets : ndarray, shape (A, M, 2, r)
-        Filled with the derivatives at the start and the end of each segment.
-    objective : ndarray, shape (A,)
-        Filled with J.
-    blocks : ndarray, shape (M, 2, r - 1, r - 1)
-        Workspace for the coupling of each knot with the next one and for the factor of its
-        block. The caller allocates it, because NumPy uses large memory pages and compiled code
-        does not.
-    work : ndarray, shape (A, M, r - 1)
-        Workspace for right-hand sides.
+    `rows` and `factors` are the fields of ``hermite.Table``. If `certify`, refine at least once and
+    until the last correction proves the shape. `jets`, shape (A, M, 2, r), and `objective` receive
+    the solution. The workspaces `blocks`, shape (M, 2, r - 1, r - 1), for the coupling of each knot
+    with the next one and the factor of its block, and `work`, shape (A, M, r - 1), for right-hand
+    sides are allocated by the caller, because NumPy uses large memory pages and compiled code does
+    not.
 
     Returns
     -------
     failed : int
-        Index of the knot with a pivot at rounding level, M if refinement does not converge, or
-        -1.
+        Index of the knot with a pivot at rounding level, M if refinement does not converge, or -1.
     refinements : int
         Number of solves after the first one.
-    correction : float
-        Largest last correction of a scaled derivative, relative to its segment's size; 0
-        without refinement.
-    segment : int
-        Index of the segment with that correction.
-    gap : float
-        J less its optimum before the last refinement.
-    rounding : float
-        Effect of rounding errors of the moments on J.
+    correction, segment : float and int
+        Largest last correction of a scaled derivative, relative to its segment's size (0 without
+        refinement), and the index of that segment.
+    gap, rounding : float
+        J less its optimum before the last refinement, and the effect of rounding errors of the
+        moments on J.
     """
     axes, count, n = work.shape[0], durations.size, len(orders)
     unit = np.zeros((2 * n + 2, 2 * n + 2))
@@ -365,19 +345,9 @@ def refined(
     for attempt in range(_REFINEMENTS + 1):
         gap = _reduce(orders, durations, unit, blocks, work)
         correction, place, rounding = _substitute(
-            orders,
-            durations,
-            rows,
-            factors,
-            attempt == 0,
-            again,
-            jets,
-            blocks,
-            work,
-            moved,
-            least,
+            orders, durations, rows, factors, attempt == 0, again, jets, blocks, work, moved, least,
             sums,
-        )
+        )  # fmt: skip
         for a in range(axes):
             objective[a] = sums[a, 0] + sums[a, 1]
             for i in range(n):

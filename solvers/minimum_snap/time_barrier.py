@@ -44,36 +44,22 @@ SHARP, BETWEEN = 1e-9, 2e-10
 
 @dataclass(frozen=True)
 class Value:
-    """J at given durations, with its slope.
+    """J at given durations, with its slope."""
 
-    Parameters
-    ----------
-    value : float
-        Minimum of the inner problem: J plus the barrier term; inf without a path.
-    objective : float
-        J without the barrier term.
-    slope : ndarray, shape (M,)
-        Derivative of `value` by each duration.
-    """
-
+    #: Minimum of the inner problem: J plus the barrier term; inf without a path.
     value: float
+    #: J without the barrier term.
     objective: float
+    #: Derivative of `value` by each duration, shape (M,).
     slope: Floats
 
 
 def jets_of(model: TimeAllocation) -> tuple[Floats, Flags, Floats]:
     """Return the fixed derivatives below order r, their mask and the origin of positions.
 
-    Relative positions retain the digits of differences far from the coordinate origin.
-
-    Returns
-    -------
-    values : ndarray, shape (axes, knots, r)
-        Fixed values, 0 for free entries; positions are relative to `origin`.
-    fixed : ndarray of bool, shape (axes, knots, r)
-        Mask of the fixed entries.
-    origin : ndarray, shape (axes,)
-        First fixed position of each axis, m.
+    Values, 0 for free entries, and mask have the shape (axes, knots, r). Positions are relative to
+    the first fixed one of each axis, which retains the digits of differences far from the coordinate
+    origin.
     """
     r = model.order
     rows = min(r, model.conditions.shape[1])
@@ -123,26 +109,17 @@ class Spline:
 
 @dataclass
 class Group:
-    """Coupled axes, with the last solution of their barrier problem.
+    """Coupled axes, with the last solution of their barrier problem."""
 
-    Parameters
-    ----------
-    chain : Chain
-        Problem of the axes.
-    held : Instants
-        Instants at which the bounds are imposed.
-    imposed : Imposed
-        Bounds at these instants.
-    iterate : Iterate
-        Coordinates, then slacks and multipliers in the model's units.
-    warm : bool
-        Whether the iterate solves the barrier problem.
-    """
-
+    #: Problem of the axes.
     chain: Chain
+    #: Instants at which the bounds are imposed.
     held: Instants
+    #: Bounds at these instants.
     imposed: Imposed
+    #: Coordinates, then slacks and multipliers in the model's units.
     iterate: Iterate
+    #: Whether the iterate solves the barrier problem.
     warm: bool = False
 
     @classmethod
@@ -182,19 +159,8 @@ class Group:
 class Barrier:
     """Barrier problem of all groups, each warm-started from its last iterate.
 
-    Parameters
-    ----------
-    model : TimeAllocation
-        Problem with free times.
-    flag : ndarray of int8, shape (1,)
-        Stop flag. A nonzero value stops the Newton steps.
-
-    Attributes
-    ----------
-    mu : float
-        Slack times multiplier, in units of J.
-    unit : float
-        A typical J.
+    A nonzero `flag` stops the Newton steps. `mu` is slack times multiplier in units of J, and `unit` a
+    typical J.
     """
 
     def __init__(self, model: TimeAllocation, flag: NDArray[np.int8]) -> None:
@@ -215,12 +181,7 @@ class Barrier:
     def value(self, durations: Floats, *, afresh: bool = False) -> Value:
         """Return the value of the barrier problem and its slope. Store the iterate for warm starts.
 
-        Parameters
-        ----------
-        durations : ndarray, shape (M,)
-            T_k, s.
-        afresh : bool
-            Whether to retry with a cold start if the last iterate leads to no solution.
+        If `afresh`, retry with a cold start if the last iterate leads to no solution.
         """
         if self._latest is not None:
             last, mu, known = self._latest
@@ -281,14 +242,10 @@ class Barrier:
     # -- bounds between the instants -------------------------------------------------------------
 
     def exchange(self, durations: Floats, threshold: float) -> int:
-        """Impose violated bounds at the instants of violation, and return their number.
+        """Impose bounds at violations by more than `threshold`, and return the number of instants.
 
-        Parameters
-        ----------
-        durations : ndarray, shape (M,)
-            Durations of the last :meth:`value`, s.
-        threshold : float
-            Smallest violation considered, relative to its scale.
+        `durations` are those of the last :meth:`value`. The threshold is relative to the scale of
+        the bound.
         """
         count = 0
         for group in self.groups:

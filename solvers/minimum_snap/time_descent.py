@@ -37,17 +37,11 @@ CLOSE = 0.1
 
 @dataclass(frozen=True)
 class Variables:
-    """Durations as functions of unbounded variables: ``T = exp(x)``, or shares of a given total.
+    """Durations as functions of unbounded variables: ``T = exp(x)``, or shares of a given total."""
 
-    Parameters
-    ----------
-    weight : float
-        ρ.
-    total : float, optional
-        ΣT.
-    """
-
+    #: ρ.
     weight: float
+    #: ΣT.
     total: float | None
 
     def durations(self, x: Floats) -> Floats:
@@ -69,17 +63,11 @@ class Variables:
 
 @dataclass(frozen=True)
 class Factor:
-    """Single variable: the logarithm of a factor of given durations.
+    """Single variable: the logarithm of a factor of given durations."""
 
-    Parameters
-    ----------
-    weight : float
-        ρ.
-    base : ndarray, shape (M,)
-        Durations for factor 1, s.
-    """
-
+    #: ρ.
     weight: float
+    #: Durations for factor 1, s, shape (M,).
     base: Floats
     total: ClassVar[None] = None
 
@@ -95,26 +83,17 @@ class Factor:
 
 @dataclass
 class Allocated:
-    """Result of the descent on the durations.
+    """Result of the descent on the durations."""
 
-    Parameters
-    ----------
-    durations : ndarray, shape (M,)
-        Best durations, s.
-    value : float
-        Objective at the best durations.
-    gradient : float
-        Largest entry of the gradient by x at the best durations, relative to the objective.
-    settled : bool
-        Whether the gradient satisfies the tolerance.
-    iterations, evaluations : int
-        Numbers of iterations and of evaluations.
-    """
-
+    #: Best durations, s, shape (M,).
     durations: Floats
+    #: Objective at the best durations.
     value: float = np.inf
+    #: Largest entry of the gradient by x at the best durations, relative to the objective.
     gradient: float = np.inf
+    #: Whether the gradient satisfies the tolerance.
     settled: bool = False
+    #: Numbers of iterations and of evaluations.
     iterations: int = 0
     evaluations: int = 0
 
@@ -123,37 +102,17 @@ Heard = Callable[[Floats, float], None]
 
 
 def allocate(
-    model: TimeAllocation,
-    inner: Inner,
-    durations: Floats,
-    *,
-    tolerance: float,
-    most: int,
-    between: float,
-    stopped: Callable[[], bool] = lambda: False,
-    heard: Heard = lambda durations, value: None,
-    first: float = GAPS[0],
-    proportional: bool = False,
-) -> Allocated:
-    """Descend from `durations`, which must have a path.
+    model: TimeAllocation, inner: Inner, durations: Floats, *, tolerance: float, most: int,
+    between: float, stopped: Callable[[], bool] = lambda: False,
+    heard: Heard = lambda durations, value: None, first: float = GAPS[0], proportional: bool = False,
+) -> Allocated:  # fmt: skip
+    """Descend from `durations`, which must have a path, in at most `most` iterations.
 
-    Parameters
-    ----------
-    tolerance : float
-        Largest final gradient, relative to the objective.
-    most : int
-        Largest number of iterations.
-    between : float
-        Largest final violation of a bound between instants, relative to its scale.
-    stopped : callable
-        Function that returns True to stop the descent.
-    heard : callable
-        Callback for improved durations and their objective.
-    first : float
-        Relative complementarity of the first barrier. A large value moves the path away from the
-        bounds.
-    proportional : bool
-        Whether the durations keep their proportions.
+    `tolerance` is the largest final gradient, relative to the objective, and `between` the largest
+    final violation of a bound between instants, relative to its scale. `heard` receives improved
+    durations and their objective. `first` is the relative complementarity of the first barrier; a
+    large value moves the path away from the bounds. If `proportional`, the durations keep their
+    proportions.
     """
     result = Allocated(durations)
     variables: Variables | Factor

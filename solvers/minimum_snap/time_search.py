@@ -32,26 +32,18 @@ MEMORY = 60
 
 @dataclass(frozen=True)
 class Reached:
-    """Result of a descent.
+    """Result of a descent."""
 
-    Parameters
-    ----------
-    point, slope : ndarray
-        Best point and its gradient.
-    value : float
-        Value at the best point.
-    iterations, evaluations : int
-        Numbers of iterations and of evaluations.
-    settled : bool
-        Whether the gradient or the predicted decrease satisfies its tolerance. If False, the descent
-        reached a limit or made no further progress.
-    """
-
+    #: Best point and its gradient.
     point: Floats
     slope: Floats
+    #: Value at the best point.
     value: float
+    #: Numbers of iterations and of evaluations.
     iterations: int
     evaluations: int
+    #: Whether the gradient or the predicted decrease satisfies its tolerance. If False, the
+    #: descent reached a limit or made no further progress.
     settled: bool
 
 
@@ -67,14 +59,8 @@ class Descent:
     """L-BFGS that keeps its curvature if the function changes, as from one barrier to the next.
 
     With second derivatives of the barrier, Newton's method was measured to take at least 0.55 of
-    the time on 5 to 100 segments, for 450 lines more.
-
-    Parameters
-    ----------
-    memory : int
-        Number of stored pairs of steps and slopes.
-    longest : float
-        Largest change of any variable in one step.
+    the time on 5 to 100 segments, for 450 lines more. `memory` is the number of stored pairs of steps
+    and slopes, and `longest` the largest change of any variable in one step.
     """
 
     def __init__(self, memory: int = MEMORY, longest: float = 0.7) -> None:
@@ -107,31 +93,13 @@ class Descent:
         heard: Callable[[Floats, float], None] | None = None,
         decrement: float = 0.0,
     ) -> Reached:
-        """Minimise `function` from a `point` with a finite value.
+        """Minimise `function` from a `point` with a finite value, in at most `most` iterations.
 
-        Parameters
-        ----------
-        function : callable
-            Function that returns value and gradient. The gradient is ignored if the value is
-            infinite.
-        point : ndarray, shape (n,)
-            Starting point.
-        tolerance : float
-            Largest entry of the final gradient, relative to the value.
-        most : int
-            Largest number of iterations.
-        stopped : callable, optional
-            Function that returns True to stop, called before every evaluation.
-        heard : callable, optional
-            Callback for every improved point and its value.
-        decrement : float
-            Predicted decrease, relative to the value, at which the descent has converged. In a narrow
-            valley the gradient may be large without a possible decrease.
-
-        Returns
-        -------
-        Reached
-            Best point.
+        The function returns value and gradient, which is ignored if the value is infinite.
+        `tolerance` is the largest entry of the final gradient, and `decrement` the predicted decrease
+        at which the descent has converged, both relative to the value: in a narrow valley the
+        gradient may be large without a possible decrease. `stopped` is called before every
+        evaluation, and `heard` for every improved point and its value.
         """
         now = _Trial(point, *function(point))
         evaluations, iterations, idle, settled = 1, 0, 0, False

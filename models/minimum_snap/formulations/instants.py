@@ -20,32 +20,22 @@ class Limits(NamedTuple):
     """Table of the bounds: ``lower <= direction @ x^(derivative)(t) <= upper`` on a segment.
 
     A box has one entry per segment and bounded axis. The entries are sorted by segment.
-
-    Parameters
-    ----------
-    segment : ndarray of int, shape (N,)
-        Index of the segment.
-    bound : ndarray of int, shape (N,)
-        Index of the bound in ``model.bounds``. The half-spaces share the next index.
-    axis : ndarray of int, shape (N,)
-        Index of the axis or of the half-space.
-    derivative : ndarray of int, shape (N,)
-        Order of the derivative in time.
-    direction : ndarray, shape (N, dimensions)
-        Unit vector of the axis, or normal of the half-space.
-    lower, upper : ndarray, shape (N,)
-        Bounds, m/s^derivative; infinite for unbounded sides.
-    low_scale, high_scale : ndarray, shape (N,)
-        Scales of violations from below and from above, as in the verification.
     """
 
+    #: Index of the segment, shape (N,).
     segment: Ints
+    #: Index of the bound in ``model.bounds``, shape (N,). The half-spaces share the next index.
     bound: Ints
+    #: Index of the axis or of the half-space, shape (N,).
     axis: Ints
+    #: Order of the derivative in time, shape (N,).
     derivative: Ints
+    #: Unit vector of the axis, or normal of the half-space, shape (N, dimensions).
     direction: Floats
+    #: Bounds, m/s^derivative, shape (N,); infinite for unbounded sides.
     lower: Floats
     upper: Floats
+    #: Scales of violations from below and from above, as in the verification, shape (N,).
     low_scale: Floats
     high_scale: Floats
 
@@ -95,12 +85,8 @@ class Limits(NamedTuple):
     def polynomials(self, powers: Floats, durations: Floats) -> Floats:
         """Return the bounded values as ascending powers of s, shape (N, degree + 1).
 
-        Parameters
-        ----------
-        powers : ndarray, shape (segments, degree + 1, dimensions)
-            Coefficients of a path. Derivatives are padded with zeros.
-        durations : ndarray, shape (segments,)
-            Durations of the segments, s.
+        `powers`, shape (segments, degree + 1, dimensions), are the coefficients of a path. Derivatives
+        are padded with zeros.
         """
         values: Floats = np.einsum("npd,nd->np", powers[self.segment], self.direction)
         degree = values.shape[1] - 1
@@ -119,17 +105,11 @@ class Limits(NamedTuple):
 
 
 class Instants(NamedTuple):
-    """Instants at which bounds are imposed.
+    """Instants at which bounds are imposed."""
 
-    Parameters
-    ----------
-    row : ndarray of int, shape (Q,)
-        Entry of the bound in the table of :class:`Limits`.
-    s : ndarray, shape (Q,)
-        Scaled time in the segment, in [0, 1].
-    """
-
+    #: Entry of the bound in the table of :class:`Limits`, shape (Q,).
     row: Ints
+    #: Scaled time in the segment, in [0, 1], shape (Q,).
     s: Floats
 
     def taken(self, index: Ints) -> Instants:
@@ -163,22 +143,12 @@ NOWHERE = Instants(np.empty(0, np.int64), np.empty(0))
 def first_instants(
     model: MinimumDerivative, limits: Limits, samples: int, continuity: int
 ) -> Instants:
-    """Return the initial instants at which bounds are imposed.
+    """Return the initial instants at which bounds are imposed, at least 2 `samples` per segment.
 
     They are the Chebyshev extreme points of every bounded segment, which are denser near its ends,
     where derivatives peak. Values that are fixed at a knot need no row. Values that are continuous
-    at a knot with equal bounds on both sides need one row.
-
-    Parameters
-    ----------
-    model : MinimumDerivative
-        Problem at given times.
-    limits : Limits
-        Bounds of `model`.
-    samples : int
-        Instants per segment, at least 2.
-    continuity : int
-        Highest order of a derivative that is equal on both sides of a knot.
+    at a knot with equal bounds on both sides need one row. Derivatives up to `continuity` are equal
+    on both sides of a knot.
     """
     nodes = (1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2
     every = Instants(
@@ -188,11 +158,8 @@ def first_instants(
     needed = np.ones(every.s.size, bool)
     for number, bound in enumerate(model.bounds):
         mine = np.flatnonzero(limits.bound[every.row] == number)
-        segment, axis, s = (
-            limits.segment[every.row[mine]],
-            limits.axis[every.row[mine]],
-            every.s[mine],
-        )
+        entries, s = limits.taken(every.row[mine]), every.s[mine]
+        segment, axis = entries.segment, entries.axis
         if bound.derivative < model.conditions.shape[1]:
             fixed = np.isfinite(model.conditions[segment + (s == 1.0), bound.derivative, axis])
             needed[mine[fixed & ((s == 0.0) | (s == 1.0))]] = False
@@ -210,14 +177,8 @@ def outside(
 ) -> tuple[Instants, Floats]:
     """Return the local extremes that violate a bound, and their relative violations.
 
-    Parameters
-    ----------
-    polynomials : ndarray, shape (N, degree + 1)
-        Bounded values in ascending powers of s, one row per entry of `limits`.
-    limits : Limits
-        Bounds.
-    threshold : float or ndarray, shape (N,)
-        Smallest violation reported, relative to its scale.
+    `polynomials` has one row of ascending powers of s per entry of `limits`. `threshold`, a number or
+    one per entry, is the smallest violation reported, relative to its scale.
     """
     control = polynomials @ bernstein_matrix(polynomials.shape[1] - 1).T
     # The control polygon encloses the curve, so only rows whose polygon violates a bound matter.

@@ -30,12 +30,8 @@ NOISE = 1e-14
 class Kind:
     """Scalar function of z = (log T, local entries) and constants c, with two derivatives.
 
-    Attributes
-    ----------
-    value, first, second : casadi.Function
-        Functions of (z, c): value, gradient, and nonzeros of the upper triangle of the Hessian.
-    pattern : ndarray of int, shape (2, nonzeros)
-        Rows and columns of those nonzeros.
+    `value`, `first` and `second` are functions of (z, c): value, gradient, and nonzeros of the upper
+    triangle of the Hessian, whose rows and columns are in `pattern`, shape (2, nonzeros).
     """
 
     def __init__(self, z: Any, c: Any, value: Any) -> None:
@@ -48,26 +44,17 @@ class Kind:
 
 
 class Terms(NamedTuple):
-    """Batch of terms of the same kind.
+    """Batch of terms of the same kind."""
 
-    Parameters
-    ----------
-    kind : Kind
-        Function of every term.
-    segment : ndarray of int, shape (N,)
-        Segment whose duration is the first argument.
-    entries : ndarray of int, shape (N, n)
-        Indices of the local entries that are the other arguments.
-    constants : ndarray, shape (N, c)
-        Constants of each term.
-    row : ndarray of int, shape (N,), optional
-        Row of the program for each term; None for terms of the objective.
-    """
-
+    #: Function of every term.
     kind: Kind
+    #: Segment whose duration is the first argument, shape (N,).
     segment: Ints
+    #: Indices of the local entries that are the other arguments, shape (N, n).
     entries: Ints
+    #: Constants of each term, shape (N, c).
     constants: Floats
+    #: Row of the program for each term, shape (N,); None for terms of the objective.
     row: Ints | None
 
 
@@ -80,16 +67,9 @@ class Functions(NamedTuple):
 
 
 def cost(weights: Floats, powers: Floats, order: int) -> Kind:
-    """Return the cost of one axis on one segment.
+    """Return the cost of one axis on one segment, for the weights of the orders 1 … r.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (order,)
-        Weights of the orders 1 … r.
-    powers : ndarray, shape (n, n)
-        Coefficients of the basis functions on [0, 1] in powers of s, one function per column.
-    order : int
-        r, the highest order in the objective.
+    `powers` are the coefficients of the basis functions on [0, 1] in powers of s, one per column.
     """
     z = casadi.SX.sym("z", 1 + len(powers))
     y = _unit(z[0], z[1:], order)
@@ -121,18 +101,8 @@ def assemble(
 ) -> Functions:  # fmt: skip
     """Return the program of the columns ``x = (log T, d)``.
 
-    Parameters
-    ----------
-    groups : list of Terms
-        All terms. Terms of rows are in the order of the rows.
-    matrix, constant : sparse array and ndarray, shapes (L, free), (L,)
-        Local entries are ``matrix @ d + constant``. Each row of `matrix` has at most one entry.
-    time_weight : float
-        Cost per second, added to the objective.
-    rows : int
-        Number of rows.
-    total : bool
-        Whether the last row is the sum of all durations.
+    Local entries are ``matrix @ d + constant``, with at most one entry per row of `matrix`. Terms of
+    rows are in the order of the rows. If `total`, the last row is the sum of all durations.
     """
     count, free = 1 + max(int(g.segment.max()) for g in groups), matrix.shape[1]
     size, every = count + free, np.arange(count)
