@@ -125,6 +125,10 @@ class Halfspaces(NamedTuple):
     offsets: Floats
 
 
+#: Non-negative limit of each axis on each segment.
+_LIMIT = Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PathData(Model[Trajectory]):
     """Fields of :class:`~crosstrack.models.MinimumDerivative` and the values derived from them.
@@ -152,15 +156,9 @@ class PathData(Model[Trajectory]):
     corridor_upper: Floats | None = declared(
         Optional(Broadcast(("knots", "dimensions"), infinity=1)), default=None
     )
-    velocity_limit: Floats | None = declared(
-        Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1)), default=None
-    )
-    acceleration_limit: Floats | None = declared(
-        Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1)), default=None
-    )
-    jerk_limit: Floats | None = declared(
-        Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1)), default=None
-    )
+    velocity_limit: Floats | None = declared(_LIMIT, default=None)
+    acceleration_limit: Floats | None = declared(_LIMIT, default=None)
+    jerk_limit: Floats | None = declared(_LIMIT, default=None)
     polytope_segments: NDArray[np.int64] | None = declared(
         Optional(Array(("halfspaces",), int, lower=0)), default=None
     )
@@ -221,6 +219,19 @@ class PathData(Model[Trajectory]):
         return frozen(table)
 
     @cached_property
+    def jets(self) -> Floats:
+        """Fixed derivatives 0 … r-1 at the knots, shape (knots, order, dimensions), else FREE."""
+        table = np.full((self.times.size, self.order, self.dimensions), FREE)
+        rows = min(self.order, self.conditions.shape[1])
+        table[:, :rows] = self.conditions[:, :rows]
+        return frozen(table)
+
+    @property
+    def fixes_order(self) -> bool:
+        """Whether a derivative of order r or above is fixed at any knot."""
+        return bool(np.isfinite(self.conditions[:, self.order :]).any())
+
+    @cached_property
     def bounds(self) -> tuple[Bound, ...]:
         """Corridor boxes and limits that bound at least one component."""
         candidates = []
@@ -255,6 +266,14 @@ class PathData(Model[Trajectory]):
         )
 
     @cached_property
+    def reach(self) -> tuple[Floats, Floats]:
+        """Smallest and largest coordinate of waypoints and corridor per axis, m, else inf and -inf."""
+        tables = (self.waypoints, self.corridor_lower, self.corridor_upper)
+        table = np.concatenate([table for table in tables if table is not None])
+        low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
+        return low, np.where(np.isfinite(table), table, -np.inf).max(axis=0)
+
+    @cached_property
     def position_scale(self) -> Floats:
         """Scale of position violations per axis, m, shape (dimensions,).
 
@@ -262,12 +281,8 @@ class PathData(Model[Trajectory]):
         Unlike the positions, it is independent of the origin. If only derivatives are given, the
         scale is the distance that they cover in a mean segment, or 1 if they are all 0.
         """
-        tables = [self.waypoints]
-        tables += [t for t in (self.corridor_lower, self.corridor_upper) if t is not None]
-        table = np.concatenate(tables)
-        low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
-        high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
-        extent = np.where(np.isfinite(low) & np.isfinite(high), high - low, 0.0)
+        low, high = self.reach
+        extent = np.where(np.isfinite(low), high - low, 0.0)
         fixed = np.where(np.isfinite(self.conditions[:, 1:]), np.abs(self.conditions[:, 1:]), 0.0)
         orders = np.arange(1, fixed.shape[1] + 1)
         distance = fixed.max(axis=(0, 2), initial=0.0) * float(self.durations.mean()) ** orders
@@ -349,6 +364,15 @@ class PathData(Model[Trajectory]):
     def bounded(self) -> bool:
         """Whether the model has a corridor, a polytope or a limit."""
         return bool(self.bounds) or self.halfspaces is not None
+
+    def require_shape(self, plan: Trajectory) -> None:
+        """Raise :class:`InvalidData` unless `plan` has the model's segments and dimensions."""
+        if plan.segments != self.segments or plan.dimensions != self.dimensions:
+            raise InvalidData(
+                f"plan has {plan.segments} segments in {plan.dimensions}-D, the model "
+                f"{self.segments} in {self.dimensions}-D",
+                field="plan",
+            )
 
     def objective(self, plan: Trajectory) -> float:
         """Return Σ w_j ∫ (x^(j))² dt over all axes, m²/s^(2r-1)."""

@@ -32,19 +32,18 @@ _PIECES = 4
 
 def check_conditions(model: PathData) -> None:
     """Raise :class:`InvalidData` if fixed values contradict each other, the corridor or limits."""
-    for name, rows in (("start", model.start), ("end", model.end)):
-        if len(rows) > model.degree:
+    inner = 0 if model.derivatives is None else model.derivatives.shape[1]
+    for name, count in (
+        ("start", len(model.start)),
+        ("end", len(model.end)),
+        ("derivatives", inner),
+    ):
+        if count > model.degree:
             raise InvalidData(
-                f"{name} fixes {len(rows)} derivatives of a polynomial of degree {model.degree}",
+                f"{name} fixes {count} derivatives of a polynomial of degree {model.degree}",
                 field=name,
             )
     if model.derivatives is not None:
-        if model.derivatives.shape[1] > model.degree:
-            raise InvalidData(
-                f"derivatives fixes {model.derivatives.shape[1]} derivatives of a polynomial of "
-                f"degree {model.degree}",
-                field="derivatives",
-            )
         for knot, name, rows in ((0, "start", model.start), (-1, "end", model.end)):
             _agree(model.derivatives[knot], rows, name, model.times.size - 1 if knot else 0)
     _check_polytopes(model)
@@ -150,12 +149,7 @@ def verify_trajectory(
     """Evaluate the objective and every condition of `model` on `plan`."""
     check_tolerance(tolerance)
     required("plan", plan, Trajectory)
-    if plan.segments != model.segments or plan.dimensions != model.dimensions:
-        raise InvalidData(
-            f"plan has {plan.segments} segments in {plan.dimensions}-D, the model "
-            f"{model.segments} in {model.dimensions}-D",
-            field="plan",
-        )
+    model.require_shape(plan)
     checks = [_times(model, plan, tolerance)]
     checks += _degree(model, plan, tolerance)
     checks += check_knots(model, plan, tolerance)

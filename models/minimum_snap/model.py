@@ -137,9 +137,7 @@ class MinimumDerivative(PathData):
     @property
     def preferred_formulation(self) -> str:
         """``hermite`` if the free derivatives determine the path, else ``legendre``."""
-        free = self.continuity < self.order and not (
-            self.highest_fixed >= self.order and np.isfinite(self.conditions[:, self.order :]).any()
-        )
+        free = self.continuity < self.order and not self.fixes_order
         return "hermite" if free else self.default_formulation
 
     @property

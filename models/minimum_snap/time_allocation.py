@@ -214,6 +214,17 @@ continuity
 
     # -- plans -----------------------------------------------------------------------------------
 
+    def stretch(self, plan: Trajectory) -> float:
+        """Return the factor of the durations of `plan` that reduces its peaks to the limits."""
+        factor = 0.0
+        for bound in self.bounds:
+            if bound.derivative:
+                extremes = plan.extremes(bound.derivative)
+                peak = np.maximum(np.abs(extremes.least), np.abs(extremes.largest))
+                share = float((peak / np.where(bound.upper > 0, bound.upper, np.inf)).max())
+                factor = max(factor, share ** (1.0 / bound.derivative))
+        return factor
+
     def objective(self, plan: Trajectory) -> float:
         """Return J + ρ ΣT."""
         return self.unit.objective(plan) + self.time_weight * plan.duration

@@ -41,37 +41,18 @@ _ULP = float(np.finfo(float).eps)
 
 
 def solve_hermite(
-    durations: Floats,
-    values: Floats,
-    fixed: Bools,
-    weights: Floats,
-    continuity: int,
-    *,
+    durations: Floats, values: Floats, fixed: Bools, weights: Floats, continuity: int, *,
     certify: bool = False,
-) -> Solved:
+) -> Solved:  # fmt: skip
     """Minimise ∫ Σ_j w_j (x^(j))² dt over piecewise polynomials of degree 2r-1.
 
-    Parameters
-    ----------
-    durations : ndarray, shape (M,)
-        T_k > 0, s.
-    values : ndarray, shape (A, M + 1, r)
-        Derivatives of order 0 … r-1 at the knots. Free entries are ignored and may be NaN.
-    fixed : ndarray of bool, shape (A, M + 1, r)
-        Mask of the fixed entries. Axes with the same pattern share one factorisation.
-    weights : ndarray, shape (r,)
-        Weights of the orders 1 … r. All are at least 0, and the last is positive.
-    continuity : int
-        Highest order of a derivative that neighbours share, 0 … r-1. A free derivative of a higher
-        order is free on each side of a knot. A fixed one is fixed on both sides.
-    certify : bool
-        Whether to refine until the last correction proves the shape. If False, stop as soon as the
-        next correction would prove it.
-
-    Returns
-    -------
-    Solved
-        Solution with its outcome. The function raises no exception.
+    `values`, shape (A, M + 1, r), are the derivatives of order 0 … r-1 at the knots, and `fixed` is
+    the mask of the fixed ones; free entries are ignored and may be NaN. Axes with the same pattern
+    share one factorisation. `weights` are those of the orders 1 … r, the last one positive.
+    `continuity` is the highest order of a derivative that neighbours share: a free derivative of a
+    higher order is free on each side of a knot, and a fixed one is fixed on both sides. If `certify`,
+    refine until the last correction proves the shape; otherwise stop as soon as the next correction
+    would prove it. The function raises no exception.
     """
     durations = np.ascontiguousarray(durations, np.float64)
     values = np.ascontiguousarray(values, np.float64)

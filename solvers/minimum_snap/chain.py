@@ -89,24 +89,16 @@ class Chain:
 
         The origin affects only the number of accurate digits of a position.
         """
-        model = self.model
-        tables = [model.waypoints]
-        tables += [t for t in (model.corridor_lower, model.corridor_upper) if t is not None]
-        table = np.concatenate(tables)[:, list(self.axes)]
-        low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
-        high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
-        middle: Floats = np.where(np.isfinite(low) & np.isfinite(high), 0.5 * (low + high), 0.0)
+        low, high = (side[list(self.axes)] for side in self.model.reach)
+        middle: Floats = np.where(np.isfinite(low), 0.5 * (low + high), 0.0)
         return middle
 
     @cached_property
     def _conditions(self) -> tuple[Flags, Floats]:
         """Mask of the fixed derivatives at the knots, and their values (0 for free ones)."""
-        model, r = self.model, self.model.order
-        table = np.full((len(self.axes), model.times.size, r), np.inf)
-        rows = min(r, model.conditions.shape[1])
-        table[..., :rows] = np.moveaxis(model.conditions[:, :rows, list(self.axes)], 2, 0)
-        table[..., 0] -= self.origin[:, None]
-        values = np.moveaxis(table, 0, 1).reshape(model.times.size, self.jets)
+        table = self.model.jets[:, :, list(self.axes)].swapaxes(1, 2).copy()
+        table[..., 0] -= self.origin
+        values = table.reshape(len(table), self.jets)
         fixed = np.isfinite(values)
         return fixed, np.where(fixed, values, 0.0)
 

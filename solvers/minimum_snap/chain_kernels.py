@@ -35,23 +35,6 @@ Flags = NDArray[np.bool_]
 
 
 @kernel
-def multiply(rows: Floats, knots: Floats, inner: Floats) -> Floats:
-    """Return ``rows[k] @ local[k]`` for dense rows of every segment, shape (segments, c)."""
-    count, c, width = rows.shape
-    n = knots.shape[1]
-    value = np.zeros((count, c))
-    for k in range(count):
-        for row in range(c):
-            total = 0.0
-            for j in range(n):
-                total += rows[k, row, j] * knots[k, j] + rows[k, row, n + j] * knots[k + 1, j]
-            for j in range(width - 2 * n):
-                total += rows[k, row, 2 * n + j] * inner[k, j]
-            value[k, row] = total
-    return value
-
-
-@kernel
 def row_values(rows: Floats, start: Ints, knots: Floats, inner: Floats) -> Floats:
     """Return the values of the bound rows. Segment k has rows ``start[k]`` to ``start[k+1]``."""
     n = knots.shape[1]
@@ -69,21 +52,6 @@ def row_values(rows: Floats, start: Ints, knots: Floats, inner: Floats) -> Float
 
 
 @kernel
-def transposed(rows: Floats, value: Floats, knots: Floats, inner: Floats) -> None:
-    """Add ``rows[k]' @ value[k]`` to the gradients `knots` and `inner`."""
-    count, c, width = rows.shape
-    n = knots.shape[1]
-    for k in range(count):
-        for row in range(c):
-            v = value[k, row]
-            for j in range(n):
-                knots[k, j] += rows[k, row, j] * v
-                knots[k + 1, j] += rows[k, row, n + j] * v
-            for j in range(width - 2 * n):
-                inner[k, j] += rows[k, row, 2 * n + j] * v
-
-
-@kernel
 def bound_gradient(rows: Floats, start: Ints, value: Floats, knots: Floats, inner: Floats) -> None:
     """Add ``G' value`` to the gradients `knots` and `inner`."""
     n = knots.shape[1]
@@ -97,6 +65,27 @@ def bound_gradient(rows: Floats, start: Ints, value: Floats, knots: Floats, inne
                     knots[k + 1, j] += rows[q, n + j] * v
                 for j in range(width - 2 * n):
                     inner[k, j] += rows[q, 2 * n + j] * v
+
+
+@kernel
+def _flat(rows: Floats) -> tuple[Floats, Ints]:
+    """Return dense rows of every segment, shape (segments, c, width), as bound rows."""
+    count, c, width = rows.shape
+    return rows.reshape(count * c, width), np.arange(count + 1) * c
+
+
+@kernel
+def multiply(rows: Floats, knots: Floats, inner: Floats) -> Floats:
+    """Return ``rows[k] @ local[k]`` for dense rows of every segment, shape (segments, c)."""
+    flat, start = _flat(rows)
+    return row_values(flat, start, knots, inner).reshape(rows.shape[0], rows.shape[1])
+
+
+@kernel
+def transposed(rows: Floats, value: Floats, knots: Floats, inner: Floats) -> None:
+    """Add ``rows[k]' @ value[k]`` to the gradients `knots` and `inner`."""
+    flat, start = _flat(rows)
+    bound_gradient(flat, start, value.reshape(value.size), knots, inner)
 
 
 @kernel
@@ -220,23 +209,18 @@ def solve_factors(
     n = fixed.shape[1]
     own = eliminated - n
     tiny = 1e-150
-    w = np.zeros(eliminated)
+    w = np.zeros((count, eliminated))
     for k in range(count):
         for i in range(eliminated):
             value = inner[k, i] if i < own else knots[k, i - own]
             for j in range(i):
-                value -= factors[k, j, i] * w[j]
+                value -= factors[k, j, i] * w[k, j]
             pivot = factors[k, i, i]
-            w[i] = value / pivot if abs(pivot) > tiny else 0.0
-        for i in range(eliminated):
-            if i < own:
-                inner[k, i] = w[i]
-            else:
-                knots[k, i - own] = w[i]
+            w[k, i] = value / pivot if abs(pivot) > tiny else 0.0
         for j in range(n):
             value = knots[k + 1, j]
             for i in range(eliminated):
-                value -= factors[k, i, eliminated + j] * w[i]
+                value -= factors[k, i, eliminated + j] * w[k, i]
             knots[k + 1, j] = value
     for i in range(n):
         value = knots[count, i]
@@ -250,18 +234,17 @@ def solve_factors(
         knots[count, i] = value / last[i, i] if abs(last[i, i]) > tiny else 0.0
     for k in range(count - 1, -1, -1):
         for i in range(eliminated - 1, -1, -1):
-            value = inner[k, i] if i < own else knots[k, i - own]
+            value = w[k, i]
             for j in range(i + 1, eliminated):
-                x = inner[k, j] if j < own else knots[k, j - own]
-                value -= factors[k, i, j] * x
+                value -= factors[k, i, j] * w[k, j]
             for j in range(n):
                 value -= factors[k, i, eliminated + j] * knots[k + 1, j]
             pivot = factors[k, i, i]
-            value = value / pivot if abs(pivot) > tiny else 0.0
+            w[k, i] = value / pivot if abs(pivot) > tiny else 0.0
             if i < own:
-                inner[k, i] = value
+                inner[k, i] = w[k, i]
             else:
-                knots[k, i - own] = value
+                knots[k, i - own] = w[k, i]
 
 
 # Array expressions take several times longer to compile than these loops.

@@ -113,14 +113,12 @@ class _Contacts(NamedTuple):
 
 def uncertifiable(model: MinimumDerivative) -> str:
     """Return the reason why paths of `model` cannot be certified, or an empty string."""
-    r, least = model.order, 2 * model.order - 1
+    least = 2 * model.order - 1
     if model.degree > least:
         return f"the degree {model.degree} is above 2 order - 1 = {least}"
-    fixed = np.zeros((model.times.size, r, model.dimensions), bool)
-    rows = min(r, model.conditions.shape[1])
-    fixed[:, :rows] = np.isfinite(model.conditions[:, :rows])
     for axis in range(model.dimensions):
-        if not has_one_optimum(model.durations, fixed[:, :, axis], model.order_weights, r - 1):
+        fixed = np.isfinite(model.jets[:, :, axis])
+        if not has_one_optimum(model.durations, fixed, model.order_weights, model.order - 1):
             return (
                 f"what is fixed on axis {axis} leaves motions that cost nothing, so the optimum may "
                 "not be unique"

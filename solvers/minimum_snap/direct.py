@@ -50,7 +50,7 @@ class Banded(Backend):
         if problem.degree > 2 * order - 1 and not single:
             return f"degree {problem.degree} with weights of several orders"
         fixed = np.isfinite(problem.conditions)
-        if fixed.shape[1] > order and fixed[:, order:].any():
+        if problem.fixes_order:
             return f"a fixed {derivative_name(order)} or higher derivative"
         if problem.continuity > order - 1:
             # If derivative j is fixed at an inner knot, derivative 2r-1-j of the optimum jumps.
@@ -73,25 +73,14 @@ class Banded(Backend):
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
         begin = clock()
-        order = problem.order
-        # Derivatives above the given rows are free.
-        table = np.full((problem.times.size, order, problem.dimensions), np.inf)
-        rows = min(order, problem.conditions.shape[1])
-        table[:, :rows] = problem.conditions[:, :rows]
+        table = np.moveaxis(problem.jets, 2, 0)
         fixed = np.isfinite(table)
-        values = np.moveaxis(np.where(fixed, table, 0.0), 2, 0)
         # Kernels are compiled for writable arrays, and the model's arrays are read-only.
         durations = np.array(problem.durations)
-        values = np.ascontiguousarray(values)
-        weights = problem.order_weights
         result = solve_hermite(
-            durations,
-            values,
-            np.ascontiguousarray(np.moveaxis(fixed, 2, 0)),
-            weights,
-            min(problem.continuity, order - 1),
-            certify=True,
-        )
+            durations, np.where(fixed, table, 0.0), fixed, problem.order_weights,
+            min(problem.continuity, problem.order - 1), certify=True,
+        )  # fmt: skip
         statistics: dict[str, float | int | str] = {
             "refinements": result.refinements,
             "factorisations": result.factorisations,

@@ -63,10 +63,7 @@ class InteriorPoint(Backend):
                 f"continuity {problem.continuity}: knots share the derivatives up to "
                 f"{problem.order - 1}"
             )
-        if (
-            problem.highest_fixed >= problem.order
-            and np.isfinite(problem.conditions[:, problem.order :]).any()
-        ):
+        if problem.fixes_order:
             return f"a derivative above {problem.order - 1} is fixed"
         return ""
 

@@ -61,10 +61,7 @@ def jets_of(model: TimeAllocation) -> tuple[Floats, Flags, Floats]:
     the first fixed one of each axis, which retains the digits of differences far from the coordinate
     origin.
     """
-    r = model.order
-    rows = min(r, model.conditions.shape[1])
-    table = np.full((model.dimensions, len(model.waypoints), r), np.inf)
-    table[:, :, :rows] = np.moveaxis(model.conditions[:, :rows], 2, 0)
+    table = np.moveaxis(model.unit.jets, 2, 0).copy()
     fixed = np.isfinite(table)
     known = fixed[:, :, 0]
     first = table[np.arange(len(table)), known.argmax(axis=1), 0]

@@ -6,7 +6,7 @@ rest to rest with limited acceleration and velocity.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -121,16 +121,7 @@ def scale_durations(model: TimeAllocation, inner: Inner, durations: Floats) -> F
 def _peaks(model: TimeAllocation, spline: Spline, durations: Floats) -> float:
     """Return the factor that stretches the unbounded path until it satisfies the limits."""
     plan = spline.plan(durations)
-    if plan is None:
-        return 1.0
-    factor = 0.0
-    for bound in model.bounds:
-        if bound.derivative:
-            result = plan.extremes(bound.derivative)
-            size = np.maximum(np.abs(result.least), np.abs(result.largest))
-            share = float((size / np.where(bound.upper > 0, bound.upper, np.inf)).max())
-            factor = max(factor, share ** (1.0 / bound.derivative))
-    return factor
+    return 1.0 if plan is None else model.stretch(plan)
 
 
 def _factors(model: TimeAllocation) -> Iterator[float]:
@@ -150,14 +141,20 @@ def stretch_durations(model: TimeAllocation, inner: Barrier, durations: Floats) 
     From rest to rest, slower motions satisfy all limits. With an end in motion, a slower path may
     have to leave the corridor, so that shorter durations are tried as well.
     """
-    spline = Spline(model)
     if model.from_rest_to_rest and model.total_time is None:
-        durations = durations * max(1.0, 1.02 * _peaks(model, spline, durations))
-    for factor in _factors(model):
-        now = durations * factor
-        set_barrier(model, inner, spline, now)
-        if np.isfinite(inner.settle(now, BETWEEN).value):
-            return now
+        durations = durations * max(1.0, 1.02 * _peaks(model, Spline(model), durations))
+    return _first_feasible(model, inner, (durations * factor for factor in _factors(model)))
+
+
+def _first_feasible(
+    model: TimeAllocation, inner: Barrier, candidates: Iterable[Floats]
+) -> Floats | None:
+    """Return the first durations with a path within the bounds, or None without success."""
+    spline = Spline(model)
+    for durations in candidates:
+        set_barrier(model, inner, spline, durations)
+        if np.isfinite(inner.settle(durations, BETWEEN).value):
+            return durations
         if inner.flag[0]:
             break
     return None
@@ -166,14 +163,9 @@ def stretch_durations(model: TimeAllocation, inner: Barrier, durations: Floats) 
 def restore_path(model: TimeAllocation, inner: Barrier, durations: Floats) -> Floats | None:
     """Return feasible `durations` or slightly longer ones with a path, like :func:`stretch_durations`."""
     slower = SLOWER if model.from_rest_to_rest and model.total_time is None else ()
-    spline = Spline(model)
-    for share in (0.0, *slower):
-        now: Floats = durations * np.exp(share)
-        set_barrier(model, inner, spline, now)
-        if np.isfinite(inner.settle(now, BETWEEN).value):
-            return now
-        if inner.flag[0]:
-            return None
+    result = _first_feasible(model, inner, (durations * np.exp(share) for share in (0.0, *slower)))
+    if result is not None or inner.flag[0]:
+        return result
     return stretch_durations(model, inner, durations)
 
 
@@ -203,12 +195,11 @@ def shorten_total(model: TimeAllocation, inner: Barrier, durations: Floats) -> F
     total = model.total_time
     if total is None or not model.from_rest_to_rest:
         return None
-    spline = Spline(model)
     free = replace(model, total_time=None, time_weight=1.0)
     begin = stretch_durations(free, inner, durations)
     if begin is None:
         return None
-    cost = spline.value(begin).objective
+    cost = Spline(model).value(begin).objective
     price = cost / float(begin.sum()) if np.isfinite(cost) and cost > 0 else 1.0
     result: list[Floats] = []
 
@@ -225,9 +216,7 @@ def shorten_total(model: TimeAllocation, inner: Barrier, durations: Floats) -> F
             break
     if not result:
         return None
-    now = result[-1] * (total / float(result[-1].sum()))
-    set_barrier(model, inner, spline, now)
-    return now if np.isfinite(inner.settle(now, BETWEEN).value) else None
+    return _first_feasible(model, inner, [result[-1] * (total / float(result[-1].sum()))])
 
 
 # -- merging of free knots -------------------------------------------------------------------------

@@ -11,8 +11,7 @@ from crosstrack.models import TimeAllocation
 from crosstrack.solvers.minimum_snap.interior_kernels import CONVERGED, centre
 from crosstrack.solvers.minimum_snap.interior_state import smooth_start
 from crosstrack.solvers.minimum_snap.time_barrier import Barrier, Spline
-from crosstrack.solvers.minimum_snap.time_descent import Variables
-from crosstrack.solvers.minimum_snap.time_search import Descent
+from crosstrack.solvers.minimum_snap.time_descent import Descent, Variables
 
 
 def slope_by_differences(function, durations, k, step):

@@ -15,7 +15,7 @@ from ...programs.blocks import Block
 from ...programs.linear import QuadraticProgram
 from ..trajectory import Trajectory
 from .bases import UnitBasisFormulation, legendre_basis
-from .piecewise import power_rows
+from .piecewise import Rows, power_rows
 
 __all__ = ["HermiteFormulation", "hermite_basis", "knot_times"]
 
@@ -86,10 +86,7 @@ class HermiteFormulation(UnitBasisFormulation):
                 f"the derivatives at the knots that the program shares end with {model.order - 1}; "
                 f"continuity {model.continuity} needs another formulation"
             )
-        if (
-            model.highest_fixed > model.order - 1
-            and np.isfinite(model.conditions[:, model.order :]).any()
-        ):
+        if model.fixes_order:
             raise UnsupportedFormulation(
                 f"derivative {model.highest_fixed} is fixed, but the program's columns are the "
                 f"derivatives up to {model.order - 1}"
@@ -114,17 +111,15 @@ class HermiteFormulation(UnitBasisFormulation):
         model = self.model
         r, count, size = model.order, model.segments, model.degree + 1
         # Column of each local entry; -1 for fixed entries.
-        fixed = np.full((count + 1, r, model.dimensions), np.inf)
-        rows = min(r, model.conditions.shape[1])
-        fixed[:, :rows] = model.conditions[:, :rows]
+
         constant = np.zeros((count, model.dimensions, size))
         number = np.full((count, model.dimensions, size), -1, np.int64)
         scale = np.ones((count, model.dimensions, size))
         local = knot_times(model.durations)
         total = 0
         for order in range(r):
-            free = ~np.isfinite(fixed[:, order])
-            value = np.where(free, 0.0, fixed[:, order])
+            free = ~np.isfinite(model.jets[:, order])
+            value = np.where(free, 0.0, model.jets[:, order])
             constant[:, :, order], constant[:, :, r + order] = value[:-1], value[1:]
             scale[:, :, order] = (local[:-1] ** -order)[:, None]
             scale[:, :, r + order] = (local[1:] ** -order)[:, None]
@@ -187,43 +182,23 @@ class HermiteFormulation(UnitBasisFormulation):
         hessian, cost = self.parabola
         columns = sp.diags_array(self.unit)
         hessian, cost = columns @ hessian @ columns, columns @ cost
-        blocks, parts, at = [], [], 0
-        for name, equation, template, unit, rows in self._all_rows():
-            if name in self._bound_names:
-                shift = rows.matrix @ constant
-                reduced = sp.csr_array(rows.matrix @ matrix)
-                reduced.eliminate_zeros()
-                # Rows without a free column constrain only the data, which the model has checked.
-                active = np.diff(reduced.indptr) > 0
-                lower, upper = (rows.lower - shift)[active], (rows.upper - shift)[active]
-                parts.append((reduced[np.flatnonzero(active)], lower, upper))
-                size = int(active.sum())
-                blocks.append(Block(name, equation, at, size, template, rows.places[active], unit))
-                at += size
-        count = matrix.shape[1]
-        rows_matrix = sp.vstack([p[0] for p in parts]) if parts else sp.csr_array((0, count))
-        return QuadraticProgram(
-            hessian=(hessian + hessian.T) / 2,
-            cost=cost,
-            matrix=sp.csr_array(rows_matrix),
-            row_lower=np.concatenate([p[1] for p in parts] or [np.empty(0)]),
-            row_upper=np.concatenate([p[2] for p in parts] or [np.empty(0)]),
-            column_lower=np.full(count, -np.inf),
-            column_upper=np.full(count, np.inf),
+        groups = []
+        for group in self._bound_rows():
+            rows = group.rows
+            shift = rows.matrix @ constant
+            reduced = sp.csr_array(rows.matrix @ matrix)
+            reduced.eliminate_zeros()
+            # Rows without a free column constrain only the data, which the model has checked.
+            active = np.flatnonzero(np.diff(reduced.indptr))
+            sides = (rows.lower - shift)[active], (rows.upper - shift)[active]
+            rows = Rows(reduced[active], *sides, rows.places[active])
+            groups.append(group._replace(rows=rows))
+        template = "entry {2} of segment {0}, axis {1}"
+        return self._assembled(
+            groups, (hessian + hessian.T) / 2, cost,
+            Block("free derivatives", "", 0, cost.size, template, reduction.places, "m"),
             offset=float(constant @ self._hessian() @ constant) / 2,
-            columns=(
-                Block(
-                    "free derivatives", "", 0, count,
-                    "entry {2} of segment {0}, axis {1}", reduction.places, "m",
-                ),
-            ) if count else (),
-            rows=tuple(block for block in blocks if block.size),
-            name=f"{self.model.name or self.model.kind}, {self.name}",
         )  # fmt: skip
-
-    @property
-    def _bound_names(self) -> set[str]:
-        return {bound.name for bound in self.model.bounds} | {"polytope"}
 
     def encode(self, plan: Trajectory) -> NDArray[np.float64]:
         """Return the free derivatives of `plan` in units of the columns."""

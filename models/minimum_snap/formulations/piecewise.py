@@ -29,7 +29,7 @@ from ..polynomials import horner
 from ..trajectory import Trajectory
 from .instants import NOWHERE, Instants, Limits, first_instants, outside
 
-__all__ = ["PiecewiseFormulation", "power_rows"]
+__all__ = ["Group", "PiecewiseFormulation", "Rows", "power_rows"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -40,13 +40,23 @@ ROUNDS = 25
 SETTLED = 5e-4
 
 
-class _Rows(NamedTuple):
+class Rows(NamedTuple):
     """Rows under construction: entries in local coordinates, bounds, and places for reports."""
 
     matrix: sp.csr_array
     lower: Floats
     upper: Floats
     places: Ints
+
+
+class Group(NamedTuple):
+    """Rows of the same kind with their labels."""
+
+    name: str
+    equation: str
+    template: str
+    unit: str
+    rows: Rows
 
 
 def power_rows(s: Floats, derivative: int, degree: int) -> Floats:
@@ -130,36 +140,39 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     def build(self) -> QuadraticProgram:
         """Return the quadratic program."""
         model = self.model
-        hessian = self._hessian()
-        blocks, parts, at = [], [], 0
-        for name, equation, template, unit, rows in self._all_rows():
+        shape = model.segments, model.dimensions, model.degree + 1
+        places = np.indices(shape).reshape(3, -1).T
+        size, template = len(places), "{2} of segment {0}, axis {1}"
+        columns = Block("coefficient", "5", 0, size, template, places)
+        groups = [*self._knot_rows(), *self._bound_rows()]
+        return self._assembled(groups, self._hessian(), np.zeros(size), columns)
+
+    def _assembled(
+        self, groups: list[Group], hessian: sp.csr_array, cost: Floats, columns: Block,
+        offset: float = 0.0,
+    ) -> QuadraticProgram:  # fmt: skip
+        """Return the program with these rows and unbounded columns."""
+        blocks, parts, at, size = [], [], 0, cost.size
+        for name, equation, template, unit, rows in groups:
             count = rows.lower.size
             if count:
                 blocks.append(Block(name, equation, at, count, template, rows.places, unit))
                 parts.append(rows)
                 at += count
-        size = model.segments * model.dimensions * (model.degree + 1)
         matrix = sp.vstack([p.matrix for p in parts]) if parts else sp.csr_array((0, size))
-        segment, axis, power = np.indices(
-            (model.segments, model.dimensions, model.degree + 1)
-        ).reshape(3, -1)
         return QuadraticProgram(
             hessian=hessian,
-            cost=np.zeros(size),
+            cost=cost,
             matrix=sp.csr_array(matrix),
             row_lower=np.concatenate([p.lower for p in parts] or [np.empty(0)]),
             row_upper=np.concatenate([p.upper for p in parts] or [np.empty(0)]),
             column_lower=np.full(size, -np.inf),
             column_upper=np.full(size, np.inf),
-            columns=(
-                Block(
-                    "coefficient", "5", 0, size, "{2} of segment {0}, axis {1}",
-                    np.column_stack([segment, axis, power]),
-                ),
-            ),
+            offset=offset,
+            columns=(columns,) if size else (),
             rows=tuple(blocks),
-            name=f"{model.name or model.kind}, {self.name}",
-        )  # fmt: skip
+            name=f"{self.model.name or self.model.kind}, {self.name}",
+        )
 
     def _hessian(self) -> sp.csr_array:
         model = self.model
@@ -171,29 +184,32 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         entries = (blocks.ravel(), (rows.ravel(), columns.ravel()))
         return sp.csr_array(sp.coo_array(entries, shape=(count * size,) * 2))
 
-    def _all_rows(self) -> Iterator[tuple[str, str, str, str, _Rows]]:
-        model = self.model
-        conditions = model.conditions
+    def _knot_rows(self) -> Iterator[Group]:
+        conditions = self.model.conditions
         knot_place = "at knot {0}, axis {1}"
         for order in range(min(conditions.shape[1], self.highest_fixed + 1)):
             fixed = np.isfinite(conditions[:, order])
             name, unit = derivative_name(order), derivative_unit(order)
             ends = np.zeros_like(fixed)
             ends[[0, -1]] = order > 0
-            for take, title, equation in (
-                (fixed & ends, f"{name} at the ends", "23"),
-                (fixed & ~ends, "waypoints" if not order else f"{name} at knots", "24" if not order else ""),
-            ):  # fmt: skip
-                yield title, equation, knot_place, unit, self._fixed(order, take)
+            inner = (f"{name} at knots", "") if order else ("waypoints", "24")
+            for take, labels in (
+                (fixed & ends, (f"{name} at the ends", "23")),
+                (fixed & ~ends, inner),
+            ):
+                yield Group(*labels, knot_place, unit, self._fixed(order, take))
         for order in range(self.continuity + 1):
             title = f"continuity of {derivative_name(order)}"
-            yield title, self.continuity_equation, knot_place, "", self._continuous(order)
-        place = "on segment {0}, axis {1}"
+            yield Group(title, self.continuity_equation, knot_place, "", self._continuous(order))
+
+    def _bound_rows(self) -> Iterator[Group]:
+        model, place = self.model, "on segment {0}, axis {1}"
         for number, bound in enumerate(model.bounds):
-            yield bound.name, "", place, derivative_unit(bound.derivative), self._bounded(number)
+            unit = derivative_unit(bound.derivative)
+            yield Group(bound.name, "", place, unit, self._bounded(number))
         if model.halfspaces is not None:
             rows = self._bounded(len(model.bounds))
-            yield "polytope", "", "on segment {0}, half-space {1}", "m", rows
+            yield Group("polytope", "", "on segment {0}, half-space {1}", "m", rows)
 
     @property
     def continuity(self) -> int:
@@ -221,13 +237,13 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             (values.ravel(), columns.ravel(), start), shape=(columns.shape[0], size)
         )
 
-    def _scaled(self, matrix: sp.csr_array, lower: Floats, upper: Floats, index: Ints) -> _Rows:
+    def _scaled(self, matrix: sp.csr_array, lower: Floats, upper: Floats, index: Ints) -> Rows:
         """Scale rows to a largest entry of 1. Derivatives of short segments are huge."""
         size = abs(matrix).max(axis=1).toarray().ravel() if matrix.shape[0] else np.empty(0)
         share = 1.0 / np.where(size > 0, size, 1.0)
-        return _Rows(sp.csr_array(matrix * share[:, None]), lower * share, upper * share, index)
+        return Rows(sp.csr_array(matrix * share[:, None]), lower * share, upper * share, index)
 
-    def _fixed(self, order: int, take: NDArray[np.bool_]) -> _Rows:
+    def _fixed(self, order: int, take: NDArray[np.bool_]) -> Rows:
         """Return the rows that fix a derivative at the adjacent segment ends of knots."""
         model = self.model
         knots, axes = (a.astype(np.int64) for a in np.nonzero(take))
@@ -244,19 +260,13 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             matrix = self._sparse((self._columns(segment[exists], axes[exists]), rows))
             index = np.column_stack([knots[exists], axes[exists]])
             parts.append(self._scaled(matrix, value[exists], value[exists], index))
-        return _Rows(
-            sp.csr_array(sp.vstack([p.matrix for p in parts])),
-            *(np.concatenate(column) for column in list(zip(*parts, strict=True))[1:]),
-        )
+        matrices, *columns = zip(*parts, strict=True)
+        return Rows(sp.csr_array(sp.vstack(matrices)), *map(np.concatenate, columns))
 
-    def _continuous(self, order: int) -> _Rows:
+    def _continuous(self, order: int) -> Rows:
         model = self.model
-        knots, axes = (
-            a.ravel().astype(np.int64)
-            for a in np.meshgrid(
-                np.arange(1, model.segments), np.arange(model.dimensions), indexing="ij"
-            )
-        )
+        knots, axes = np.indices((model.segments - 1, model.dimensions)).reshape(2, -1)
+        knots = knots + 1
         before = self.basis_rows(knots - 1, np.ones(knots.size), order)
         after = self.basis_rows(knots, np.zeros(knots.size), order)
         matrix = self._sparse(
@@ -283,7 +293,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         take = np.flatnonzero(self.limits.bound[held.row] == number)
         return self.limits.taken(held.row[take]), held.s[take]
 
-    def _bounded(self, number: int) -> _Rows:
+    def _bounded(self, number: int) -> Rows:
         """Return the rows of a bound, or of the half-spaces."""
         entries, s = self.held_of(number)
         derivative = int(entries.derivative.max(initial=0))
@@ -345,12 +355,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     def encode(self, plan: Trajectory) -> NDArray[np.float64]:
         """Return the coefficients of `plan` in this basis."""
         model = self.model
-        if plan.segments != model.segments or plan.dimensions != model.dimensions:
-            raise InvalidData(
-                f"plan has {plan.segments} segments in {plan.dimensions}-D, the model "
-                f"{model.segments} in {model.dimensions}-D",
-                field="plan",
-            )
+        model.require_shape(plan)
         if plan.degree > model.degree:
             raise InvalidData(
                 f"plan has degree {plan.degree}, the model allows {model.degree}", field="plan"

@@ -255,13 +255,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         share = (power - 1) * (model.objective(plan) - price) / price
         if share > 0.0:
             plan = self._smoothest(durations * share ** (1.0 / power))
-        factor = 1.0
-        for bound in model.bounds:
-            if bound.derivative:
-                extremes = plan.extremes(bound.derivative)
-                peak = np.maximum(-extremes.least, extremes.largest)
-                worst = float((peak / np.where(bound.upper > 0, bound.upper, np.inf)).max())
-                factor = max(factor, worst ** (1.0 / bound.derivative))
+        factor = max(1.0, model.stretch(plan))
         return plan if factor == 1.0 else self._smoothest(factor * plan.durations)
 
     def _smoothest(self, durations: Floats) -> Trajectory:
