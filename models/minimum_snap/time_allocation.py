@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
-from ..fields import Optional, Real, declared, frozen
+from ..fields import Optional, Real, declared, frozen, required
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification
 from .bounds import Bound, Halfspaces, derivative_name
@@ -267,8 +267,7 @@ continuity
         InvalidData
             `plan` is not a trajectory of the model's shape.
         """
-        if not isinstance(plan, Trajectory):
-            raise InvalidData(f"plan must be a Trajectory, got {type(plan).__name__}", field="plan")
+        required("plan", plan, Trajectory)
         if plan.segments != self.segments:
             raise InvalidData(
                 f"plan has {plan.segments} segments, the model {self.segments}", field="plan"

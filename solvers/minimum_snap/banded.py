@@ -41,9 +41,14 @@ _ULP = float(np.finfo(float).eps)
 
 
 def solve_hermite(
-    durations: Floats, values: Floats, fixed: Bools, weights: Floats, continuity: int, *,
+    durations: Floats,
+    values: Floats,
+    fixed: Bools,
+    weights: Floats,
+    continuity: int,
+    *,
     certify: bool = False,
-) -> Solved:  # fmt: skip
+) -> Solved:
     """Minimise ∫ Σ_j w_j (x^(j))² dt over piecewise polynomials of degree 2r-1.
 
     `values`, shape (A, M + 1, r), are the derivatives of order 0 … r-1 at the knots, and `fixed` is

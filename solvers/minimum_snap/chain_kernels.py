@@ -133,9 +133,14 @@ def _reflect(work: Floats, rows: int, first: int, pivots: int, width: int, where
 
 @kernel
 def factorise(
-    cost: Floats, rows: Floats, start: Ints, weight: Floats, fixed: Flags, factors: Floats,
+    cost: Floats,
+    rows: Floats,
+    start: Ints,
+    weight: Floats,
+    fixed: Flags,
+    factors: Floats,
     last: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Triangularise the cost rows and the bound rows times `weight` of all segments.
 
     `factors`, shape (segments, interior + n, interior + 2 n), receives the triangular rows, whose
@@ -291,9 +296,16 @@ def hold_still(fixed: Flags, knots: Floats) -> None:
 
 @kernel
 def newton_step(
-    cost: Floats, rows: Floats, start: Ints, weight: Floats, fixed: Flags, factors: Floats,
-    last: Floats, b_knots: Floats, b_inner: Floats,
-) -> tuple[Floats, Floats]:  # fmt: skip
+    cost: Floats,
+    rows: Floats,
+    start: Ints,
+    weight: Floats,
+    fixed: Flags,
+    factors: Floats,
+    last: Floats,
+    b_knots: Floats,
+    b_inner: Floats,
+) -> tuple[Floats, Floats]:
     """Solve ``(C'C + G'W²G) x = b`` with the factors and one step of refinement with the rows."""
     x_knots, x_inner = times(1.0, b_knots), times(1.0, b_inner)
     solve_factors(factors, last, fixed, x_knots, x_inner)

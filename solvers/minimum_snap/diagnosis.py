@@ -24,21 +24,10 @@ _FIELDS = {1: "velocity_limit", 2: "acceleration_limit", 3: "jerk_limit"}
 
 
 def diagnose_trajectory(model: MinimumDerivative, time_limit: float | None = 60.0) -> Diagnosis:
-    """Return a minimal set of bounds that no trajectory satisfies together.
+    """Return a minimal set of bounds that no trajectory satisfies together, one finding per bound.
 
-    Removing any bound of the set makes the problem feasible.
-
-    Parameters
-    ----------
-    model : MinimumDerivative
-        Infeasible problem.
-    time_limit : float, optional
-        Time limit for each problem that the filter solves, s. 60 by default.
-
-    Returns
-    -------
-    Diagnosis
-        Findings with one bound each.
+    Removing any bound of the set makes the problem feasible. The time limit, s, applies to each
+    problem that the filter solves.
     """
     backend = InteriorPoint()
     if backend.refuses(model):

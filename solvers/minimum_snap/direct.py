@@ -78,9 +78,13 @@ class Banded(Backend):
         # Kernels are compiled for writable arrays, and the model's arrays are read-only.
         durations = np.array(problem.durations)
         result = solve_hermite(
-            durations, np.where(fixed, table, 0.0), fixed, problem.order_weights,
-            min(problem.continuity, problem.order - 1), certify=True,
-        )  # fmt: skip
+            durations,
+            np.where(fixed, table, 0.0),
+            fixed,
+            problem.order_weights,
+            min(problem.continuity, problem.order - 1),
+            certify=True,
+        )
         statistics: dict[str, float | int | str] = {
             "refinements": result.refinements,
             "factorisations": result.factorisations,

@@ -345,9 +345,19 @@ def refined(
     for attempt in range(_REFINEMENTS + 1):
         gap = _reduce(orders, durations, unit, blocks, work)
         correction, place, rounding = _substitute(
-            orders, durations, rows, factors, attempt == 0, again, jets, blocks, work, moved, least,
+            orders,
+            durations,
+            rows,
+            factors,
+            attempt == 0,
+            again,
+            jets,
+            blocks,
+            work,
+            moved,
+            least,
             sums,
-        )  # fmt: skip
+        )
         for a in range(axes):
             objective[a] = sums[a, 0] + sums[a, 1]
             for i in range(n):

@@ -47,6 +47,8 @@ TRIALS = 30
 #: Number of stored pairs of steps and slopes. With limits on 5 to 100 segments, 60 pairs were measured
 #: to reduce the time of 12 pairs to as little as 0.6. Without limits the number has little effect.
 MEMORY = 60
+#: Largest change of any variable in one step.
+LONGEST = 0.7
 
 
 # -- quasi-Newton descent for functions that may be infinite ----------------------------------------
@@ -81,13 +83,11 @@ class Descent:
     """L-BFGS that keeps its curvature if the function changes, as from one barrier to the next.
 
     With second derivatives of the barrier, Newton's method was measured to take at least 0.55 of
-    the time on 5 to 100 segments, for 450 lines more. `memory` is the number of stored pairs of steps
-    and slopes, and `longest` the largest change of any variable in one step.
+    the time on 5 to 100 segments, for 450 lines more.
     """
 
-    def __init__(self, memory: int = MEMORY, longest: float = 0.7) -> None:
-        self.pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=memory)
-        self.longest = longest
+    def __init__(self) -> None:
+        self.pairs: deque[tuple[Floats, Floats, float]] = deque(maxlen=MEMORY)
 
     def _direction(self, slope: Floats) -> Floats:
         """Return the quasi-Newton direction for this slope."""
@@ -112,7 +112,7 @@ class Descent:
         most: int,
         *,
         stopped: Callable[[], bool] = lambda: False,
-        heard: Callable[[Floats, float], None] | None = None,
+        report: Callable[[Floats, float], None] | None = None,
         decrement: float = 0.0,
     ) -> Reached:
         """Minimise `function` from a `point` with a finite value, in at most `most` iterations.
@@ -121,7 +121,7 @@ class Descent:
         `tolerance` is the largest entry of the final gradient, and `decrement` the predicted decrease
         at which the descent has converged, both relative to the value: in a narrow valley the
         gradient may be large without a possible decrease. `stopped` is called before every
-        evaluation, and `heard` for every improved point and its value.
+        evaluation, and `report` for every improved point and its value.
         """
         now = _Trial(point, *function(point))
         evaluations, iterations, idle, settled = 1, 0, 0, False
@@ -153,8 +153,8 @@ class Descent:
                 self.pairs.append((step, change, turn))
             gained = now.value - trial.value
             now = trial
-            if heard is not None and gained > 0.0:
-                heard(now.point, now.value)
+            if report is not None and gained > 0.0:
+                report(now.point, now.value)
             idle = idle + 1 if abs(gained) <= 1e-16 * abs(now.value) and not self.pairs else 0
             if idle > 2:
                 break
@@ -166,7 +166,7 @@ class Descent:
         """Return a point on the ray `way` with a sufficient decrease, and the number of trials."""
         value, fall = start.value, float(way @ start.slope)
         size = max(float(np.abs(way).max()), 1e-300)
-        length = min(1.0 if self.pairs else 0.3 / size, self.longest / size)
+        length = min(1.0 if self.pairs else 0.3 / size, LONGEST / size)
         low, high, best = 0.0, np.inf, None
         for count in range(TRIALS):
             if stopped():
@@ -184,11 +184,11 @@ class Descent:
                 length = min(max(middle, low + 0.1 * (high - low)), low + 0.7 * (high - low))
             else:
                 best = trial
-                if float(trial.slope @ way) >= WOLFE * fall or length * size >= self.longest:
+                if float(trial.slope @ way) >= WOLFE * fall or length * size >= LONGEST:
                     return best, count + 1
                 low = length
                 length = 2.0 * low if high == np.inf else 0.5 * (low + high)
-                length = min(length, self.longest / size)
+                length = min(length, LONGEST / size)
             if high - low <= 1e-12 * high:
                 return best, count + 1
         return best, TRIALS
@@ -248,18 +248,26 @@ class Allocated:
     evaluations: int = 0
 
 
-Heard = Callable[[Floats, float], None]
+Report = Callable[[Floats, float], None]
 
 
 def allocate(
-    model: TimeAllocation, inner: Inner, durations: Floats, *, tolerance: float, most: int,
-    between: float, stopped: Callable[[], bool] = lambda: False,
-    heard: Heard = lambda durations, value: None, first: float = GAPS[0], proportional: bool = False,
-) -> Allocated:  # fmt: skip
+    model: TimeAllocation,
+    inner: Inner,
+    durations: Floats,
+    *,
+    tolerance: float,
+    most: int,
+    between: float,
+    stopped: Callable[[], bool] = lambda: False,
+    report: Report = lambda durations, value: None,
+    first: float = GAPS[0],
+    proportional: bool = False,
+) -> Allocated:
     """Descend from `durations`, which must have a path, in at most `most` iterations.
 
     `tolerance` is the largest final gradient, relative to the objective, and `between` the largest
-    final violation of a bound between instants, relative to its scale. `heard` receives improved
+    final violation of a bound between instants, relative to its scale. `report` receives improved
     durations and their objective. `first` is the relative complementarity of the first barrier; a
     large value moves the path away from the bounds. If `proportional`, the durations keep their
     proportions.
@@ -282,7 +290,7 @@ def allocate(
     if isinstance(inner, Spline):
         reached = descent.descend(
             function, x, tolerance, most, stopped=stopped,
-            heard=lambda point, value: heard(variables.durations(point), value),
+            report=lambda point, value: report(variables.durations(point), value),
         )  # fmt: skip
         result.durations = variables.durations(reached.point)
         result.gradient = float(np.abs(reached.slope).max()) / max(abs(reached.value), 1e-300)
@@ -340,7 +348,7 @@ def allocate(
             break
         safe = x
         size = outcome.objective + price * float(now.sum())
-        heard(now, size)
+        report(now, size)
         slope = variables.slope(now, outcome.slope)
         result.gradient = float(np.abs(slope).max()) / max(size, 1e-300)
         if last:
@@ -357,9 +365,13 @@ def allocate(
 
 
 def _inside(
-    inner: Barrier, variables: Variables, x: Floats, safe: Floats, threshold: float,
+    inner: Barrier,
+    variables: Variables,
+    x: Floats,
+    safe: Floats,
+    threshold: float,
     rounds: int,
-) -> Floats | None:  # fmt: skip
+) -> Floats | None:
     """Return `x` or a nearby point whose path satisfies all bounds, or None without success.
 
     With bounds at additional instants, durations may no longer have a path. From rest to rest, try

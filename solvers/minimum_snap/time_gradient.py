@@ -141,7 +141,7 @@ class TimeGradient(Backend):
 
         begin = clock()
         control = request.control
-        told = [clock()]
+        last_report = [clock()]
         inner = inner_problem(problem, control.flag)
         tolerance = request.options.get("gradient")
         most = request.options.get("iterations", 2000)
@@ -151,12 +151,12 @@ class TimeGradient(Backend):
         counts = runs
         iterations = evaluations = solves = steps = 0
 
-        def heard(durations: Floats, value: float) -> None:
-            if clock() - told[0] > PAUSE:
+        def report(durations: Floats, value: float) -> None:
+            if clock() - last_report[0] > PAUSE:
                 plan = inner.plan(durations)
                 if plan is not None:
                     control.incumbent(problem.objective(plan), plan)
-                told[0] = clock()
+                last_report[0] = clock()
 
         for now, model in coarsen(problem) if nested else [(runs, problem)]:
             if control.stopped:
@@ -179,7 +179,7 @@ class TimeGradient(Backend):
                     most=min(most, EACH) if runs.size < problem.segments and nested else most,
                     between=max(1e-3 * request.tolerance, 1e-9),
                     stopped=lambda: control.stopped,
-                    heard=heard if last else lambda durations, value: None,
+                    report=report if last else lambda durations, value: None,
                     first=WARM if carried or request.warm_start is not None else 1.0,
                 )  # fmt: skip
                 iterations += more.iterations
@@ -265,8 +265,8 @@ def _start(problem: TimeAllocation, inner: Inner, request: Request) -> Floats | 
     spline = Spline(problem)
     ranked = []
     rules = {"trapezoid": trapezoid, "distance": distance}
-    asked = request.options.get("rule", "choose")
-    for rule in rules.values() if asked == "choose" else (rules[asked],):
+    rule_option = request.options.get("rule", "choose")
+    for rule in rules.values() if rule_option == "choose" else (rules[rule_option],):
         durations = scale_durations(problem, spline, varied(rule(problem)))
         cost = spline.value(durations).objective
         price = problem.time_weight * float(durations.sum())

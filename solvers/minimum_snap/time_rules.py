@@ -203,14 +203,14 @@ def shorten_total(model: TimeAllocation, inner: Barrier, durations: Floats) -> F
     price = cost / float(begin.sum()) if np.isfinite(cost) and cost > 0 else 1.0
     result: list[Floats] = []
 
-    def heard(now: Floats, value: float) -> None:
+    def report(now: Floats, value: float) -> None:
         if float(now.sum()) <= total:
             result.append(now)
 
     for dear in DEAR:
         begin = allocate(
             replace(free, time_weight=dear * price), inner, begin, tolerance=1e-4, most=300,
-            between=1e-6, heard=heard, stopped=lambda: bool(result) or bool(inner.flag[0]),
+            between=1e-6, report=report, stopped=lambda: bool(result) or bool(inner.flag[0]),
         ).durations  # fmt: skip
         if result or inner.flag[0]:
             break

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -108,54 +108,39 @@ class HermiteFormulation(UnitBasisFormulation):
 
     @cached_property
     def reduction(self) -> _Reduction:
-        model = self.model
-        r, count, size = model.order, model.segments, model.degree + 1
-        # Column of each local entry; -1 for fixed entries.
-
-        constant = np.zeros((count, model.dimensions, size))
-        number = np.full((count, model.dimensions, size), -1, np.int64)
-        scale = np.ones((count, model.dimensions, size))
-        local = knot_times(model.durations)
-        total = 0
-        for order in range(r):
-            free = ~np.isfinite(model.jets[:, order])
-            value = np.where(free, 0.0, model.jets[:, order])
-            constant[:, :, order], constant[:, :, r + order] = value[:-1], value[1:]
-            scale[:, :, order] = (local[:-1] ** -order)[:, None]
-            scale[:, :, r + order] = (local[1:] ** -order)[:, None]
-            shared = np.full(free.shape, -1, np.int64)
-            shared[free] = total + np.arange(int(free.sum()))
-            total += int(free.sum())
-            number[:, :, order], number[:, :, r + order] = shared[:-1], shared[1:]
-            if order > model.continuity:
-                # The start of every later segment is an unknown of its own.
-                own = free.copy()
-                own[[0, -1]] = False
-                extra = np.full(free.shape, -1, np.int64)
-                extra[own] = total + np.arange(int(own.sum()))
-                total += int(own.sum())
-                number[1:, :, order] = extra[1:-1]
-        bubbles = number[:, :, 2 * r :]
-        bubbles[:] = total + np.arange(bubbles.size).reshape(bubbles.shape)
-        total += bubbles.size
-        flat = number.ravel()
-        entries = np.flatnonzero(flat >= 0)
-        # Columns in the order of the knots keep the Hessian's band narrow.
-        source = np.full(total, number.size, np.int64)
-        np.minimum.at(source, flat[entries], entries)
-        order_of = np.argsort(source, kind="stable")
-        place = np.empty(total, np.int64)
-        place[order_of] = np.arange(total)
-        matrix = sp.csr_array(
-            (scale.ravel()[entries], (entries, place[flat[entries]])), shape=(number.size, total)
-        )
-        source = source[order_of]
+        model, r = self.model, self.model.order
+        inner = model.segments, model.degree + 1 - 2 * r, model.dimensions
+        # Number of the column of each derivative at a knot; -1 for fixed ones.
+        free = ~np.isfinite(model.jets)
+        end = np.where(free, np.arange(free.size).reshape(free.shape), -1)
+        begin = end[:-1].copy()
+        # Without continuity, the start of every later segment is an unknown of its own.
+        apart = begin[1:, model.continuity + 1 :]
+        apart[apart >= 0] += free.size
+        bubbles = 2 * free.size + np.arange(np.prod(inner)).reshape(inner)
+        number = self._flat(begin, end[1:], bubbles)
+        values = np.where(free, 0.0, model.jets)
+        times = knot_times(model.durations)
+        units = np.stack([times**-order for order in range(r)], axis=1)[:, :, None] + 0.0 * values
+        scale = self._flat(units[:-1], units[1:], np.ones(inner))
+        # Columns in the order of their first local entries keep the Hessian's band narrow.
+        entries = np.flatnonzero(number >= 0)
+        _, first, column = np.unique(number[entries], return_index=True, return_inverse=True)
+        order, place = np.argsort(first), np.empty_like(first)
+        place[order] = np.arange(order.size)
+        source = entries[first[order]]
+        shape = number.size, source.size
+        matrix = sp.csr_array((scale[entries], (entries, place[column])), shape=shape)
+        local = model.segments, model.dimensions, model.degree + 1
+        constant = self._flat(values[:-1], values[1:], np.zeros(inner))
         return _Reduction(
-            matrix,
-            constant.ravel(),
-            source,
-            np.column_stack(np.unravel_index(source, number.shape)),
+            matrix, constant, source, np.column_stack(np.unravel_index(source, local))
         )
+
+    @staticmethod
+    def _flat(begin: NDArray[Any], end: NDArray[Any], inner: NDArray[Any]) -> NDArray[Any]:
+        """Return all local entries from tables of shape (segments, functions, dimensions)."""
+        return np.concatenate([begin, end, inner], axis=1).swapaxes(1, 2).ravel()
 
     @cached_property
     def parabola(self) -> tuple[sp.csr_array, Floats]:

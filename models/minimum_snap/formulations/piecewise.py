@@ -107,20 +107,9 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     @abstractmethod
     def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
-        """Return the derivatives of the basis functions in time, one row per instant.
+        """Return the derivatives of the basis functions in time, shape (instants, degree + 1).
 
-        Parameters
-        ----------
-        segments : ndarray of int, shape (instants,)
-            Segment of each instant.
-        s : ndarray, shape (instants,)
-            Scaled time of each instant, in [0, 1].
-        derivative : int
-            Order of the derivative.
-
-        Returns
-        -------
-        ndarray, shape (instants, degree + 1)
+        An instant is given by its segment and its scaled time `s` in [0, 1].
         """
 
     @abstractmethod
@@ -148,9 +137,13 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         return self._assembled(groups, self._hessian(), np.zeros(size), columns)
 
     def _assembled(
-        self, groups: list[Group], hessian: sp.csr_array, cost: Floats, columns: Block,
+        self,
+        groups: list[Group],
+        hessian: sp.csr_array,
+        cost: Floats,
+        columns: Block,
         offset: float = 0.0,
-    ) -> QuadraticProgram:  # fmt: skip
+    ) -> QuadraticProgram:
         """Return the program with these rows and unbounded columns."""
         blocks, parts, at, size = [], [], 0, cost.size
         for name, equation, template, unit, rows in groups:
@@ -318,19 +311,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     ) -> Self | None:
         """Return the formulation with the instants at which `point` violates bounds.
 
-        Parameters
-        ----------
-        point : ndarray, shape (columns,)
-            Solution of the current program.
-        tolerance : float
-            Tolerance of the verification.
-        duals : ndarray, optional
-            Not used.
-
-        Returns
-        -------
-        PiecewiseFormulation or None
-            None if no instant is missing or after the last round.
+        The result is None if no instant is missing or after the last round.
         """
         if not self.model.bounded or self.rounds >= ROUNDS:
             return None
