@@ -70,12 +70,7 @@ _HURRIED = 6
 def paper_walk(segments: int, start: float = 0.0) -> MinimumSnap:
     """Return the problem of the paper on a seeded random walk: C², from rest to rest.
 
-    Parameters
-    ----------
-    segments : int
-        Number of segments.
-    start : float
-        Time of the first knot, s: the paper's polynomials are of absolute time.
+    The first knot is at time `start`, s, because the paper's polynomials are of absolute time.
     """
     rest = np.zeros((2, 3))
     points = random_waypoints(segments, 3, seed=2021)
@@ -91,14 +86,8 @@ def paper_walk(segments: int, start: float = 0.0) -> MinimumSnap:
 def reach(distance: float = 0.3, duration: float = 0.8) -> MinimumDerivative:
     """Return the movement of a hand from rest to rest: one segment of minimum jerk.
 
-    The optimum is x = d (10 s³ - 15 s⁴ + 6 s⁵) with s = t / T. Its objective is 720 d² / T⁵.
-
-    Parameters
-    ----------
-    distance : float
-        d, m.
-    duration : float
-        T, s.
+    With distance d, m, and duration T, s, the optimum is x = d (10 s³ - 15 s⁴ + 6 s⁵) with s = t / T.
+    Its objective is 720 d² / T⁵.
     """
     far, long = (
         Real(lower=0, strict=True).coerce(name, value, {})
@@ -219,14 +208,7 @@ def derivative_entries() -> tuple[CatalogueEntry, ...]:
 def times_for_walk(segments: int, seed: int = 0, *, limited: bool = True) -> TimeAllocation:
     """Return a time allocation problem on a random walk.
 
-    Parameters
-    ----------
-    segments : int
-        Number of segments.
-    seed : int
-        Seed of the waypoints.
-    limited : bool
-        Whether velocity and acceleration are limited, to 0.8 m/s and 1 m/s².
+    If `limited`, the limits of velocity and acceleration are 0.8 m/s and 1 m/s².
     """
     return TimeAllocation(
         waypoints=random_waypoints(segments, 3, seed=seed),

@@ -214,7 +214,8 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         """Highest order of a derivative that the rows fix at knots."""
         return self.model.highest_fixed
 
-    def _columns(self, segment: Ints, axis: Ints) -> Ints:
+    def columns(self, segment: Ints, axis: Ints | int) -> Ints:
+        """Return the indices of the coefficients of segments on an axis, one row per segment."""
         size = self.model.degree + 1
         first = (segment * self.model.dimensions + axis) * size
         columns: Ints = first[:, None] + np.arange(size)
@@ -250,7 +251,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
             if side and not twice:
                 exists &= knots == model.segments
             rows = self.basis_rows(segment[exists], np.full(int(exists.sum()), float(side)), order)
-            matrix = self._sparse((self._columns(segment[exists], axes[exists]), rows))
+            matrix = self._sparse((self.columns(segment[exists], axes[exists]), rows))
             index = np.column_stack([knots[exists], axes[exists]])
             parts.append(self._scaled(matrix, value[exists], value[exists], index))
         matrices, *columns = zip(*parts, strict=True)
@@ -263,7 +264,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         before = self.basis_rows(knots - 1, np.ones(knots.size), order)
         after = self.basis_rows(knots, np.zeros(knots.size), order)
         matrix = self._sparse(
-            (self._columns(knots - 1, axes), before), (self._columns(knots, axes), -after)
+            (self.columns(knots - 1, axes), before), (self.columns(knots, axes), -after)
         )
         zero = np.zeros(knots.size)
         return self._scaled(matrix, zero, zero, np.column_stack([knots, axes]))
@@ -292,17 +293,13 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         derivative = int(entries.derivative.max(initial=0))
         values = self.basis_rows(entries.segment, s, derivative)
         if number < len(self.model.bounds):
-            matrix = self._sparse((self._columns(entries.segment, entries.axis), values))
+            matrix = self._sparse((self.columns(entries.segment, entries.axis), values))
         else:
-            matrix = self._sparse(
-                *(
-                    (
-                        self._columns(entries.segment, np.full(s.size, axis)),
-                        values * entries.direction[:, axis, None],
-                    )
-                    for axis in range(self.model.dimensions)
-                )
-            )
+            parts = [
+                (self.columns(entries.segment, axis), values * entries.direction[:, axis, None])
+                for axis in range(self.model.dimensions)
+            ]
+            matrix = self._sparse(*parts)
         places = np.column_stack([entries.segment, entries.axis])
         return self._scaled(matrix, entries.lower, entries.upper, places)
 

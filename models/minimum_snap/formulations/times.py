@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +134,9 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         segment, axis = np.indices((count, model.dimensions)).reshape(2, -1)
         kind = cost(model.order_weights, self._unit.powers, model.order)
         groups = [
-            Terms(kind, segment, self._entries(segment, axis), np.empty((segment.size, 0)), None)
+            Terms(
+                kind, segment, self._unit.columns(segment, axis), np.empty((segment.size, 0)), None
+            )
         ]
         lower, upper, blocks, at = [], [], [], 0
         for rows in self._all_rows():
@@ -203,9 +205,9 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
             now, s = self._unit.held_of(number)
             values = power_rows(s, derivative, model.degree) @ powers
             if kind == "axis":
-                entries = self._entries(now.segment, now.axis)
+                entries = self._unit.columns(now.segment, now.axis)
             else:
-                every = [self._entries(now.segment, axis) for axis in range(model.dimensions)]
+                every = [self._unit.columns(now.segment, axis) for axis in range(model.dimensions)]
                 entries = np.concatenate(every, axis=1)
                 values = now.direction[:, :, None] * values[:, None, :]
             start = now.direction @ self._origin if derivative == 0 else 0.0
@@ -213,12 +215,6 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
                 name, unit, f"on segment {{0}}, {kind} {{1}}", derivative, now.segment, now.axis,
                 entries, values.reshape(entries.shape), now.lower - start, now.upper - start,
             )  # fmt: skip
-
-    def _entries(self, segment: Ints, axis: Any) -> Ints:
-        """Return the indices of the coefficients of a segment and axis among the local entries."""
-        size = self.model.degree + 1
-        entries: Ints = ((segment * self.model.dimensions + axis) * size)[:, None] + np.arange(size)
-        return entries
 
     def _sizes(self, durations: Floats) -> Floats:
         """Return typical sizes of the free derivatives: typical length / time^order."""
