@@ -44,6 +44,7 @@ _HEAD, _FOOT, _LEFT, _GAP, _ROW_GAP, _RIGHT = 0.55, 0.55, 0.75, 0.8, 0.72, 0.15
 _NARROW, _LETTER = 7.0, 0.062
 
 
+@kit.documented
 @np.errstate(all="ignore")  # overflows become NaN, which is drawn as a gap
 def draw(
     model: AttractorAnalysis,
@@ -58,7 +59,7 @@ def draw(
 
     The series is drawn from its beginning, over the duration that is legible. The attractor has the first
     two or three coordinates of the embedding as its axes; without a plan the delay is one sample. Curves
-    are recomputed on up to 500 states.
+    are recomputed on up to 500 states. The result of the surrogate test is written below the panels.
 
     Parameters
     ----------
@@ -69,24 +70,6 @@ def draw(
     view : {"curves", "slopes", "attractor"}
         The curves with their fitted lines; the local slopes of these curves, which are level in a scaling
         region; or the attractor only.
-    tolerance : float
-        Largest accepted violation, relative, for the verdict in the title.
-    title : str, optional
-        Title instead of the name and the figures.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Up to four panels, with the surrogate test below.
-
-    Raises
-    ------
-    InvalidData
-        The plan does not belong to this model, or the series is too short for its embedding.
-    UnsupportedOption
-        The value of an option is not allowed.
     """
     kit.check_choice("view", view, "curves", "slopes", "attractor")
     result = kit.verified_plan(model, plan, AttractorEstimate, tolerance)

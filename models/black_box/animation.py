@@ -63,6 +63,7 @@ def blocked_part(function: WaypointPath, line: Floats) -> Floats:
     return np.where(free[:, None], np.nan, path)
 
 
+@kit.documented
 def animate_search(
     model: BlackBoxMinimisation,
     incumbents: Sequence[Any],
@@ -82,25 +83,6 @@ def animate_search(
         Incumbents in order: ``met`` after ``solve(model, "iafsa", on_event=met.append)``.
     frames : int
         Largest number of frames, at least 2; if there are more improvements, some are omitted.
-    interval : float
-        Duration of a frame, ms.
-    title : str, optional
-        Title; by default the name.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.animation.FuncAnimation
-        Animation without a window: ``animate_search(model, met).save("search.gif", writer="pillow")``;
-        ``to_jshtml()`` returns a page.
-
-    Raises
-    ------
-    InvalidData
-        The function is not a waypoint path, or `incumbents` is not a list of points of this model.
-    UnsupportedOption
-        The value of an option is not allowed.
     """
     function = path_function(required("model", model, BlackBoxMinimisation))
     stage = kit.Stage(model, title, size, frames, interval)

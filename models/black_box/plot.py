@@ -35,6 +35,7 @@ _NONE, _SAME = "#d9d9d9", "#c7e9b4"
 _BOUND: dict[str, Any] = {"color": kit.DARK, "ls": "--", "lw": 0.9}
 
 
+@kit.documented
 @np.errstate(all="ignore")  # overflow gives inf or NaN, which is no value
 def draw(
     model: BlackBoxMinimisation,
@@ -52,8 +53,9 @@ def draw(
     A function of one variable is a curve, and one of two variables a contour map, whose levels have
     equal shares of the area if the values are uneven. Of more variables, the first twelve have one
     cross-section each, through the point or the middle of the bounds. A waypoint path is drawn on
-    its map. Fixed variables are ignored. Points without a value, or at which the function raises,
-    are gaps.
+    its map; :func:`animate_search` shows the search for it, and :func:`draw_progress` the convergence
+    of solutions. Fixed variables are ignored. Points without a value, or at which the function
+    raises, are gaps; the function must not raise at the plans.
 
     Parameters
     ----------
@@ -68,29 +70,6 @@ def draw(
         Whether a path is drawn on its map, or as a function of its variables.
     points : int
         Number of values along each axis, from 2 to 2001; a single curve has four times as many.
-    tolerance : float
-        Largest accepted relative violation, for the title.
-    title : str, optional
-        Title; by default the name and the value.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One map, or one panel per cross-section.
-
-    Raises
-    ------
-    InvalidData
-        A plan does not fit the model, or the function raises at one of the plans.
-    UnsupportedOption
-        The value of an option is not allowed.
-
-    See Also
-    --------
-    animate_search : Animation of the search for a path.
-    draw_progress : Convergence of solutions.
     """
     kit.check_choice("view", view, "map", "values")
     kit.check_option(

@@ -33,6 +33,7 @@ _MOST_LABELS = 45
 _FLATTEST = 0.3
 
 
+@kit.documented
 def draw(
     model: ErrorCorrectionRouting,
     plan: Route | None = None,
@@ -52,22 +53,6 @@ def draw(
     labels : bool, optional
         Whether to write the names of the visited points, or of all points without a plan. By
         default, up to 45 names are written.
-    title : str, optional
-        Title; by default the name, the length and the number of corrections.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure, with three axes, or one without a plan.
-
-    Raises
-    ------
-    InvalidData
-        The plan is not a route, or names a point that does not exist.
-    UnsupportedOption
-        An option has an invalid value.
     """
     stops = [] if plan is None else model.walk(required("plan", plan, Route))
     if labels is None:

@@ -32,6 +32,7 @@ _PARTS = ("routes", "loads")
 _WIDE, _LEFT, _FOOT = {"routes": 6.6, "loads": 4.2}, {"routes": 0.74, "loads": 0.84}, 0.9
 
 
+@kit.documented
 def draw(
     model: FleetRouting,
     plan: FleetPlan | None = None,
@@ -60,24 +61,6 @@ def draw(
         "paths" for the metric "grid" and "straight" otherwise.
     labels : bool, optional
         Whether to name the nodes; by default, up to 40 nodes are named.
-    tolerance : float
-        Largest accepted relative violation, used for the title and the marks.
-    title : str, optional
-        Title; by default the name, the size and the objective.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure, with one panel per part.
-
-    Raises
-    ------
-    InvalidData
-        The plan names a node that does not exist.
-    UnsupportedOption
-        An option has an invalid value, or the model or plan lacks the data that it needs.
     """
     shown = _parts(model, plan, parts)
     kit.check_option("legs", legs, legs in (None, "paths", "straight"), "be 'paths' or 'straight'")

@@ -41,6 +41,7 @@ _CELL = "#f0d9b5"
 _BEYOND = 0.25
 
 
+@kit.documented
 @np.errstate(all="ignore")  # an infeasible plan may overflow
 def draw(
     model: FleetMission,
@@ -54,6 +55,9 @@ def draw(
     size: tuple[float, float] | None = None,
 ) -> kit.Figure:
     """Draw obstacles and nodes of `model`, and the curves of `plan` with limited quantities.
+
+    The map and the bars are on the left, panels over time on the right. :func:`animate_mission` shows
+    the same plan in motion.
 
     Parameters
     ----------
@@ -72,28 +76,6 @@ def draw(
         The paths are recomputed for the figure, independently of the planner.
     labels : bool, optional
         Whether to name the nodes; by default, up to 40 nodes are named.
-    tolerance : float
-        Largest accepted relative violation, used for the title and the rings.
-    title : str, optional
-        Title; by default the name, the size, the objective and the end time.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The map and the bars on the left, panels over time on the right.
-
-    Raises
-    ------
-    InvalidData
-        The plan names a node that does not exist.
-    UnsupportedOption
-        An option has an invalid value or needs a plan.
-
-    See Also
-    --------
-    animate_mission : Animation of the plan.
     """
     shown = list(_PARTS if plan is not None else _PARTS[:1])
     if parts is not None:
@@ -282,6 +264,7 @@ def draw_field(axes: Any, model: FleetMission, scale: float) -> list[Any]:
     return [kit.key("obstacle", marker="s", mfc=kit.BLOCKED, mec=kit.GREY, ms=7), *keys]
 
 
+@kit.documented
 def animate_mission(
     model: FleetMission,
     plan: MissionPlan | Any,
@@ -299,28 +282,6 @@ def animate_mission(
         The model.
     plan : MissionPlan or Solution
         A plan for the model.
-    frames : int
-        Number of frames, at least 2.
-    interval : float
-        Time between frames, ms.
-    title : str, optional
-        Title; by default the name.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.animation.FuncAnimation
-        The animation, independent of any window. Save it with
-        ``animate_mission(model, plan).save("mission.gif", writer="pillow")``; ``to_jshtml()`` returns
-        a page.
-
-    Raises
-    ------
-    InvalidData
-        The plan is not a mission plan, or names a node that does not exist.
-    UnsupportedOption
-        An option has an invalid value.
     """
     stage = kit.Stage(model, title, size, frames, interval)
     plan = required("plan", model.as_plan(plan), MissionPlan)

@@ -34,6 +34,7 @@ _PLACE = re.compile(
 )
 
 
+@kit.documented
 @np.errstate(all="ignore")  # the coordinates of an invalid plan may overflow
 def draw(
     model: GridPath,
@@ -45,7 +46,7 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> kit.Figure:
-    """Draw the map of `model`, and the paths of `plan`.
+    """Draw the map of `model`, and the paths of `plan`; :func:`draw_progress` draws the convergence of solutions.
 
     Parameters
     ----------
@@ -59,28 +60,6 @@ def draw(
     obstacles : list, optional
         Polygons whose outlines are drawn above the cells, in any form that
         :class:`~crosstrack.models.grid_path.Polygons` accepts.
-    tolerance : float, default 1e-6
-        Largest relative violation accepted for the verdict in the title and the rings.
-    title : str, optional
-        Title that replaces the name and the length.
-    size : (float, float), optional
-        Width and height of the figure, inches.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Figure with the map and, if the model has weights, their colour scale.
-
-    Raises
-    ------
-    InvalidData
-        A plan does not fit the model, or the obstacles are not valid polygons.
-    UnsupportedOption
-        An option is outside its allowed range.
-
-    See Also
-    --------
-    draw_progress : Progress of solutions over time.
     """
     plans = kit.name_plans(
         model, plan, others, GridPlan, name="path", most=_MOST_OTHERS, tolerance=tolerance

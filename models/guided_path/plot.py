@@ -37,6 +37,7 @@ _PARTS = ("chains", "tour")
 _START: dict[str, Any] = {"size": 60, "edge": kit.BLACK, "width": 1.4, "zorder": 5, "gid": "start"}
 
 
+@kit.documented
 def draw(
     model: GuidedPathTour,
     plan: GuidedPathPlan | None = None,
@@ -67,24 +68,6 @@ def draw(
         Whether to join the customers of a chain in the tour. Default: True if the chains are few.
     labels : bool, optional
         Whether to name the customers. Default: True if they are few.
-    tolerance : float
-        Largest relative violation accepted, for the title. Use the tolerance of the solution.
-    title : str, optional
-        Title. Default: the name, the size and the length.
-    size : (float, float), optional
-        Width and height, in inches.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Figure with one panel per part.
-
-    Raises
-    ------
-    InvalidData
-        The plan contains an unknown customer.
-    UnsupportedOption
-        An option has a value that is not allowed, or `parts` contains ``"tour"`` without a plan.
     """
     groups, owners = groups_of(model), np.full(model.size, -1)
     for k, group in enumerate(groups):
@@ -252,6 +235,7 @@ def _draw_names(model: GuidedPathTour, walk: Walk, at: Floats, axes: Any) -> Non
 _WAITING = "#d9d9d9"
 
 
+@kit.documented
 def animate_tour(
     model: GuidedPathTour,
     plan: GuidedPathPlan | Any,
@@ -269,27 +253,6 @@ def animate_tour(
         The model.
     plan : GuidedPathPlan or Solution
         Plan of the model. It may be infeasible.
-    frames : int
-        Number of frames, at least 2.
-    interval : float
-        Time between two frames, in ms.
-    title : str, optional
-        Title of the animation. Default: the name of the model, or its size.
-    size : (float, float), optional
-        Width and height, in inches.
-
-    Returns
-    -------
-    matplotlib.animation.FuncAnimation
-        Animation without a window. Save it with
-        ``animate_tour(model, plan).save("tour.gif", writer="pillow", dpi=80)``.
-
-    Raises
-    ------
-    InvalidData
-        The plan has another type, or contains an unknown customer.
-    UnsupportedOption
-        An option has a value that is not allowed.
     """
     stage = kit.Stage(model, title, size, frames, interval, (6.0, 5.0))
     plan = required("plan", model.as_plan(plan), GuidedPathPlan)

@@ -33,6 +33,7 @@ _LONG = 0.04
 _ARROW = 0.1
 
 
+@kit.documented
 @np.errstate(all="ignore")  # an invalid plan may lead beyond the range of numbers
 def draw(
     model: MessengerTour,
@@ -46,6 +47,8 @@ def draw(
     size: tuple[float, float] | None = None,
 ) -> kit.Figure:
     """Draw the vehicles of `model`, and the tour of `plan`.
+
+    :func:`animate_tour` shows the tour in motion, and :func:`draw_progress` the convergence of solutions.
 
     Parameters
     ----------
@@ -62,30 +65,6 @@ def draw(
     zoom : bool, optional
         Whether to add a second, larger map of the first half of the encounters. Default: True if
         these are crowded, as on long tours during which vehicles drive away.
-    tolerance : float
-        Largest relative violation accepted, for the title and the red rings. Use the tolerance of
-        the solution.
-    title : str, optional
-        Title. Default: the name, the length and the time.
-    size : (float, float), optional
-        Width and height, in inches.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Figure with one map, or with two maps, and the colour scale.
-
-    Raises
-    ------
-    InvalidData
-        The plan has another type, or contains an unknown vehicle.
-    UnsupportedOption
-        An option has a value that is not allowed.
-
-    See Also
-    --------
-    animate_tour : Animation of a plan.
-    draw_progress : Plot of the incumbents of a solve.
     """
     kit.check_choice("colour", colour, "time", "leg")
     kit.check_flags(optional=True, labels=labels, zoom=zoom)
@@ -285,6 +264,7 @@ def _keys(model: MessengerTour, tour: Drawn | None) -> list[Any]:
 _PATH, _WAITING, _MET = map(kit.colour_of, range(3))
 
 
+@kit.documented
 def animate_tour(
     model: MessengerTour,
     plan: TourPlan | Any,
@@ -302,28 +282,6 @@ def animate_tour(
         The model.
     plan : TourPlan or Solution
         Plan of the model. It may be infeasible.
-    frames : int
-        Number of frames, at least 2.
-    interval : float
-        Time between two frames, in ms.
-    title : str, optional
-        Title of the animation. Default: the name of the model, or its size.
-    size : (float, float), optional
-        Width and height, in inches.
-
-    Returns
-    -------
-    matplotlib.animation.FuncAnimation
-        Animation without a window. Save it with
-        ``animate_tour(model, plan).save("tour.gif", writer="pillow", dpi=80)``, or call
-        ``to_jshtml()`` for a page.
-
-    Raises
-    ------
-    InvalidData
-        The plan has another type, or contains an unknown vehicle.
-    UnsupportedOption
-        An option has a value that is not allowed.
     """
     stage = kit.Stage(model, title, size, frames, interval)
     plan = required("plan", model.as_plan(plan), TourPlan)

@@ -34,6 +34,7 @@ _ONE, _TWO = 3, 10
 _FEWEST, _POINTS = 12, 2400
 
 
+@kit.documented
 def draw(
     model: OptimalControlProblem,
     plan: ControlPlan | None = None,
@@ -48,7 +49,7 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> kit.Figure:
-    """Draw states, controls and path constraints of `plan` over time.
+    """Draw states, controls, path constraints, outputs, costates and deviation of `plan` over time.
 
     Parameters
     ----------
@@ -69,27 +70,8 @@ def draw(
     mesh : bool
         Whether to draw the nodes as dots and the knots as ticks. They are omitted if there are too
         many to distinguish.
-    tolerance : float
-        Largest accepted relative violation, for the title and the rings; by default that of the
-        solution.
     columns : int, optional
         Number of columns of panels; by default chosen from the number of panels.
-    title : str, optional
-        Title; by default the name, the objective, the end time and the parameters.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Panels column by column: states, controls, path constraints, outputs, costates, deviation.
-
-    Raises
-    ------
-    InvalidData
-        The plan does not fit the problem.
-    UnsupportedOption
-        The value of an option is not allowed, or the plan lacks the requested data.
     """
     definition = model.definition
     kit.check_flags(paths=paths, costates=costates, deviation=deviation, mesh=mesh)

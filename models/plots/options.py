@@ -1,9 +1,10 @@
-"""Checks of the options of pictures, which raise ``UnsupportedOption``."""
+"""Options of pictures: their checks, which raise ``UnsupportedOption``, and their common description."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,8 +13,53 @@ from ..fields import show
 
 __all__ = [
     "check_choice", "check_flags", "check_frames", "check_list", "check_option", "check_size",
-    "check_words", "is_number", "is_whole",
+    "check_words", "documented", "is_number", "is_whole",
 ]  # fmt: skip
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+#: Descriptions of the options that all pictures or all animations share.
+_SHARED = {
+    "frames": "int\n    Number of frames, at least 2.",
+    "interval": "float\n    Duration of a frame, ms.",
+    "tolerance": "float\n    Largest accepted relative violation, for the title and the red marks.",
+    "title": "str, optional\n    Title; by default the name of the model, in a picture with the main figures of the plan.",
+    "size": "(float, float), optional\n    Width and height (inch).",
+}
+#: Sections of docstrings after the parameters, of pictures, of animations and of both.
+_FIGURE = """
+Returns
+-------
+matplotlib.figure.Figure
+    Figure without a window or pyplot state."""
+_ANIMATION = """
+Returns
+-------
+matplotlib.animation.FuncAnimation
+    Animation without a window: ``{name}(model, …).save("{name}.gif", writer="pillow", dpi=80)`` writes
+    a file, and ``to_jshtml()`` returns a page."""
+_RAISES = """
+
+Raises
+------
+InvalidData
+    The plan or another argument does not fit the model.
+UnsupportedOption
+    The value of an option is not allowed, or needs data that the model or the plan lacks."""
+
+
+def documented(function: _Function) -> _Function:
+    """Append the shared options, the result and the exceptions to the docstring of a picture.
+
+    The docstring must end with its section Parameters; options that it describes are not repeated.
+    """
+    text, names = inspect.getdoc(function) or "", inspect.signature(function).parameters
+    for name, description in _SHARED.items():
+        if name in names and f"\n{name} : " not in text:
+            text += f"\n{name} : {description}"
+    result = _ANIMATION.format(name=function.__name__) if "frames" in names else _FIGURE
+    function.__doc__ = f"{text}\n{result}{_RAISES}"
+    return function
 
 
 def check_option(name: str, value: Any, good: bool, allowed: str) -> None:

@@ -26,6 +26,7 @@ _MOST_LABELS, _MOST_ARCS, _MOST_KINDS = 45, 3000, 8
 _MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")
 
 
+@kit.documented
 def draw(
     model: ResourceRouting,
     plan: Route | None = None,
@@ -47,24 +48,6 @@ def draw(
     labels : bool, optional
         Whether to write the names of the visited points, or of all points without a plan. By
         default, up to 45 names are written.
-    tolerance : float
-        Largest accepted relative violation, used for the title and the rings.
-    title : str, optional
-        Title; by default the name and the length.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure, with axes for the map, and with a plan one axes per resource.
-
-    Raises
-    ------
-    InvalidData
-        The plan is not a route, or names a point that does not exist.
-    UnsupportedOption
-        An option has an invalid value.
     """
     result = kit.verified_plan(model, plan, Route, tolerance)
     visits: list[Visit] = [] if plan is None else walk_route(model, plan)[0]

@@ -39,6 +39,7 @@ _GIMBALS = ("δ1", "δ2", "δ3", "δ4")
 _TORQUES = ("x", "y", "z")
 
 
+@kit.documented
 def draw(
     model: SatelliteSlew,
     plan: ControlPlan | None = None,
@@ -50,7 +51,7 @@ def draw(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> kit.Figure:
-    """Draw the slew of `plan` over time, or the paths of the body axes.
+    """Draw the slew of `plan` over time, or the paths of the body axes; :func:`animate_slew` animates them.
 
     Parameters
     ----------
@@ -68,29 +69,6 @@ def draw(
         error bounds of the paper's controller are dashed lines. Over time only.
     mesh : bool
         Whether to draw nodes and knots.
-    tolerance : float
-        Largest accepted relative violation, for the title and the rings; by default that of the
-        solution.
-    title : str, optional
-        Title; by default the name, the rotation, the objective and the final time.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Six panels, eight with `tracking`, or one panel with the sphere.
-
-    Raises
-    ------
-    InvalidData
-        The plan is not that of a slew.
-    UnsupportedOption
-        The value of an option is not allowed, or the plan or view does not support it.
-
-    See Also
-    --------
-    animate_slew : Animation of the body axes.
     """
     kit.check_choice("view", view, "time", "axis")
     kit.check_flags(mesh=mesh)
@@ -252,6 +230,7 @@ def draw_axes(model: SatelliteSlew, plan: ControlPlan | None, scene: kit.Scene) 
     scene.legend(keys, -(-len(keys) // 3))
 
 
+@kit.documented
 def animate_slew(
     model: SatelliteSlew,
     plan: ControlPlan | Any,
@@ -270,29 +249,8 @@ def animate_slew(
         Slew.
     plan : ControlPlan or Solution
         Plan of the slew.
-    frames : int
-        Number of frames, at least 2.
-    interval : float
-        Duration of a frame, ms.
     turn : float
         Total rotation of the point of view around the satellite, degrees.
-    title : str, optional
-        Title; by default the name.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.animation.FuncAnimation
-        Animation without a window:
-        ``animate_slew(model, plan).save("slew.gif", writer="pillow", dpi=80)``.
-
-    Raises
-    ------
-    InvalidData
-        The plan is not that of a slew.
-    UnsupportedOption
-        The value of an option is not allowed.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

@@ -74,6 +74,7 @@ class _Samples:
         return kit.true_intervals(still, np.append(self.times, self.end))
 
 
+@kit.documented
 def draw(
     model: SideslipEstimation,
     plan: SideslipEstimate | None = None,
@@ -86,7 +87,8 @@ def draw(
     """Draw the estimate `plan` over time, with the truth, if it is known, and the measurements.
 
     The angle is undefined below 1 m/s: its curves have gaps there, and the time is
-    shaded. Recordings of more than 3000 samples are drawn by the extremes of 1500 parts.
+    shaded. The error has a panel if the truth is known, and each of the four measurements has one.
+    Recordings of more than 3000 samples are drawn by the extremes of 1500 parts.
 
     Parameters
     ----------
@@ -96,24 +98,6 @@ def draw(
         The estimate, drawn with a band of twice its claimed deviation. If None, only the data is drawn.
     others : dict of str to plan, optional
         Up to 5 further estimates by legend label: plans, their JSON data or solutions.
-    tolerance : float
-        Largest relative violation at which the title reports a plan as valid.
-    title : str, optional
-        Title. The default is the name, the mean error and the share of errors within two deviations.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel of the angle, one of its error if the truth is known, and four of the measurements.
-
-    Raises
-    ------
-    InvalidData
-        A plan does not fit this model.
-    UnsupportedOption
-        An option has a value that is not allowed.
     """
     if model.is_blinded:
         # Replace the hidden truth by None.

@@ -54,6 +54,7 @@ class _Run(NamedTuple):
     walk: Walk
 
 
+@kit.documented
 def draw(
     model: UnknownGridNavigation,
     plan: NavigationRuns | None = None,
@@ -69,7 +70,8 @@ def draw(
 
     Cells that the UAV has not shown are tinted. A frame marks its view. If a side of the map has more than
     60 cells, the moments show only the part around the vehicle. If the model has several scenes, a panel
-    shows the share of scenes reached against the number of steps.
+    shows the share of scenes reached against the number of steps. :func:`animate_run` animates the run.
+    Both raise :class:`HiddenData` for a backend's view of the model, without the true maps.
 
     Parameters
     ----------
@@ -83,30 +85,6 @@ def draw(
         Number of moments, from 0 to 24, or the numbers of steps after which moments are drawn.
     others : dict of str to plan, optional
         At most 5 further plans, their JSON data or solutions. The keys are the names in the legend.
-    tolerance : float, default 1e-6
-        Largest relative violation accepted for the verdict in the title.
-    title : str, optional
-        Title that replaces the name of the model and the outcome of the run.
-    size : (float, float), optional
-        Width and height of the figure, inches.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The map, the moments in their order, and the panel over scenes.
-
-    Raises
-    ------
-    HiddenData
-        The model is a backend's view, without the true maps.
-    InvalidData
-        A plan does not fit the model.
-    UnsupportedOption
-        An option is outside its allowed range.
-
-    See Also
-    --------
-    animate_run : Animation of the same run.
     """
     scene = check_scene(model, scene)
     plans = kit.name_plans(
@@ -270,6 +248,7 @@ def _keys(runs: Sequence[_Run], main: _Run | None, *, moving: bool, several: boo
 # -- in motion -------------------------------------------------------------------------------------
 
 
+@kit.documented
 def animate_run(
     model: UnknownGridNavigation,
     plan: NavigationRuns | Any,
@@ -294,28 +273,6 @@ def animate_run(
         Index of the scene.
     frames : int, default 120
         Maximum number of frames, at least 2. Longer runs skip steps.
-    interval : float, default 150
-        Time between frames, ms.
-    title : str, optional
-        Title that replaces the name of the model.
-    size : (float, float), optional
-        Width and height of the figure, inches.
-
-    Returns
-    -------
-    matplotlib.animation.FuncAnimation
-        Animation without a window. Save it with
-        ``animate_run(model, plan).save("run.gif", writer="pillow", dpi=80)``, or call
-        ``to_jshtml()`` for an HTML page.
-
-    Raises
-    ------
-    HiddenData
-        The model is a backend's view, without the true maps.
-    InvalidData
-        The plan does not fit the model.
-    UnsupportedOption
-        An option is outside its allowed range.
     """
     scene = check_scene(model, scene)
     box = box_around(model, model.starts[scene])

@@ -29,6 +29,7 @@ _LEFT = 0.53
 _HIGHEST = 15
 
 
+@kit.documented
 def draw(
     model: Any,
     plan: Trajectory | None = None,
@@ -60,23 +61,6 @@ def draw(
         Names of the axes, by default x, y, z, and numbers if there are more than three.
     labels : bool, optional
         Whether to number the waypoints, by default if they are few enough to be legible.
-    title : str, optional
-        Title of the figure. By default the instance's name, the objective, its value and the
-        duration.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Figure with the axes of the path, the colour bar of its speed, and one panel per derivative.
-
-    Raises
-    ------
-    InvalidData
-        `plan` is not a trajectory of the model's shape.
-    UnsupportedOption
-        An option has a value that is not allowed.
     """
     scene = scene_of(model, plan, names)
     shown = _shown(axes, scene.dimensions)
