@@ -10,7 +10,6 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..plots import kit
 from ..verification import Verification
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["draw"]
-
-Floats = NDArray[np.float64]
 
 #: Mean crossings shown of a series, and smallest and largest number of its samples.
 _CROSSINGS, _LEAST, _MOST = 60, 300, 8000

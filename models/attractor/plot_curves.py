@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..plots import kit
 from .checks import SOME, Sample
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["Curve", "curve_keys", "curves_of", "draw_curve", "draw_slopes", "dress", "slope_text"]
-
-Floats = NDArray[np.float64]
 
 #: Number of steps ahead, and of radii, of the curves.
 _STEPS, _RADII = 60, 48
@@ -39,13 +36,13 @@ class Curve(NamedTuple):
     symbol: str
     unit: str
     slope: Slope
-    x: Floats
-    y: Floats
+    x: kit.Floats
+    y: kit.Floats
     region: tuple[float, float]
     labels: tuple[str, str]
     log: bool
 
-    def read(self, x: Floats) -> Floats:
+    def read(self, x: kit.Floats) -> kit.Floats:
         """Return the variable of the slope's derivative: `x` or its logarithm."""
         return np.log(x) if self.log else x
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import required, show
@@ -16,8 +15,6 @@ from .model import BlackBoxMinimisation
 from .waypoints import WaypointPath
 
 __all__ = ["animate_search", "blocked_part", "box_of", "draw_field", "path_function"]
-
-Floats = NDArray[np.float64]
 
 #: Number of points per segment at which a path is tested for blocked cells.
 _POINTS = 2001
@@ -30,7 +27,7 @@ def path_function(model: BlackBoxMinimisation) -> WaypointPath:
     return required("function", model.function, WaypointPath)
 
 
-def box_of(function: WaypointPath, lines: Floats) -> tuple[Floats, Floats]:
+def box_of(function: WaypointPath, lines: kit.Floats) -> tuple[kit.Floats, kit.Floats]:
     """Return the corners of the visible box, m: the map, and paths near it."""
     grid = function.map
     corner = grid.origin + np.array(grid.shape[::-1]) * grid.cell
@@ -50,7 +47,7 @@ def draw_field(axes: Any, function: WaypointPath, scale: float) -> list[Any]:
     return [*ends, kit.key("blocked", marker="s", mfc=kit.BLOCKED, mec=kit.BLOCKED, ms=7)]
 
 
-def blocked_part(function: WaypointPath, line: Floats) -> Floats:
+def blocked_part(function: WaypointPath, line: kit.Floats) -> kit.Floats:
     """Return points along a path, shape (n, 2), with NaN at free points."""
     share = np.linspace(0, 1, _POINTS)[:, None]
     parts = [a + share * (b - a) for a, b in itertools.pairwise(line)]

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..plots import kit
@@ -18,8 +17,6 @@ from .plan import BlackBoxPoint
 from .waypoints import WaypointPath
 
 __all__ = ["animate_search", "draw", "draw_progress"]
-
-Floats = NDArray[np.float64]
 
 #: Largest number of cross-sections, and of plans in addition to the first.
 _MOST, _MOST_OTHERS = 12, 12
@@ -117,11 +114,11 @@ class _Picture:
             return self._draw_levels(int(free[0]), int(free[1]), points)
         return self._draw_sections((free if free.size else np.arange(1))[:_MOST].tolist(), points)
 
-    def _through(self) -> Floats:
+    def _through(self) -> kit.Floats:
         """Return the point through which sections are drawn: that of a plan, or the middle."""
         model = self.model
         middle = 0.5 * model.lows + 0.5 * model.highs
-        through: Floats = np.clip([*self.points, middle][0], model.lows, model.highs)
+        through: kit.Floats = np.clip([*self.points, middle][0], model.lows, model.highs)
         return through
 
     def _visible_range(self, k: int) -> tuple[float, float]:
@@ -279,7 +276,7 @@ class _Picture:
         return scene.figure
 
 
-def _values(function: BlackBoxFunction, points: Floats) -> Floats:
+def _values(function: BlackBoxFunction, points: kit.Floats) -> kit.Floats:
     """Return the values at `points`, with NaN for no value or an exception."""
     try:
         values = function.values(points)
@@ -288,14 +285,14 @@ def _values(function: BlackBoxFunction, points: Floats) -> Floats:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _value(function: BlackBoxFunction, point: Floats) -> float:
+def _value(function: BlackBoxFunction, point: kit.Floats) -> float:
     try:
         return float(function.values(point[None])[0])
     except InvalidData:  # becomes a gap in the picture
         return np.nan
 
 
-def _levels(values: Floats) -> Floats:
+def _levels(values: kit.Floats) -> kit.Floats:
     """Return the increasing ends of the levels: equal shares of the values, or equal steps."""
     if not values.size or values.min() == values.max():
         return np.empty(0)

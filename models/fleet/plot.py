@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
 from ..grid_path import trail
@@ -18,8 +17,6 @@ from .model import FleetRouting
 from .plan import FleetPlan
 
 __all__ = ["draw"]
-
-Floats = NDArray[np.float64]
 
 #: Largest number of nodes that are named by default.
 _MOST_NAMES = 40
@@ -124,7 +121,7 @@ def _words(model: FleetRouting, plan: FleetPlan | None, found: Verification | No
 # -- the map -------------------------------------------------------------------------------------
 
 
-def places_of(model: FleetData) -> Floats | None:
+def places_of(model: FleetData) -> kit.Floats | None:
     """Return the positions at which nodes are drawn, shape (n, 2); None for costs of many nodes.
 
     Costs are embedded in a plane by classical multidimensional scaling, after averaging both
@@ -199,7 +196,7 @@ def _draw_map(
     return keys
 
 
-def _draw_ways(axes: Any, lines: list[Floats]) -> None:
+def _draw_ways(axes: Any, lines: list[kit.Floats]) -> None:
     """Draw arrows on the long segments of routes."""
     for k, line in enumerate(lines):
         steps = np.diff(line, axis=0)

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..minimum_snap import Trajectory
 from ..plots import kit
@@ -16,8 +15,6 @@ from .plan import MissionPlan
 
 __all__ = ["apart_of", "broken_places", "sample_times"]
 
-Floats = NDArray[np.float64]
-
 #: Minimum number of samples per segment, and approximate number per curve.
 _FEWEST, _POINTS = 9, 1500
 #: Patterns of the robots and of the time in the text of a check.
@@ -25,7 +22,7 @@ _WHO = re.compile(r"robots? (\d+)(?: and (\d+))?")
 _WHEN = re.compile(r"\(t = (\S+) s\)")
 
 
-def sample_times(trajectory: Trajectory | None) -> Floats:
+def sample_times(trajectory: Trajectory | None) -> kit.Floats:
     """Return the sampling times of a curve, s, including its knots."""
     if trajectory is None:
         return np.empty(0)
@@ -35,7 +32,7 @@ def sample_times(trajectory: Trajectory | None) -> Floats:
     return np.append(inner.ravel(), trajectory.times[-1])
 
 
-def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:
+def apart_of(model: FleetMission, plan: MissionPlan, times: kit.Floats) -> kit.Floats:
     """Return the least distance of two robots under way at each of `times`, m.
 
     The distance is NaN if fewer than two robots are under way.
@@ -55,14 +52,14 @@ def apart_of(model: FleetMission, plan: MissionPlan, times: Floats) -> Floats:
     return np.where(np.isfinite(least), least, np.nan)
 
 
-def broken_places(plan: MissionPlan, found: Verification) -> Floats:
+def broken_places(plan: MissionPlan, found: Verification) -> kit.Floats:
     """Return the positions of the robots at the largest violation of each check, m, shape (k, 2)."""
     places = [place for check in found.violated for place in _places_of(plan, check)]
     broken = np.array(places).reshape(-1, 2)
     return broken[(np.abs(broken) < kit.FAR).all(axis=1)]
 
 
-def _places_of(plan: MissionPlan, check: Check) -> Iterator[Floats]:
+def _places_of(plan: MissionPlan, check: Check) -> Iterator[kit.Floats]:
     """Yield the positions of the robots named by a check, at its time or at their ends."""
     who, when = _WHO.search(check.where), _WHEN.search(check.where)
     for robot in map(int, filter(None, who.groups() if who else ())):

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
 from ..fields import required
@@ -20,8 +19,6 @@ from .model import FleetMission
 from .plan import MissionPlan
 
 __all__ = ["animate_mission", "draw"]
-
-Floats = NDArray[np.float64]
 
 #: Parts of the figure: on the left, and over time on the right.
 _LEFT, _RIGHT = ("map", "loads"), ("velocity", "acceleration", "distance")
@@ -149,7 +146,7 @@ def _draw_map(
     layers: list[str], labels: bool | None,
 ) -> list[Any]:  # fmt: skip
     """Draw obstacles, layers and nodes, and return the entries of the legend."""
-    curves: list[Floats] = []
+    curves: list[kit.Floats] = []
     if plan is not None:
         times = ((item, sample_times(item)) for item in plan.trajectories)
         curves = [np.empty((0, 2)) if item is None else item(at) for item, at in times]
@@ -197,7 +194,7 @@ def _draw_map(
     return keys
 
 
-def _trail(model: FleetMission, route: Sequence[int], straightened: bool) -> Floats:
+def _trail(model: FleetMission, route: Sequence[int], straightened: bool) -> kit.Floats:
     """Return the shortest path over the map for a route with the depot at both ends, m."""
     if not len(route):
         return np.empty((0, 2))

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..plots import kit
 from ..plots.progress import draw_progress
@@ -18,8 +17,6 @@ from .plan import GridPlan
 from .polygons import Polygons
 
 __all__ = ["draw", "draw_progress"]
-
-Floats = NDArray[np.float64]
 
 #: Colours of blocked cells, of the region outside the map and of outlines.
 WALL, OUTSIDE, OUTLINE = "#4d4d4d", "#b3b3b3", kit.colour_of(4)
@@ -175,7 +172,7 @@ def _draw_scale(figure: kit.Figure, image: Any, axes: Any) -> None:
     bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
 
 
-def _draw_outlines(rings: list[Floats], axes: Any) -> None:
+def _draw_outlines(rings: list[kit.Floats], axes: Any) -> None:
     from matplotlib.collections import PolyCollection
 
     look: dict[str, Any] = {"facecolor": "none", "edgecolor": OUTLINE, "lw": 1.0, "zorder": 1.5}
@@ -205,13 +202,13 @@ def _look(place: int) -> dict[str, Any]:
     return {**kit.axis_style(place), "lw": 2.0 if not place else 1.4}
 
 
-def _place(grid: GridMap, plan: GridPlan, check: Check) -> Floats | None:
+def _place(grid: GridMap, plan: GridPlan, check: Check) -> kit.Floats | None:
     words = _PLACE.fullmatch(check.where)
     if words is None:
         return None
     path = plan.paths[int(words[1])]
     if words[4]:
-        corner: Floats = grid.origin + np.array([float(words[4]), float(words[5])]) * grid.cell
+        corner: kit.Floats = grid.origin + np.array([float(words[4]), float(words[5])]) * grid.cell
         return corner
     if not words[2]:
         return np.asarray(path[-1 if check.name.startswith("ends") else 0])

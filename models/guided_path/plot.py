@@ -18,7 +18,6 @@ from .plan import GuidedPathPlan
 
 __all__ = ["animate_tour", "draw"]
 
-Floats = NDArray[np.float64]
 Groups = Sequence[Sequence[int]]
 
 #: Largest numbers of customers with names, and with large dots.
@@ -129,7 +128,9 @@ def _group_keys(model: GuidedPathTour, groups: Groups) -> list[Any]:
     return keys
 
 
-def _mark(axes: Any, customers: NDArray[np.int64], at: Floats, owners: NDArray[np.int64]) -> None:
+def _mark(
+    axes: Any, customers: NDArray[np.int64], at: kit.Floats, owners: NDArray[np.int64]
+) -> None:
     """Draw customers at places of the axes, with the marker and colour of their chains."""
     large = 24 if len(customers) <= _MOST_LARGE else 9
     for k in np.unique(owners[customers]).tolist():
@@ -182,7 +183,7 @@ def _draw_chains(
 
 def _draw_tour(
     model: GuidedPathTour, groups: Groups, owners: NDArray[np.int64], walk: Walk, axes: Any,
-    at: Floats, scale: float, joined: bool,
+    at: kit.Floats, scale: float, joined: bool,
 ) -> list[Any]:  # fmt: skip
     """Draw the position of the vehicle and the customers served; return entries of the legend."""
     axes.plot(
@@ -217,7 +218,7 @@ def _draw_tour(
     return keys + kit.ring(axes, np.concatenate([repeated, missed]), "not served once")
 
 
-def _draw_names(model: GuidedPathTour, walk: Walk, at: Floats, axes: Any) -> None:
+def _draw_names(model: GuidedPathTour, walk: Walk, at: kit.Floats, axes: Any) -> None:
     """Name the customers; consecutive customers at one place share a label."""
     names = [""] * len(at)
     moved = (np.diff(at[1:-1], axis=0) != 0).any(axis=1)
@@ -307,8 +308,8 @@ class Walk(NamedTuple):
     """
 
     stops: list[int]
-    places: Floats
-    walked: Floats
+    places: kit.Floats
+    walked: kit.Floats
 
 
 def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
@@ -346,7 +347,7 @@ def dress_line(axes: Any, model: GuidedPathData, *, labelled: bool) -> float:
     return scale
 
 
-def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> Floats:
+def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> kit.Floats:
     """Set the limits of the axis of the distance; return the stops' positions, shape (stops, 2)."""
     if over == "walked":
         size, unit = kit.length_unit(float(walk.walked[-1]))

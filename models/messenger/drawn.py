@@ -14,8 +14,6 @@ from .sampling import outline
 
 __all__ = ["Drawn", "together", "within"]
 
-Floats = NDArray[np.float64]
-
 #: Encounters share a place on the map if they are closer than this share of its extent.
 _NEAR = 1e-3
 
@@ -31,7 +29,7 @@ class Drawn:
         self.broken = _violation_places(self)
 
     @property
-    def everything(self) -> Floats:
+    def everything(self) -> kit.Floats:
         """Places that the map must include: path, tracks and discs."""
         reach = self.model.radius[self.met][:, None]
         parts = [
@@ -41,7 +39,7 @@ class Drawn:
         return _finite(np.concatenate(parts))
 
     @property
-    def first_half(self) -> Floats:
+    def first_half(self) -> kit.Floats:
         """Places that a map of the first half of the encounters must include."""
         count = max(1, len(self.met) // 2)
         until = float(self.plan.times[:count].max()) if len(self.met) else 0.0
@@ -51,13 +49,13 @@ class Drawn:
         return _finite(np.concatenate([self.path.poses[flown, :2], first - reach, first + reach]))
 
 
-def _finite(places: Floats) -> Floats:
+def _finite(places: kit.Floats) -> kit.Floats:
     """Return the places within the range that can be drawn."""
-    visible: Floats = places[(np.abs(places) < kit.FAR).all(axis=1)]
+    visible: kit.Floats = places[(np.abs(places) < kit.FAR).all(axis=1)]
     return visible if len(visible) else np.zeros((1, 2))
 
 
-def _violation_places(tour: Drawn) -> Floats:
+def _violation_places(tour: Drawn) -> kit.Floats:
     """Return the place of the largest violation of each violated check, shape (k, 2)."""
     model, plan = tour.model, tour.plan
     poses = integrated(plan, model.turning_radius)
@@ -72,12 +70,12 @@ def _violation_places(tour: Drawn) -> Floats:
     return _finite(np.array(violations)) if violations else np.empty((0, 2))
 
 
-def within(places: Floats, least: Floats, most: Floats) -> NDArray[np.bool_]:
+def within(places: kit.Floats, least: kit.Floats, most: kit.Floats) -> NDArray[np.bool_]:
     """Return a mask of the places within a box."""
     return np.asarray(((places >= least) & (places <= most)).all(axis=1))
 
 
-def together(points: Floats, extent: float) -> list[tuple[int, int]]:
+def together(points: kit.Floats, extent: float) -> list[tuple[int, int]]:
     """Return the first and last index of each run of encounters that share a place on the map."""
     runs: list[tuple[int, int]] = []
     for k, point in enumerate(points):

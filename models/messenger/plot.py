@@ -17,8 +17,6 @@ from .sampling import Track, outline, track
 
 __all__ = ["animate_tour", "draw", "draw_progress"]
 
-Floats = NDArray[np.float64]
-
 VEHICLE, NAME = kit.colour_of(1), kit.colour_of(5)
 #: Indices of the colours of the legs, in cyclic order: all but those of vehicles and of black.
 _LEGS = (0, 2, 3, 4, 5)
@@ -159,12 +157,12 @@ def _draw_tracks(tour: Drawn, axes: Any, scale: float) -> None:
     kit.point_ways(axes, (0.5 * (begins + ends))[far], headings[far], VEHICLE, 4.0)
 
 
-def _mark_vehicles(axes: Any, places: Floats, size: float, width: float) -> None:
+def _mark_vehicles(axes: Any, places: kit.Floats, size: float, width: float) -> None:
     look: dict[str, Any] = {"size": size, "edge": VEHICLE, "width": width, "zorder": 5}
     kit.dots(axes, places, "s", "white", gid="vehicle", **look)
 
 
-def _draw_discs(axes: Any, middles: Floats, radius: Floats) -> None:
+def _draw_discs(axes: Any, middles: kit.Floats, radius: kit.Floats) -> None:
     look = {"facecolor": VEHICLE, "edgecolor": VEHICLE, "lw": 0.7, "alpha": 0.28, "zorder": 2}
     kit.draw_circles(axes, middles, radius, gid="disc", **look)
 
@@ -180,7 +178,7 @@ def _draw_arrows(tour: Drawn, axes: Any, scale: float) -> None:
     kit.point_ways(axes, middles[:, :2] * scale, middles[:, 2], kit.DARK, 5.5)
 
 
-def _draw_start(axes: Any, start: Floats, scale: float) -> None:
+def _draw_start(axes: Any, start: kit.Floats, scale: float) -> None:
     look = {"mec": kit.BLACK, "mew": 1.4, "zorder": 8, "gid": "start"}
     kit.point_ways(axes, start[None, :2] * scale, start[2:], "white", 11, **look)
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import UnsupportedOption
 from ..plots import kit
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
     from .model import OptimalControlProblem
 
 __all__ = ["curves_of", "draw", "guessed", "nodes_of", "sampled"]
-
-Floats = NDArray[np.float64]
 
 #: Largest numbers of panels in one column and in two.
 _ONE, _TWO = 3, 10
@@ -141,7 +138,7 @@ def guessed(definition: Definition) -> ControlPlan:
     )
 
 
-def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
+def sampled(part: PhasePlan) -> tuple[kit.Floats, kit.Floats, kit.Floats]:
     """Return times, states and controls of a phase for its curves; knots appear twice."""
     even = np.linspace(-1.0, 1.0, max(_FEWEST, _POINTS // part.states.intervals))
     at = [
@@ -152,12 +149,12 @@ def sampled(part: PhasePlan) -> tuple[Floats, Floats, Floats]:
     return times, states, _evaluated(part.controls, at)[1]
 
 
-def nodes_of(part: Piecewise) -> tuple[Floats, Floats]:
+def nodes_of(part: Piecewise) -> tuple[kit.Floats, kit.Floats]:
     """Return times and values of the nodes of a plan's functions, shapes (nodes,) and (nodes, size)."""
     return _evaluated(part, part.nodes)
 
 
-def _evaluated(part: Piecewise, positions: Sequence[Floats]) -> tuple[Floats, Floats]:
+def _evaluated(part: Piecewise, positions: Sequence[kit.Floats]) -> tuple[kit.Floats, kit.Floats]:
     """Return times and values at positions from -1 to 1 in each interval."""
     ends = itertools.pairwise(part.knots)
     times = [a + 0.5 * (at + 1.0) * (b - a) for (a, b), at in zip(ends, positions, strict=True)]
@@ -166,7 +163,10 @@ def _evaluated(part: Piecewise, positions: Sequence[Floats]) -> tuple[Floats, Fl
 
 
 def curves_of(
-    names: Sequence[str], times: Floats, values: Floats, nodes: tuple[Floats, Floats] | None = None
+    names: Sequence[str],
+    times: kit.Floats,
+    values: kit.Floats,
+    nodes: tuple[kit.Floats, kit.Floats] | None = None,
 ) -> tuple[list[kit.Curve], list[kit.Mark]]:
     """Return the curves of a table, one per column, and the marks of their nodes (times and table)."""
     curves = [kit.Curve(name, k, times, values[:, k]) for k, name in enumerate(names)]
@@ -189,8 +189,8 @@ def _panels(phases: Sequence[Course], paths: bool, tolerance: float) -> Iterator
 
 
 def _of_kind(
-    phases: Sequence[Course], what: str, tables: Sequence[tuple[Floats, Floats]],
-    dots: Sequence[tuple[Floats, Floats]] | None, tolerance: float | None, title: str = "{}",
+    phases: Sequence[Course], what: str, tables: Sequence[tuple[kit.Floats, kit.Floats]],
+    dots: Sequence[tuple[kit.Floats, kit.Floats]] | None, tolerance: float | None, title: str = "{}",
 ) -> Iterator[kit.Panel]:  # fmt: skip
     """Yield one panel per name; without a tolerance, it has neither unit nor limits."""
     units: dict[str, str] = {}

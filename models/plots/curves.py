@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Curve", "Limit", "Mark", "Panel", "Span", "range_of", "true_intervals", "worst_of"]
+__all__ = [
+    "Curve", "Floats", "Limit", "Mark", "Panel", "Span", "range_of", "true_intervals", "worst_of",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 

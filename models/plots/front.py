@@ -3,34 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from .layers import draw_lines
-from .options import check_flags
-from .scene import Scene
-from .style import (
-    BLACK,
-    DARK,
-    GREY,
-    bare,
-    colour_of,
-    key,
-    label_axes,
-    number,
-    title_of,
-    with_unit,
-)  # fmt: skip
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from . import kit
 
 __all__ = ["draw_front"]
-
-Floats = NDArray[np.float64]
 
 #: Largest number of points that are labelled with numbers.
 _MOST_NUMBERS = 10
@@ -48,7 +28,7 @@ def draw_front(
     title: str | None = None,
     labels: bool | None = None,
     unit: str | None = None,
-) -> Figure:
+) -> kit.Figure:
     """Draw the points of a front, the second objective to the right and the objective upward.
 
     Steps connect the points: the region above and to the right of them is dominated. A filled marker
@@ -83,7 +63,7 @@ def draw_front(
         The value of an option is not allowed.
     """
     fronts = dict(front) if isinstance(front, Mapping) else {"": front}
-    check_flags(optional=True, labels=labels)
+    kit.check_flags(optional=True, labels=labels)
     drawn = {str(name): _rows(front_of, front_of.points) for name, front_of in fronts.items()}
     places = np.concatenate([np.empty((0, 2)), *(rows[:, :2] for rows in drawn.values())])
     if not len(places):
@@ -97,19 +77,19 @@ def draw_front(
     low, high = _box(np.concatenate([places, removed[:, :2]]), bounds)
 
     extent = f"a sweep of {first.field}" if _is_sweep(first) else model.describe()
-    scene = Scene(title_of(model, [extent], None, title), None, size, (6.6, 4.8))
+    scene = kit.Scene(kit.title_of(model, [extent], None, title), None, size, (6.6, 4.8))
     axes = scene.axes(0.9, 0.98, 0.16, scene.head)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    bare(axes)
+    kit.bare(axes)
     unit_of, quantity = model.objective_unit, getattr(model, "objective", None)
     if _is_sweep(first):
         quantity = getattr(first, "first", None)
     quantity = str(quantity) if isinstance(quantity, str) and quantity else "objective"
-    across = with_unit(first.second, unit_of if unit is None else unit)
-    label_axes(axes, across, with_unit(quantity, unit_of))
-    axes.plot(*removed[:, :2].T, ls="", marker="x", ms=5, color=GREY, zorder=6, gid="dominated")
-    colours = [colour_of(k) if len(drawn) > 1 else BLACK for k in range(len(drawn))]
+    across = kit.with_unit(first.second, unit_of if unit is None else unit)
+    kit.label_axes(axes, across, kit.with_unit(quantity, unit_of))
+    axes.plot(*removed[:, :2].T, ls="", marker="x", ms=5, color=kit.GREY, zorder=6, gid="dominated")
+    colours = [kit.colour_of(k) if len(drawn) > 1 else kit.BLACK for k in range(len(drawn))]
     for k, rows in enumerate(drawn.values()):
         # The first fronts have wider lines, so that identical fronts remain visible.
         _draw_one(axes, rows, colours[k], high, 1.2 + 1.3 * (len(drawn) - 1 - k))
@@ -129,7 +109,7 @@ def _is_sweep(front: Any) -> bool:
     return getattr(front, "field", "") not in ("", front.model.second_objectives.get(front.second))
 
 
-def _rows(front: Any, points: Sequence[Any]) -> Floats:
+def _rows(front: Any, points: Sequence[Any]) -> kit.Floats:
     """Return one row per point: second objective, objective, bound (NaN for none), proven, limit.
 
     The rows are sorted by the second objective, and points without finite objectives are omitted. A
@@ -150,26 +130,28 @@ def _rows(front: Any, points: Sequence[Any]) -> Floats:
     return np.asarray(result[np.lexsort((result[:, 1], result[:, 0]))])
 
 
-def _label_points(axes: Any, front: Any, rows: Floats) -> None:
+def _label_points(axes: Any, front: Any, rows: kit.Floats) -> None:
     """Label the points, in a sweep also the dominated ones."""
     if _is_sweep(front):
         rows = np.concatenate([rows, _rows(front, front.dominated)])
     places: dict[tuple[str, str], list[float]] = {}
     for x, y, *_ in rows.tolist():
-        places.setdefault((number(x, 5), number(y, 5)), [x, y])
+        places.setdefault((kit.number(x, 5), kit.number(y, 5)), [x, y])
     for pair, (x, y) in places.items():
         text = f"({', '.join(pair)})"
         if _is_sweep(front):
-            same = [row[4] for row in rows if (number(row[0], 5), number(row[1], 5)) == pair]
-            text = f"{front.field} = {', '.join(number(value, 5) for value in same)}"
+            same = [
+                row[4] for row in rows if (kit.number(row[0], 5), kit.number(row[1], 5)) == pair
+            ]
+            text = f"{front.field} = {', '.join(kit.number(value, 5) for value in same)}"
         # The steps never pass to the left of and below a point.
         axes.annotate(
             text, (x, y), (-5, -5), textcoords="offset points", ha="right", va="top", fontsize=7,
-            color=DARK, zorder=6, annotation_clip=False,
+            color=kit.DARK, zorder=6, annotation_clip=False,
         )  # fmt: skip
 
 
-def _box(places: Floats, bounds: Floats) -> tuple[Floats, Floats]:
+def _box(places: kit.Floats, bounds: kit.Floats) -> tuple[kit.Floats, kit.Floats]:
     """Return the corners of the visible range: all points, and the bounds near them."""
     low, high = places.min(axis=0), places.max(axis=0)
     # Do not magnify differences within rounding.
@@ -182,7 +164,7 @@ def _box(places: Floats, bounds: Floats) -> tuple[Floats, Floats]:
     return low - [_LEFT, _MARGIN] * span, high + _MARGIN * span
 
 
-def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) -> None:
+def _draw_one(axes: Any, rows: kit.Floats, colour: str, high: kit.Floats, width: float) -> None:
     """Draw steps, markers and bounds of one front."""
     if not len(rows):
         return
@@ -202,7 +184,7 @@ def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) 
         x[visible], bound[visible], ls="", marker="_", ms=11, mew=1.6, color=colour, zorder=4, gid="bound",
     )  # fmt: skip
     rods = np.stack([x, bound, x, y], axis=1)[visible].reshape(-1, 2, 2)
-    draw_lines(axes, rods, color=colour, lw=0.7, ls=":", zorder=2.5, gid="gap")
+    kit.draw_lines(axes, rods, color=colour, lw=0.7, ls=":", zorder=2.5, gid="gap")
     far = np.isfinite(bound) & ~visible
     axes.plot(
         x[far], np.zeros(int(far.sum())), ls="", marker="v", ms=5, color=colour, zorder=4,
@@ -211,18 +193,26 @@ def _draw_one(axes: Any, rows: Floats, colour: str, high: Floats, width: float) 
 
 
 def _keys(
-    drawn: Mapping[str, Floats], colours: Sequence[str], every: Floats, removed: int, least: float
+    drawn: Mapping[str, kit.Floats],
+    colours: Sequence[str],
+    every: kit.Floats,
+    removed: int,
+    least: float,
 ) -> list[Any]:
     """Return the entries of the legend: names of fronts, and the kinds of marks."""
-    keys = [key(name, color=colour, lw=1.6) for name, colour in zip(drawn, colours, strict=True)]
+    keys = [
+        kit.key(name, color=colour, lw=1.6) for name, colour in zip(drawn, colours, strict=True)
+    ]
     keys = keys if len(drawn) > 1 else []
     bound, proven = every[:, 2], every[:, 3].astype(bool)
-    round_ = {"marker": "o", "ms": 6, "mec": BLACK, "mew": 1.3}
-    keys += [key("proven", **round_, mfc=BLACK)] * bool(proven.any())
-    keys += [key("not proven", **round_, mfc="white")] * bool((~proven).any())
-    keys += [key("proven bound", marker="_", ms=11, mew=1.6, color=BLACK)] * bool(
+    round_ = {"marker": "o", "ms": 6, "mec": kit.BLACK, "mew": 1.3}
+    keys += [kit.key("proven", **round_, mfc=kit.BLACK)] * bool(proven.any())
+    keys += [kit.key("not proven", **round_, mfc="white")] * bool((~proven).any())
+    keys += [kit.key("proven bound", marker="_", ms=11, mew=1.6, color=kit.BLACK)] * bool(
         (bound >= least).any()
     )
-    keys += [key("bound out of sight", marker="v", ms=5, color=BLACK)] * bool((bound < least).any())
-    keys += [key("dominated", marker="x", ms=5, color=GREY)] * bool(removed)
+    keys += [kit.key("bound out of sight", marker="v", ms=5, color=kit.BLACK)] * bool(
+        (bound < least).any()
+    )
+    keys += [kit.key("dominated", marker="x", ms=5, color=kit.GREY)] * bool(removed)
     return keys

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .curves import Floats
 
 __all__ = ["place_labels", "write_names"]
-
-Floats = NDArray[np.float64]
 
 #: Directions to try; the first of equally good ones is chosen.
 _TURNS = np.deg2rad([90, -90, 45, 135, -45, -135, 0, 180, 68, 112, -68, -112])
@@ -52,12 +51,12 @@ def write_names(
 
 
 def place_labels(
-    points: NDArray[np.float64],
+    points: Floats,
     widths: list[float],
     *,
     height: float = 8.0,
     route: bool = True,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the offset of each label's centre from its point, shape (k, 2), chosen greedily.
 
     `points` have the shape (k, 2) in the plane of the paper, in the order of the route; `widths` are those of the
@@ -85,7 +84,7 @@ def place_labels(
     return offsets
 
 
-def _along(points: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def _along(points: Floats, step: float) -> Floats:
     """Return `points` and places on the lines between them, at most `step` apart."""
     parts = [points]
     for here, there in itertools.pairwise(points):

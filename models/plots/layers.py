@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .curves import Floats
 from .style import BLACK, DARK, RED, RING, axis_style, bare, colour_of, inches, key, label_axes
 
 __all__ = [
@@ -20,8 +21,6 @@ __all__ = [
     "draw_lines", "draw_polygons", "draw_routes", "draw_shaded_line", "draw_stops", "dress_map",
     "dress_space", "heading_marker", "length_unit", "name_vehicles", "point_ways", "ring", "space_axes",
 ]  # fmt: skip
-
-Floats = NDArray[np.float64]
 
 #: Space for tick labels and the label of an axis to the left and right of a box in space (inch).
 _BESIDE = (0.3, 0.6)

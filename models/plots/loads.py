@@ -8,14 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .curves import Curve, Mark, Panel, Span
+from .curves import Curve, Floats, Mark, Panel, Span
 from .layers import draw_lines
 from .panels import draw_panels
 from .style import BLACK, DARK, GREY, RED, RING, bare, colour_of, key, label_axes, number
 
 __all__ = ["MOST_BARS", "Level", "draw_levels", "draw_loads"]
-
-Floats = NDArray[np.float64]
 
 #: Largest number of bars that have names and numbers.
 MOST_BARS = 24

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import InvalidData
-from .curves import Curve, Limit, Panel, Span
-from .options import check_option, is_number
-from .panels import panel_sheet
-from .style import log_ticks
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from . import kit
 
 __all__ = ["draw_progress"]
 
@@ -25,7 +19,7 @@ _LEAST = 1e-4
 def draw_progress(
     solutions: Any, *, bound: float | None = None, unit: str = "m", title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> Figure:  # fmt: skip
+) -> kit.Figure:  # fmt: skip
     """Draw the objective of each run over logarithmic time, and its gap to the best proven bound.
 
     Parameters
@@ -54,8 +48,8 @@ def draw_progress(
     UnsupportedOption
         The value of an option is not allowed.
     """
-    allowed = bound is None or (is_number(bound) and np.isfinite(bound))
-    check_option("bound", bound, bool(allowed), "be a finite number")
+    allowed = bound is None or (kit.is_number(bound) and np.isfinite(bound))
+    kit.check_option("bound", bound, bool(allowed), "be a finite number")
     runs = list(solutions) if isinstance(solutions, Iterable) else [solutions]
     if len({run.digest for run in runs}) > 1:
         raise InvalidData("solutions must be of one model", field="solutions")
@@ -68,23 +62,25 @@ def draw_progress(
     proven += [] if bound is None else [float(bound)]
     ends = np.array([first, last])
     best = max(proven, default=None)
-    limits = [] if best is None else [Limit(ends, best, np.inf, label="proven bound", shaded=False)]
-    panels = [Panel("objective", unit, curves, limits)]
+    limits = (
+        [] if best is None else [kit.Limit(ends, best, np.inf, label="proven bound", shaded=False)]
+    )
+    panels = [kit.Panel("objective", unit, curves, limits)]
     if best is not None:
-        panels.append(Panel("gap to the bound", "%", [_gap(curve, best) for curve in curves]))
+        panels.append(kit.Panel("gap to the bound", "%", [_gap(curve, best) for curve in curves]))
     name = next((run.instance for run in runs if run.instance), "")
-    figure = panel_sheet(
-        panels, [Span("", first, last)], columns=1, wrong=False, label="time (s)",
+    figure = kit.panel_sheet(
+        panels, [kit.Span("", first, last)], columns=1, wrong=False, label="time (s)",
         title=name if title is None else title, size=size,
     )  # fmt: skip
     for axes in figure.axes:
         axes.set_xscale("log")
-        log_ticks(axes.xaxis, first, last)
+        kit.log_ticks(axes.xaxis, first, last)
         axes.set_xlim(first / 1.1, last * 1.1)
     return figure
 
 
-def _curves(runs: Sequence[Any]) -> list[Curve]:
+def _curves(runs: Sequence[Any]) -> list[kit.Curve]:
     """Return the steps of every run with an answer, up to the end of the run."""
     curves = []
     for number, run in enumerate(runs):
@@ -100,11 +96,11 @@ def _curves(runs: Sequence[Any]) -> list[Curve]:
         # A value holds until the next step.
         times, values = np.repeat(times, 2)[1:], np.repeat(values, 2)[:-1]
         label = run.backend if [item.backend for item in runs].count(run.backend) == 1 else ""
-        curves.append(Curve(label or f"{run.backend} {number + 1}", number, times, values))
+        curves.append(kit.Curve(label or f"{run.backend} {number + 1}", number, times, values))
     return curves
 
 
-def _gap(curve: Curve, bound: float) -> Curve:
+def _gap(curve: kit.Curve, bound: float) -> kit.Curve:
     above = np.maximum(curve.values - bound, 0.0)
     scale = np.maximum(np.maximum(np.abs(curve.values), abs(bound)), 1e-10)
     return curve._replace(values=100.0 * above / scale)

@@ -19,8 +19,6 @@ from .route import Route
 
 __all__ = ["draw"]
 
-Floats = NDArray[np.float64]
-
 #: Largest numbers of names and of arcs that are drawn, and of kinds with different markers.
 _MOST_LABELS, _MOST_ARCS, _MOST_KINDS = 45, 3000, 8
 _MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")
@@ -86,7 +84,7 @@ def draw(
     return scene.figure
 
 
-def places_of(model: ResourceRouting) -> Floats | None:
+def places_of(model: ResourceRouting) -> kit.Floats | None:
     """Return the drawing positions of the points, shape (n, 2); None without coordinates."""
     if model.points is None or not model.points.shape[1]:
         return None
@@ -97,7 +95,7 @@ def places_of(model: ResourceRouting) -> Floats | None:
 
 
 def _draw_map(
-    model: ResourceRouting, visits: list[Visit], bad: NDArray[np.bool_], where: Floats, frame: kit.Frame,
+    model: ResourceRouting, visits: list[Visit], bad: NDArray[np.bool_], where: kit.Floats, frame: kit.Frame,
     labels: bool,
 ) -> None:  # fmt: skip
     axes = frame.figure.add_axes((0.11, 0.17, 0.85, 0.7))

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
 from ..optimal_control.plan import ControlPlan
@@ -27,8 +26,6 @@ from .model import SatelliteSlew
 from .quaternions import product, rotation_about, rotation_matrix
 
 __all__ = ["PAPER_QUATERNION_ERROR", "PAPER_RATE_ERROR", "animate_slew", "draw"]
-
-Floats = NDArray[np.float64]
 
 #: Error bounds of the paper's controller: quaternion and rates (rad/s).
 PAPER_QUATERNION_ERROR, PAPER_RATE_ERROR = 4e-4, 1e-3
@@ -132,15 +129,15 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[k
     ends = np.array([part.start, part.end])
 
     def panel(
-        title: str, unit: str, names: Sequence[str], values: Floats,
-        dots: tuple[Floats, Floats] | None, limits: Sequence[kit.Limit] = (),
+        title: str, unit: str, names: Sequence[str], values: kit.Floats,
+        dots: tuple[kit.Floats, kit.Floats] | None, limits: Sequence[kit.Limit] = (),
     ) -> kit.Panel:  # fmt: skip
         curves, marks = curves_of(names, times, values, dots)
         return kit.Panel(title, unit, curves, limits, marks, whole=True)
 
     def with_norm(
-        names: Sequence[str], values: Floats, norm: str
-    ) -> tuple[tuple[str, ...], Floats]:
+        names: Sequence[str], values: kit.Floats, norm: str
+    ) -> tuple[tuple[str, ...], kit.Floats]:
         if model.vector_limits != VectorLimits.NORM:
             return tuple(names), values
         return (*names, norm), np.hstack([values, model.magnitudes(values)])
@@ -177,7 +174,12 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[k
 
 
 def _errors(
-    title: str, unit: str, names: Sequence[str], values: Floats, bound: float, tracking: Tracking
+    title: str,
+    unit: str,
+    names: Sequence[str],
+    values: kit.Floats,
+    bound: float,
+    tracking: Tracking,
 ) -> kit.Panel:
     """Return the panel of the flight's errors, with the bounds of the paper's controller."""
     times, label = tracking.times, "kept by the paper's controller"
@@ -316,8 +318,8 @@ def _sphere(model: SatelliteSlew, scene: kit.Scene) -> Any:
     return axes
 
 
-def _axis_paths(attitudes: Floats) -> Floats:
+def _axis_paths(attitudes: kit.Floats) -> kit.Floats:
     """Return the body axes in inertial axes, shape (times, axis, 3)."""
     lengths = np.linalg.norm(attitudes, axis=1, keepdims=True)
-    result: Floats = np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)
+    result: kit.Floats = np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)
     return result

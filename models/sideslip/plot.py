@@ -7,7 +7,6 @@ from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..plots import kit
 from .data import LOW_SPEED, Recording
@@ -15,8 +14,6 @@ from .model import SideslipEstimation
 from .plan import SideslipEstimate
 
 __all__ = ["draw"]
-
-Floats = NDArray[np.float64]
 
 #: Number of parts of a long recording, each drawn by its minimum and maximum.
 _PARTS = 1500
@@ -51,18 +48,18 @@ class _Samples:
         self.end = float(recording.times[-1])
         self.moving = recording.moving
 
-    def extremes(self, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    def extremes(self, low: kit.Floats, high: kit.Floats) -> tuple[kit.Floats, kit.Floats]:
         """Return the minimum of `low` and the maximum of `high` in each part."""
         return np.fmin.reduceat(low, self.first), np.fmax.reduceat(high, self.first)
 
-    def curve(self, name: str, colour: int, values: Floats, width: float = 1.2) -> kit.Curve:
+    def curve(self, name: str, colour: int, values: kit.Floats, width: float = 1.2) -> kit.Curve:
         """Return a curve through the extremes of each part."""
         if self.first.size == self.size:
             return kit.Curve(name, colour, self.times, values, width)
         both = np.column_stack(self.extremes(values, values)).ravel()
         return kit.Curve(name, colour, np.repeat(self.times, 2), both, width)
 
-    def degrees(self, values: Floats) -> Floats:
+    def degrees(self, values: kit.Floats) -> kit.Floats:
         """Return angles (rad) in degrees, NaN for samples below 1 m/s."""
         bounded = np.clip(values, -_BEYOND, _BEYOND)
         return np.clip(np.where(self.moving, np.degrees(bounded), np.nan), -_BEYOND, _BEYOND)

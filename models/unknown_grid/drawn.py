@@ -20,7 +20,6 @@ __all__ = [
     "keys_of", "paint", "walk_of",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
@@ -48,7 +47,7 @@ class Walk(NamedTuple):
     """
 
     positions: Ints
-    hits: Floats
+    hits: kit.Floats
     hit_after: Ints
     uav: Ints
     seen: Ints
@@ -157,7 +156,7 @@ def draw_ends(
     kit.dots(axes, start, "s", "white", size=(0.8 * size) ** 2, zorder=7, gid="start", **look)
 
 
-def draw_collisions(axes: Any, hits: Floats, size: float, **look: Any) -> Any:
+def draw_collisions(axes: Any, hits: kit.Floats, size: float, **look: Any) -> Any:
     """Draw the collisions and return the artist of their markers."""
     look = {"mec": kit.RED, "mew": 1.5, "ms": 0.8 * size, **look}
     return axes.plot(*hits[:, ::-1].T, "x", zorder=9, gid="collision", **look)[0]

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..fields import required
 from ..plots import kit
@@ -29,8 +28,6 @@ from .model import UnknownGridNavigation
 from .plan import NavigationRuns, Outcome
 
 __all__ = ["animate_run", "draw"]
-
-Floats = NDArray[np.float64]
 
 #: Maximum number of plans beside the first, and colours of all plans. Colour 1 is the UAV's.
 _MOST_OTHERS = 5
@@ -184,7 +181,7 @@ def _marker(place: Place, box: Box) -> float:
 
 
 def _draw_scenes(
-    axes: Any, model: UnknownGridNavigation, runs: Sequence[_Run], shortest: Floats | None
+    axes: Any, model: UnknownGridNavigation, runs: Sequence[_Run], shortest: kit.Floats | None
 ) -> None:
     """Draw the share of scenes reached within each number of steps."""
     lines = [
@@ -214,7 +211,7 @@ def _draw_scenes(
 
 
 def _words(
-    model: UnknownGridNavigation, scene: int, main: _Run | None, shortest: Floats | None
+    model: UnknownGridNavigation, scene: int, main: _Run | None, shortest: kit.Floats | None
 ) -> list[str]:
     """Return the parts of the title."""
     if main is None:

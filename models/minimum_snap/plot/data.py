@@ -20,8 +20,6 @@ from ..trajectory import Trajectory
 
 __all__ = ["Scene", "Violation", "given_times", "scene_of"]
 
-Floats = NDArray[np.float64]
-
 #: Approximate number of points of a curve, independent of the number of segments.
 _POINTS = 8000
 #: Smallest and largest number of points per segment. Fewer hide its shape, more are invisible.
@@ -42,7 +40,7 @@ class Violation(NamedTuple):
     axis: int
     time: float
     value: float
-    position: Floats
+    position: kit.Floats
 
 
 def given_times(model: Any) -> Any:
@@ -63,10 +61,10 @@ class Scene:
     model: Any
     plan: Trajectory | None
     names: tuple[str, ...]
-    waypoints: Floats
-    conditions: Floats
+    waypoints: kit.Floats
+    conditions: kit.Floats
     timed: bool
-    times: Floats
+    times: kit.Floats
     bounds: tuple[Bound, ...]
     halfspaces: Halfspaces | None
     verification: Verification | None
@@ -82,7 +80,7 @@ class Scene:
         return len(self.waypoints) - 1
 
     @property
-    def flown(self) -> Floats:
+    def flown(self) -> kit.Floats:
         """Times of the knots of the plan, s."""
         return self.times if self.plan is None else self.plan.times
 
@@ -99,18 +97,18 @@ class Scene:
         return np.linspace(0, self.segments - 1, most).round().astype(np.int64)
 
     @cached_property
-    def _grid(self) -> Floats:
+    def _grid(self) -> kit.Floats:
         return np.linspace(0.0, 1.0, int(np.clip(_POINTS // len(self._rows), _FEWEST, _MOST)))
 
     @cached_property
-    def sample_times(self) -> Floats:
+    def sample_times(self) -> kit.Floats:
         """Times of the samples, s, shape (samples,). Knots occur twice, to show jumps."""
         plan = self._planned()
         starts, lengths = plan.times[self._rows], plan.durations[self._rows]
-        times: Floats = (starts[:, None] + lengths[:, None] * self._grid).ravel()
+        times: kit.Floats = (starts[:, None] + lengths[:, None] * self._grid).ravel()
         return times
 
-    def samples(self, order: int) -> Floats:
+    def samples(self, order: int) -> kit.Floats:
         """Return a derivative at :attr:`sample_times`, shape (samples, dimensions)."""
         plan = self._planned()
         inner = derived(plan.coefficients[self._rows], order)

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_path", "line_by_speed"]
 
-Floats = NDArray[np.float64]
-
 _CORRIDOR, _EDGE = "#dfe9f1", "#8fabc2"
 #: Largest number of regions with their own edges. More regions are drawn as their union.
 _MOST_OUTLINES = 40
@@ -63,7 +61,7 @@ def draw_path(
     return coloured, handles, notes
 
 
-def _extent(scene: Scene) -> tuple[Floats, Floats]:
+def _extent(scene: Scene) -> tuple[kit.Floats, kit.Floats]:
     """Return the lower and upper corner of a box around the drawn elements, over all axes."""
     waypoints = scene.waypoints
     parts = [np.where(np.isfinite(waypoints), waypoints, np.nan)]
@@ -85,7 +83,7 @@ def _extent(scene: Scene) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _places(scene: Scene, chosen: list[int]) -> tuple[Floats, NDArray[np.bool_]]:
+def _places(scene: Scene, chosen: list[int]) -> tuple[kit.Floats, NDArray[np.bool_]]:
     """Return the position of each waypoint (NaN: not drawn), and whether it is completely fixed."""
     wanted = scene.waypoints[:, chosen]
     known = np.isfinite(wanted)
@@ -101,7 +99,7 @@ def _places(scene: Scene, chosen: list[int]) -> tuple[Floats, NDArray[np.bool_]]
 
 
 def _corridor(
-    scene: Scene, shown: tuple[int, ...], axes: Any, low: Floats, high: Floats
+    scene: Scene, shown: tuple[int, ...], axes: Any, low: kit.Floats, high: kit.Floats
 ) -> tuple[list[Any], list[str]]:
     from matplotlib.patches import Patch
 
@@ -119,7 +117,7 @@ def _corridor(
     return [Patch(facecolor=_CORRIDOR, edgecolor=_EDGE, lw=0.8, label=label)], notes
 
 
-def _faces(found: list[list[Floats]], axes: Any, space: bool) -> None:
+def _faces(found: list[list[kit.Floats]], axes: Any, space: bool) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -143,7 +141,7 @@ def _faces(found: list[list[Floats]], axes: Any, space: bool) -> None:
 # -- path and waypoints --------------------------------------------------------------------------
 
 
-def line_by_speed(way: Floats, speed: Floats, axes: Any) -> Collection:
+def line_by_speed(way: kit.Floats, speed: kit.Floats, axes: Any) -> Collection:
     """Draw a line through points, shape (samples, 2 or 3), coloured by speed (m/s)."""
     # Each knot has two samples.
     moved = np.append(True, (way[1:] != way[:-1]).any(axis=1))
@@ -153,7 +151,7 @@ def line_by_speed(way: Floats, speed: Floats, axes: Any) -> Collection:
     return line
 
 
-def _waypoints(scene: Scene, axes: Any, places: Floats, known: NDArray[np.bool_]) -> list[Any]:
+def _waypoints(scene: Scene, axes: Any, places: kit.Floats, known: NDArray[np.bool_]) -> list[Any]:
     drawn = np.isfinite(places).all(axis=1)
     knot = np.arange(len(places))
     first, last = drawn & (knot == 0), drawn & (knot == knot[-1])
@@ -177,7 +175,7 @@ def _waypoints(scene: Scene, axes: Any, places: Floats, known: NDArray[np.bool_]
     ]
 
 
-def _numbers(scene: Scene, chosen: list[int], axes: Any, places: Floats) -> None:
+def _numbers(scene: Scene, chosen: list[int], axes: Any, places: kit.Floats) -> None:
     """Draw the numbers of the knots at positions that hide the least of the figure."""
     knots = np.flatnonzero(np.isfinite(places).all(axis=1)).tolist()
     at, texts = places[knots], [str(knot) for knot in knots]
@@ -194,7 +192,7 @@ def _numbers(scene: Scene, chosen: list[int], axes: Any, places: Floats) -> None
 # -- the frame -----------------------------------------------------------------------------------
 
 
-def _window(low: Floats, high: Floats, chosen: list[int]) -> tuple[Floats, Floats]:
+def _window(low: kit.Floats, high: kit.Floats, chosen: list[int]) -> tuple[kit.Floats, kit.Floats]:
     """Return the limits of the shown axes, with flat sides widened."""
     span = (high - low)[chosen]
     half = np.maximum(1.08 * span, _FLATTEST * (float(span.max()) or 1.0)) / 2
@@ -202,7 +200,7 @@ def _window(low: Floats, high: Floats, chosen: list[int]) -> tuple[Floats, Float
     return middle - half, middle + half
 
 
-def _frame(scene: Scene, chosen: list[int], axes: Any, begin: Floats, end: Floats) -> None:
+def _frame(scene: Scene, chosen: list[int], axes: Any, begin: kit.Floats, end: kit.Floats) -> None:
     plane = len(chosen) == 2
     if plane:
         # For equal scales, widen the side with spare room.
