@@ -7,15 +7,15 @@ region.
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..plots import kit
 from ..verification import Verification
+from .checks import SOME, Sample
 from .model import AttractorAnalysis
-from .plan import AttractorEstimate, Judgement
-from .plot_curves import Curve, curve_keys, curves_of, draw_curve, draw_slopes, dress, slope_text
+from .plan import AttractorEstimate, Judgement, Slope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,6 +39,13 @@ _WORDS = {
 _HEAD, _FOOT, _LEFT, _GAP, _ROW_GAP, _RIGHT = 0.55, 0.55, 0.75, 0.8, 0.72, 0.15
 #: Width below which the series is drawn beside the attractor instead of above all; width of a letter (inch).
 _NARROW, _LETTER = 7.0, 0.062
+#: Number of steps ahead, and of radii, of the curves.
+_STEPS, _RADII = 60, 48
+#: Length of a divergence curve beyond its region, in widths of the region.
+_BEYOND = 1.5
+#: Colour of the scaling region, and line of the claimed slope.
+_SHADE = "#E69F00"
+_CLAIM: dict[str, Any] = {"color": kit.RED, "lw": 1.4, "ls": "--"}
 
 
 @kit.documented
@@ -60,17 +67,13 @@ def draw(
 
     Parameters
     ----------
-    model : AttractorAnalysis
-        The model.
-    plan : AttractorEstimate, optional
-        An estimate, valid or not.
     view : {"curves", "slopes", "attractor"}
         The curves with their fitted lines; the local slopes of these curves, which are level in a scaling
         region; or the attractor only.
     """
     kit.check_choice("view", view, "curves", "slopes", "attractor")
     result = kit.verified_plan(model, plan, AttractorEstimate, tolerance)
-    curves: list[Curve] = []
+    curves: list[_Curve] = []
     delay, dimension = 1, 2
     if plan is not None:
         delay, dimension = plan.delay, plan.dimension
@@ -86,11 +89,11 @@ def draw(
     if view != "attractor":
         _draw_series(model, places[1])
     for curve, axes in zip(curves, places[2:], strict=True):
-        (draw_slopes if view == "slopes" else draw_curve)(curve, axes)
+        (_draw_slopes if view == "slopes" else _draw_curve)(curve, axes)
     if lines:
         place = (0.5, (0.08 + foot) / scene.tall)
         scene.figure.text(*place, "\n".join(lines), ha="center", va="bottom", fontsize=8)
-    scene.legend(curve_keys(view) if curves else [], 1)
+    scene.legend(_curve_keys(view) if curves else [], 1)
     return scene.figure
 
 
@@ -102,9 +105,9 @@ def _parts(
         return [model.describe()]
     parts = [f"delay {plan.delay}, dimension {plan.dimension}"]
     if plan.exponent is not None:
-        parts.append(f"λ = {slope_text(plan.exponent)} nats/s")
+        parts.append(f"λ = {_slope_text(plan.exponent)} nats/s")
     if plan.correlation is not None:
-        parts.append(f"D = {slope_text(plan.correlation)}")
+        parts.append(f"D = {_slope_text(plan.correlation)}")
     if found.objective is not None:
         truth = (model.true_exponent, model.true_dimension, model.chaotic)
         known = any(value is not None for value in truth)
@@ -182,7 +185,7 @@ def _draw_series(model: AttractorAnalysis, axes: Axes) -> None:
     axes.plot(times, model.series[:shown], lw=0.9, gid="series", **kit.axis_style(0), **look)
     edge = 0.01 * times[-1]
     axes.set_xlim(-edge, times[-1] + edge)
-    dress(axes, "time (s)", kit.with_unit("value", model.unit))
+    _dress(axes, "time (s)", kit.with_unit("value", model.unit))
     if shown < count:
         words = f"the first {shown} of {count} samples"
         axes.set_title(words, fontsize=7.5, color="#505050", loc="left", pad=3)
@@ -208,9 +211,134 @@ def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
     ]
     names = [kit.with_unit(name, model.unit) for name in names]
     if shown == 2:
-        dress(axes, *names)
+        _dress(axes, *names)
         return
     kit.dress_space(axes)
     for name, axis in zip(names, "xyz", strict=True):
         getattr(axes, f"set_{axis}label")(name, fontsize=7.5, labelpad=1)
     axes.tick_params(labelsize=6.5)
+
+
+# -- the curves of the slopes --------------------------------------------------------------------
+
+
+class _Curve(NamedTuple):
+    """Curve with its claimed slope: name, symbol and unit of the slope, and the slope.
+
+    `x` are seconds ahead or radii, `y` mean logarithms, both of shape (k,), and `region` is the scaling region in
+    the unit of `x`. The slope is relative to the logarithm of `x` if `log`.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    slope: Slope
+    x: kit.Floats
+    y: kit.Floats
+    region: tuple[float, float]
+    labels: tuple[str, str]
+    log: bool
+
+    def read(self, x: kit.Floats) -> kit.Floats:
+        """Return the variable of the slope's derivative: `x` or its logarithm."""
+        return np.log(x) if self.log else x
+
+
+def _slope_text(slope: Slope) -> str:
+    """Return a slope with its deviation as text."""
+    return f"{kit.number(slope.value, 4)} ± {kit.number(slope.deviation, 2)}"
+
+
+def _dress(axes: Axes, x: str, y: str) -> None:
+    """Write the labels of a panel, and remove superfluous frames."""
+    from matplotlib.ticker import MaxNLocator
+
+    kit.label_axes(axes, x, y)
+    kit.bare(axes)
+    broad = float(axes.get_position().width) * kit.inches(axes.figure)[0]
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=int(np.clip(2 * broad, 3, 9))))
+
+
+def _curve_keys(view: str) -> list[Any]:
+    """Return the entries of the legend of curves, or of their slopes."""
+    from matplotlib.patches import Patch
+
+    return [
+        kit.key("computed again", lw=1.4, **kit.axis_style(0)),
+        Patch(facecolor=_SHADE, alpha=0.25, label="scaling region"),
+        kit.key("claimed" if view == "slopes" else "slope as claimed", **_CLAIM),
+    ]
+
+
+def curves_of(model: AttractorAnalysis, plan: AttractorEstimate) -> list[_Curve]:
+    """Return the curves of the claimed slopes, recomputed on up to 500 states."""
+    states = model.states(plan.delay, plan.dimension)
+    sample = Sample(states, plan.theiler, model.scene_seeds(1)[0], SOME)
+    unit = kit.pretty_unit(model.unit)
+    curves = []
+    slope = plan.exponent
+    if slope is not None:
+        low, high = int(slope.low), int(slope.high)
+        last = min(high + int(_BEYOND * (high - low)) + 2, max(high, len(states) // 2))
+        steps = np.linspace(0, last, _STEPS).round().astype(np.int64)
+        ahead = np.unique(np.concatenate([steps, [low, high]]))
+        curves.append(
+            _Curve(
+                "divergence", "λ", "nats/s", slope, ahead * model.period, sample.divergence(slope, ahead),
+                (low * model.period, high * model.period),
+                ("time ahead (s)", f"mean ln(distance{f' / {unit}' if unit else ''})"), False,
+            )
+        )  # fmt: skip
+    slope = plan.correlation
+    if slope is not None:
+        least, most = sample.reach()
+        radii = np.geomspace(min(least, slope.low), max(most, slope.high), _RADII)
+        sums = sample.sums(radii)
+        curves.append(
+            _Curve(
+                "correlation", "D", "", slope, radii, np.where(sums > 0, np.log(sums), np.nan),
+                (slope.low, slope.high), (kit.with_unit("radius r", model.unit), "ln C(r)"), True,
+            )
+        )  # fmt: skip
+    return curves
+
+
+def _draw_curve(curve: _Curve, axes: Axes) -> None:
+    """Draw the curve, and the line with the claimed slope through its mean in the region."""
+    axes.plot(curve.x, curve.y, lw=1.4, zorder=3, gid=f"curve {curve.name}", **kit.axis_style(0))
+    low, high = curve.region
+    x = curve.read(curve.x)
+    inside = (curve.x >= low) & (curve.x <= high) & np.isfinite(curve.y)
+    if inside.any():
+        ends = np.array([low, high])
+        middle, height = x[inside].mean(), curve.y[inside].mean()
+        line = height + curve.slope.value * (curve.read(ends) - middle)
+        axes.plot(ends, line, gid=f"line {curve.name}", zorder=4, **_CLAIM)
+    _finish(curve, axes, curve.labels[1])
+
+
+def _draw_slopes(curve: _Curve, axes: Axes) -> None:
+    """Draw the local slopes of the curve, and the claimed slope."""
+    local = np.gradient(curve.y, curve.read(curve.x))
+    axes.plot(curve.x, local, lw=1.4, zorder=3, gid=f"slopes {curve.name}", **kit.axis_style(0))
+    value, spread = curve.slope.value, curve.slope.deviation
+    axes.plot(curve.region, [value] * 2, gid=f"line {curve.name}", **_CLAIM)
+    known = local[np.isfinite(local)]
+    if known.size:
+        # The slopes of the first steps and the smallest radii would flatten all others.
+        ends = [*np.quantile(known, [0.1, 0.9]).tolist(), 0.0, value - spread, value + spread]
+        margin = 0.15 * (max(ends) - min(ends)) or 1.0
+        axes.set_ylim(min(ends) - margin, max(ends) + margin)
+    label = "slope of ln distance" if curve.unit else "slope of ln C(r)"
+    _finish(curve, axes, kit.with_unit(label, curve.unit))
+
+
+def _finish(curve: _Curve, axes: Axes, label: str) -> None:
+    """Shade the scaling region, and write the slope above the panel."""
+    axes.axvspan(*curve.region, color=_SHADE, alpha=0.25, lw=0, zorder=0.7, gid="region")
+    words = f"{curve.symbol} = {_slope_text(curve.slope)} {curve.unit}".rstrip()
+    axes.set_title(words, fontsize=8.5, color=kit.BLACK, loc="left", pad=3)
+    _dress(axes, curve.labels[0], label)
+    if curve.log:
+        axes.set_xscale("log")
+        kit.log_ticks(axes.xaxis, curve.x[0], curve.x[-1])

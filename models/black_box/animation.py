@@ -29,20 +29,12 @@ def path_function(model: BlackBoxMinimisation) -> WaypointPath:
 
 def box_of(function: WaypointPath, lines: kit.Floats) -> tuple[kit.Floats, kit.Floats]:
     """Return the corners of the visible box, m: the map, and paths near it."""
-    grid = function.map
-    corner = grid.origin + np.array(grid.shape[::-1]) * grid.cell
-    return kit.box_near(grid.origin, corner, [lines.reshape(-1, 2)])
+    return kit.box_near(*kit.corners_of(function.map), [lines.reshape(-1, 2)])
 
 
 def draw_field(axes: Any, function: WaypointPath, scale: float) -> list[Any]:
     """Draw the map with start and goal, and return the entries of a legend."""
-    grid = function.map
-    corner = grid.origin * scale
-    kit.draw_cells(
-        axes, grid.blocked, corner, corner + np.array(grid.shape[::-1]) * grid.cell * scale
-    )
-    if not grid.upward:
-        axes.invert_yaxis()
+    kit.draw_cells(axes, function.map, scale)
     ends = kit.draw_ends(axes, function.start[None] * scale, function.goal[None] * scale)
     return [*ends, kit.key("blocked", marker="s", mfc=kit.BLOCKED, mec=kit.BLOCKED, ms=7)]
 

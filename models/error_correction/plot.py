@@ -46,8 +46,6 @@ def draw(
 
     Parameters
     ----------
-    model : ErrorCorrectionRouting
-        The model.
     plan : Route, optional
         A route; stops that break a rule are drawn in red. None draws the points only.
     labels : bool, optional

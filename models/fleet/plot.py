@@ -157,16 +157,14 @@ def _draw_map(
     low, high = places.min(axis=0), places.max(axis=0)
     grid = model.map
     if grid is not None:
-        corner = grid.origin + grid.cell * np.array(grid.shape[::-1])
-        low, high = np.minimum(low, grid.origin), np.maximum(high, corner)
+        least, most = kit.corners_of(grid)
+        low, high = np.minimum(low, least), np.maximum(high, most)
     words = "costs scaled to a plane, axis 1", "costs scaled to a plane, axis 2"
     scale = kit.dress_map(axes, low, high, words if model.points is None else None)
     keys = []
     if grid is not None:
-        kit.draw_cells(axes, grid.blocked, grid.origin * scale, corner * scale)
+        kit.draw_cells(axes, grid, scale)
         keys.append(kit.key("blocked", marker="s", color=kit.BLOCKED, ms=7))
-        if not grid.upward:
-            axes.invert_yaxis()
     last = model.vehicles - 1
     routes = () if plan is None else plan.routes
     # An empty route stays without its depot.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,10 @@ from ...errors import UnsupportedOption
 from ..fields import required
 from ..fleet import Deviation
 from ..grid_path import as_shapely, trail
+from ..minimum_snap import Trajectory
 from ..plots import kit
-from ..verification import Verification
+from ..verification import Check, Verification
 from .curves import lengths_of
-from .drawn import apart_of, broken_places, sample_times
 from .model import FleetMission
 from .plan import MissionPlan
 
@@ -36,6 +37,11 @@ _MOST_NAMES = 40
 _CELL = "#f0d9b5"
 #: Largest extension of the map beyond the bounds, as a share of their size.
 _BEYOND = 0.25
+#: Minimum number of samples per segment, and approximate number per curve.
+_FEWEST, _POINTS = 9, 1500
+#: Patterns of the robots and of the time in the text of a check.
+_WHO = re.compile(r"robots? (\d+)(?: and (\d+))?")
+_WHEN = re.compile(r"\(t = (\S+) s\)")
 
 
 @kit.documented
@@ -58,8 +64,6 @@ def draw(
 
     Parameters
     ----------
-    model : FleetMission
-        The model.
     plan : MissionPlan, optional
         A plan for the model, feasible or not. Nodes not visited exactly once and the largest
         violations are ringed in red. None draws obstacles and nodes only.
@@ -148,7 +152,7 @@ def _draw_map(
     """Draw obstacles, layers and nodes, and return the entries of the legend."""
     curves: list[kit.Floats] = []
     if plan is not None:
-        times = ((item, sample_times(item)) for item in plan.trajectories)
+        times = ((item, _sample_times(item)) for item in plan.trajectories)
         curves = [np.empty((0, 2)) if item is None else item(at) for item, at in times]
         curves = [np.clip(np.nan_to_num(curve), -kit.FAR, kit.FAR) for curve in curves]
     low, high = model.bounds[:2], model.bounds[2:]
@@ -159,10 +163,7 @@ def _draw_map(
     scale = kit.dress_map(axes, low, high)
     keys = draw_field(axes, model, scale)
     if "cells" in layers:
-        corner = model.map.origin + model.map.cell * np.array(model.map.shape[::-1])
-        kit.draw_cells(
-            axes, model.map.blocked, model.map.origin * scale, corner * scale, colour=_CELL
-        )
+        kit.draw_cells(axes, model.map, scale, colour=_CELL)
         keys.append(kit.key("blocked cell", marker="s", color=_CELL, ms=7))
     owners = np.full(len(model.nodes), -1)
     missed = np.empty((0, 2))
@@ -187,7 +188,7 @@ def _draw_map(
     home, nodes = model.depot[None] * scale, model.nodes * scale
     keys += kit.draw_stops(axes, nodes, owners, home, missed * scale)
     if plan is not None and found is not None:
-        keys += kit.ring(axes, broken_places(plan, found) * scale, "worst violation")
+        keys += kit.ring(axes, _broken_places(plan, found) * scale, "worst violation")
     if labels if labels is not None else len(model.nodes) <= _MOST_NAMES:
         names = [model.label(node) for node in range(len(model.nodes))]
         kit.write_names(axes, nodes, names, size=7.5, colour=kit.BLACK, route=False)
@@ -215,7 +216,7 @@ def _panels(
     for order, (part, limit_values) in enumerate(limits.items(), start=1):
         if part not in parts:
             continue
-        tables = [(k, sample_times(item), item(sample_times(item), order)) for k, item in flown]
+        tables = [(k, _sample_times(item), item(_sample_times(item), order)) for k, item in flown]
         for axis, bound in enumerate(limit_values.tolist()):
             curves = [
                 kit.Curve(f"robot {k}" if named else part, k, times, values[:, axis], 1.1)
@@ -228,9 +229,59 @@ def _panels(
     if "distance" in parts:
         knots = [item.times for _, item in flown]
         times = np.unique(np.concatenate([np.linspace(ends[0], ends[1], 3001), *knots]))
-        curve = kit.Curve("least distance", 6, times, apart_of(model, plan, times))
+        curve = kit.Curve("least distance", 6, times, _apart_of(model, plan, times))
         separation = kit.Limit(ends, model.separation, np.inf, tolerance=tolerance * model.cell)
         yield kit.Panel("distance of robots", "m", [curve], [separation] * (model.separation > 0))
+
+
+def _sample_times(trajectory: Trajectory | None) -> kit.Floats:
+    """Return the sampling times of a curve, s, including its knots."""
+    if trajectory is None:
+        return np.empty(0)
+    each = max(_FEWEST, _POINTS // trajectory.segments)
+    shares = np.linspace(0.0, 1.0, each, endpoint=False)
+    inner = trajectory.times[:-1, None] + shares * trajectory.durations[:, None]
+    return np.append(inner.ravel(), trajectory.times[-1])
+
+
+def _apart_of(model: FleetMission, plan: MissionPlan, times: kit.Floats) -> kit.Floats:
+    """Return the least distance of two robots under way at each of `times`, m.
+
+    The distance is NaN if fewer than two robots are under way.
+    """
+    places = np.full((len(plan.trajectories), len(times), 2), np.nan)
+    for k, entry in enumerate(plan.trajectories):
+        if entry is not None:
+            under_way = (times >= entry.times[0]) & (times <= entry.times[-1])
+            places[k, under_way] = entry(times[under_way])
+    least = np.full(len(times), np.inf)
+    for k in range(len(places) - 1):
+        distances = np.hypot(*np.moveaxis(places[k + 1 :] - places[k], -1, 0))
+        least = np.minimum(least, np.where(np.isnan(distances), np.inf, distances).min(axis=0))
+    # The least distance jumps when a robot departs or returns, so the line is interrupted.
+    counted = np.isfinite(places[..., 0]).sum(axis=0)
+    least[1:][np.diff(counted) != 0] = np.inf
+    return np.where(np.isfinite(least), least, np.nan)
+
+
+def _broken_places(plan: MissionPlan, found: Verification) -> kit.Floats:
+    """Return the positions of the robots at the largest violation of each check, m, shape (k, 2)."""
+    places = [place for check in found.violated for place in _places_of(plan, check)]
+    broken = np.array(places).reshape(-1, 2)
+    return broken[(np.abs(broken) < kit.FAR).all(axis=1)]
+
+
+def _places_of(plan: MissionPlan, check: Check) -> Iterator[kit.Floats]:
+    """Yield the positions of the robots named by a check, at its time or at their ends."""
+    who, when = _WHO.search(check.where), _WHEN.search(check.where)
+    for robot in map(int, filter(None, who.groups() if who else ())):
+        entry = plan.trajectories[robot] if robot < len(plan.trajectories) else None
+        if entry is None:
+            continue
+        if when is not None:
+            yield entry(np.clip(float(when[1]), entry.times[0], entry.times[-1]))
+        elif check.where.endswith((", start", ", end")):
+            yield entry(entry.times[0 if check.where.endswith("start") else -1])
 
 
 # -- obstacles, and the mission in motion --------------------------------------------------------
@@ -271,21 +322,13 @@ def animate_mission(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> kit.FuncAnimation:
-    """Animate a mission: the robots to scale, and their paths so far.
-
-    Parameters
-    ----------
-    model : FleetMission
-        The model.
-    plan : MissionPlan or Solution
-        A plan for the model.
-    """
+    """Animate a mission: the robots to scale, and their paths so far."""
     stage = kit.Stage(model, title, size, frames, interval)
     plan = required("plan", model.as_plan(plan), MissionPlan)
     model.verify(plan)  # raises for nodes that do not exist
     robots = [(k, item) for k, item in enumerate(plan.trajectories) if item is not None]
     flown, looks = [item for _, item in robots], [kit.colour_of(k) for k, _ in robots]
-    curves = [(sample_times(item), item(sample_times(item))) for item in flown]
+    curves = [(_sample_times(item), item(_sample_times(item))) for item in flown]
     times = np.linspace(0.0, plan.end, frames)
     visited = np.full(len(model.nodes), np.inf)
     faces = [kit.DARK] * len(model.nodes)

@@ -69,9 +69,7 @@ def draw(
     text = kit.title_of(model, parts, verification, title)
     grid, weighted = model.map, model.weights is not None
     points = [path for entry in plans for path in entry.plan.paths]
-    low, high = kit.box_near(
-        grid.origin, grid.origin + np.array(grid.shape[::-1]) * grid.cell, points
-    )
+    low, high = kit.box_near(*kit.corners_of(grid), points)
     broad, tall = (high - low) * 5.6 / (high - low).max()
     default = max(4.8, broad + (1.6 if weighted else 0.9)), max(2.6, tall + 1.3)
     scene = kit.Scene(text, verification, size, default)

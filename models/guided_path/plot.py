@@ -246,15 +246,7 @@ def animate_tour(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> kit.FuncAnimation:
-    """Return an animation of the tour: the vehicle on its line, its path, and the customers served.
-
-    Parameters
-    ----------
-    model : GuidedPathTour
-        The model.
-    plan : GuidedPathPlan or Solution
-        Plan of the model. It may be infeasible.
-    """
+    """Return an animation of the tour: the vehicle on its line, its path, and the customers served."""
     stage = kit.Stage(model, title, size, frames, interval, (6.0, 5.0))
     plan = required("plan", model.as_plan(plan), GuidedPathPlan)
     model.verify(plan)  # rejects an unknown customer

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..fields import required
 from ..plots import kit
 from ..plots.progress import draw_progress
-from .drawn import Drawn, together, within
+from ..verification import Verification
+from .checks import integrated
 from .model import MessengerTour
 from .plan import TourPlan
 from .sampling import Track, outline, track
@@ -29,6 +30,8 @@ _CROWDED = 0.2
 _LONG = 0.04
 #: Length of the longest velocity arrow, as a share of the map.
 _ARROW = 0.1
+#: Encounters share a place on the map if they are closer than this share of its extent.
+_NEAR = 1e-3
 
 
 @kit.documented
@@ -50,8 +53,6 @@ def draw(
 
     Parameters
     ----------
-    model : MessengerTour
-        The model.
     plan : TourPlan, optional
         Plan of the model, feasible or not. The place of the largest violation of each violated
         check has a red ring. None draws the vehicles at time 0 and their velocities.
@@ -69,7 +70,7 @@ def draw(
     result, tour = kit.verified_plan(model, plan, TourPlan, tolerance), None
     parts = [model.describe()]
     if plan is not None and result is not None:
-        tour = Drawn(model, plan, result)
+        tour = _Drawn(model, plan, result)
         if result.objective is not None:
             parts = [kit.many(model.size, "vehicle"), f"{kit.number(result.objective)} m"]
             parts.append(f"{kit.number(result.objective / model.speed, 5)} s")
@@ -97,10 +98,10 @@ def draw(
             continue
         lines = _draw_tour(tour, axes, scale, colour)
         # Encounters that the second map shows are numbered there.
-        inside = within(tour.plan.points, *box)
+        inside = _within(tour.plan.points, *box)
         if place == 0 and several:
-            inside &= ~within(tour.plan.points, *boxes[1])
-        _write(tour, axes, scale, labels, inside, within(model.positions, *box))
+            inside &= ~_within(tour.plan.points, *boxes[1])
+        _write(tour, axes, scale, labels, inside, _within(model.positions, *box))
         if place == 0 and scaled:
             beside = scene.axes(scene.broad - 0.82, foot, 0.68, head)
             kit.color_bar(scene.figure, lines, beside, "time (s)")
@@ -110,10 +111,81 @@ def draw(
     return scene.figure
 
 
+# -- the data ------------------------------------------------------------------------------------
+
+
+class _Drawn:
+    """Places to draw for a plan, in m."""
+
+    def __init__(self, model: MessengerTour, plan: TourPlan, found: Verification) -> None:
+        self.model, self.plan, self.found = model, plan, found
+        self.path = outline(plan, model.turning_radius)
+        self.met = np.array(plan.order, int)
+        self.meetings = model.positions[self.met] + model.velocities[self.met] * plan.times[:, None]
+        self.broken = _violation_places(self)
+
+    @property
+    def everything(self) -> kit.Floats:
+        """Places that the map must include: path, tracks and discs."""
+        reach = self.model.radius[self.met][:, None]
+        parts = [
+            self.path.poses[:, :2], self.model.positions, self.plan.points, self.meetings - reach,
+            self.meetings + reach,
+        ]  # fmt: skip
+        return _finite(np.concatenate(parts))
+
+    @property
+    def first_half(self) -> kit.Floats:
+        """Places that a map of the first half of the encounters must include."""
+        count = max(1, len(self.met) // 2)
+        until = float(self.plan.times[:count].max()) if len(self.met) else 0.0
+        flown = self.path.flown <= until * self.model.speed
+        reach = self.model.radius[self.met[:count]][:, None]
+        first = self.meetings[:count]
+        return _finite(np.concatenate([self.path.poses[flown, :2], first - reach, first + reach]))
+
+
+def _finite(places: kit.Floats) -> kit.Floats:
+    """Return the places within the range that can be drawn."""
+    visible: kit.Floats = places[(np.abs(places) < kit.FAR).all(axis=1)]
+    return visible if len(visible) else np.zeros((1, 2))
+
+
+def _violation_places(tour: _Drawn) -> kit.Floats:
+    """Return the place of the largest violation of each violated check, shape (k, 2)."""
+    model, plan = tour.model, tour.plan
+    poses = integrated(plan, model.turning_radius)
+    places = {"start": poses[0, :2], "end": poses[-1, :2]}
+    places |= {f"primitive {k}": pose[:2] for k, pose in enumerate(poses[:-1])}
+    for k in range(model.size):
+        rows = np.flatnonzero(tour.met == k)
+        places[f"vehicle {model.label(k)}"] = (
+            plan.points[rows[0]] if rows.size else model.positions[k]
+        )
+    violations = [places[check.where] for check in tour.found.violated if check.where in places]
+    return _finite(np.array(violations)) if violations else np.empty((0, 2))
+
+
+def _within(places: kit.Floats, least: kit.Floats, most: kit.Floats) -> NDArray[np.bool_]:
+    """Return a mask of the places within a box."""
+    return np.asarray(((places >= least) & (places <= most)).all(axis=1))
+
+
+def _together(points: kit.Floats, extent: float) -> list[tuple[int, int]]:
+    """Return the first and last index of each run of encounters that share a place on the map."""
+    runs: list[tuple[int, int]] = []
+    for k, point in enumerate(points):
+        if runs and np.hypot(*(point - points[runs[-1][0]])) <= _NEAR * extent:
+            runs[-1] = (runs[-1][0], k)
+        else:
+            runs.append((k, k))
+    return runs
+
+
 # -- the maps ------------------------------------------------------------------------------------
 
 
-def _draw_tour(tour: Drawn, axes: Any, scale: float, colour: str) -> Any:
+def _draw_tour(tour: _Drawn, axes: Any, scale: float, colour: str) -> Any:
     """Draw vehicles, path and encounters; return the lines of the path."""
     model, plan = tour.model, tour.plan
     _draw_discs(axes, tour.meetings * scale, model.radius[tour.met] * scale)
@@ -145,7 +217,7 @@ def _draw_path(path: Track, axes: Any, scale: float, colour: str, speed: float) 
     return lines
 
 
-def _draw_tracks(tour: Drawn, axes: Any, scale: float) -> None:
+def _draw_tracks(tour: _Drawn, axes: Any, scale: float) -> None:
     """Draw the tracks of the vehicles up to their encounters, each with an arrow."""
     begins, ends = tour.model.positions[tour.met] * scale, tour.meetings * scale
     rest = np.setdiff1d(np.arange(tour.model.size), tour.met)
@@ -167,7 +239,7 @@ def _draw_discs(axes: Any, middles: kit.Floats, radius: kit.Floats) -> None:
     kit.draw_circles(axes, middles, radius, gid="disc", **look)
 
 
-def _draw_arrows(tour: Drawn, axes: Any, scale: float) -> None:
+def _draw_arrows(tour: _Drawn, axes: Any, scale: float) -> None:
     """Draw an arrow in the middle of each leg that is long enough."""
     pieces = tour.plan.primitives
     legs = np.unique([primitive.leg for primitive in pieces], return_inverse=True)[1]
@@ -211,7 +283,7 @@ def _draw_vehicles(model: MessengerTour, axes: Any, scale: float, *, labels: boo
 
 
 def _write(
-    tour: Drawn, axes: Any, scale: float, labels: bool | None, inside: NDArray[np.bool_],
+    tour: _Drawn, axes: Any, scale: float, labels: bool | None, inside: NDArray[np.bool_],
     seen: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Number the encounters `inside` in their order, and name the vehicles in the mask `seen`."""
@@ -220,7 +292,7 @@ def _write(
     model, points = tour.model, tour.plan.points
     extent = float(np.ptp(axes.get_xlim())) / scale
     few = labels or inside.sum() <= _MOST_NUMBERS
-    runs = [run for run in together(points, extent) if inside[run[0]]]
+    runs = [run for run in _together(points, extent) if inside[run[0]]]
     texts = [
         (f"{first + 1}" if first == last else f"{first + 1}–{last + 1}")
         if few or first == 0 or last == len(points) - 1 or (first + 1) % 10 == 0
@@ -239,7 +311,7 @@ def _write(
         kit.write_names(axes, places, names, size=7, colour=NAME, route=False)
 
 
-def _keys(model: MessengerTour, tour: Drawn | None) -> list[Any]:
+def _keys(model: MessengerTour, tour: _Drawn | None) -> list[Any]:
     begin = kit.key("vehicle (name) at time 0", marker="s", mfc="white", mec=VEHICLE, ms=4.5)
     keys = [begin]
     if model.start is not None or tour is not None:
@@ -272,31 +344,17 @@ def animate_tour(
     title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> kit.FuncAnimation:
-    """Return an animation of the tour: the UAV, its path so far, and the vehicles with their discs.
-
-    Parameters
-    ----------
-    model : MessengerTour
-        The model.
-    plan : TourPlan or Solution
-        Plan of the model. It may be infeasible.
-    """
+    """Return an animation of the tour: the UAV, its path so far, and the vehicles with their discs."""
     stage = kit.Stage(model, title, size, frames, interval)
     plan = required("plan", model.as_plan(plan), TourPlan)
-    model.verify(plan)  # rejects an unknown vehicle
-    end = plan.length / model.speed
+    tour = _Drawn(model, plan, model.verify(plan))  # rejects an unknown vehicle
+    path, end = tour.path, plan.length / model.speed
     times = np.linspace(0.0, end, frames)
-    path = outline(plan, model.turning_radius)
     flown = track(plan, model.turning_radius, times * model.speed).poses
-    order = list(plan.order)
-    meetings = model.positions[order] + model.velocities[order] * plan.times[:, None]
-    reach = model.radius[order][:, None]
-    # Vehicles may leave the map after their encounter.
-    shown = np.concatenate([path.poses[:, :2], model.positions, meetings - reach, meetings + reach])
     met_at = np.full(model.size, np.inf)
-    met_at[order] = plan.times
-
-    axes, scale = stage.map(shown.min(axis=0), shown.max(axis=0))
+    met_at[tour.met] = plan.times
+    # Vehicles may leave the map after their encounter.
+    axes, scale = stage.map(tour.everything.min(axis=0), tour.everything.max(axis=0))
     axes.plot(*(path.poses[:, :2] * scale).T, lw=0.7, ls=":", color=kit.GREY, zorder=2)
     (way,) = axes.plot([], [], lw=1.8, color=_PATH, zorder=4, gid="path")
     (craft,) = axes.plot([], [], ls="", ms=11, mfc="white", mec=kit.BLACK, mew=1.4, zorder=8)

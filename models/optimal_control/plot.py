@@ -50,8 +50,6 @@ def draw(
 
     Parameters
     ----------
-    model : OptimalControlProblem
-        Problem.
     plan : ControlPlan, optional
         Plan of the problem, valid or not. The worst violation of a limit is ringed in red. None
         draws the guess, where the search starts.

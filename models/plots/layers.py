@@ -17,7 +17,7 @@ from .curves import Floats
 from .style import BLACK, DARK, RED, RING, axis_style, bare, colour_of, inches, key, label_axes
 
 __all__ = [
-    "BLOCKED", "FAR", "box_near", "circles", "dots", "draw_cells", "draw_circles", "draw_ends",
+    "BLOCKED", "FAR", "box_near", "circles", "corners_of", "dots", "draw_cells", "draw_circles", "draw_ends",
     "draw_lines", "draw_polygons", "draw_routes", "draw_shaded_line", "draw_stops", "dress_map",
     "dress_space", "heading_marker", "length_unit", "name_vehicles", "point_ways", "ring", "space_axes",
 ]  # fmt: skip
@@ -78,17 +78,20 @@ def box_near(low: Floats, high: Floats, points: Iterable[Floats]) -> tuple[Float
     return near.min(axis=0), near.max(axis=0)
 
 
-def draw_cells(
-    axes: Any, blocked: NDArray[np.bool_], low: NDArray[Any], high: NDArray[Any], *,
-    colour: str = BLOCKED,
-) -> None:  # fmt: skip
-    """Draw the blocked cells of a map from corner `low`, at row 0, to `high` as one image, and its edge."""
+def corners_of(grid: Any) -> tuple[Floats, Floats]:
+    """Return the corners of a grid map with the smallest and the largest coordinates (m)."""
+    return grid.origin, grid.origin + np.array(grid.shape[::-1]) * grid.cell
+
+
+def draw_cells(axes: Any, grid: Any, scale: float, *, colour: str = BLOCKED) -> None:
+    """Draw the blocked cells of a grid map as one image, and its edge; y points as in the grid."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Rectangle
 
+    low, high = (corner * scale for corner in corners_of(grid))
     limits = axes.axis()
     axes.imshow(
-        blocked, cmap=ListedColormap(["none", colour]), vmin=0, vmax=1, origin="lower", zorder=0.7,
+        grid.blocked, cmap=ListedColormap(["none", colour]), vmin=0, vmax=1, origin="lower", zorder=0.7,
         extent=(low[0], high[0], low[1], high[1]), interpolation="nearest", gid="blocked",
     )  # fmt: skip
     axes.axis(limits)
@@ -96,6 +99,8 @@ def draw_cells(
         (low[0], low[1]), *(high - low), fc="none", ec=colour, lw=1.0, zorder=0.7, gid="edge"
     )
     axes.add_patch(edge)
+    if not grid.upward:
+        axes.invert_yaxis()
 
 
 def draw_polygons(axes: Any, polygons: Iterable[Any], scale: float, **look: Any) -> None:

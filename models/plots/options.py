@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
@@ -18,14 +19,16 @@ __all__ = [
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-#: Descriptions of the options that all pictures or all animations share.
+#: Descriptions of the parameters that all pictures or all animations share.
 _SHARED = {
+    "plan": "plan or Solution\n    Plan of the model, valid or not.",
     "frames": "int\n    Number of frames, at least 2.",
     "interval": "float\n    Duration of a frame, ms.",
     "tolerance": "float\n    Largest accepted relative violation, for the title and the red marks.",
     "title": "str, optional\n    Title; by default the name of the model, in a picture with the main figures of the plan.",
     "size": "(float, float), optional\n    Width and height (inch).",
 }
+_PARAMETERS = "\n\nParameters\n----------\n"
 #: Sections of docstrings after the parameters, of pictures, of animations and of both.
 _FIGURE = """
 Returns
@@ -49,16 +52,18 @@ UnsupportedOption
 
 
 def documented(function: _Function) -> _Function:
-    """Append the shared options, the result and the exceptions to the docstring of a picture.
+    """Complete the docstring of a picture: shared parameters, result and exceptions.
 
-    The docstring must end with its section Parameters; options that it describes are not repeated.
+    The docstring ends with its section Parameters, which describes the others in any order.
     """
-    text, names = inspect.getdoc(function) or "", inspect.signature(function).parameters
-    for name, description in _SHARED.items():
-        if name in names and f"\n{name} : " not in text:
-            text += f"\n{name} : {description}"
+    summary, _, section = (inspect.getdoc(function) or "").partition(_PARAMETERS)
+    entries = [entry.partition(" : ") for entry in re.split(r"\n(?=\w)", section) if entry]
+    described = {"model": f"{function.__annotations__['model']}\n    Model to draw.", **_SHARED}
+    described |= {name: text for name, _, text in entries}
+    names = inspect.signature(function).parameters
+    parameters = "\n".join(f"{name} : {described[name]}" for name in names)
     result = _ANIMATION.format(name=function.__name__) if "frames" in names else _FIGURE
-    function.__doc__ = f"{text}\n{result}{_RAISES}"
+    function.__doc__ = f"{summary}{_PARAMETERS}{parameters}\n{result}{_RAISES}"
     return function
 
 

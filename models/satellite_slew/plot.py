@@ -52,8 +52,6 @@ def draw(
 
     Parameters
     ----------
-    model : SatelliteSlew
-        Slew.
     plan : ControlPlan, optional
         Plan of the slew, valid or not. The worst violation of a limit is ringed in red. None draws
         the guess, where the search starts, or the body axes at both ends.
@@ -247,10 +245,6 @@ def animate_slew(
 
     Parameters
     ----------
-    model : SatelliteSlew
-        Slew.
-    plan : ControlPlan or Solution
-        Plan of the slew.
     turn : float
         Total rotation of the point of view around the satellite, degrees.
     """

@@ -10,19 +10,8 @@ import numpy as np
 from ..fields import required
 from ..plots import kit
 from ..verification import Verification
-from .drawn import (
-    Box,
-    Moment,
-    Walk,
-    box_around,
-    check_scene,
-    draw_cells,
-    draw_collisions,
-    draw_ends,
-    keys_of,
-    paint,
-    walk_of,
-)
+from . import drawn
+from .drawn import Box, Moment, Walk, box_around, check_scene, keys_of, walk_of
 from .layout import Place, arrange, is_square, proportion
 from .model import UnknownGridNavigation
 from .plan import NavigationRuns, Outcome
@@ -72,8 +61,6 @@ def draw(
 
     Parameters
     ----------
-    model : UnknownGridNavigation
-        Model with its true maps.
     plan : NavigationRuns, optional
         Plan of the model, valid or not. None draws the map only.
     scene : int, default 0
@@ -155,7 +142,7 @@ def _draw_map(
     whole = Box(np.zeros(2, np.int64), model.shape)
     blocked = model.blocked[scene]
     seen = np.ones_like(blocked) if main is None else main.walk.seen <= main.walk.steps
-    draw_cells(axes, paint(blocked, seen), whole)
+    drawn.draw_cells(axes, drawn.paint(blocked, seen), whole)
     axes.set_aspect("equal" if is_square(whole) else "auto")
     axes.tick_params(labelsize=8, length=2)
     for axis in (axes.xaxis, axes.yaxis):
@@ -164,7 +151,7 @@ def _draw_map(
     size = max(6.0, _marker(place, whole))
     if main is not None:
         axes.set_title("the whole run", fontsize=8, pad=3, color=kit.DARK)
-        draw_collisions(axes, main.walk.hits, size, clip_on=False)
+        drawn.draw_collisions(axes, main.walk.hits, size, clip_on=False)
     for k, run in reversed(list(enumerate(runs))):
         # An offset separates paths through the same cells.
         shift = 0.14 * (-1) ** k * -(-k // 2)
@@ -172,7 +159,7 @@ def _draw_map(
             *(run.walk.positions[:, ::-1].T + shift), lw=max(1.0, 0.22 * size), zorder=6 - 0.1 * k,
             solid_capstyle="round", gid="other way" if k or main is None else "way", **run.look,
         )  # fmt: skip
-    draw_ends(axes, model, scene, size, clip_on=False)
+    drawn.draw_ends(axes, model, scene, size, clip_on=False)
 
 
 def _marker(place: Place, box: Box) -> float:
@@ -262,10 +249,6 @@ def animate_run(
 
     Parameters
     ----------
-    model : UnknownGridNavigation
-        Model with its true maps.
-    plan : NavigationRuns or Solution
-        Plan of the model, valid or not.
     scene : int, default 0
         Index of the scene.
     frames : int, default 120

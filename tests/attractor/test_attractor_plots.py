@@ -15,7 +15,7 @@ from crosstrack.models.attractor import (
     Slope,
     SurrogateTest,
 )
-from crosstrack.models.attractor.plot_curves import curves_of
+from crosstrack.models.attractor.plot import curves_of
 
 RNG = np.random.default_rng(8)
 MAP = AttractorAnalysis(logistic(80), 0.5, "V", name="map")
