@@ -122,53 +122,42 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[k
     part = slew_phase(plan)
     times, states, controls = sampled(part)
     nodes, at_nodes = nodes_of(part.states)
-    measure = singularity_measure(states[:, 7:], model.beta)
+    measure = singularity_measure(states[:, 7:], model.beta)[:, None]
     torque = SlewMotion.of(model).torque(states[:, 7:], controls)
+    rates, rate_nodes = states[:, 4:7], at_nodes[:, 4:7]
+    rate_names: Sequence[str] = _RATES
+    torque_names: Sequence[str] = _TORQUES
+    if model.vector_limits == VectorLimits.NORM:
+        rates, rate_nodes, torque = (
+            np.hstack([values, model.magnitudes(values)]) for values in (rates, rate_nodes, torque)
+        )
+        rate_names, torque_names = (*_RATES, "|ω|"), (*_TORQUES, "|T|")
     ends = np.array([part.start, part.end])
 
-    def panel(
-        title: str, unit: str, names: Sequence[str], values: kit.Floats,
-        dots: tuple[kit.Floats, kit.Floats] | None, limits: Sequence[kit.Limit] = (),
-    ) -> kit.Panel:  # fmt: skip
-        curves, marks = curves_of(names, times, values, dots)
-        return kit.Panel(title, unit, curves, limits, marks, whole=True)
-
-    def with_norm(
-        names: Sequence[str], values: kit.Floats, norm: str
-    ) -> tuple[tuple[str, ...], kit.Floats]:
-        if model.vector_limits != VectorLimits.NORM:
-            return tuple(names), values
-        return (*names, norm), np.hstack([values, model.magnitudes(values)])
-
-    def within(upper: float, full: float | None = None) -> list[kit.Limit]:
-        limits_drawn = [kit.Limit(ends, -upper, upper, (), tolerance * upper)]
-        if full is not None and full > upper:
+    def within(upper: float, full: float = 0.0) -> list[kit.Limit]:
+        limits = [kit.Limit(ends, -upper, upper, (), tolerance * upper)]
+        if full > upper:
             label = "limit, nothing in reserve"
-            limits_drawn.append(kit.Limit(ends, -full, full, label=label, dashes=":", shaded=False))
-        return limits_drawn
+            limits.append(kit.Limit(ends, -full, full, label=label, dashes=":", shaded=False))
+        return limits
 
-    rate_names, rates = with_norm(_RATES, states[:, 4:7], "|ω|")
-    _, rate_nodes = with_norm(_RATES, at_nodes[:, 4:7], "|ω|")
-    torque_names, torque = with_norm(_TORQUES, torque, "|T|")
-    smallest = model.singularity_limit
-    safe = kit.Limit(ends, smallest, np.inf, (), tolerance)
-    return [
-        panel("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4])),
-        panel(
-            "body rates", "rad/s", rate_names, rates, (nodes, rate_nodes),
-            within(model.rate_limit),
-        ),
-        panel("gimbal angles", "rad", _GIMBALS, states[:, 7:], (nodes, at_nodes[:, 7:])),
-        panel(
-            "gimbal rates", "rad/s", _GIMBALS, controls, nodes_of(part.controls),
-            within(model.planned_gimbal_rate, model.gimbal_rate_limit),
-        ),
-        panel("singularity\ndet(A Aᵀ)", "", ("det(A Aᵀ)",), measure[:, None], None, [safe]),
-        panel(
-            "control torque", "N m", torque_names, torque, None,
-            within(model.planned_torque, model.torque_limit),
-        ),
+    gimbal_rate, most_torque = model.planned_gimbal_rate, model.planned_torque
+    safe = kit.Limit(ends, model.singularity_limit, np.inf, (), tolerance)
+    rows: list[tuple[str, str, Sequence[str], kit.Floats, Any, list[kit.Limit]]] = [
+        ("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4]), []),
+        ("body rates", "rad/s", rate_names, rates, (nodes, rate_nodes), within(model.rate_limit)),
+        ("gimbal angles", "rad", _GIMBALS, states[:, 7:], (nodes, at_nodes[:, 7:]), []),
+        ("gimbal rates", "rad/s", _GIMBALS, controls, nodes_of(part.controls),
+         within(gimbal_rate, model.gimbal_rate_limit)),
+        ("singularity\ndet(A Aᵀ)", "", ("det(A Aᵀ)",), measure, None, [safe]),
+        ("control torque", "N m", torque_names, torque, None,
+         within(most_torque, model.torque_limit)),
     ]  # fmt: skip
+    panels = []
+    for title, unit, names, values, dots, limits in rows:
+        curves, marks = curves_of(names, times, values, dots)
+        panels.append(kit.Panel(title, unit, curves, limits, marks, whole=True))
+    return panels
 
 
 def _errors(

@@ -8,8 +8,7 @@ from walks import boxes, derivatives, path, solved, spline, strips, walk
 import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import FREE, MinimumDerivative, MinimumSnap, Trajectory
-from crosstrack.models.minimum_snap.plot.data import scene_of
-from crosstrack.models.minimum_snap.plot.regions import regions
+from crosstrack.models.minimum_snap.plot.data import Scene, regions
 from crosstrack.models.plots.style import number
 
 # -- what is drawn -------------------------------------------------------------------------------
@@ -138,7 +137,7 @@ def test_boxes_of_the_corridor():
     assert len(bands) == 2
     # One box for all segments is one region.
     same = walk(6, 2, corridor_lower=-99, corridor_upper=99)
-    assert len(regions(scene_of(same, None, None), (0, 1), *np.array([[-9, -9], [9, 9]]))[0]) == 1
+    assert len(regions(Scene(same, None, None), (0, 1), *np.array([[-9, -9], [9, 9]]))[0]) == 1
 
 
 def test_polygons_of_half_spaces():
@@ -146,7 +145,7 @@ def test_polygons_of_half_spaces():
         [[0, 0], [1, 0]], [0, 1],
         polytope_segments=[0, 0], polytope_normals=[[0, 2], [-1, -1]], polytope_offsets=[2, 3],
     )  # fmt: skip
-    scene = scene_of(square, None, None)
+    scene = Scene(square, None, None)
     (region,), total, omitted = regions(scene, (0, 1), np.array([-4.0, -4]), np.array([4.0, 4]))
     corners = {tuple(corner) for corner in region[0].round(9).tolist()}
     assert corners == {(-4, 1), (1, -4), (4, -4), (4, 1)}
@@ -160,7 +159,7 @@ def test_bodies_of_half_spaces():
         [[0, 0, 0], [1, 0, 0]], [0, 1], corridor_lower=-2, corridor_upper=2,
         polytope_segments=[0], polytope_normals=[[1, 1, 1]], polytope_offsets=[4],
     )  # fmt: skip
-    scene = scene_of(cube, None, None)
+    scene = Scene(cube, None, None)
     low, high = np.full(3, -9.0), np.full(3, 9.0)
     (body,), _, _ = regions(scene, (0, 1, 2), low, high)
     # A cube of side 4 that lost one corner: a seventh face with three corners.
@@ -239,7 +238,7 @@ def test_polytopes_that_are_left(dimensions):
     figure = ct.plot(model, plan)
     (found,) = (c for c in model.verify(plan).checks if c.name == "polytope")
     assert not found.ok
-    assert f"t = {scene_of(model, plan, None).marks[0].time:.6g} s" in found.where
+    assert f"t = {Scene(model, plan, None).marks[0].time:.6g} s" in found.where
     assert any(text.startswith("polytope violated by") for text in words(figure))
     assert "worst violation" in legend(figure)
 
@@ -254,7 +253,7 @@ def test_every_broken_condition_draws():
         c[rng.integers(5), power] += rng.normal(size=2) * 10.0 ** rng.integers(-3, 3)
         plan = Trajectory(good.times, c)
         found = [check for check in model.verify(plan).checks if not check.ok]
-        scene = scene_of(model, plan, None)
+        scene = Scene(model, plan, None)
         assert [mark.check for mark in scene.marks] == found
         for mark in scene.marks:
             assert good.times[0] <= mark.time <= good.times[-1]

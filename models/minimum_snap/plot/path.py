@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...plots import kit
-from .data import Scene
-from .regions import regions
+from .data import Scene, regions
 
 if TYPE_CHECKING:
     from matplotlib.collections import Collection

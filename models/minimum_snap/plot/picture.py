@@ -13,7 +13,7 @@ import numpy as np
 
 from ...plots import kit
 from ..bounds import derivative_name, derivative_unit
-from .data import Scene, Violation, given_times, scene_of
+from .data import Scene, Violation, given_times
 from .path import draw_path, line_by_speed
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def draw(
     labels : bool, optional
         Whether to number the waypoints, by default if they are few enough to be legible.
     """
-    scene = scene_of(model, plan, names)
+    scene = Scene(model, plan, names)
     shown = _shown(axes, scene.dimensions)
     orders = _orders(derivatives, scene)
     kit.check_flags(optional=True, labels=labels)
