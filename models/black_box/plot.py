@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...errors import InvalidData
+from ..fields import required, show
 from ..plots import kit
 from ..plots.progress import draw_progress
-from .animation import animate_search, blocked_part, box_of, draw_field, path_function
 from .functions import BlackBoxFunction
 from .model import BlackBoxMinimisation
 from .plan import BlackBoxPoint
@@ -30,6 +31,10 @@ _NARROW = 1e4
 _NONE, _SAME = "#d9d9d9", "#c7e9b4"
 #: Line of a bound.
 _BOUND: dict[str, Any] = {"color": kit.DARK, "ls": "--", "lw": 0.9}
+#: Number of points per segment at which a path is tested for blocked cells.
+_POINTS = 2001
+#: Number of earlier paths shown by an animation.
+_EARLIER = 5
 
 
 @kit.documented
@@ -179,7 +184,7 @@ class _Picture:
         curve = kit.Curve("value", 0, along, _values(self.model.function, sample))
         places = np.clip(self.points[:, k : k + 1], *self._visible_range(k))
         marks = [
-            kit.Mark(label, place, np.array([np.nan if value is None else value]), n, self._look(n))
+            kit.Mark(label, place, np.array([value], float), n, self._look(n))  # None is NaN
             for n, (label, place, value) in enumerate(
                 zip(self.labels, places, self.values, strict=True)
             )
@@ -203,12 +208,10 @@ class _Picture:
         values = _values(model.function, sample).reshape(points, points)
         finite = values[np.isfinite(values)]
         corner, sides = (along[0], across[0]), (along[-1] - along[0], across[-1] - across[0])
-        nothing = Rectangle(corner, *sides, fc=_NONE, ec="none", zorder=0.5, gid="no value")
-        edge = Rectangle(
-            corner, *sides, fc="none", ec=kit.DARK, ls="--", lw=0.9, zorder=1, gid="bound"
-        )
-        axes.add_patch(nothing)
-        axes.add_patch(edge)
+        nothing = {"fc": _NONE, "ec": "none", "zorder": 0.5, "gid": "no value"}
+        edge = {"fc": "none", "ec": kit.DARK, "ls": "--", "lw": 0.9, "zorder": 1, "gid": "bound"}
+        for look in (nothing, edge):
+            axes.add_patch(Rectangle(corner, *sides, **look))
         keys = [kit.key("bound", **_BOUND)]
         levels = _levels(finite)
         grid = along, across, values
@@ -248,16 +251,16 @@ class _Picture:
 
     def _draw_path(self) -> kit.Figure:
         """Draw the paths on their map, with the blocked part of the first one in red."""
-        function = path_function(self.model)
+        function = required("function", self.model.function, WaypointPath)
         lines = function.polylines(self.points)
-        low, high = box_of(function, lines)
+        low, high = kit.box_near(*kit.corners_of(function.map), [lines.reshape(-1, 2)])
         broad, tall = (high - low) * 5.0 / (high - low).max()
         scene = kit.Scene(
             self.text, self.found, self.size, (max(4.8, broad + 0.9), max(2.6, tall + 1.3))
         )
         axes = scene.axes(0.72, 1.0, 0.15, scene.head)
         scale = kit.dress_map(axes, low, high)
-        keys = draw_field(axes, function, scale)
+        keys = _draw_field(axes, function, scale)
         for k in reversed(range(len(lines))):
             first = k == 0
             look = {**kit.axis_style(k), "lw": 2.0 if first else 1.3, "zorder": 6 - 0.1 * k}
@@ -268,7 +271,7 @@ class _Picture:
                 axes, line[1:-1], "o", look["color"], zorder=7 - 0.1 * k, gid="waypoint", **turns
             )
         keys += [kit.key(label, lw=1.6, **kit.axis_style(k)) for k, label in enumerate(self.labels)]
-        blocked = blocked_part(function, lines[0]) if len(lines) else np.full((1, 2), np.nan)
+        blocked = _blocked_part(function, lines[0]) if len(lines) else np.full((1, 2), np.nan)
         if np.isfinite(blocked).any():
             axes.plot(*(blocked * scale).T, color=kit.RED, lw=2.4, zorder=6.5, gid="blocked path")
             keys.append(kit.key("through what is blocked", color=kit.RED, lw=2.4))
@@ -281,15 +284,10 @@ def _values(function: BlackBoxFunction, points: kit.Floats) -> kit.Floats:
     try:
         values = function.values(points)
     except InvalidData:
-        values = np.array([_value(function, point) for point in points])
+        if len(points) == 1:  # becomes a gap in the picture
+            return np.array([np.nan])
+        values = np.concatenate([_values(function, point[None]) for point in points])
     return np.where(np.isfinite(values), values, np.nan)
-
-
-def _value(function: BlackBoxFunction, point: kit.Floats) -> float:
-    try:
-        return float(function.values(point[None])[0])
-    except InvalidData:  # becomes a gap in the picture
-        return np.nan
 
 
 def _levels(values: kit.Floats) -> kit.Floats:
@@ -303,9 +301,92 @@ def _levels(values: kit.Floats) -> kit.Floats:
         if min(level - bounds[-1], high - level) > _APART * (high - low):
             bounds.append(level)
     # Equal shares are uninformative for flat functions with a narrow well or spike.
-    result = (
-        np.array([*bounds, high])
-        if len(bounds) > _LEVELS // 2
-        else np.linspace(low, high, _LEVELS // 2 + 1)
+    if len(bounds) <= _LEVELS // 2:
+        bounds = np.linspace(low, high, _LEVELS // 2 + 1).tolist()
+    return np.unique([*bounds, high])
+
+
+# -- paths in motion -------------------------------------------------------------------------------
+
+
+def _draw_field(axes: Any, function: WaypointPath, scale: float) -> list[Any]:
+    """Draw the map with start and goal, and return the entries of a legend."""
+    kit.draw_cells(axes, function.map, scale)
+    ends = kit.draw_ends(axes, function.start[None] * scale, function.goal[None] * scale)
+    return [*ends, kit.key("blocked", marker="s", mfc=kit.BLOCKED, mec=kit.BLOCKED, ms=7)]
+
+
+def _blocked_part(function: WaypointPath, line: kit.Floats) -> kit.Floats:
+    """Return points along a path, shape (n, 2), with NaN at free points."""
+    share = np.linspace(0, 1, _POINTS)[:, None]
+    parts = [a + share * (b - a) for a, b in itertools.pairwise(line)]
+    path = np.concatenate(parts)
+    # A point on the side of a blocked cell is free, so its four neighbours are tested as well.
+    shift = 1e-6 * function.map.cell
+    around = [path + np.array([x, y]) * shift for x in (-1, 1) for y in (-1, 1)]
+    near = (function.map.cells_of(np.clip(points, -1e15, 1e15)) for points in around)
+    free = np.any([function.map.holds(cells) for cells in near], axis=0)
+    return np.where(free[:, None], np.nan, path)
+
+
+@kit.documented
+def animate_search(
+    model: BlackBoxMinimisation,
+    incumbents: Sequence[Any],
+    *,
+    frames: int = 120,
+    interval: float = 120.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Return an animation of the incumbents of a search, from one improvement to the next.
+
+    Parameters
+    ----------
+    model : BlackBoxMinimisation
+        Model whose function is a :class:`~crosstrack.models.black_box.WaypointPath`.
+    incumbents : sequence of Incumbent or Event
+        Incumbents in order: ``met`` after ``solve(model, "iafsa", on_event=met.append)``.
+    frames : int
+        Largest number of frames, at least 2; if there are more improvements, some are omitted.
+    """
+    function = required("model", model, BlackBoxMinimisation).function
+    function = required("function", function, WaypointPath)
+    stage = kit.Stage(model, title, size, frames, interval)
+    plain = isinstance(incumbents, list | tuple)
+    if plain:  # other events have no incumbent
+        parts = [getattr(item, "incumbent", item) for item in incumbents]
+        incumbents = [part for part in parts if part is not None]
+    if not plain or not incumbents or not all(hasattr(line, "plan") for line in incumbents):
+        raise InvalidData(
+            "incumbents must be a list of at least one, as on_event receives them, got "
+            f"{show(incumbents)}",
+            field="incumbents",
+        )
+    selected = np.unique(np.linspace(0, len(incumbents) - 1, frames).round().astype(int))
+    steps = [incumbents[k] for k in selected]
+    lines = function.polylines(np.array([model.as_plan(line.plan).x for line in steps]))
+    axes, scale = stage.map(*kit.box_near(*kit.corners_of(function.map), [lines.reshape(-1, 2)]))
+    _draw_field(axes, function, scale)
+    look, grey = kit.axis_style(0), {"lw": 0.8, "color": kit.GREY}
+    earlier = [
+        axes.plot([], [], alpha=0.7 * 0.7**k, zorder=3, gid="earlier path", **grey)[0]
+        for k in range(_EARLIER)
+    ]
+    (path,) = axes.plot([], [], lw=2.0, zorder=5, marker="o", ms=3.5, gid="path", **look)
+    (within,) = axes.plot(
+        [], [], lw=2.4, color=kit.RED, zorder=6, gid="path through what is blocked"
     )
-    return np.unique(result)
+    keys = [kit.key("best so far", lw=2.0, **look), kit.key("before", **grey)]
+    stage.legend_above(axes, [*keys, kit.key("blocked", lw=2.4, color=kit.RED)])
+
+    def show_frame(frame: int) -> str:
+        frame = min(frame, len(lines) - 1)
+        path.set_data(*(lines[frame] * scale).T)
+        within.set_data(*(_blocked_part(function, lines[frame]) * scale).T)
+        for k, line in enumerate(earlier):
+            index = frame - 1 - k
+            line.set_data(*(lines[index] * scale).T if index >= 0 else ([], []))
+        return f"value {kit.number(steps[frame].objective)} after {steps[frame].seconds:.2f} s"
+
+    return stage.play(show_frame, len(lines))

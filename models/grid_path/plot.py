@@ -118,15 +118,14 @@ def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
     grid = model.map
     rows, columns = grid.shape
     # The first line of the image is at the lowest y, even if the y axis is inverted.
-    left, foot = grid.origin * scale
-    side = grid.cell * scale
+    (left, foot), (right, top) = (corner * scale for corner in kit.corners_of(grid))
     where: dict[str, Any] = {
-        "extent": (left, left + columns * side, foot, foot + rows * side), "origin": "lower",
+        "extent": (left, right, foot, top), "origin": "lower",
         "interpolation": "none" if max(rows, columns) <= 500 else "auto", "zorder": 0.5,
         "aspect": "equal", "gid": "cells",
     }  # fmt: skip
     # Restore the limits after imshow, which changes them.
-    limits = axes.get_xlim(), axes.get_ylim()
+    limits = axes.axis()
     axes.set_facecolor(OUTSIDE)
     if model.weights is None:
         image = axes.imshow(
@@ -146,12 +145,9 @@ def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
         image = axes.imshow(visible, cmap=shades, norm=norm(lowest, highest), **where)
     if max(rows, columns) <= _MOST_LINES:
         look: dict[str, Any] = {"color": "#9a9a9a", "lw": 0.35, "zorder": 0.6}
-        across = left + side * np.arange(columns + 1)
-        along = foot + side * np.arange(rows + 1)
-        axes.vlines(across, along[0], along[-1], **look)
-        axes.hlines(along, across[0], across[-1], **look)
-    axes.set_xlim(limits[0])
-    axes.set_ylim(limits[1])
+        axes.vlines(np.linspace(left, right, columns + 1), foot, top, **look)
+        axes.hlines(np.linspace(foot, top, rows + 1), left, right, **look)
+    axes.axis(limits)
     return image
 
 
@@ -184,10 +180,8 @@ def _draw_paths(model: GridPath, plan: GridPlan, axes: Any, scale: float, place:
         points = np.clip(path * scale, -kit.FAR, kit.FAR)
         axes.plot(*points.T, gid="path" if not place else "other path", **look)
         steps = np.diff(points, axis=0)
-        along, across = (
-            (steps[1:] * steps[:-1]).sum(axis=1),
-            steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0],
-        )
+        along = (steps[1:] * steps[:-1]).sum(axis=1)
+        across = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
         corners = points[1:-1][(np.abs(across) > 1e-9 * np.abs(along)) | (along < 0)]
         if model.connectivity == "any" and 0 < len(corners) <= _MOST_DOTS:
             kit.dots(

@@ -22,8 +22,7 @@ Groups = Sequence[Sequence[int]]
 
 #: Largest numbers of customers with names, and with large dots.
 _MOST_NAMES, _MOST_LARGE = 40, 120
-#: Largest numbers of chains with a panel beside the tour, with row labels, and with lines in the
-#: tour.
+#: Largest numbers of chains with a panel beside the tour, with row labels, and with lines in it.
 _MOST_BESIDE, _MOST_ROWS, _MOST_LINES = 12, 24, 7
 #: Largest number of pairs that are drawn as lines.
 _MOST_PAIRS = 400
@@ -91,10 +90,8 @@ def draw(
     scene = kit.Scene(kit.title_of(model, words, result, title), result, size, (6.6, whole + 1.4))
     # The panels share the remaining height.
     unit = max(scene.tall - scene.head - 0.88, 0.3 * scene.tall) / whole
-    keys, top = (
-        [kit.key("start", marker="s", mfc="white", mec=kit.BLACK, mew=1.4, ms=6)],
-        scene.head,
-    )
+    keys = [kit.key("start", marker="s", mfc="white", mec=kit.BLACK, mew=1.4, ms=6)]
+    top = scene.head
     few = model.size <= _MOST_NAMES and scene.broad >= _LARGE[0]
     names = labels if labels is not None else few
     for part in shown:
@@ -279,10 +276,9 @@ def animate_tour(
         way.set_data(*np.concatenate([at[done], [here]]).T)
         vehicle.set_data(*([value] for value in here))
         customers.set_facecolors(list(np.where(done[1:-1], served, _WAITING)))
-        walked = (
-            f"{kit.number(float(ends[frame]), 4)} m of {kit.number(float(walk.walked[-1]), 6)} m"
-        )
-        return f"{walked}, {int(done[1:-1].sum())} of {len(served)} served"
+        count = f"{int(done[1:-1].sum())} of {len(served)} served"
+        walked, last = kit.number(float(ends[frame]), 4), kit.number(float(walk.walked[-1]))
+        return f"{walked} m of {last} m, {count}"
 
     return stage.play(show)
 

@@ -17,9 +17,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..verification import TOLERANCE
-from . import curves, labels, layers, loads, options, panels, scene, style
+from . import curves, layers, loads, options, panels, scene, style
 from .curves import *  # noqa: F403
-from .labels import *  # noqa: F403
 from .layers import *  # noqa: F403
 from .loads import *  # noqa: F403
 from .options import *  # noqa: F403
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["TOLERANCE"]
 __all__ += curves.__all__
-__all__ += labels.__all__
 __all__ += layers.__all__
 __all__ += loads.__all__
 __all__ += options.__all__

@@ -161,12 +161,8 @@ def _draw_panels(
             _draw_band(places[k], panel, samples, main, k)
         keys.append(Patch(facecolor=kit.colour_of(0), alpha=0.2, label=_BAND))
     keys += kit.keys_of(lower[:1], places) if rests else []
-    rows, top, broad, tall = (
-        kit.legend_rows(keys, scene.broad),
-        scene.head - 0.12,
-        scene.broad,
-        scene.tall,
-    )
+    broad, tall, top = scene.broad, scene.tall, scene.head - 0.12
+    rows = kit.legend_rows(keys, broad)
     kit.legend_row(figure, keys, "upper center", (0.5, 1 - top / tall), rows=rows)
     figure.subplots_adjust(
         left=min(_GAP / broad, 0.25), right=max(1 - 0.15 / broad, 0.8), bottom=min(0.5 / tall, 0.25),

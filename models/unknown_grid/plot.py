@@ -11,8 +11,7 @@ from ..fields import required
 from ..plots import kit
 from ..verification import Verification
 from . import drawn
-from .drawn import Box, Moment, Walk, box_around, check_scene, keys_of, walk_of
-from .layout import Place, arrange, is_square, proportion
+from .drawn import Box, Moment, Place, Walk, box_around, check_scene, is_square, keys_of, walk_of
 from .model import UnknownGridNavigation
 from .plan import NavigationRuns, Outcome
 
@@ -91,7 +90,7 @@ def draw(
     broad, tall = (_BROAD, None) if size is None else kit.check_size(size, (0, 0))
     part = box_around(model, model.starts[scene])
     rows = kit.legend_rows(keys, broad)
-    layout = arrange(
+    layout = drawn.arrange(
         (broad, tall), Box(model.starts[scene], model.shape), part, len(chosen),
         head=1 + text.count("\n"), foot=rows, panel=several,
     )  # fmt: skip
@@ -256,7 +255,7 @@ def animate_run(
     """
     scene = check_scene(model, scene)
     box = box_around(model, model.starts[scene])
-    ratio = proportion(box)
+    ratio = drawn.proportion(box)
     wide = min(4.2, 4.2 * ratio)
     default = max(wide, 4.2) + 0.4, wide / ratio + 1.35
     stage = kit.Stage(model, title, size, frames, interval, default, clock=0.68)

@@ -16,7 +16,7 @@ from crosstrack.errors import BackendMissing, UnsupportedOption
 from crosstrack.models import Route
 from crosstrack.models.plots import options, plot
 from crosstrack.models.plots.curves import Curve, Limit, Mark, Panel, Span
-from crosstrack.models.plots.labels import place_labels
+from crosstrack.models.plots.layers import place_labels
 from crosstrack.models.plots.panels import panel_sheet
 from crosstrack.models.plots.style import number, pretty_unit
 
