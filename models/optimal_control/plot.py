@@ -29,6 +29,8 @@ __all__ = ["curves_of", "draw", "guessed", "nodes_of", "sampled"]
 _ONE, _TWO = 3, 10
 #: Smallest number of points of a curve per interval, and their approximate total.
 _FEWEST, _POINTS = 12, 2400
+#: Times and values, shapes (points,) and (points, size).
+_Table = tuple[kit.Floats, kit.Floats]
 
 
 @kit.documented
@@ -143,17 +145,15 @@ def sampled(part: PhasePlan) -> tuple[kit.Floats, kit.Floats, kit.Floats]:
         np.unique(np.concatenate([even, *nodes]))
         for nodes in zip(part.states.nodes, part.controls.nodes, strict=True)
     ]
-    times, states = _evaluated(part.states, at)
-    return times, states, _evaluated(part.controls, at)[1]
+    return *nodes_of(part.states, at), nodes_of(part.controls, at)[1]
 
 
-def nodes_of(part: Piecewise) -> tuple[kit.Floats, kit.Floats]:
-    """Return times and values of the nodes of a plan's functions, shapes (nodes,) and (nodes, size)."""
-    return _evaluated(part, part.nodes)
+def nodes_of(part: Piecewise, positions: Sequence[kit.Floats] | None = None) -> _Table:
+    """Return times (points,) and values (points, size) at the nodes, or at `positions` from -1 to 1.
 
-
-def _evaluated(part: Piecewise, positions: Sequence[kit.Floats]) -> tuple[kit.Floats, kit.Floats]:
-    """Return times and values at positions from -1 to 1 in each interval."""
+    The positions are those in each interval.
+    """
+    positions = part.nodes if positions is None else positions
     ends = itertools.pairwise(part.knots)
     times = [a + 0.5 * (at + 1.0) * (b - a) for (a, b), at in zip(ends, positions, strict=True)]
     values = [part.on(k, at) for k, at in enumerate(positions)]
@@ -161,10 +161,7 @@ def _evaluated(part: Piecewise, positions: Sequence[kit.Floats]) -> tuple[kit.Fl
 
 
 def curves_of(
-    names: Sequence[str],
-    times: kit.Floats,
-    values: kit.Floats,
-    nodes: tuple[kit.Floats, kit.Floats] | None = None,
+    names: Sequence[str], times: kit.Floats, values: kit.Floats, nodes: _Table | None = None
 ) -> tuple[list[kit.Curve], list[kit.Mark]]:
     """Return the curves of a table, one per column, and the marks of their nodes (times and table)."""
     curves = [kit.Curve(name, k, times, values[:, k]) for k, name in enumerate(names)]
@@ -187,8 +184,8 @@ def _panels(phases: Sequence[Course], paths: bool, tolerance: float) -> Iterator
 
 
 def _of_kind(
-    phases: Sequence[Course], what: str, tables: Sequence[tuple[kit.Floats, kit.Floats]],
-    dots: Sequence[tuple[kit.Floats, kit.Floats]] | None, tolerance: float | None, title: str = "{}",
+    phases: Sequence[Course], what: str, tables: Sequence[_Table],
+    dots: Sequence[_Table] | None, tolerance: float | None, title: str = "{}",
 ) -> Iterator[kit.Panel]:  # fmt: skip
     """Yield one panel per name; without a tolerance, it has neither unit nor limits."""
     units: dict[str, str] = {}

@@ -22,6 +22,7 @@ _MARGIN = 0.12
 _LEFT = 0.2
 
 
+@kit.documented
 def draw_front(
     front: Any,
     size: tuple[float, float] | None = None,
@@ -36,31 +37,17 @@ def draw_front(
     line below a point is its proven bound. In a sweep, markers are filled if the answer for the
     value of the field is proven; bounds are omitted, because they apply to another objective.
 
+    All fronts must have the same second objective, and at least one of them a point.
+
     Parameters
     ----------
     front : Front or mapping of str to Front
         Front of a model, or fronts of several algorithms by name.
-    size : (float, float), optional
-        Width and height (inch).
-    title : str, optional
-        Title; by default the model's name and size.
     labels : bool, optional
         Whether to write both objectives beside each point, or the value of the field in a sweep. By
         default only for a single front with few points.
     unit : str, optional
         Unit of the second objective; by default that of the objective.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Figure with one panel.
-
-    Raises
-    ------
-    InvalidData
-        No front has a point, or they have different second objectives.
-    UnsupportedOption
-        The value of an option is not allowed.
     """
     fronts = dict(front) if isinstance(front, Mapping) else {"": front}
     kit.check_flags(optional=True, labels=labels)

@@ -58,7 +58,7 @@ def documented(function: _Function) -> _Function:
     """
     summary, _, section = (inspect.getdoc(function) or "").partition(_PARAMETERS)
     entries = [entry.partition(" : ") for entry in re.split(r"\n(?=\w)", section) if entry]
-    described = {"model": f"{function.__annotations__['model']}\n    Model to draw.", **_SHARED}
+    described = {"model": f"{function.__annotations__.get('model')}\n    Model to draw.", **_SHARED}
     described |= {name: text for name, _, text in entries}
     names = inspect.signature(function).parameters
     parameters = "\n".join(f"{name} : {described[name]}" for name in names)

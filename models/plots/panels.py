@@ -87,30 +87,10 @@ def draw_panels(
 ) -> list[Axes]:  # fmt: skip
     """Draw panels with a common time axis, column by column, below a legend, and return their axes.
 
-    Parameters
-    ----------
-    figure : Figure or SubFigure
-        Figure to draw in.
-    panels : sequence of Panel
-        Panels, from the top of the first column.
-    spans : sequence of Span
-        Phases; consecutive ones are shaded and named.
-    title : str
-        Title above the panels, for which space is reserved.
-    wrong : bool
-        Whether the plan violates a constraint; the worst places are ringed only then.
-    label : str
-        Label below each column, such as ``"time (s)"``.
-    columns : int
-        Number of columns.
-    mesh : bool
-        Whether nodes and knots are drawn.
-    ruled : bool
-        Whether knots are lines through the panel rather than ticks at its foot.
-    guess : bool
-        Whether the curves are a guess and not a plan.
-    keys : sequence
-        Additional entries of the legend, see :func:`.style.key`.
+    Consecutive phases `spans` are shaded and named. Space is reserved for the `title` of the figure, and `label`
+    is written below each column. The worst places are ringed if the plan is `wrong`. `mesh` draws nodes and knots,
+    `ruled` knots as lines through the panel rather than ticks at its foot. The curves of a `guess` are dashed, and
+    `keys` are additional entries of the legend, see :func:`.style.key`.
     """
     rows = -(-len(panels) // columns)
     broad, tall = inches(figure)

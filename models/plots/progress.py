@@ -16,11 +16,14 @@ __all__ = ["draw_progress"]
 _LEAST = 1e-4
 
 
+@kit.documented
 def draw_progress(
     solutions: Any, *, bound: float | None = None, unit: str = "m", title: str | None = None,
     size: tuple[float, float] | None = None,
 ) -> kit.Figure:  # fmt: skip
-    """Draw the objective of each run over logarithmic time, and its gap to the best proven bound.
+    """Draw the objective of each run over logarithmic time, and its gap to the best proven bound in per cent.
+
+    The solutions must belong to one model, and at least one of them must have a plan.
 
     Parameters
     ----------
@@ -31,22 +34,6 @@ def draw_progress(
         Proven lower bound in addition to those of the solutions; the largest one is used.
     unit : str
         Unit of the objective.
-    title : str, optional
-        Title; by default the instance's name.
-    size : (float, float), optional
-        Width and height (inch).
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel, and a second one with the gap in per cent if there is a bound.
-
-    Raises
-    ------
-    InvalidData
-        No solution has a plan, or they belong to different models.
-    UnsupportedOption
-        The value of an option is not allowed.
     """
     allowed = bound is None or (kit.is_number(bound) and np.isfinite(bound))
     kit.check_option("bound", bound, bool(allowed), "be a finite number")
