@@ -74,9 +74,7 @@ def draw(
         Number of values along each axis, from 2 to 2001; a single curve has four times as many.
     """
     kit.check_choice("view", view, "map", "values")
-    kit.check_option(
-        "points", points, kit.is_whole(points, 2, 2001), "be a whole number from 2 to 2001"
-    )
+    kit.check_whole("points", points, 2, 2001)
     path = isinstance(model.function, WaypointPath) and view == "map"
     plans = kit.name_plans(
         model, plan, others, BlackBoxPoint, name="path" if path else "point", most=_MOST_OTHERS,
@@ -196,7 +194,6 @@ class _Picture:
     def _draw_levels(self, a: int, b: int, points: int) -> kit.Figure:
         """Draw the levels over the variables `a` and `b`."""
         from matplotlib import colormaps
-        from matplotlib.patches import Rectangle
 
         model = self.model
         head = 0.46 + kit.LINE * self.text.count("\n")
@@ -207,11 +204,10 @@ class _Picture:
         sample[:, a], sample[:, b] = np.tile(along, points), np.repeat(across, points)
         values = _values(model.function, sample).reshape(points, points)
         finite = values[np.isfinite(values)]
-        corner, sides = (along[0], across[0]), (along[-1] - along[0], across[-1] - across[0])
-        nothing = {"fc": _NONE, "ec": "none", "zorder": 0.5, "gid": "no value"}
-        edge = {"fc": "none", "ec": kit.DARK, "ls": "--", "lw": 0.9, "zorder": 1, "gid": "bound"}
-        for look in (nothing, edge):
-            axes.add_patch(Rectangle(corner, *sides, **look))
+        corners = (along[0], across[0]), (along[-1], across[-1])
+        kit.draw_box(axes, *corners, fc=_NONE, ec="none", zorder=0.5, gid="no value")
+        dashed: dict[str, Any] = {"ec": kit.DARK, "ls": "--", "lw": 0.9}
+        kit.draw_box(axes, *corners, fc="none", zorder=1, gid="bound", **dashed)
         keys = [kit.key("bound", **_BOUND)]
         levels = _levels(finite)
         grid = along, across, values
@@ -221,16 +217,14 @@ class _Picture:
             axes.contour(*grid, levels[1:-1], colors="white", linewidths=0.4, zorder=0.8)
             beside = scene.axes(scene.broad - 1.05, 0.95, 0.9, head)
             bar = scene.figure.colorbar(filled, cax=beside, ticks=levels, spacing="uniform")
-            bar.ax.set_yticklabels(
-                [kit.number(level, 4) for level in levels.tolist()], fontsize=7.5
-            )
+            texts = [kit.number(level, 4) for level in levels.tolist()]
+            bar.ax.set_yticklabels(texts, fontsize=7.5)
             kit.label_axes(bar.ax, y="value")
         elif finite.size:  # the same value everywhere
             ends = [finite[0] - 1, finite[0] + 1]
             axes.contourf(*grid, ends, colors=[_SAME], zorder=0.7)
-            keys.append(
-                kit.key(f"value {kit.number(float(finite[0]))}", marker="s", color=_SAME, ms=7)
-            )
+            text = f"value {kit.number(float(finite[0]))}"
+            keys.append(kit.key(text, marker="s", color=_SAME, ms=7))
         if finite.size < values.size:
             keys.append(kit.key("no value", marker="s", color=_NONE, ms=7))
         limits = np.array([self._visible_range(k) for k in (a, b)])
@@ -255,21 +249,19 @@ class _Picture:
         lines = function.polylines(self.points)
         low, high = kit.box_near(*kit.corners_of(function.map), [lines.reshape(-1, 2)])
         broad, tall = (high - low) * 5.0 / (high - low).max()
-        scene = kit.Scene(
-            self.text, self.found, self.size, (max(4.8, broad + 0.9), max(2.6, tall + 1.3))
-        )
+        default = max(4.8, broad + 0.9), max(2.6, tall + 1.3)
+        scene = kit.Scene(self.text, self.found, self.size, default)
         axes = scene.axes(0.72, 1.0, 0.15, scene.head)
         scale = kit.dress_map(axes, low, high)
         keys = _draw_field(axes, function, scale)
+        white: dict[str, Any] = {"edge": "white", "width": 0.6}
         for k in reversed(range(len(lines))):
             first = k == 0
             look = {**kit.axis_style(k), "lw": 2.0 if first else 1.3, "zorder": 6 - 0.1 * k}
             line = np.clip(lines[k] * scale, -kit.FAR, kit.FAR)
             axes.plot(*line.T, gid="path" if first else "other path", **look)
-            turns: dict[str, Any] = {"size": 20 if first else 10, "edge": "white", "width": 0.6}
-            kit.dots(
-                axes, line[1:-1], "o", look["color"], zorder=7 - 0.1 * k, gid="waypoint", **turns
-            )
+            turns: dict[str, Any] = {"size": 20 if first else 10, "zorder": 7 - 0.1 * k, **white}
+            kit.dots(axes, line[1:-1], "o", look["color"], gid="waypoint", **turns)
         keys += [kit.key(label, lw=1.6, **kit.axis_style(k)) for k, label in enumerate(self.labels)]
         blocked = _blocked_part(function, lines[0]) if len(lines) else np.full((1, 2), np.nan)
         if np.isfinite(blocked).any():
@@ -374,11 +366,10 @@ def animate_search(
         for k in range(_EARLIER)
     ]
     (path,) = axes.plot([], [], lw=2.0, zorder=5, marker="o", ms=3.5, gid="path", **look)
-    (within,) = axes.plot(
-        [], [], lw=2.4, color=kit.RED, zorder=6, gid="path through what is blocked"
-    )
+    red: dict[str, Any] = {"lw": 2.4, "color": kit.RED}
+    (within,) = axes.plot([], [], zorder=6, gid="path through what is blocked", **red)
     keys = [kit.key("best so far", lw=2.0, **look), kit.key("before", **grey)]
-    stage.legend_above(axes, [*keys, kit.key("blocked", lw=2.4, color=kit.RED)])
+    stage.legend_above(axes, [*keys, kit.key("blocked", **red)])
 
     def show_frame(frame: int) -> str:
         frame = min(frame, len(lines) - 1)

@@ -106,9 +106,8 @@ def draw(
         rows = 2 if drawn_layers == ["curve"] else 3
         axes = sides[0].axes(0.74, foot + 0.56 + kit.LINE * rows, 0.16, scene.head)
         keys = _draw_map(model, plan, result, axes, drawn_layers, labels)
-        keys += (
-            kit.name_vehicles(len(plan.routes), "robot") if plan is not None and not foot else []
-        )
+        if plan is not None and not foot:
+            keys += kit.name_vehicles(len(plan.routes), "robot")
         sides[0].legend(keys, rows if len(keys) > 5 else 1, y=foot + 0.06)
     if panels:
         assert plan is not None
@@ -182,9 +181,8 @@ def _draw_map(
                 look = dotted if len(ways) > 1 else {}
             kit.draw_routes(axes, [line * scale for line in lines], gid=label, **look)
             if ways != ["curve"]:
-                keys.append(
-                    kit.key(label, color=kit.DARK, lw=look.get("lw", 1.6), ls=dashes or "-")
-                )
+                width = look.get("lw", 1.6)
+                keys.append(kit.key(label, color=kit.DARK, lw=width, ls=dashes or "-"))
     home, nodes = model.depot[None] * scale, model.nodes * scale
     keys += kit.draw_stops(axes, nodes, owners, home, missed * scale)
     if plan is not None and found is not None:
@@ -223,9 +221,8 @@ def _panels(
                 for k, times, values in tables
             ]
             limit = kit.Limit(ends, -bound, bound, tolerance=tolerance * bound)
-            yield kit.Panel(
-                f"{part} {'xy'[axis]}", "m/s" if order == 1 else "m/s²", curves, [limit]
-            )
+            unit = "m/s" if order == 1 else "m/s²"
+            yield kit.Panel(f"{part} {'xy'[axis]}", unit, curves, [limit])
     if "distance" in parts:
         knots = [item.times for _, item in flown]
         times = np.unique(np.concatenate([np.linspace(ends[0], ends[1], 3001), *knots]))
@@ -293,7 +290,6 @@ _NEAR = "#ececec"
 def draw_field(axes: Any, model: FleetMission, scale: float) -> list[Any]:
     """Draw the obstacles, their safety margin and the bounds; return legend entries."""
     import shapely
-    from matplotlib.patches import Rectangle
 
     keys = []
     if model.radius > 0 and len(model.solids.parts):
@@ -303,12 +299,8 @@ def draw_field(axes: Any, model: FleetMission, scale: float) -> list[Any]:
         keys.append(kit.key("nearer than the radius", marker="s", color=_NEAR, ms=7))
     look = {"fc": kit.BLOCKED, "ec": kit.GREY, "lw": 0.7, "zorder": 0.8, "gid": "obstacle"}
     kit.draw_polygons(axes, as_shapely(model.obstacles), scale, **look)
-    low, high = (model.bounds * scale).reshape(2, 2).tolist()
-    size = np.subtract(high, low)
-    edge = Rectangle(
-        (low[0], low[1]), *size, fc="none", ec=kit.GREY, lw=0.8, zorder=0.9, gid="bounds"
-    )
-    axes.add_patch(edge)
+    low, high = (model.bounds * scale).reshape(2, 2)
+    kit.draw_box(axes, low, high, fc="none", ec=kit.GREY, lw=0.8, zorder=0.9, gid="bounds")
     return [kit.key("obstacle", marker="s", mfc=kit.BLOCKED, mec=kit.GREY, ms=7), *keys]
 
 
@@ -341,15 +333,13 @@ def animate_mission(
     axes, scale = stage.map(everything.min(axis=0), everything.max(axis=0))
     keys = draw_field(axes, model, scale)
     lines = [curve * scale for _, curve in curves]
-    kit.draw_routes(
-        axes, lines, gid="planned", colors=looks, lw=0.6, linestyles="dotted", alpha=0.7
-    )
+    thin: dict[str, Any] = {"lw": 0.6, "linestyles": "dotted", "alpha": 0.7}
+    kit.draw_routes(axes, lines, gid="planned", colors=looks, **thin)
     ways = [axes.plot([], [], lw=1.8, color=look, zorder=4, gid="path")[0] for look in looks]
     white: dict[str, Any] = {"edge": kit.BLACK, "width": 0.8, "zorder": 6, "gid": "node"}
     nodes = kit.dots(axes, model.nodes * scale, "o", "white", size=24, **white)
-    kit.dots(
-        axes, model.depot[None] * scale, "s", "white", size=46, edge=kit.BLACK, width=1.4, zorder=5
-    )
+    depot: dict[str, Any] = {"size": 46, "edge": kit.BLACK, "width": 1.4, "zorder": 5}
+    kit.dots(axes, model.depot[None] * scale, "s", "white", **depot)
     body: dict[str, Any] = {"edgecolors": kit.BLACK, "lw": 0.8, "zorder": 8, "gid": "robot"}
     bodies = kit.draw_circles(axes, np.empty((0, 2)), [], facecolors=looks, **body)
     # Smaller discs would be invisible.

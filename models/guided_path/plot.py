@@ -183,9 +183,8 @@ def _draw_tour(
     at: kit.Floats, scale: float, joined: bool,
 ) -> list[Any]:  # fmt: skip
     """Draw the position of the vehicle and the customers served; return entries of the legend."""
-    axes.plot(
-        *at.T, color=kit.DARK, lw=1.3 if len(at) <= _MOST_LARGE else 0.8, zorder=4, gid="vehicle"
-    )
+    width = 1.3 if len(at) <= _MOST_LARGE else 0.8
+    axes.plot(*at.T, color=kit.DARK, lw=width, zorder=4, gid="vehicle")
     keys = [kit.key("vehicle", color=kit.DARK, lw=1.3)]
     served = np.array(walk.stops[1:-1], int)
     first: dict[int, int] = {}
@@ -201,10 +200,9 @@ def _draw_tour(
         if before in first and after in first and first[before] >= first[after]
     ]
     if broken:
-        kit.draw_lines(
-            axes, at[np.array(broken)], gid="wrong order", colors=kit.RED, lw=1.6, zorder=6
-        )
-        keys.append(kit.key("wrong order", color=kit.RED, lw=1.6))
+        red = {"color": kit.RED, "lw": 1.6}
+        kit.draw_lines(axes, at[np.array(broken)], gid="wrong order", zorder=6, **red)
+        keys.append(kit.key("wrong order", **red))
     _mark(axes, served, at[1:-1], owners)
     kit.dots(axes, at[[0, -1]], "s", "white", **_START)
     times = np.bincount(served, minlength=model.size)
@@ -260,11 +258,8 @@ def animate_tour(
     look: dict[str, Any] = {"marker": "s", "mfc": "white", "mec": kit.BLACK, "mew": 1.4}
     (vehicle,) = axes.plot([], [], ls="", ms=8, zorder=8, gid="vehicle", **look)
     customers = kit.dots(axes, at[1:-1], "o", _WAITING, size=22, zorder=6, gid="customer")
-    keys = [
-        kit.key("vehicle", ms=6, **look),
-        kit.key("to be served", marker="o", color=_WAITING, ms=5),
-    ]
-    stage.legend(keys, 1, y=0.28)
+    waiting = kit.key("to be served", marker="o", color=_WAITING, ms=5)
+    stage.legend([kit.key("vehicle", ms=6, **look), waiting], 1, y=0.28)
     ends = np.linspace(0.0, walk.walked[-1], frames)
 
     def show(frame: int) -> str:

@@ -159,9 +159,8 @@ def _violation_places(tour: _Drawn) -> kit.Floats:
     places |= {f"primitive {k}": pose[:2] for k, pose in enumerate(poses[:-1])}
     for k in range(model.size):
         rows = np.flatnonzero(tour.met == k)
-        places[f"vehicle {model.label(k)}"] = (
-            plan.points[rows[0]] if rows.size else model.positions[k]
-        )
+        place = plan.points[rows[0]] if rows.size else model.positions[k]
+        places[f"vehicle {model.label(k)}"] = place
     violations = [places[check.where] for check in tour.found.violated if check.where in places]
     return _finite(np.array(violations)) if violations else np.empty((0, 2))
 
@@ -193,11 +192,9 @@ def _draw_tour(tour: _Drawn, axes: Any, scale: float, colour: str) -> Any:
     lines = _draw_path(tour.path, axes, scale, colour, model.speed)
     _draw_arrows(tour, axes, scale)
     points = plan.points * scale
-    white: dict[str, Any] = {"edge": "white", "width": 0.6, "zorder": 7}
+    size = 24 if len(points) <= _MOST_NUMBERS else 12
     if len(points):
-        kit.dots(
-            axes, points, "o", kit.BLACK, size=24 if len(points) <= _MOST_NUMBERS else 12, **white
-        )
+        kit.dots(axes, points, "o", kit.BLACK, size=size, edge="white", width=0.6, zorder=7)
     _draw_start(axes, plan.start, scale)
     kit.ring(axes, tour.broken * scale, "worst violation")
     return lines
@@ -269,9 +266,8 @@ def _draw_vehicles(model: MessengerTour, axes: Any, scale: float, *, labels: boo
             zorder=4, gid="velocity",
         )  # fmt: skip
     if model.start is not None and model.heading is None:
-        kit.dots(
-            axes, model.start[None, :2] * scale, "o", "white", size=60, edge=kit.BLACK, zorder=8
-        )
+        start = model.start[None, :2] * scale
+        kit.dots(axes, start, "o", "white", size=60, edge=kit.BLACK, zorder=8)
     elif model.start is not None:
         _draw_start(axes, model.start, scale)
     if labels if labels is not None else model.size <= _MOST_NAMES:
@@ -360,10 +356,9 @@ def animate_tour(
     (craft,) = axes.plot([], [], ls="", ms=11, mfc="white", mec=kit.BLACK, mew=1.4, zorder=8)
     vehicles = kit.dots(axes, model.positions * scale, "s", _WAITING, size=16, zorder=6)
     discs = kit.draw_circles(axes, np.empty((0, 2)), [], lw=0.7, alpha=0.28, zorder=3, gid="disc")
-    words = (("to be met", _WAITING), ("met", _MET))
-    stage.legend_above(
-        axes, [kit.key(word, marker="s", color=look, ms=4.5) for word, look in words]
-    )
+    words = {"to be met": _WAITING, "met": _MET}
+    keys = [kit.key(word, marker="s", color=look, ms=4.5) for word, look in words.items()]
+    stage.legend_above(axes, keys)
 
     def show(frame: int) -> str:
         time, (x, y, heading) = times[frame], flown[frame].tolist()

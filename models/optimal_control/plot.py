@@ -87,9 +87,7 @@ def draw(
         panels.append(_deviation(model, drawn, phases, tolerance))
     if columns is None:
         columns = 1 if len(panels) <= _ONE else 2 if len(panels) <= _TWO else 3
-    kit.check_option(
-        "columns", columns, kit.is_whole(columns, 1, 6), "be a whole number from 1 to 6"
-    )
+    kit.check_whole("columns", columns, 1, 6)
     return kit.panel_sheet(
         panels, [kit.Span(part.name, part.start, part.end, part.states.knots) for part in drawn],
         title=kit.title_of(model, _parts(model, drawn, result), result, title), wrong=kit.is_wrong(result),
@@ -125,17 +123,14 @@ def guessed(definition: Definition) -> ControlPlan:
         guess: Guess = phase.guess
         knots = guess.start + guess.fractions * (guess.end - guess.start)
         nodes = (np.array([-1.0, 1.0]),) * (knots.size - 1)
-        parts = [
+        states, controls = (
             Piecewise(knots, nodes, tuple(np.stack(pair) for pair in itertools.pairwise(t)))
             for t in (guess.states, guess.controls)
-        ]
-        phases.append(
-            PhasePlan(phase.name, parts[0], parts[1], phase.state_names, phase.control_names)
         )
-    return ControlPlan(
-        tuple(phases),
-        {parameter.name: parameter.initial_lower for parameter in definition.parameters},
-    )
+        names = phase.state_names, phase.control_names
+        phases.append(PhasePlan(phase.name, states, controls, *names))
+    parameters = {parameter.name: parameter.initial_lower for parameter in definition.parameters}
+    return ControlPlan(tuple(phases), parameters)
 
 
 def sampled(part: PhasePlan) -> tuple[kit.Floats, kit.Floats, kit.Floats]:
@@ -197,9 +192,8 @@ def _of_kind(
             start += item.size
             at_nodes = None if dots is None else (dots[k][0], dots[k][1][:, columns])
             curves, marks, bounds = gathered.setdefault(item.name, ([], [], []))
-            lines, nodes = curves_of(
-                entry_names([item]), tables[k][0], tables[k][1][:, columns], at_nodes
-            )
+            times, values = tables[k]
+            lines, nodes = curves_of(entry_names([item]), times, values[:, columns], at_nodes)
             curves += lines
             marks += nodes
             bounds += [] if tolerance is None else _limits(item, course, tolerance)

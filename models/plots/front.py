@@ -127,10 +127,8 @@ def _label_points(axes: Any, front: Any, rows: kit.Floats) -> None:
     for pair, (x, y) in places.items():
         text = f"({', '.join(pair)})"
         if _is_sweep(front):
-            same = [
-                row[4] for row in rows if (kit.number(row[0], 5), kit.number(row[1], 5)) == pair
-            ]
-            text = f"{front.field} = {', '.join(kit.number(value, 5) for value in same)}"
+            same = [row for row in rows if (kit.number(row[0], 5), kit.number(row[1], 5)) == pair]
+            text = f"{front.field} = {', '.join(kit.number(row[4], 5) for row in same)}"
         # The steps never pass to the left of and below a point.
         axes.annotate(
             text, (x, y), (-5, -5), textcoords="offset points", ha="right", va="top", fontsize=7,
@@ -187,19 +185,15 @@ def _keys(
     least: float,
 ) -> list[Any]:
     """Return the entries of the legend: names of fronts, and the kinds of marks."""
-    keys = [
-        kit.key(name, color=colour, lw=1.6) for name, colour in zip(drawn, colours, strict=True)
-    ]
-    keys = keys if len(drawn) > 1 else []
+    named = list(zip(drawn, colours, strict=True)) if len(drawn) > 1 else []
+    keys = [kit.key(name, color=colour, lw=1.6) for name, colour in named]
     bound, proven = every[:, 2], every[:, 3].astype(bool)
     round_ = {"marker": "o", "ms": 6, "mec": kit.BLACK, "mew": 1.3}
     keys += [kit.key("proven", **round_, mfc=kit.BLACK)] * bool(proven.any())
     keys += [kit.key("not proven", **round_, mfc="white")] * bool((~proven).any())
-    keys += [kit.key("proven bound", marker="_", ms=11, mew=1.6, color=kit.BLACK)] * bool(
-        (bound >= least).any()
-    )
-    keys += [kit.key("bound out of sight", marker="v", ms=5, color=kit.BLACK)] * bool(
-        (bound < least).any()
-    )
+    if (bound >= least).any():
+        keys.append(kit.key("proven bound", marker="_", ms=11, mew=1.6, color=kit.BLACK))
+    if (bound < least).any():
+        keys.append(kit.key("bound out of sight", marker="v", ms=5, color=kit.BLACK))
     keys += [kit.key("dominated", marker="x", ms=5, color=kit.GREY)] * bool(removed)
     return keys

@@ -17,7 +17,7 @@ from .curves import Floats
 from .style import BLACK, DARK, RED, RING, axis_style, bare, colour_of, inches, key, label_axes
 
 __all__ = [
-    "BLOCKED", "FAR", "box_near", "circles", "corners_of", "dots", "draw_cells", "draw_circles", "draw_ends",
+    "BLOCKED", "FAR", "box_near", "circles", "corners_of", "dots", "draw_box", "draw_cells", "draw_circles", "draw_ends",
     "draw_lines", "draw_polygons", "draw_routes", "draw_shaded_line", "draw_stops", "dress_map",
     "dress_space", "heading_marker", "length_unit", "name_vehicles", "place_labels", "point_ways", "ring",
     "space_axes", "write_names",
@@ -94,7 +94,6 @@ def corners_of(grid: Any) -> tuple[Floats, Floats]:
 def draw_cells(axes: Any, grid: Any, scale: float, *, colour: str = BLOCKED) -> None:
     """Draw the blocked cells of a grid map as one image, and its edge; y points as in the grid."""
     from matplotlib.colors import ListedColormap
-    from matplotlib.patches import Rectangle
 
     low, high = (corner * scale for corner in corners_of(grid))
     limits = axes.axis()
@@ -103,12 +102,16 @@ def draw_cells(axes: Any, grid: Any, scale: float, *, colour: str = BLOCKED) -> 
         extent=(low[0], high[0], low[1], high[1]), interpolation="nearest", gid="blocked",
     )  # fmt: skip
     axes.axis(limits)
-    edge = Rectangle(
-        (low[0], low[1]), *(high - low), fc="none", ec=colour, lw=1.0, zorder=0.7, gid="edge"
-    )
-    axes.add_patch(edge)
+    draw_box(axes, low, high, fc="none", ec=colour, lw=1.0, zorder=0.7, gid="edge")
     if not grid.upward:
         axes.invert_yaxis()
+
+
+def draw_box(axes: Any, low: Any, high: Any, **look: Any) -> None:
+    """Draw a rectangle between its lower left and upper right corner."""
+    from matplotlib.patches import Rectangle
+
+    axes.add_patch(Rectangle((low[0], low[1]), high[0] - low[0], high[1] - low[1], **look))
 
 
 def draw_polygons(axes: Any, polygons: Iterable[Any], scale: float, **look: Any) -> None:
@@ -308,9 +311,8 @@ def place_labels(
         if not width:
             continue
         half = np.array([width, height]) / 2
-        candidates = np.concatenate(
-            [directions * (half * np.abs(directions) + gap * height) for gap in _GAPS]
-        )
+        rings = [directions * (half * np.abs(directions) + gap * height) for gap in _GAPS]
+        candidates = np.concatenate(rings)
         low, high = (point + candidates + side * half for side in (-1, 1))
         # Cost: 50 per hidden label, 3 per covered marker or piece of line, 2 per line of distance.
         overlap = np.minimum(high[:, None], highs) - np.maximum(low[:, None], lows)

@@ -14,7 +14,7 @@ from ..fields import show
 
 __all__ = [
     "check_choice", "check_flags", "check_frames", "check_list", "check_option", "check_size",
-    "check_words", "documented", "is_number", "is_whole",
+    "check_whole", "check_words", "documented", "is_number", "is_whole",
 ]  # fmt: skip
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -82,9 +82,8 @@ def check_choice(name: str, value: Any, *words: str) -> None:
 
 def check_words(name: str, value: Any, words: Sequence[str]) -> list[str]:
     """Return `value` as a list of distinct entries of `words`, at least one."""
-    return check_list(
-        name, value, words.__contains__, f"hold some of {', '.join(map(repr, words))}"
-    )
+    allowed = f"hold some of {', '.join(map(repr, words))}"
+    return check_list(name, value, words.__contains__, allowed)
 
 
 def check_size(size: Any, default: tuple[float, float]) -> tuple[float, float]:
@@ -109,10 +108,15 @@ def check_flags(*, optional: bool = False, **flags: Any) -> None:
 
 def check_frames(frames: Any, interval: Any) -> None:
     """Raise unless the number of `frames` and their `interval` in ms are allowed."""
-    rule = "be a whole number from 2 to 10000"
-    check_option("frames", frames, is_whole(frames, 2, 10_000), rule)
+    check_whole("frames", frames, 2, 10_000)
     finite = is_number(interval) and 0 < interval < np.inf
     check_option("interval", interval, finite, "be a finite number > 0")
+
+
+def check_whole(name: str, value: Any, low: int, high: int) -> None:
+    """Raise unless `value` is an integer from `low` to `high`."""
+    good = is_whole(value, low, high)
+    check_option(name, value, good, f"be a whole number from {low} to {high}")
 
 
 def check_list(

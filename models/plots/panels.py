@@ -212,9 +212,8 @@ def _scale(panel: Panel, axes: Axes, low: float, high: float) -> None:
         axes.set_yscale("log")
         axes.set_ylim(low, high)
         return
-    axes.yaxis.set_major_locator(
-        MaxNLocator(nbins=int(np.clip(3 * tall, 4, 6)), steps=[1, 2, 5, 10])
-    )
+    ticks = int(np.clip(3 * tall, 4, 6))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
     # Enough digits to distinguish neighbouring ticks.
     digits = max(6, 3 + int(np.ceil(np.log10(max(abs(low), abs(high)) / (high - low)))))
     axes.yaxis.set_major_formatter(lambda value, _: number(value, digits))

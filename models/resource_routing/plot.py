@@ -59,9 +59,8 @@ def draw(
     where = places_of(model)
     parts = [model.describe()]
     if result is not None:
-        parts = [
-            "no length" if result.objective is None else f"length {kit.number(result.objective)}"
-        ]
+        length = result.objective
+        parts = ["no length" if length is None else f"length {kit.number(length)}"]
     text = kit.title_of(model, parts, result, title)
     panels = bool(len(visits) > 1 and model.resources and np.isfinite(visits[-1].distance))
     wide = 6.2 * (where is not None or not panels) + 5.4 * panels

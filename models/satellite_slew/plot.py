@@ -91,13 +91,11 @@ def draw(
     drawn = _guessed(model) if plan is None else plan
     panels = _panels(model, drawn, tolerance)
     if tracking is not None:
-        attitude, bound = tracking.quaternion_errors[:, 1:], PAPER_QUATERNION_ERROR
-        rates = tracking.rate_errors
+        attitude, rates = tracking.quaternion_errors[:, 1:], tracking.rate_errors
         flown = kit.Curve("flown", 1, tracking.times, tracking.measures)
         panels[4] = replace(panels[4], curves=[*panels[4].curves, flown])
-        panels.insert(
-            3, _errors("quaternion\nerrors", "", _ATTITUDE[1:], attitude, bound, tracking)
-        )
+        errors = "quaternion\nerrors", "", _ATTITUDE[1:], attitude, PAPER_QUATERNION_ERROR
+        panels.insert(3, _errors(*errors, tracking))
         panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
     part = slew_phase(drawn)
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
@@ -254,9 +252,8 @@ def animate_slew(
         axes.text(0, 0, 0, "xyz"[k], fontsize=10, color=kit.colour_of(k), zorder=8)
         for k in range(3)
     ]
-    body = Poly3DCollection(
-        [], facecolors="#c9d3dc", edgecolors="#6f7f8c", linewidths=0.7, alpha=0.85, zorder=4
-    )
+    look = {"facecolors": "#c9d3dc", "edgecolors": "#6f7f8c", "linewidths": 0.7, "alpha": 0.85}
+    body = Poly3DCollection([], zorder=4, **look)
     axes.add_collection3d(body, autolim=False)
 
     def show(frame: int) -> str:

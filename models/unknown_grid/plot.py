@@ -209,9 +209,8 @@ def _words(
     if model.scenes == 1:
         return [text]
     cost = main.found.objective
-    parts = [
-        f"scene {scene} of {model.scenes}: {text}; {kit.number(main.plan.success, 4)} % reached"
-    ]
+    share = f"{kit.number(main.plan.success, 4)} % reached"
+    parts = [f"scene {scene} of {model.scenes}: {text}; {share}"]
     return parts if cost is None else [*parts, f"mean cost {kit.number(cost, 4)} steps"]
 
 

@@ -157,9 +157,8 @@ def _waypoints(scene: Scene, axes: Any, places: kit.Floats, known: NDArray[np.bo
     inner = drawn & ~first & ~last & (scene.plan is None or len(places) <= _MOST_WAYPOINTS)
     # Many waypoints are drawn as dots, because rings would hide the path.
     crowd = len(places) > kit.MOST_KNOTS
-    size, edge = (
-        (max(2.0, 10.0 * kit.MOST_KNOTS / len(places)), "none") if crowd else (22, kit.BLACK)
-    )
+    size = max(2.0, 10.0 * kit.MOST_KNOTS / len(places)) if crowd else 22
+    edge = "none" if crowd else kit.BLACK
     partly = "waypoint, partly free"
     # The start is drawn last, so that it is visible if it coincides with the end.
     return [

@@ -7,6 +7,7 @@ violates a condition, a red ring marks the largest violation on both sides.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,11 +84,9 @@ def draw(
 def _shown(axes: Any, dimensions: int) -> tuple[int, ...]:
     if axes is None:
         return tuple(range(min(dimensions, 3)))
-    last = dimensions - 1
-    allowed = f"hold 1 to 3 different axes from 0 to {last}"
-    return tuple(
-        kit.check_list("axes", axes, lambda item: kit.is_whole(item, 0, last), allowed, most=3)
-    )
+    allowed = f"hold 1 to 3 different axes from 0 to {dimensions - 1}"
+    good = partial(kit.is_whole, low=0, high=dimensions - 1)
+    return tuple(kit.check_list("axes", axes, good, allowed, most=3))
 
 
 def _orders(derivatives: Any, scene: Scene) -> list[int]:
@@ -99,13 +98,8 @@ def _orders(derivatives: Any, scene: Scene) -> list[int]:
         orders = list(range(int(derivatives) + 1))
     else:
         allowed = f"be a whole number from 0 to {_HIGHEST}, or different ones in a tuple"
-        orders = kit.check_list(
-            "derivatives",
-            derivatives,
-            lambda item: kit.is_whole(item, 0, _HIGHEST),
-            allowed,
-            least=0,
-        )
+        good = partial(kit.is_whole, low=0, high=_HIGHEST)
+        orders = kit.check_list("derivatives", derivatives, good, allowed, least=0)
     return [] if scene.plan is None else orders
 
 
