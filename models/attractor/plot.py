@@ -98,21 +98,21 @@ def draw(
 
 
 def _parts(
-    model: AttractorAnalysis, plan: AttractorEstimate | None, found: Verification | None
+    model: AttractorAnalysis, plan: AttractorEstimate | None, result: Verification | None
 ) -> list[str]:
     """Return the parts of the title."""
-    if plan is None or found is None:
+    if plan is None or result is None:
         return [model.describe()]
     parts = [f"delay {plan.delay}, dimension {plan.dimension}"]
     if plan.exponent is not None:
         parts.append(f"λ = {_slope_text(plan.exponent)} nats/s")
     if plan.correlation is not None:
         parts.append(f"D = {_slope_text(plan.correlation)}")
-    if found.objective is not None:
+    if result.objective is not None:
         truth = (model.true_exponent, model.true_dimension, model.chaotic)
         known = any(value is not None for value in truth)
         what = "relative error" if known else "error of prediction"
-        parts.append(f"{what} {kit.number(found.objective, 3)}")
+        parts.append(f"{what} {kit.number(result.objective, 3)}")
     return parts
 
 

@@ -90,16 +90,16 @@ class _Picture:
         self, model: BlackBoxMinimisation, plan: Any, plans: list[kit.Named], title: Any, size: Any
     ) -> None:
         self.model, self.size = model, size
-        self.main, self.found = plan is not None, None if plan is None else plans[0].found
+        self.main, self.result = plan is not None, None if plan is None else plans[0].result
         self.names, self.labels = [item.name for item in plans], kit.label_plans(plans, plan)
         self.points = np.array([item.plan.x for item in plans]).reshape(-1, model.dimension)
-        self.values = [item.found.objective for item in plans]
-        self.text = kit.title_of(model, self._parts(), self.found, title)
+        self.values = [item.result.objective for item in plans]
+        self.text = kit.title_of(model, self._parts(), self.result, title)
 
     def _parts(self) -> list[str]:
         parts, function = [self.model.describe()], self.model.function
-        if self.found is not None and self.found.objective is not None:
-            value = self.found.objective
+        if self.result is not None and self.result.objective is not None:
+            value = self.result.objective
             parts.append(f"value {kit.number(value)}")
             if isinstance(function, WaypointPath):
                 line = function.polylines(self.points[:1])[0]
@@ -149,7 +149,7 @@ class _Picture:
         rows = -(-len(chosen) // columns)
         wide, tall = (5.6, 2.9) if single else (2.9 * columns, 1.75 * rows)
         head = 0.46 + kit.LINE * self.text.count("\n")
-        scene = kit.Scene(self.text, self.found, self.size, (wide + 0.4, tall + head + 0.9))
+        scene = kit.Scene(self.text, self.result, self.size, (wide + 0.4, tall + head + 0.9))
         broad, tall = scene.broad, scene.tall
         scene.figure.subplots_adjust(
             left=min(0.85 / broad, 0.3), right=max(1 - 0.15 / broad, 0.8), wspace=0.42, hspace=0.5,
@@ -197,7 +197,7 @@ class _Picture:
 
         model = self.model
         head = 0.46 + kit.LINE * self.text.count("\n")
-        scene = kit.Scene(self.text, self.found, self.size, (6.0, 4.65 + head))
+        scene = kit.Scene(self.text, self.result, self.size, (6.0, 4.65 + head))
         axes = scene.axes(0.85, 0.95, 1.2, head)
         along, across = np.linspace(model.lows[[a, b]], model.highs[[a, b]], points).T
         sample = np.repeat(self._through()[None], points * points, axis=0)
@@ -250,7 +250,7 @@ class _Picture:
         low, high = kit.box_near(*kit.corners_of(function.map), [lines.reshape(-1, 2)])
         broad, tall = (high - low) * 5.0 / (high - low).max()
         default = max(4.8, broad + 0.9), max(2.6, tall + 1.3)
-        scene = kit.Scene(self.text, self.found, self.size, default)
+        scene = kit.Scene(self.text, self.result, self.size, default)
         axes = scene.axes(0.72, 1.0, 0.15, scene.head)
         scale = kit.dress_map(axes, low, high)
         keys = _draw_field(axes, function, scale)

@@ -103,16 +103,16 @@ def _parts(
     return shown
 
 
-def _words(model: FleetRouting, plan: FleetPlan | None, found: Verification | None) -> list[str]:
+def _words(model: FleetRouting, plan: FleetPlan | None, result: Verification | None) -> list[str]:
     """Return the parts of the title."""
-    if plan is None or found is None or found.objective is None:
+    if plan is None or result is None or result.objective is None:
         return [model.describe()]
     what = str(model.objective)
     if model.objective in (Objective.VARIANCE, Objective.DEVIATION):
         what = f"sum + {kit.number(model.q, 4)} × {what.partition('-')[2]}"
     unit = f" {model.length_unit}" if model.length_unit else ""
     parts = [kit.many(model.vehicles, "vehicle"), f"{len(model.customers)} nodes"]
-    parts.append(f"{what} {kit.number(found.objective)}{unit}")
+    parts.append(f"{what} {kit.number(result.objective)}{unit}")
     if model.objective is not Objective.SUM:
         parts.append(f"sum {kit.number(float(loads_of(model, plan).sum()))}{unit}")
     return parts

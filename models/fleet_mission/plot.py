@@ -118,15 +118,15 @@ def draw(
     return scene.figure
 
 
-def _words(model: FleetMission, plan: MissionPlan | None, found: Verification | None) -> list[str]:
+def _words(model: FleetMission, plan: MissionPlan | None, result: Verification | None) -> list[str]:
     """Return the parts of the title."""
-    if plan is None or found is None or found.objective is None:
+    if plan is None or result is None or result.objective is None:
         return [model.describe()]
     what = str(model.objective)
     if what.startswith("sum-"):
         what = f"sum + {kit.number(model.q, 4)} × {what.partition('-')[2]}"
     parts = [kit.many(model.vehicles, "robot"), kit.many(len(model.nodes), "node")]
-    return [*parts, f"{what} {kit.number(found.objective)} m", f"{kit.number(plan.end, 5)} s"]
+    return [*parts, f"{what} {kit.number(result.objective)} m", f"{kit.number(plan.end, 5)} s"]
 
 
 # -- the map and the bars ------------------------------------------------------------------------
@@ -145,7 +145,7 @@ def _draw_bars(model: FleetMission, plan: MissionPlan, frame: kit.Frame, high: f
 
 
 def _draw_map(
-    model: FleetMission, plan: MissionPlan | None, found: Verification | None, axes: Any,
+    model: FleetMission, plan: MissionPlan | None, result: Verification | None, axes: Any,
     layers: list[str], labels: bool | None,
 ) -> list[Any]:  # fmt: skip
     """Draw obstacles, layers and nodes, and return the entries of the legend."""
@@ -185,8 +185,8 @@ def _draw_map(
                 keys.append(kit.key(label, color=kit.DARK, lw=width, ls=dashes or "-"))
     home, nodes = model.depot[None] * scale, model.nodes * scale
     keys += kit.draw_stops(axes, nodes, owners, home, missed * scale)
-    if plan is not None and found is not None:
-        keys += kit.ring(axes, _broken_places(plan, found) * scale, "worst violation")
+    if plan is not None and result is not None:
+        keys += kit.ring(axes, _broken_places(plan, result) * scale, "worst violation")
     if labels if labels is not None else len(model.nodes) <= _MOST_NAMES:
         names = [model.label(node) for node in range(len(model.nodes))]
         kit.write_names(axes, nodes, names, size=7.5, colour=kit.BLACK, route=False)
@@ -261,9 +261,9 @@ def _apart_of(model: FleetMission, plan: MissionPlan, times: kit.Floats) -> kit.
     return np.where(np.isfinite(least), least, np.nan)
 
 
-def _broken_places(plan: MissionPlan, found: Verification) -> kit.Floats:
+def _broken_places(plan: MissionPlan, result: Verification) -> kit.Floats:
     """Return the positions of the robots at the largest violation of each check, m, shape (k, 2)."""
-    places = [place for check in found.violated for place in _places_of(plan, check)]
+    places = [place for check in result.violated for place in _places_of(plan, check)]
     broken = np.array(places).reshape(-1, 2)
     return broken[(np.abs(broken) < kit.FAR).all(axis=1)]
 

@@ -61,7 +61,7 @@ def draw(
     plans = kit.name_plans(
         model, plan, others, GridPlan, name="path", most=_MOST_OTHERS, tolerance=tolerance
     )
-    verification = None if plan is None else plans[0].found
+    verification = None if plan is None else plans[0].result
     outlines = () if obstacles is None else Polygons().coerce("obstacles", obstacles, {})
     parts = [model.describe()]
     if verification is not None and verification.objective is not None:

@@ -117,8 +117,8 @@ def draw(
 class _Drawn:
     """Places to draw for a plan, in m."""
 
-    def __init__(self, model: MessengerTour, plan: TourPlan, found: Verification) -> None:
-        self.model, self.plan, self.found = model, plan, found
+    def __init__(self, model: MessengerTour, plan: TourPlan, result: Verification) -> None:
+        self.model, self.plan, self.result = model, plan, result
         self.path = outline(plan, model.turning_radius)
         self.met = np.array(plan.order, int)
         self.meetings = model.positions[self.met] + model.velocities[self.met] * plan.times[:, None]
@@ -161,7 +161,7 @@ def _violation_places(tour: _Drawn) -> kit.Floats:
         rows = np.flatnonzero(tour.met == k)
         place = plan.points[rows[0]] if rows.size else model.positions[k]
         places[f"vehicle {model.label(k)}"] = place
-    violations = [places[check.where] for check in tour.found.violated if check.where in places]
+    violations = [places[check.where] for check in tour.result.violated if check.where in places]
     return _finite(np.array(violations)) if violations else np.empty((0, 2))
 
 

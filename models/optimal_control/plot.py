@@ -97,14 +97,14 @@ def draw(
 
 
 def _parts(
-    model: OptimalControlProblem, plan: ControlPlan, found: Verification | None
+    model: OptimalControlProblem, plan: ControlPlan, result: Verification | None
 ) -> list[str]:
     """Return the parts of the title."""
     definition = model.definition
-    parts = ["guess"] if found is None else []
-    if found is not None and found.objective is not None:
+    parts = ["guess"] if result is None else []
+    if result is not None and result.objective is not None:
         unit = kit.pretty_unit(definition.objective_unit)
-        parts.append(f"objective = {kit.number(found.objective)} {unit}".rstrip())
+        parts.append(f"objective = {kit.number(result.objective)} {unit}".rstrip())
     unit = kit.pretty_unit(definition.phases[-1].time_unit)
     parts.append(f"{kit.number(plan.phases[-1].end, 5)} {unit}".rstrip())
     for name, value in list(plan.parameters.items())[:3]:

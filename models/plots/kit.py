@@ -4,8 +4,8 @@ A picture writes its title with :func:`title_of`, opens a :class:`Scene`, places
 :mod:`.layers` on maps and :class:`Panel` objects over time, and adds a legend. An animation opens a
 :class:`Stage` and plays a function of the frame::
 
-    found = kit.verified_plan(model, plan, Route, tolerance)
-    scene = kit.Scene(kit.title_of(model, parts, found, title), found, size, (6.0, 5.0))
+    result = kit.verified_plan(model, plan, Route, tolerance)
+    scene = kit.Scene(kit.title_of(model, parts, result, title), result, size, (6.0, 5.0))
     axes = scene.axes(0.7, 0.9, 0.2, scene.head)
     scale = kit.dress_map(axes, low, high)
     scene.legend(kit.draw_ends(axes, start * scale, goals * scale))

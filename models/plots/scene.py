@@ -59,18 +59,18 @@ class Frame:
 class Scene(Frame):
     """Figure with a title, which is red if the plan is not valid.
 
-    `text` is the title, see :func:`.style.title_of`; `found` the verification of the plan; `size` the option of the
+    `text` is the title, see :func:`.style.title_of`; `result` the verification of the plan; `size` the option of the
     picture, and `default` the size without it (inch). `wrong` states that the plan is not valid for another reason.
     """
 
     figure: Figure
 
     def __init__(
-        self, text: str, found: Verification | None, size: Any, default: tuple[float, float], *,
+        self, text: str, result: Verification | None, size: Any, default: tuple[float, float], *,
         wrong: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(sheet(size, default))
-        self.title, self.wrong = text, wrong or is_wrong(found)
+        self.title, self.wrong = text, wrong or is_wrong(result)
         #: Height of the space for the title (inch).
         self.head = _HEAD + LINE * text.count("\n")
         headline(self.figure, text, wrong=self.wrong)
@@ -139,12 +139,12 @@ class Named(NamedTuple):
 
     name: str
     plan: Any
-    found: Verification
+    result: Verification
 
 
-def is_wrong(found: Verification | None) -> bool:
+def is_wrong(result: Verification | None) -> bool:
     """Return whether the plan violates a constraint."""
-    return found is not None and not found.ok
+    return result is not None and not result.ok
 
 
 def verified_plan(model: Any, plan: Any, kind: type, tolerance: float) -> Verification | None:
@@ -177,10 +177,10 @@ def label_plans(plans: Sequence[Named], plan: Any, *, unit: str = "", digits: in
     """Return the names of plans in a legend, with objective and verdict unless `plan` is alone."""
     if len(plans) == 1 and plan is not None:
         return [plans[0].name]
-    values = [entry.found.objective for entry in plans]
+    values = [entry.result.objective for entry in plans]
     return [
         entry.name
         + ("" if value is None else f", {number(value, digits)}{unit}")
-        + ("" if entry.found.ok else ", NOT VALID")
+        + ("" if entry.result.ok else ", NOT VALID")
         for entry, value in zip(plans, values, strict=True)
     ]

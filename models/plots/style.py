@@ -61,16 +61,16 @@ def headline(figure: Figure, text: str, *, wrong: bool) -> None:
 
 
 def title_of(
-    model: Any, parts: Sequence[str], found: Verification | None, title: str | None = None
+    model: Any, parts: Sequence[str], result: Verification | None, title: str | None = None
 ) -> str:
     """Return `title`, or the name with `parts`, and a second line with the violations of the plan."""
     if title is not None:
         return title
     name, text = getattr(model, "name", ""), ", ".join(parts)
     text = f"{name}  ·  {text}" if name else text
-    if found is None or found.ok:
+    if result is None or result.ok:
         return text
-    violated = [check.name for check in found.violated]
+    violated = [check.name for check in result.violated]
     rest = f" and {len(violated) - 2} more" if len(violated) > 2 else ""
     return f"{text}\nNOT VALID: {', '.join(violated[:2]) or 'no objective'}{rest}"
 

@@ -111,7 +111,7 @@ def draw(
         _Named(label, k + (plan is None), entry.plan)
         for k, (label, entry) in enumerate(zip(labels, plans, strict=True))
     ]
-    result = None if plan is None else plans[0].found
+    result = None if plan is None else plans[0].result
     parts = [model.describe()]
     if plan is not None and result is not None:
         times = model.recording.times

@@ -35,7 +35,7 @@ class _Run(NamedTuple):
     name: str
     look: dict[str, Any]
     plan: NavigationRuns
-    found: Verification
+    result: Verification
     walk: Walk
 
 
@@ -82,7 +82,7 @@ def draw(
     main = None if plan is None else runs[0]
     chosen = _moments(moments, main)
     shortest = model.fewest_steps() if model.blocked.size <= _MOST_CELLS else None
-    result = None if main is None else main.found
+    result = None if main is None else main.result
     text = kit.title_of(model, _words(model, scene, main, shortest), result, title)
     several = model.scenes > 1 and bool(runs)
     keys = _keys(runs, main, moving=bool(chosen), several=several)
@@ -208,7 +208,7 @@ def _words(
         text += f", at best {fewest:.0f}" if np.isfinite(fewest) else ", there is no way"
     if model.scenes == 1:
         return [text]
-    cost = main.found.objective
+    cost = main.result.objective
     share = f"{kit.number(main.plan.success, 4)} % reached"
     parts = [f"scene {scene} of {model.scenes}: {text}; {share}"]
     return parts if cost is None else [*parts, f"mean cost {kit.number(cost, 4)} steps"]
@@ -222,7 +222,7 @@ def _keys(runs: Sequence[_Run], main: _Run | None, *, moving: bool, several: boo
         words = run.name if alone else f"{run.name}: {run.walk.describe()}"
         if several and not alone:
             words += f"; {kit.number(run.plan.success, 4)} % reached"
-        wrong = "" if alone or run.found.ok else ", NOT VALID"
+        wrong = "" if alone or run.result.ok else ", NOT VALID"
         keys.append(kit.key(words + wrong, lw=1.8, **run.look))
     return keys
 

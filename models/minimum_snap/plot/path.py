@@ -116,19 +116,19 @@ def _corridor(
     return [Patch(facecolor=_CORRIDOR, edgecolor=_EDGE, lw=0.8, label=label)], notes
 
 
-def _faces(found: list[list[kit.Floats]], axes: Any, space: bool) -> None:
+def _faces(bodies: list[list[kit.Floats]], axes: Any, space: bool) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     layers: list[tuple[Any, Any, float]] = [(_CORRIDOR, "none", 0.0), ("none", _EDGE, 0.7)]
-    if len(found) > _MOST_OUTLINES:
+    if len(bodies) > _MOST_OUTLINES:
         # All edges first and all faces over them, so that the outline of the union remains.
         layers = [(_EDGE, _EDGE, 1.6), (_CORRIDOR, _CORRIDOR, 0.4)]
     elif space:
         layers = [(to_rgba(_EDGE, 0.05), to_rgba(_EDGE, 0.7), 0.6)]
     kind: Any = Poly3DCollection if space else PolyCollection
-    faces = [face for region in found for face in region]
+    faces = [face for region in bodies for face in region]
     for layer, (face, edge, width) in enumerate(layers):
         drawn = kind(
             faces, facecolors=face, edgecolors=edge, linewidths=width, gid="corridor",
