@@ -71,6 +71,8 @@ def draw(
         The curves with their fitted lines; the local slopes of these curves, which are level in a scaling
         region; or the attractor only.
     """
+    from matplotlib.patches import Patch
+
     kit.check_choice("view", view, "curves", "slopes", "attractor")
     result = kit.verified_plan(model, plan, AttractorEstimate, tolerance)
     curves: list[_Curve] = []
@@ -93,7 +95,12 @@ def draw(
     if lines:
         place = (0.5, (0.08 + foot) / scene.tall)
         scene.figure.text(*place, "\n".join(lines), ha="center", va="bottom", fontsize=8)
-    scene.legend(_curve_keys(view) if curves else [], 1)
+    keys = [
+        kit.key("computed again", lw=1.4, **kit.axis_style(0)),
+        Patch(facecolor=_SHADE, alpha=0.25, label="scaling region"),
+        kit.key("claimed" if view == "slopes" else "slope as claimed", **_CLAIM),
+    ]
+    scene.legend(keys if curves else [], 1)
     return scene.figure
 
 
@@ -149,18 +156,16 @@ def _places(
     high = (top - bottom) * tall - _ROW_GAP * (rows - 1)
     edges["wspace"] = _GAP * columns / max(wide, 0.5)
     edges["hspace"] = _ROW_GAP * rows / max(high, 0.5)
-    others: list[Any] = []
     if not curves:
         grid = figure.add_gridspec(1, 2, width_ratios=(1.8, 1.1), **edges)
-        first, series = grid[1], grid[0]
+        first, *others = grid[1], grid[0]
     elif narrow:
         grid = figure.add_gridspec(2, 2, **edges)
-        first, series = grid[0, 1], grid[0, 0]
-        others = [grid[1, :]] if curves == 1 else [grid[1, 0], grid[1, 1]]
+        lower = [grid[1, :]] if curves == 1 else [grid[1, 0], grid[1, 1]]
+        first, *others = grid[0, 1], grid[0, 0], *lower
     else:
         grid = figure.add_gridspec(2, columns, height_ratios=(1, 1.8), **edges)
-        first, series = grid[1, 0], grid[0, :]
-        others = [grid[1, k + 1] for k in range(curves)]
+        first, *others = grid[1, 0], grid[0, :], *(grid[1, k + 1] for k in range(curves))
     states = figure.add_subplot(first, **space)
     if space:
         # The labels of 3D axes are inside of their area, so it can extend into the margins of others.
@@ -168,7 +173,7 @@ def _places(
         x, y = (0.5 if first.colspan.start else 0.65) / broad, 0.3 / tall
         wide, high = box.width + x - 0.1 / broad, box.height + 1.6 * y
         states.set_position((box.x0 - x, box.y0 - y, wide, high))
-    return [states, *(figure.add_subplot(place) for place in (series, *others))]
+    return [states, *(figure.add_subplot(place) for place in others)]
 
 
 # -- series and states ---------------------------------------------------------------------------
@@ -257,17 +262,6 @@ def _dress(axes: Axes, x: str, y: str) -> None:
     kit.bare(axes)
     broad = float(axes.get_position().width) * kit.inches(axes.figure)[0]
     axes.xaxis.set_major_locator(MaxNLocator(nbins=int(np.clip(2 * broad, 3, 9))))
-
-
-def _curve_keys(view: str) -> list[Any]:
-    """Return the entries of the legend of curves, or of their slopes."""
-    from matplotlib.patches import Patch
-
-    return [
-        kit.key("computed again", lw=1.4, **kit.axis_style(0)),
-        Patch(facecolor=_SHADE, alpha=0.25, label="scaling region"),
-        kit.key("claimed" if view == "slopes" else "slope as claimed", **_CLAIM),
-    ]
 
 
 def curves_of(model: AttractorAnalysis, plan: AttractorEstimate) -> list[_Curve]:

@@ -23,9 +23,6 @@ __all__ = ["draw", "violated_stops"]
 _NUMBERS = {"A": 6, "horizontal": 0, "vertical": 1, "B": 6}
 _COLOURS = {word: kit.colour_of(number) for word, number in _NUMBERS.items()}
 _MARKERS = {"A": ">", "horizontal": "o", "vertical": "^", "B": "s"}
-_LEGEND = dict(
-    zip(_MARKERS, ("start A", "horizontal correction", "vertical correction", "end B"), strict=True)
-)
 
 #: Largest number of labels drawn by default.
 _MOST_LABELS = 45
@@ -120,9 +117,6 @@ def _title(
     return "  ·  ".join(parts)
 
 
-# -- the route in space --------------------------------------------------------------------------
-
-
 def _draw_space(
     model: ErrorCorrectionRouting, stops: list[Stop], bad: list[int], axes: Any, scale: float,
     unit: str,
@@ -184,8 +178,11 @@ def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
 
 
 def _kind_keys(model: ErrorCorrectionRouting, suspect: bool, bad: bool) -> list[Any]:
+    ends = {"A": "start A", "B": "end B"}
     keys = [
-        kit.key(_LEGEND[word], marker=_MARKERS[word], color=_COLOURS[word], ms=6)
+        kit.key(
+            ends.get(word, f"{word} correction"), marker=_MARKERS[word], color=_COLOURS[word], ms=6
+        )
         for word in KIND_WORDS
         if (model.kinds == word).any()
     ]
@@ -197,9 +194,6 @@ def _kind_keys(model: ErrorCorrectionRouting, suspect: bool, bad: bool) -> list[
 def _name(model: ErrorCorrectionRouting, point: int) -> str:
     kind, name = str(model.kinds[point]), model.label(point)
     return f"{kind} ({name})" if kind in ("A", "B") and kind != name else name
-
-
-# -- the errors on the way -----------------------------------------------------------------------
 
 
 def _levels(

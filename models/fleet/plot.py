@@ -118,9 +118,6 @@ def _words(model: FleetRouting, plan: FleetPlan | None, result: Verification | N
     return parts
 
 
-# -- the map -------------------------------------------------------------------------------------
-
-
 def places_of(model: FleetData) -> kit.Floats | None:
     """Return the positions at which nodes are drawn, shape (n, 2); None for costs of many nodes.
 
@@ -201,9 +198,6 @@ def _draw_ways(axes: Any, lines: list[kit.Floats]) -> None:
         far = np.hypot(*steps.T) > _LONG * abs(np.subtract(*axes.get_xlim()))
         middles, headings = (line[:-1] + 0.5 * steps)[far], np.arctan2(*steps[far].T[::-1])
         kit.point_ways(axes, middles, headings, kit.colour_of(k), 6.5)
-
-
-# -- the bars ------------------------------------------------------------------------------------
 
 
 def _draw_bars(model: FleetRouting, plan: FleetPlan, axes: Any, tolerance: float) -> list[Any]:

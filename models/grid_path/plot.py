@@ -108,9 +108,6 @@ def draw(
     return scene.figure
 
 
-# -- the map -------------------------------------------------------------------------------------
-
-
 def _draw_cells(model: GridPath, axes: Any, scale: float) -> Any:
     """Draw the cells and return the image."""
     from matplotlib.colors import ListedColormap, LogNorm, Normalize

@@ -113,9 +113,6 @@ def _parts(
     return parts
 
 
-# -- what is drawn -------------------------------------------------------------------------------
-
-
 def guessed(definition: Definition) -> ControlPlan:
     """Return the guess, where the search starts, as a plan."""
     phases = []

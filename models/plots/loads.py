@@ -93,8 +93,6 @@ def draw_loads(
     return keys
 
 
-# -- levels along a route --------------------------------------------------------------------------
-
 #: Half the width of the bar of a limit, relative to the length of the route.
 _HALF = 0.011
 

@@ -131,9 +131,6 @@ def color_bar(figure: Any, artist: Any, place: Any, label: str, **look: Any) -> 
     return bar
 
 
-# -- plans ---------------------------------------------------------------------------------------
-
-
 class Named(NamedTuple):
     """Plan with its name and its verification."""
 

@@ -172,9 +172,6 @@ def _draw_panels(
     figure.align_ylabels(places[-3::2])
 
 
-# -- panels --------------------------------------------------------------------------------------
-
-
 def _upper(
     model: SideslipEstimation, samples: _Samples, estimates: Sequence[_Named], rests: Any
 ) -> list[kit.Panel]:

@@ -123,9 +123,6 @@ def _moments(option: Any, main: _Run | None) -> list[int]:
     return sorted(map(int, listed)) if main is not None else []
 
 
-# -- parts ---------------------------------------------------------------------------------------
-
-
 def _axes(sheet: kit.Frame, place: Place) -> Any:
     low = sheet.tall - place.top - place.tall
     return sheet.box(place.left, low, place.broad, place.tall)
@@ -193,9 +190,6 @@ def _draw_scenes(
     kit.label_axes(axes, "within steps", "scenes reached (%)")
 
 
-# -- words ---------------------------------------------------------------------------------------
-
-
 def _words(
     model: UnknownGridNavigation, scene: int, main: _Run | None, shortest: kit.Floats | None
 ) -> list[str]:
@@ -225,9 +219,6 @@ def _keys(runs: Sequence[_Run], main: _Run | None, *, moving: bool, several: boo
         wrong = "" if alone or run.result.ok else ", NOT VALID"
         keys.append(kit.key(words + wrong, lw=1.8, **run.look))
     return keys
-
-
-# -- in motion -------------------------------------------------------------------------------------
 
 
 @kit.documented

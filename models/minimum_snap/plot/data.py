@@ -89,8 +89,6 @@ class Scene:
         """Return the bounds on one derivative."""
         return [bound for bound in self.bounds if bound.derivative == order]
 
-    # -- samples ---------------------------------------------------------------------------------
-
     @cached_property
     def _rows(self) -> NDArray[np.int64]:
         """Indices of the drawn segments: all, or a subset at equal steps."""
@@ -121,8 +119,6 @@ class Scene:
     def _planned(self) -> Trajectory:
         assert self.plan is not None
         return self.plan
-
-    # -- violations ------------------------------------------------------------------------------
 
     @cached_property
     def marks(self) -> tuple[Violation, ...]:

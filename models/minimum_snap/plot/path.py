@@ -94,9 +94,6 @@ def _places(scene: Scene, chosen: list[int]) -> tuple[kit.Floats, NDArray[np.boo
     return places, np.asarray(known.all(axis=1), bool)
 
 
-# -- the corridor --------------------------------------------------------------------------------
-
-
 def _corridor(
     scene: Scene, shown: tuple[int, ...], axes: Any, low: kit.Floats, high: kit.Floats
 ) -> tuple[list[Any], list[str]]:
@@ -135,9 +132,6 @@ def _faces(bodies: list[list[kit.Floats]], axes: Any, space: bool) -> None:
             zorder=(1.5 if space else 0.5) + 0.1 * layer,
         )  # fmt: skip
         (axes.add_collection3d if space else axes.add_collection)(drawn, autolim=False)
-
-
-# -- path and waypoints --------------------------------------------------------------------------
 
 
 def line_by_speed(way: kit.Floats, speed: kit.Floats, axes: Any) -> Collection:
@@ -185,9 +179,6 @@ def _numbers(scene: Scene, chosen: list[int], axes: Any, places: kit.Floats) -> 
         for knot in knots:
             at[_BETWEEN * knot], texts[_BETWEEN * knot] = places[knot], str(knot)
     kit.write_names(axes, at, texts, size=7.0, colour=kit.DARK)
-
-
-# -- the frame -----------------------------------------------------------------------------------
 
 
 def _window(low: kit.Floats, high: kit.Floats, chosen: list[int]) -> tuple[kit.Floats, kit.Floats]:

@@ -120,9 +120,6 @@ def _words(scene: Scene) -> list[str]:
     return [*parts, f"{kit.number(scene.plan.duration, 5)} s"]
 
 
-# -- the path ------------------------------------------------------------------------------------
-
-
 def _draw_left(
     scene: Scene, shown: tuple[int, ...], orders: list[int], frame: kit.Frame, labels: bool | None
 ) -> None:
@@ -170,9 +167,6 @@ def _draw_left(
 def _margins(length: float, before: float, after: float) -> tuple[float, float]:
     """Return start and end of a frame as shares of `length`, with margins in inches if they fit."""
     return min(before / length, 0.35), max(1 - after / length, 0.55)
-
-
-# -- the derivatives -----------------------------------------------------------------------------
 
 
 def _panel(scene: Scene, order: int, only: tuple[int, ...] = ()) -> kit.Panel:
