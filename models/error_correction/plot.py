@@ -178,11 +178,9 @@ def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
 
 
 def _kind_keys(model: ErrorCorrectionRouting, suspect: bool, bad: bool) -> list[Any]:
-    ends = {"A": "start A", "B": "end B"}
+    texts = {word: f"{word} correction" for word in KIND_WORDS} | {"A": "start A", "B": "end B"}
     keys = [
-        kit.key(
-            ends.get(word, f"{word} correction"), marker=_MARKERS[word], color=_COLOURS[word], ms=6
-        )
+        kit.key(texts[word], marker=_MARKERS[word], color=_COLOURS[word], ms=6)
         for word in KIND_WORDS
         if (model.kinds == word).any()
     ]
