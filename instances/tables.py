@@ -282,7 +282,9 @@ def table_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield line and cells of every row of a CSV or Excel file that is not blank.
+    """Yield line and cells of every row of a CSV or Excel file that has a value.
+
+    Blank rows and rows of separators are skipped.
 
     Raises
     ------
@@ -299,7 +301,7 @@ def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
 
 
 def csv_rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield first line and cells of every row of CSV text that is not blank."""
+    """Yield first line and cells of every row of CSV text that has a value."""
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     line = 1
     try:

@@ -131,7 +131,7 @@ def read_poly7(path: str | os.PathLike[str], *, start: float = 0.0) -> Trajector
     ----------
     path : path-like
         Path of the file. The header may contain blanks, capitals and a leading ``#``, and lines may
-        end with a comma.
+        end with a comma. Rows of commas only are skipped.
     start : float
         Time of the first knot, s. The file contains durations only.
 

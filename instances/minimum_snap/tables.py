@@ -41,9 +41,10 @@ _HEADERS = (_AXES, ("px", "py", "pz"), ("east", "north", "up"), ("e", "n", "u"))
 
 
 def numeric_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield line and cells of every row that is not blank, without the comma at the end of a row.
+    """Yield line and cells of every row with a value, without the comma at the end of a row.
 
-    Several tools write such a comma.
+    Several tools write such a comma. Spreadsheets write rows of commas below a table: they are skipped,
+    as by every reader of tables.
     """
     for line, cells in table_rows(path):
         yield line, cells[:-1] if len(cells) > 1 and not cells[-1] else cells
@@ -184,8 +185,8 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
     """Read waypoints (m) from a CSV or Excel file with one waypoint per line, one column per axis.
 
     An optional header has the names ``x,y,z,yaw``, ``px,py,pz``, ``east,north,up``, ``e,n,u`` (or the
-    first of them), or ``x0,x1,…``. Files of uav_trajectories have no header. The files contain no
-    times; :func:`~crosstrack.instances.times_by_distance` is a first guess.
+    first of them), or ``x0,x1,…``. Files of uav_trajectories have no header. Rows of commas only are
+    skipped. The files contain no times; :func:`~crosstrack.instances.times_by_distance` is a first guess.
 
     Parameters
     ----------

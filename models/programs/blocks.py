@@ -161,10 +161,18 @@ class Blocks(Spec):
 
     @classmethod
     def _read(cls, name: str, data: Any) -> Block:
+        field = name.partition("[")[0]
         try:
-            return cls.kind.from_data(data)
+            block = cls.kind.from_data(data)
         except InvalidData as error:
-            raise InvalidData(f"{name}: {error}", field=name.partition("[")[0]) from None
+            raise InvalidData(f"{name}: {error}", field=field) from None
+        # Files name every key, so that a truncated block is no block with other places or units.
+        for key in block.data():
+            if key not in data:
+                raise InvalidData(
+                    f"{name}: key {key!r} is missing in the data of a block", field=field
+                )
+        return block
 
     def encode(self, value: tuple[Block, ...]) -> Any:
         return [block.data() for block in value]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from ..contract.events import Listener
+from ..contract.events import Listener, listener_of
 from ..contract.verdict import Verdict
 from ..run.crosscheck import Comparison
 from .tables import table
@@ -118,6 +118,7 @@ def reproduce(
     seed: int = 0,
     on_event: Listener | None = None,
     on_row: Callable[[Row], None] | None = None,
+    on_solution: Callable[[Any], None] | None = None,
 ) -> Reproduction:
     """Measure our value of every cell of a paper's result tables.
 
@@ -139,13 +140,16 @@ def reproduce(
         Function called with the event of every answer.
     on_row : callable, optional
         Function called with every finished row.
+    on_solution : callable, optional
+        Deprecated: use `on_event`.
 
     Returns
     -------
     Reproduction
         The measured rows.
     """
-    trials = RecordedTrials(runs, time_limit, seed, on_event)
+    listener = listener_of(on_event, "solution", on_solution=on_solution)
+    trials = RecordedTrials(runs, time_limit, seed, listener)
     finished_rows: list[Row] = []
     try:
         for result_table, measure in tables:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,11 +130,18 @@ class ClosedLoop:
 
     # -- flying ----------------------------------------------------------------------------------
 
-    def fly(self, latest: float, step: float, *, least_measure: float = 0.0) -> Flight:
+    def fly(
+        self,
+        latest: float,
+        step: float,
+        *,
+        least_measure: float = 0.0,
+        ending: Callable[[], bool] = lambda: False,
+    ) -> Flight:
         """Simulate the rotation until the satellite is at rest at the end, or until the time `latest`.
 
         The law is sampled at intervals of `step`. The flight is aborted if the singularity measure falls
-        below `least_measure`.
+        below `least_measure`, and before a step if `ending` returns True.
 
         In each step the gimbal rates are a parabola through the rates of the law at the start, in the
         middle and at the end, from a classical Runge-Kutta step of the closed loop. The states are
@@ -147,7 +155,7 @@ class ClosedLoop:
         knots, loads = [0.0], [(0.0, 0.0)]
         steps: list[tuple[Floats, Floats, Floats]] = []
         time, settled, measure, largest_rate = 0.0, False, np.inf, 0.0
-        while not settled and time < latest - 1e-9:
+        while not settled and time < latest - 1e-9 and not ending():
             following = next((t for t in stops if t > time + 1e-9), latest)
             left = following - time
             long = left / np.ceil(left / step - 1e-9) if following in stops else min(step, left)

@@ -7,7 +7,7 @@ the violation.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -26,6 +26,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from ..contract.control import Control
 from .closed_loop import ClosedLoop, Flight
 from .steering import GeneralisedInverse, PseudoInverse, RobustInverse, SteeringLaw
 
@@ -50,6 +51,8 @@ STILL = 1e-9
 COARSE, FINE = 0.2, 0.05
 #: Share of the tolerance for the error at the end of the plan.
 END = 0.3
+#: Seconds for the flight of the plan after a stop request. A flight of a minute takes half a second.
+EXTRA = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,17 +109,16 @@ class EigenaxisSteering(Backend):
         search = _Search(problem, law, request)
         peak_rate = request.options["peak_rate"]
         trial = search.fastest() if peak_rate is None else search.flown(peak_rate, search.most, 0.0)
-        limit = None
-        if request.control.stopped:
-            limit = request.control.reason or Limit.INTERRUPTED
+        limit = _limit(request.control)
         statistics: dict[str, float | int | str] = {"flights": search.flights}
-        if trial is None:
+        ending = _ending(request.control)
+        flight = None if trial is None else trial.loop.fly(search.latest, FINE, ending=ending)
+        if trial is None or flight is None or (not flight.settled and ending()):
             return Answer(
-                Termination.NO_SOLUTION, limit,
+                Termination.NO_SOLUTION, _limit(request.control),
                 seconds={"solve": clock() - begin}, statistics=statistics,
-                message="the search was stopped",
+                message=f"the {'search' if flight is None else 'flight of the plan'} was stopped",
             )  # fmt: skip
-        flight = trial.loop.fly(search.latest, FINE)
         plan = flight.plan(problem.planned_gimbal_rate)
         statistics |= {
             "peak rate, rad/s": trial.loop.profile.reached,
@@ -130,6 +132,23 @@ class EigenaxisSteering(Backend):
             seconds={"solve": clock() - begin}, statistics=statistics,
             message=_message(problem, trial.feasible, flight),
         )  # fmt: skip
+
+
+def _limit(control: Control) -> Limit | None:
+    """Return the reason for a stop request, or None if there was no request."""
+    return (control.reason or Limit.INTERRUPTED) if control.stopped else None
+
+
+def _ending(control: Control) -> Callable[[], bool]:
+    """Return a function that returns True `EXTRA` seconds after it first noticed a stop request."""
+    noticed: list[float] = []
+
+    def ending() -> bool:
+        if control.stopped and not noticed:
+            noticed.append(clock())
+        return bool(noticed) and clock() - noticed[0] > EXTRA
+
+    return ending
 
 
 def _message(problem: SatelliteSlew, is_feasible: bool, flight: Flight) -> str:

@@ -64,6 +64,14 @@ def test_measures_only_the_requested_rows():
     assert result.rows[0].key == ("bowl", "3")
 
 
+def test_accepts_the_former_callback():
+    solutions, events, tables = [], [], [(result_table(), measure)]
+    with pytest.warns(DeprecationWarning, match="on_solution is now on_event"):
+        reproduction.reproduce("any", tables, on_solution=solutions.append, on_event=events.append)
+    assert [event.solution for event in events if event.solution] == solutions
+    assert [solution.backend for solution in solutions] == ["random-search"]
+
+
 def test_an_interrupt_keeps_the_finished_rows():
     def interrupted(row, trials):
         if row[1] == "3":

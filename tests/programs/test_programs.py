@@ -52,6 +52,17 @@ def test_blocks_name_rows_in_the_papers_words():
     assert program.without_rows(["horizontal error"]).verify(np.array([1.0, 1.0])).ok
 
 
+@pytest.mark.parametrize("key", ["name", "size", "template", "index", "unit"])
+def test_a_block_in_a_file_has_every_key(key):
+    b = ProgramBuilder()
+    b.columns("arc used", 2, upper=1)
+    data = b.build().to_dict()
+    del data["data"]["columns"][0][key]
+    with pytest.raises(InvalidData, match=rf"columns\[0\]: key '{key}' is missing") as caught:
+        MixedIntegerProgram.from_dict(data)
+    assert caught.value.field == "columns"
+
+
 def test_verify_measures_rows_bounds_and_wholeness():
     program = knapsack()
     assert program.verify(np.array([1.0, 0.0, 2.0])).objective == pytest.approx(-5 - 6 + 7)

@@ -21,6 +21,7 @@ from crosstrack.models.satellite_slew.quaternions import (
 from crosstrack.solvers.contract.backend import Limit, Request
 from crosstrack.solvers.contract.control import Control
 from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.satellite_slew import eigenaxis
 from crosstrack.solvers.satellite_slew.closed_loop import ClosedLoop
 from crosstrack.solvers.satellite_slew.steering import (
     GeneralisedInverse,
@@ -165,3 +166,22 @@ def test_a_stopped_search_returns_its_best_flight():
     assert SatelliteSlew().verify(answer.point).ok
     answer = law.run(SatelliteSlew(), request)
     assert answer.termination == "no_solution" and answer.point is None and answer.limit == "time"
+
+
+def test_the_flight_of_the_plan_polls_the_stop_flag(monkeypatch):
+    control, law = Control(), find_backend(LAWS[0])
+    request = Request(options=law.checked_options({"peak_rate": 0.5}), control=control)
+    sample, samples = ClosedLoop._sample, []
+
+    def stopping(loop, *arguments):
+        samples.append(arguments)
+        if len(samples) == 200:  # the search has ended: it takes about 60 steps of 0.2 s
+            control.stop(Limit.TIME)
+        return sample(loop, *arguments)
+
+    monkeypatch.setattr(ClosedLoop, "_sample", stopping)
+    monkeypatch.setattr(eigenaxis, "EXTRA", 0.0)
+    answer = law.run(SatelliteSlew(), request)
+    assert answer.termination == "no_solution" and answer.limit == "time"
+    assert answer.message == "the flight of the plan was stopped"
+    assert len(samples) < 210
