@@ -10,13 +10,14 @@ import logging
 import operator
 import os
 import pickle
+import queue
 import struct
 import subprocess
 import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 log = logging.getLogger("crosstrack")
 
@@ -29,6 +30,11 @@ _LARGE = 2.0**63
 
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
+#: Requests that its thread has not written yet.
+_bodies: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+_writer: threading.Thread | None = None
+#: Seconds that the end of this process waits for the thread.
+_LEAVING = 0.2
 _requested: set[bytes] = set()
 
 
@@ -110,7 +116,7 @@ def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
         Arguments of a call; numbers, lists and arrays are described by type, not by value, so that
         calls with other values are no further requests.
     """
-    global _process
+    global _process, _bodies, _writer
     try:
         body = pickle.dumps((module, name, [_describe(value) for value in arguments]))
     except Exception as error:  # a class that other processes cannot import
@@ -121,6 +127,7 @@ def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
             return
         _requested.add(body)
         if _process is None or _process.poll() is not None:
+            _bodies = queue.SimpleQueue()
             command = "from crosstrack.compilation import serve; serve()"
             _process = subprocess.Popen(
                 [sys.executable, "-P", "-c", command],
@@ -131,18 +138,30 @@ def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             )
             log.info("kernels are being compiled in the background")
-        assert _process.stdin is not None
-        with contextlib.suppress(OSError):  # the process was killed; the next run compiles instead
-            _process.stdin.write(struct.pack("<Q", len(body)) + body)
-            _process.stdin.flush()
+            # A thread writes, because the pipe of a process that compiles can be full for seconds.
+            written = (_process.stdin, _bodies)
+            _writer = threading.Thread(target=_send, args=written, daemon=True)
+            _writer.start()
+        _bodies.put(body)
+
+
+def _send(stream: IO[bytes], bodies: queue.SimpleQueue[bytes | None]) -> None:
+    """Write the requests until None."""
+    with contextlib.suppress(OSError):  # the process was killed; the next run compiles instead
+        for body in iter(bodies.get, None):
+            stream.write(struct.pack("<Q", len(body)) + body)
+            stream.flush()
 
 
 @atexit.register
 def _leave() -> None:
     """Detach the background process without Python's warning that it still runs."""
-    if _process is not None and _process.stdin is not None:
-        with contextlib.suppress(OSError):
-            _process.stdin.close()
+    if _process is not None and _process.stdin is not None and _writer is not None:
+        _bodies.put(None)
+        _writer.join(_LEAVING)
+        if not _writer.is_alive():  # otherwise the end of this process closes the pipe
+            with contextlib.suppress(OSError):
+                _process.stdin.close()
         _process.returncode = 0
 
 

@@ -1,6 +1,7 @@
 """Kernels: interpreted while that is quick, compiled beyond, the same result either way."""
 
 import math
+import queue
 import sys
 import threading
 import time
@@ -398,18 +399,38 @@ def test_two_processes_that_compile_one_kernel_do_not_swap_its_code(tmp_path):
 
 
 def test_calls_with_other_values_are_compiled_in_the_background_once(monkeypatch):
-    """Each request is written to a pipe, which blocks the run as soon as it is full."""
-    sent = []
-    pipe = SimpleNamespace(write=sent.append, flush=lambda: None)
-    process = SimpleNamespace(poll=lambda: None, stdin=pipe)
+    bodies = queue.SimpleQueue()
+    process = SimpleNamespace(poll=lambda: None, stdin=None)
     monkeypatch.setattr(compilation, "_process", process)
+    monkeypatch.setattr(compilation, "_bodies", bodies)
     monkeypatch.setattr(compilation, "_requested", set())
     for number in range(100):
         arguments = (number, number / 7, [(0.5 * number, number)], np.full(3, number), number > 3)
         compilation.request("module", "kernel", arguments)
-    assert len(sent) == 1
+    assert bodies.qsize() == 1
     compilation.request("module", "kernel", (1.5, 0.5, [(0.5, 1)], np.zeros(3), True))
-    assert len(sent) == 2
+    assert bodies.qsize() == 2
+
+
+#: A compiler that never reads its pipe, which holds about 64 KiB.
+DEAF = """
+import subprocess, sys, time
+from crosstrack import compilation
+
+start = subprocess.Popen
+compilation.subprocess.Popen = lambda *command, **options: start(
+    [sys.executable, "-c", "import time; time.sleep(20)"], stdin=subprocess.PIPE
+)
+begin = time.perf_counter()
+for count in range(300):  # tuples of different lengths are different types
+    compilation.request("module", "kernel", tuple(range(count)))
+print(time.perf_counter() - begin)
+compilation._process.kill()
+"""
+
+
+def test_a_compiler_that_reads_nothing_does_not_block_a_run(run_python, tmp_path):
+    assert float(run_python("-c", DEAF, cwd=tmp_path)) < 5.0
 
 
 @pytest.mark.parametrize(
