@@ -25,16 +25,9 @@ if TYPE_CHECKING:
     import casadi
 
 __all__ = [
-    "Definition",
-    "Guess",
-    "Phase",
-    "Quantity",
-    "Restriction",
-    "check_order",
-    "entry_names",
-    "entry_slices",
+    "Definition", "Guess", "Phase", "Quantity", "Restriction", "check_order", "entry_names", "entry_slices",
     "entry_units",
-]
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
