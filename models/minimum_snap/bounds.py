@@ -271,7 +271,8 @@ class PathData(Model[Trajectory]):
         tables = (self.waypoints, self.corridor_lower, self.corridor_upper)
         table = np.concatenate([table for table in tables if table is not None])
         low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
-        return low, np.where(np.isfinite(table), table, -np.inf).max(axis=0)
+        high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
+        return frozen(low), frozen(high)
 
     @cached_property
     def position_scale(self) -> Floats:
