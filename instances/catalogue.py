@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from ..errors import InvalidData, UnknownName, UnsupportedOption
 from ..models.fields import Spec, Text, required, show
-from ..models.model import Model
+from ..models.model import Model, as_model
 from ..models.problems import resolve, table
 from ..models.records import Member, Table
 
@@ -237,22 +237,24 @@ def entry(name: str) -> CatalogueEntry:
 
 
 def load(
-    source: str | os.PathLike[str],
+    source: Any,
     *,
     data: Mapping[str, Any] | None = None,
     model: str | None = None,
     trusted: bool = False,
     folder: str | os.PathLike[str] | None = None,
 ) -> Model[Any]:
-    """Return an instance by its name in the catalogue, or from a file.
+    """Return an instance by its name in the catalogue, from a file, or from an object of another library.
 
     Parameters
     ----------
-    source : str or path-like
+    source : str, path-like or object
         A catalogue name such as ``"error-correction/7"``, or the path of an instance file. A model
         without a name is named after its file. If a string is both, the catalogue takes precedence:
         write ``"./error-correction/7"`` for the file. A CSV or Excel file contains a part of an
-        instance, such as points.
+        instance, such as points. Files of programs (``.mps``, ``.lp``, ``.nl``, ``.qplib``, ``.cbf``,
+        ``.mat``, ``.npz``, each also with ``.gz``) and the objects that
+        :func:`crosstrack.models.programs.sources.program_of` lists become programs.
     data : mapping, optional
         Data of the model that a CSV or Excel file lacks, such as thresholds.
     model : str, optional
@@ -276,10 +278,16 @@ def load(
         The string is neither a name nor an existing file.
     UnsupportedOption
         `data` or `model` is given for a complete instance.
+    UnsupportedFormulation
+        A file or object of another library has content that no program can express.
     InvalidData
         The file cannot be read or does not contain an instance; the message names the place.
     """
     has_data = bool(data) or model is not None
+    if not isinstance(source, str | os.PathLike):
+        if has_data:
+            raise UnsupportedOption("data and model are for CSV and Excel files, not for objects")
+        return as_model(source)
     if isinstance(source, str):
         match = _find(source)
         if match is not None and not has_data:
@@ -287,6 +295,7 @@ def load(
         if match is None and ("\0" in source or not Path(source).exists()):
             raise UnknownName("instance (and there is no such file)", source, _all())
     from ..files import as_path
+    from ..models.programs.sources.conversion import read_program, suffix_of
     from .storage import model_of_table, read_model
 
     file = as_path(source)
@@ -298,6 +307,8 @@ def load(
         raise UnsupportedOption(
             f"{source} is a whole instance: data and model are for CSV and Excel files"
         )
+    if suffix_of(file):
+        return read_program(file)
     loaded = read_model(file, trusted=trusted, folder=folder)
     return loaded if loaded.name else loaded.renamed(file.stem)
 

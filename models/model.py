@@ -72,6 +72,15 @@ class Model(Declared, ABC, Generic[PlanT]):
     # Written out because type checkers would take declared() for a positional argument.
     name: str = dataclasses.field(default="", kw_only=True, metadata={"spec": Text(content=False)})
 
+    if TYPE_CHECKING:
+
+        @property
+        def maximise(self) -> bool:
+            """Whether printed results negate the objective; programs declare it as a field."""
+
+    else:
+        maximise = False
+
     kind: ClassVar[str] = ""
     formulations: ClassVar[dict[str, Any]] = {}
     default_formulation: ClassVar[str] = ""
@@ -318,6 +327,11 @@ class Model(Declared, ABC, Generic[PlanT]):
         """Return a few words about `plan` to print after its objective, or an empty string."""
         return ""
 
+    def values_of(self, plan: PlanT) -> dict[str, Any]:
+        """Return the parts of `plan` by name: for a declared plan its fields."""
+        required("plan", plan, Plan)
+        return {field.name: getattr(plan, field.name) for field in dataclasses.fields(plan)}  # type: ignore[arg-type]
+
     def second_objective(self, name: str, plan: PlanT) -> float:
         """Return the second objective called `name` of a plan, computed from the raw data."""
         raise UnknownName(f"second objective of model {self.kind!r}", name, self.second_objectives)
@@ -451,16 +465,22 @@ class Model(Declared, ABC, Generic[PlanT]):
 
 
 def as_model(value: Any) -> Model[Any]:
-    """Return `value` if it is a model, or the model that its method ``build()`` returns.
+    """Return `value` if it is a model, else the model that it describes.
+
+    That is the result of its method ``build()``, or the program of another library's object.
 
     Raises
     ------
     InvalidData
-        `value` is neither a model nor has such a method.
+        `value` is neither a model nor describes one.
     """
-    result = value
-    if not isinstance(value, Model) and callable(getattr(value, "build", None)):
-        result = value.build()
+    if isinstance(value, Model):
+        return value
+    from .programs.sources.conversion import is_convertible, program_of
+
+    if is_convertible(value):
+        return program_of(value)
+    result = value.build() if callable(getattr(value, "build", None)) else value
     if not isinstance(result, Model):
         hint = "; load it first: crosstrack.load(…)" if isinstance(value, str) else ""
         raise InvalidData(f"model must be a Model, got {show(value)}{hint}", field="model")

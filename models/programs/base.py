@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +13,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnknownName
-from ..fields import Array, Whole
+from ..fields import Array, Flag, Whole
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .blocks import Block, without
 
 if TYPE_CHECKING:
     import cvxpy
+
+    from .sources.link import Source
 
 __all__ = ["BlockProgram", "Program", "RowProgram", "row_sizes"]
 
@@ -33,9 +36,60 @@ class Program(Model[Vector]):
     ----------
     name : str
         Label of the program, which is not part of the content.
+    maximise : bool
+        Whether the program was written as a maximisation: `cost` and `offset` are then the negated
+        ones of its author. Bounds and records contain the minimised objective, and printed results
+        the author's. Keyword only, False by default.
     """
 
+    maximise: bool = dataclasses.field(
+        default=False, kw_only=True, metadata={"spec": Flag(), "added": True}
+    )
+
     plan_type: ClassVar[type] = np.ndarray
+
+    @property
+    def source(self) -> Source | None:
+        """Object from which the program was made, to which plans can be assigned; None without one."""
+        result: Source | None = self.__dict__.get("_source")
+        return result
+
+    def with_source(self, source: Source) -> Self:
+        """Return the program with a link to the object from which it was made.
+
+        The link is neither part of the content nor of files, and worker processes do not receive it.
+
+        Parameters
+        ----------
+        source : Source
+            The link.
+        """
+        linked = object.__new__(type(self))
+        linked.__dict__.update(self.__dict__, _source=source)
+        return linked
+
+    def renamed(self, name: str) -> Self:
+        """Return the same program under another name."""
+        result = super().renamed(name)
+        return result if self.source is None else result.with_source(self.source)
+
+    def values_of(self, plan: Vector) -> dict[str, Any]:
+        """Return the values of the columns by the names of their author.
+
+        Parameters
+        ----------
+        plan : ndarray, shape (n,)
+            Column vector.
+
+        Returns
+        -------
+        dict
+            For a program made from another library's object the values of its variables. Otherwise one
+            entry per block of columns, or per column if the block names each of them.
+        """
+        if self.source is not None:
+            return dict(self.source.values(plan))
+        return {"x": np.array(plan)}
 
     def plan_to_data(self, plan: Vector) -> Any:
         """Return the column vector as a list."""
@@ -136,24 +190,46 @@ class BlockProgram(Program):
     def _columns(self) -> tuple[Block, ...]:
         return self.columns or ((Block("column", "", 0, self.size),) if self.size else ())
 
+    def values_of(self, plan: Vector) -> dict[str, Any]:
+        """Return the values of the columns by the names of their author; see :meth:`.Program.values_of`."""
+        if self.source is not None or not self.columns:
+            return super().values_of(plan)
+        result: dict[str, Any] = {}
+        for block in self.columns:
+            part = plan[block.slice]
+            named = dict(zip(block.labels, part.tolist(), strict=True)) if block.labels else {}
+            result.update(named or {block.name: np.array(part)})
+        return result
+
     def _point(self, plan: Vector) -> Vector:
         """Return `plan` as a column vector of this program, or raise ``InvalidData``."""
         return Array((self.size,)).coerce("point", plan, {})
 
     def _checks(
-        self, point: Vector, rows: Vector, row_sizes: Vector, column_sizes: Vector, tolerance: float
+        self,
+        point: Vector,
+        rows: Vector,
+        row_sizes: Vector,
+        column_sizes: Vector,
+        tolerance: float,
+        violations: tuple[Vector | None, Vector | None] = (None, None),
     ) -> tuple[Check, ...]:
         """Return the worst violation of every block.
 
-        A violation is relative to the bound, or to the size of the row or column if that is larger.
+        A violation is relative to the bound, or to the size of the row or column if that is larger. The
+        violations of rows and columns are computed unless they are given.
         """
         check_tolerance(tolerance)
         result = []
-        for value, lower, upper, size, blocks in (
-            (rows, self.row_lower, self.row_upper, row_sizes, self._rows),
-            (point, self.column_lower, self.column_upper, column_sizes, self._columns),
+        for value, lower, upper, size, blocks, given in (
+            (rows, self.row_lower, self.row_upper, row_sizes, self._rows, violations[0]),
+            (
+                *(point, self.column_lower, self.column_upper, column_sizes, self._columns),
+                violations[1],
+            ),
         ):
             violation = np.maximum(np.maximum(lower - value, value - upper), 0.0)
+            violation = violation if given is None else given
             near = np.where(value - lower < upper - value, lower, upper)
             bound = np.where(np.isfinite(near), np.abs(near), 0.0)
             scale = np.maximum(size, bound)
@@ -167,6 +243,12 @@ class BlockProgram(Program):
                 if block.size
             ]  # fmt: skip
         return tuple(result)
+
+    def _integrality(self, point: Vector, integral: NDArray[np.bool_], tolerance: float) -> Check:
+        """Return the check that the columns `integral` are integers."""
+        with np.errstate(all="ignore"):
+            violation = np.where(integral, np.abs(point - np.round(point)), 0.0)
+        return Check.largest("integrality", violation, 1.0, "", self.column_name, tolerance)
 
     def row_name(self, row: int) -> str:
         """Return the name of a row in the paper's terms."""

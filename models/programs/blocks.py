@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Optional, Spec, Text, Whole, declared, frozen, show
+from ..records import Several
 
 __all__ = ["Block", "Blocks", "Sparse", "without"]
 
@@ -37,6 +38,8 @@ class Block(Declared):
         Values for `template`, one row per entry.
     unit : str
         Unit of the entries.
+    labels : tuple of str
+        Names of the entries, used instead of `template`; empty if they have none.
     """
 
     name: str = declared(Text())
@@ -48,9 +51,15 @@ class Block(Declared):
         Optional(Array(("entries", "numbers"), int)), default=None
     )
     unit: str = declared(Text(), default="")
+    labels: tuple[str, ...] = declared(Several(Text()), default=(), added=True)
 
     def check(self) -> None:
-        """Reject an index that does not fit the entries, and a template that does not fit the index."""
+        """Reject labels or an index that do not fit the entries, and a template unlike the index."""
+        if self.labels and len(self.labels) != self.count:
+            raise InvalidData(
+                f"labels must name each of {self.count} entries, got {len(self.labels)} names",
+                field="labels",
+            )
         if self.index is None:
             return
         if len(self.index) != self.count:
@@ -73,6 +82,8 @@ class Block(Declared):
 
     def place(self, entry: int) -> str:
         """Return the place of `entry`, which is counted within the block."""
+        if self.labels:
+            return self.labels[entry]
         if self.index is None:
             return f"{self.name} {entry}" if self.size > 1 else ""
         return self.template.format(*self.index[entry].tolist())
@@ -84,7 +95,7 @@ class Block(Declared):
 
     def describe(self, entry: int) -> str:
         """Return the description of an entry, such as ``"eq. 13, horizontal error at point 40"``."""
-        if self.index is None:
+        if self.index is None and not self.labels:
             return f"{self.title} {entry}" if self.size > 1 else self.title
         return f"{self.title} {self.place(entry)}"
 

@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Real, declared
-from ..verification import TOLERANCE, Check, Verification
+from ..fields import Array, Optional, Real, declared
+from ..verification import TOLERANCE, Verification
 from .base import BlockProgram, Program, RowProgram
 from .blocks import Block, Blocks, Sparse
 from .nonlinear import NonlinearProgram
@@ -34,6 +34,11 @@ __all__ = [
 ]
 
 Vector = NDArray[np.float64]
+
+#: Negative curvature, relative to the largest entry of the Hessian, that is due to rounding.
+CURVATURE = 1e-9
+#: Largest order of a Hessian whose eigenvalues are computed.
+LARGEST_DENSE = 2000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,12 +93,23 @@ class MixedIntegerProgram(RowProgram):
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block and of integrality."""
         linear = super().verify(plan, tolerance=tolerance)
-        if not self.integral.any():
+        if self.continuous:
             return linear
-        point = np.asarray(plan, float)
-        violation = np.where(self.integral, np.abs(point - np.round(point)), 0.0)
-        check = Check.largest("integrality", violation, 1.0, "", self.column_name, tolerance)
-        return Verification(linear.objective, (*linear.checks, check))
+        whole = self._integrality(self._point(plan), self.integral, tolerance)
+        return Verification(linear.objective, (*linear.checks, whole))
+
+    @property
+    def preferred_backend(self) -> str:
+        """Backend for linear and mixed-integer programs: HiGHS."""
+        return "highs"
+
+    def lower(self) -> QuadraticProgram | None:
+        """Return a linear program as a quadratic one, for solvers of those; None if a column is integral."""
+        if not self.continuous:
+            return None
+        fields = (*(field for field, _ in self._specs() if field != "integral"), "name")
+        shared = {field: getattr(self, field) for field in dict.fromkeys(fields)}
+        return QuadraticProgram(hessian=sp.csr_array((self.size, self.size)), **shared)
 
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
         """Return the Lagrangian lower bound that row multipliers prove.
@@ -166,6 +182,8 @@ class QuadraticProgram(RowProgram):
         Constant of the objective.
     columns, rows : tuple of Block
         Names and equations; either empty or a complete cover.
+    integral : ndarray of bool, shape (n,), optional
+        Columns that must be integers; none by default.
     """
 
     hessian: sp.csr_array = declared(Sparse(("n", "n")))
@@ -178,12 +196,17 @@ class QuadraticProgram(RowProgram):
     offset: float = declared(Real(), default=0.0)
     columns: tuple[Block, ...] = declared(Blocks(), default=())
     rows: tuple[Block, ...] = declared(Blocks(), default=())
+    integral: NDArray[np.bool_] | None = declared(
+        Optional(Array(("n",), bool)), default=None, added=True
+    )
 
     kind: ClassVar[str] = "quadratic-program"
 
     def check(self) -> None:
         """Raise if the blocks do not cover the program, or the Hessian cannot be convex."""
         super().check()
+        if self.integral is not None and not self.integral.any():
+            object.__setattr__(self, "integral", None)
         largest = float(abs(self.hessian).max()) if self.hessian.nnz else 0.0
         skew = abs(self.hessian - self.hessian.T)
         if skew.nnz and skew.max() > 1e-12 * largest:
@@ -207,7 +230,63 @@ class QuadraticProgram(RowProgram):
 
     def describe(self) -> str:
         """Return the size in a few words."""
-        return f"{self.row_count} rows, {self.size} columns, {self.hessian.nnz} Hessian entries"
+        size = f"{self.row_count} rows, {self.size} columns"
+        if self.integral is not None:
+            size += f", {int(self.integral.sum())} integral"
+        return f"{size}, {self.hessian.nnz} Hessian entries"
+
+    @property
+    def continuous(self) -> bool:
+        """Whether no column must be an integer."""
+        return self.integral is None
+
+    def require_convex(self) -> None:
+        """Raise ``InvalidData`` if the Hessian has a negative eigenvalue beyond rounding.
+
+        The smallest eigenvalue may be ``-1e-9`` times the largest entry. The signs of the pivots of a
+        symmetric factorisation of the Hessian, shifted by that amount, count the negative eigenvalues
+        (Sylvester's law of inertia).
+        """
+        from scipy.sparse.linalg import splu
+
+        if not self.hessian.nnz:
+            return
+        shift = CURVATURE * float(abs(self.hessian).max())
+        shifted = sp.csc_array(self.hessian + shift * sp.eye_array(self.size))
+        options = {"SymmetricMode": True}
+        try:
+            factors = splu(shifted, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            symmetric = bool((factors.perm_r == factors.perm_c).all())
+            negative = bool((factors.U.diagonal() < 0).any())
+        except RuntimeError:  # exactly singular
+            symmetric = negative = False
+        if symmetric and not negative:
+            return
+        if not symmetric and self.size > LARGEST_DENSE:
+            raise InvalidData("hessian: whether it is convex could not be decided", field="hessian")
+        smallest = ""
+        if self.size <= LARGEST_DENSE:
+            value = float(np.linalg.eigvalsh(self.hessian.toarray())[0])
+            if value >= -shift:
+                return
+            smallest = f", but its smallest eigenvalue is {value:.3g}"
+        raise InvalidData(
+            f"hessian must be positive semidefinite{smallest or ', but it is not'}: pose a nonconvex program as "
+            "a nonlinear one, such as a mapping of CasADi expressions",
+            field="hessian",
+        )
+
+    def relaxed(self) -> QuadraticProgram:
+        """Return the program without the condition of integers."""
+        return replace(self, integral=None)
+
+    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
+        """Return the objective and the worst violation of every block and of integrality."""
+        linear = super().verify(plan, tolerance=tolerance)
+        if self.integral is None:
+            return linear
+        whole = self._integrality(self._point(plan), self.integral, tolerance)
+        return Verification(linear.objective, (*linear.checks, whole))
 
     def objective(self, point: Vector) -> float:
         """Return the objective at `point`."""

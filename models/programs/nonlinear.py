@@ -56,6 +56,8 @@ class NonlinearProgram(BlockProgram):
         sparse (n, n). Excluded from the digest.
     columns, rows : tuple of Block
         Names and equations; either empty or a complete cover.
+    integral : ndarray of bool, shape (n,), optional
+        Columns that must be integers; none by default.
     """
 
     function: casadi.Function = declared(Compiled(("x",), ("f", "g")))
@@ -75,6 +77,9 @@ class NonlinearProgram(BlockProgram):
     )
     columns: tuple[Block, ...] = declared(Blocks(), default=())
     rows: tuple[Block, ...] = declared(Blocks(), default=())
+    integral: NDArray[np.bool_] | None = declared(
+        Optional(Array(("n",), bool)), default=None, added=True
+    )
 
     kind: ClassVar[str] = "nonlinear-program"
 
@@ -108,10 +113,18 @@ class NonlinearProgram(BlockProgram):
                     field=f"{what}_lower",
                 )
         super().check()
+        if self.integral is not None and not self.integral.any():
+            object.__setattr__(self, "integral", None)
+
+    @property
+    def continuous(self) -> bool:
+        """Whether no column must be an integer."""
+        return self.integral is None
 
     def describe(self) -> str:
         """Return the size in a few words."""
-        return f"{self.row_count} rows, {self.size} columns, nonlinear"
+        integral = "" if self.integral is None else f", {int(self.integral.sum())} integral"
+        return f"{self.row_count} rows, {self.size} columns{integral}, nonlinear"
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -136,6 +149,8 @@ class NonlinearProgram(BlockProgram):
         rows = np.where(np.isfinite(rows), rows, np.inf)
         columns = np.minimum(self.column_scale, 1.0)
         checks = self._checks(point, rows, self.row_scale, columns, tolerance)
+        if self.integral is not None:
+            checks = (*checks, self._integrality(point, self.integral, tolerance))
         return Verification(objective if np.isfinite(objective) else None, checks)
 
     def violations(self, point: Vector) -> Vector:

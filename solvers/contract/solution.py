@@ -170,6 +170,10 @@ class Solution(Generic[PlanT]):
         Machine of the run, for comparisons: machine, system, processor and number of processors,
         memory (GiB), versions, requested threads, system load at the start, and whether the
         process was warm.
+    maximise : bool
+        Whether the author of the model maximises the negated objective; see :attr:`value`.
+    source : Model, optional
+        The model, for :attr:`values` and :meth:`assign`; None in records loaded without it.
     stored_plan : object
         The plan as JSON data, or a function that returns it. Conversion is deferred because a long
         plan consists of many small lists.
@@ -203,6 +207,8 @@ class Solution(Generic[PlanT]):
     stored_plan: Any = None
     history: tuple[Mapping[str, Any], ...] = ()
     environment: Mapping[str, Any] = field(default_factory=dict)
+    maximise: bool = False
+    source: Any = field(default=None, repr=False)
 
     @cached_property
     def plan_data(self) -> Any:
@@ -213,6 +219,58 @@ class Solution(Generic[PlanT]):
     def gap(self) -> float | None:
         """Relative gap between the bounds, see :func:`relative_gap`."""
         return relative_gap(self.primal_bound, self.dual_bound)
+
+    @property
+    def value(self) -> float | None:
+        """Objective of the plan as the author of the model states it: negated for a maximisation."""
+        return _signed(self.primal_bound, self.maximise)
+
+    @property
+    def bound(self) -> float | None:
+        """Proven bound on :attr:`value`: from below, or from above for a maximisation."""
+        return _signed(self.dual_bound, self.maximise)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Values of the plan by name.
+
+        For a program they are the values of the author's variables, for other models the fields of the
+        plan. Raises :class:`~crosstrack.errors.InvalidData` without a plan or its model.
+        """
+        result: dict[str, Any] = self._planned("values").values_of(self.plan)
+        return result
+
+    def assign(self) -> None:
+        """Set the values of the plan in the object from which the model was made.
+
+        The variables, the multipliers of the constraints and the status of a ``cvxpy.Problem`` are set
+        as by its own ``solve``. Variables of a CasADi ``Opti`` get initial values.
+
+        Raises
+        ------
+        InvalidData
+            There is no plan, or the model was not made from an object that stores values.
+        """
+        source = getattr(self._planned("assign"), "source", None)
+        if source is None or source.assign is None:
+            raise InvalidData(
+                f"assign: model {self.model!r} was not made from an object that stores values; read them "
+                "from the attribute values",
+                field="source",
+            )
+        assert self.value is not None
+        source.assign(self.plan, self.duals, self.value)
+
+    def _planned(self, what: str) -> Any:
+        """Return the model of the plan, or raise."""
+        if self.plan is None:
+            raise InvalidData(f"{what}: there is no plan ({self.termination})", field="plan")
+        if self.source is None:
+            raise InvalidData(
+                f"{what}: the record was loaded without its model: pass model= to load it",
+                field="source",
+            )
+        return self.source
 
     @property
     def verified(self) -> bool:
@@ -278,6 +336,7 @@ class Solution(Generic[PlanT]):
                 **fields,
                 "plan": None if model is None or plan is None else model.plan_from_data(plan),
                 "stored_plan": plan,
+                "source": model,
                 "verification": None
                 if verification is None
                 else Verification.from_dict(verification),
@@ -391,9 +450,9 @@ class Solution(Generic[PlanT]):
                 f" ({self.limit} limit)" if self.limit != Limit.INTERRUPTED else " (interrupted)"
             )
         if self.primal_bound is not None:
-            parts.append(f"objective {self.primal_bound:.10g}{self._remark(' ({})')}")
+            parts.append(f"objective {self.value:.10g}{self._remark(' ({})')}")
         if self.dual_bound is not None:
-            parts.append(f"bound {self.dual_bound:.10g}")
+            parts.append(f"bound {self.bound:.10g}")
         if self.gap is not None:
             parts.append(f"gap {self.gap:.2g}")
         if "solve" in self.seconds:
@@ -406,3 +465,7 @@ class Solution(Generic[PlanT]):
 
     def __repr__(self) -> str:
         return f"<Solution {self}>"
+
+
+def _signed(value: float | None, negated: bool) -> float | None:
+    return -value if negated and value is not None else value

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ...models.fields import Array, Optional, Real, Spec, Text, Whole
+from ...models.fields import Array, Flag, Optional, Real, Spec, Text, Whole
 from ...models.records import Anything, Member, Sequence, Table
 from ...models.stored import recorded
 from .enums import Guarantee, Limit, Termination
@@ -35,6 +35,8 @@ _RECORD: dict[str, Spec] = {
     **dict.fromkeys(("incumbents", "starts", "history"), Sequence()),
     "seed": Optional(Whole()),
     "duals": Optional(Array(("rows",))),
+    "maximise": Flag(),
+    "proof": _WORD,
 }
 #: Values of absent entries: earlier versions did not write them, and small records omit empty ones.
 _ABSENT: dict[str, Any] = {
@@ -42,6 +44,8 @@ _ABSENT: dict[str, Any] = {
     **dict.fromkeys(("guarantee", "formulation", "backend_version", "limit", "dual_bound"), None),
     **dict.fromkeys(("rejected_plan", "seed", "duals"), None),
     "environment": {},
+    "maximise": False,
+    "proof": "",
     "formulation_options": {},
     "statistics": {},
     **dict.fromkeys(("incumbents", "starts", "history"), ()),
@@ -108,6 +112,8 @@ def solution_data(solution: Any) -> dict[str, Any]:
         # Written only if not empty, so that records of earlier versions keep their keys.
         **({"history": [dict(row) for row in solution.history]} if solution.history else {}),
         **({"environment": dict(solution.environment)} if solution.environment else {}),
+        **({"maximise": True} if solution.maximise else {}),
+        **({"proof": solution.proof} if solution.proof else {}),
     }
 
 

@@ -54,6 +54,10 @@ class Answered(Protocol):
     @property
     def dual_bound(self) -> float | None: ...
     @property
+    def value(self) -> float | None: ...
+    @property
+    def bound(self) -> float | None: ...
+    @property
     def gap(self) -> float | None: ...
     @property
     def verified(self) -> bool: ...
@@ -306,8 +310,8 @@ def solutions_table(solutions: Sequence[Answered], title: str = "") -> FittedTab
             (
                 s.backend + (f" : {s.formulation}" if s.formulation else ""),
                 _ended(s),
-                number(s.primal_bound),
-                number(s.dual_bound),
+                number(s.value),
+                number(s.bound),
                 "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0",
                 seconds_text(s.seconds.get("solve")),
                 seconds_text(s.seconds.get("total")),

@@ -210,6 +210,8 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
         duals=None if plan is None else _read_only(claim.duals),
+        maximise=model.maximise,
+        source=model,
         history=claim.history,
     )
 

@@ -1,0 +1,15 @@
+"""Programs from objects of other libraries, from arrays and from files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ....lazy import attach
+
+if TYPE_CHECKING:
+    from .conversion import program_of as program_of, read_program as read_program
+    from .link import Source as Source
+
+__getattr__, __dir__, __all__ = attach(
+    __name__, {"conversion": ("program_of", "read_program"), "link": ("Source",)}
+)

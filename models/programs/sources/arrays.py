@@ -1,0 +1,390 @@
+"""Programs from arrays under the names of SciPy, OSQP and qpsolvers, and from files of them."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ....errors import InvalidData, suggestion
+from ...fields import Array, show
+from ..base import RowProgram
+from ..blocks import Block, Sparse
+from ..linear import MixedIntegerProgram, QuadraticProgram
+from .compressed import read_raw
+from .link import Source
+
+if TYPE_CHECKING:
+    import qpsolvers
+
+__all__ = ["program_of_arrays", "program_of_qpsolvers", "read_mat", "read_npz"]
+
+Vector = NDArray[np.float64]
+
+#: Names of arrays that identify each convention, all names it knows, and its objective vector.
+_CONVENTIONS: dict[str, tuple[frozenset[str], frozenset[str]]] = {
+    "scipy.optimize.milp": (
+        frozenset({"constraints"}),
+        frozenset({"c", "constraints", "bounds", "integrality"}),
+    ),
+    "OSQP": (frozenset({"A", "l", "u"}), frozenset({"P", "q", "A", "l", "u", "r"})),
+    "qpsolvers": (
+        frozenset({"q"}),
+        frozenset({"P", "q", "G", "h", "A", "b", "lb", "ub"}),
+    ),
+    "scipy.optimize.linprog": (
+        frozenset({"c"}),
+        frozenset({"c", "A_ub", "b_ub", "A_eq", "b_eq", "bounds", "integrality"}),
+    ),
+}
+#: Largest size in bytes of an array in a file after decompression.
+_LARGEST = 1 << 30
+
+
+def program_of_arrays(arrays: Any) -> RowProgram:
+    """Return the program of arrays.
+
+    Parameters
+    ----------
+    arrays : mapping or tuple
+        Arrays under the names of one convention:
+
+        - ``scipy.optimize.linprog``: ``c``, ``A_ub``, ``b_ub``, ``A_eq``, ``b_eq``, ``bounds``,
+          ``integrality``. As there, columns are non-negative without `bounds`. A tuple contains the first
+          of them in this order.
+        - ``scipy.optimize.milp``: ``c``, ``constraints``, ``bounds``, ``integrality``, with
+          ``LinearConstraint`` and ``Bounds``. Columns are non-negative without `bounds`.
+        - OSQP: ``P``, ``q``, ``A``, ``l``, ``u``, and the constant ``r`` of the objective; bounds of
+          magnitude 1e20 or more are infinite.
+        - qpsolvers: ``P``, ``q``, ``G``, ``h``, ``A``, ``b``, ``lb``, ``ub``.
+
+    Returns
+    -------
+    MixedIntegerProgram or QuadraticProgram
+        A program with the column block ``"x"``.
+
+    Raises
+    ------
+    InvalidData
+        A name is unknown or missing, or an array has another shape or is not finite.
+    """
+    if isinstance(arrays, tuple):
+        arrays = _of_tuple(arrays)
+    content = {name: value for name, value in arrays.items() if value is not None}
+    for convention, (needed, known) in _CONVENTIONS.items():
+        if not needed <= content.keys():
+            continue
+        for name in content:
+            if name not in known:
+                raise InvalidData(
+                    f"unknown array {show(name)} beside {', '.join(sorted(needed))} in the convention of "
+                    f"{convention}; {suggestion(str(name), known)}allowed: {', '.join(sorted(known))}",
+                    field=str(name),
+                )
+        program = _READERS[convention](content)
+        return program.with_source(Source(arrays, lambda plan: {"x": np.array(plan)}))
+    conventions = "; ".join(
+        f"{name}: {', '.join(sorted(known))}" for name, (_, known) in _CONVENTIONS.items()
+    )
+    raise InvalidData(
+        f"arrays must follow one convention, got the names {', '.join(map(str, content)) or 'of none'}; known: {conventions}",
+        field="model",
+    )
+
+
+def _of_tuple(arrays: tuple[Any, ...]) -> dict[str, Any]:
+    """Return positional arguments of ``linprog`` or ``milp`` by name."""
+    names = ("c", "A_ub", "b_ub", "A_eq", "b_eq", "bounds")
+    if not 1 <= len(arrays) <= len(names):
+        raise InvalidData(
+            f"a tuple must contain {', '.join(names)} in this order, as the arguments of linprog; got "
+            f"{len(arrays)} entries",
+            field="model",
+        )
+    if len(arrays) > 1 and any(_is_constraint(part) for part in arrays[1:]):
+        raise InvalidData(
+            "a tuple contains arrays: pass LinearConstraint and Bounds by name, as in "
+            '{"c": c, "constraints": LinearConstraint(A, l, u), "bounds": Bounds(lb, ub)}',
+            field="model",
+        )
+    return dict(zip(names, arrays, strict=False))
+
+
+def _is_constraint(value: Any) -> bool:
+    return hasattr(value, "lb") and hasattr(value, "ub")
+
+
+def _vector(name: str, value: Any, size: int | None = None, infinity: int = 0) -> Vector:
+    """Return a vector; `infinity` as in :class:`Array`."""
+    flat = np.asarray(value, dtype=object) if isinstance(value, list | tuple) else value
+    if isinstance(flat, np.ndarray) and flat.ndim == 2 and 1 in flat.shape:  # a column or row
+        value = flat.ravel()
+    result: Vector = Array(("entries",), infinity=infinity).coerce(name, value, {})
+    if size is not None and result.size == 1 and size != 1:
+        result = np.full(size, result[0])
+    if size is not None and result.size != size:
+        raise InvalidData(f"{name} must have {size} entries, got {result.size}", field=name)
+    return result
+
+
+def _matrix(name: str, value: Any, columns: int) -> sp.csr_array:
+    """Return a sparse matrix with the given number of columns; a vector is one row."""
+    if not sp.issparse(value):
+        value = np.atleast_2d(np.asarray(value)) if np.ndim(value) <= 2 else value
+    result = Sparse(("rows", "columns")).coerce(name, value, {})
+    if result.shape[1] != columns:
+        raise InvalidData(f"{name} must have {columns} columns, got {result.shape[1]}", field=name)
+    return result
+
+
+class _Rows:
+    """Rows collected group by group, each group a block."""
+
+    def __init__(self, columns: int) -> None:
+        self.columns, self.start = columns, 0
+        self.matrices: list[sp.csr_array] = []
+        self.lower: list[Vector] = []
+        self.upper: list[Vector] = []
+        self.blocks: list[Block] = []
+
+    def add(self, name: str, matrix: sp.csr_array, lower: Vector, upper: Vector) -> None:
+        self.matrices.append(matrix)
+        self.lower.append(lower)
+        self.upper.append(upper)
+        count = matrix.shape[0]
+        if count:
+            self.blocks.append(Block(name, "", self.start, count))
+        self.start += count
+
+    def pair(self, content: Mapping[str, Any], left: str, right: str, equal: bool) -> None:
+        """Add the rows ``left @ x <= right``, or with ``=``, if they are given."""
+        if (left in content) != (right in content):
+            missing = right if left in content else left
+            raise InvalidData(
+                f"{missing} is missing: {left} and {right} belong together", field=missing
+            )
+        if left not in content:
+            return
+        matrix = _matrix(left, content[left], self.columns)
+        side = _vector(right, content[right], matrix.shape[0], infinity=0 if equal else 1)
+        self.add(left, matrix, side if equal else np.full(side.size, -np.inf), side)
+
+    def fields(self) -> dict[str, Any]:
+        """Return the fields of a program."""
+        empty = [np.empty(0)]
+        matrices = self.matrices or [sp.csr_array((0, self.columns))]
+        return {
+            "matrix": sp.csr_array(sp.vstack(matrices)),
+            "row_lower": np.concatenate(self.lower or empty),
+            "row_upper": np.concatenate(self.upper or empty),
+            "rows": tuple(self.blocks),
+            "columns": (Block("x", "", 0, self.columns),),
+        }
+
+
+def _bounds(value: Any, columns: int) -> tuple[Vector, Vector]:
+    """Return column bounds in any form that ``linprog`` or ``milp`` accepts."""
+    if value is None:
+        return np.zeros(columns), np.full(columns, np.inf)
+    if _is_constraint(value):
+        return (
+            _vector("bounds.lb", value.lb, columns, infinity=-1),
+            _vector("bounds.ub", value.ub, columns, infinity=1),
+        )
+    try:
+        pairs = [tuple(pair) for pair in value] if np.ndim(value[0]) else [tuple(value)]
+    except (TypeError, IndexError):
+        pairs = []
+    if len(pairs) == 1:
+        pairs = pairs * columns
+    if len(pairs) != columns or any(len(pair) != 2 for pair in pairs):
+        raise InvalidData(
+            f"bounds must be Bounds, a pair, or {columns} pairs (lower, upper), got {show(value)}",
+            field="bounds",
+        )
+    low, high = zip(*pairs, strict=True)
+    return (
+        _vector("bounds", [-np.inf if entry is None else entry for entry in low], infinity=-1),
+        _vector("bounds", [np.inf if entry is None else entry for entry in high], infinity=1),
+    )
+
+
+def _of_scipy(content: Mapping[str, Any]) -> RowProgram:
+    """Return the program of the arguments of ``linprog`` or ``milp``."""
+    cost = _vector("c", content["c"])
+    rows = _Rows(cost.size)
+    if "constraints" in content:
+        given = content["constraints"]
+        single = _is_constraint(given) or (
+            isinstance(given, tuple)
+            and len(given) == 3
+            and not _is_constraint(given[0])
+            and np.ndim(given[0]) == 2
+        )
+        for number, entry in enumerate([given] if single else given):
+            name = f"constraints[{number}]"
+            parts = (entry.A, entry.lb, entry.ub) if _is_constraint(entry) else tuple(entry)
+            if len(parts) != 3:
+                raise InvalidData(
+                    f"{name} must be a LinearConstraint or (A, lower, upper), got {show(entry)}",
+                    field=name,
+                )
+            matrix = _matrix(f"{name}.A", parts[0], cost.size)
+            count = matrix.shape[0]
+            rows.add(
+                name, matrix, _vector(f"{name}.lb", parts[1], count, infinity=-1),
+                _vector(f"{name}.ub", parts[2], count, infinity=1),
+            )  # fmt: skip
+    rows.pair(content, "A_ub", "b_ub", equal=False)
+    rows.pair(content, "A_eq", "b_eq", equal=True)
+    low, high = _bounds(content.get("bounds"), cost.size)
+    kinds = _vector("integrality", content.get("integrality", 0.0 * cost), cost.size)
+    if not np.isin(kinds, (0, 1)).all():
+        entry = int(np.flatnonzero(~np.isin(kinds, (0, 1)))[0])
+        raise InvalidData(
+            f"integrality[{entry}] must be 0 or 1, got {kinds[entry]:g}: no program has semi-continuous columns",
+            field="integrality",
+        )
+    return MixedIntegerProgram(
+        cost=cost, column_lower=low, column_upper=high, integral=kinds == 1, **rows.fields()
+    )
+
+
+def _of_osqp(content: Mapping[str, Any]) -> RowProgram:
+    """Return the program of ``P, q, A, l, u, r``."""
+    matrix = content["A"]
+    columns = int(np.shape(content["q"])[0]) if "q" in content else int(np.shape(matrix)[-1])
+    cost = _vector("q", content.get("q", np.zeros(columns)))
+    rows = _Rows(cost.size)
+    body = _matrix("A", matrix, cost.size)
+    low = _vector("l", content["l"], body.shape[0], infinity=-1)
+    high = _vector("u", content["u"], body.shape[0], infinity=1)
+    rows.add("A", body, np.where(low <= -1e20, -np.inf, low), np.where(high >= 1e20, np.inf, high))
+    offset = float(_vector("r", np.ravel(content.get("r", 0.0)), 1)[0])
+    return _quadratic(
+        content, cost, rows, np.full(cost.size, -np.inf), np.full(cost.size, np.inf), offset
+    )
+
+
+def _of_qpsolvers(content: Mapping[str, Any]) -> RowProgram:
+    """Return the program of ``P, q, G, h, A, b, lb, ub``."""
+    cost = _vector("q", content["q"])
+    rows = _Rows(cost.size)
+    rows.pair(content, "G", "h", equal=False)
+    rows.pair(content, "A", "b", equal=True)
+    low = _vector("lb", content.get("lb", np.full(cost.size, -np.inf)), cost.size, infinity=-1)
+    high = _vector("ub", content.get("ub", np.full(cost.size, np.inf)), cost.size, infinity=1)
+    return _quadratic(content, cost, rows, low, high, 0.0)
+
+
+def _quadratic(
+    content: Mapping[str, Any], cost: Vector, rows: _Rows, low: Vector, high: Vector, offset: float
+) -> RowProgram:
+    """Return a quadratic program, or a linear one without a Hessian."""
+    shared: dict[str, Any] = {
+        "cost": cost, "column_lower": low, "column_upper": high, "offset": offset, **rows.fields()
+    }  # fmt: skip
+    hessian = _matrix("P", content["P"], cost.size) if "P" in content else None
+    if hessian is None or not hessian.nnz:
+        return MixedIntegerProgram(**shared, integral=np.zeros(cost.size, bool))
+    if hessian.shape != (cost.size, cost.size):
+        raise InvalidData(
+            f"P must have shape {(cost.size, cost.size)}, got {hessian.shape}", field="P"
+        )
+    lower = sp.tril(hessian, -1)
+    if not lower.nnz and sp.triu(hessian, 1).nnz:  # OSQP stores the upper triangle
+        hessian = hessian + sp.triu(hessian, 1).T
+    program = QuadraticProgram(**shared, hessian=hessian)
+    program.require_convex()
+    return program
+
+
+_READERS = {
+    "scipy.optimize.milp": _of_scipy,
+    "scipy.optimize.linprog": _of_scipy,
+    "OSQP": _of_osqp,
+    "qpsolvers": _of_qpsolvers,
+}
+
+
+def program_of_qpsolvers(problem: qpsolvers.Problem) -> RowProgram:
+    """Return the program of a ``qpsolvers.Problem``.
+
+    Parameters
+    ----------
+    problem : qpsolvers.Problem
+        The problem.
+
+    Returns
+    -------
+    QuadraticProgram or MixedIntegerProgram
+        A linear program if the Hessian is zero.
+
+    Raises
+    ------
+    InvalidData
+        An array has another shape, is not finite, or the Hessian is not positive semidefinite.
+    """
+    names = ("P", "q", "G", "h", "A", "b", "lb", "ub")
+    missing = [name for name in names if not hasattr(problem, name)]
+    if missing:
+        raise InvalidData(
+            f"model must be a qpsolvers.Problem, got {type(problem).__name__} without {', '.join(missing)}",
+            field="model",
+        )
+    program = program_of_arrays({name: getattr(problem, name) for name in names})
+    return program.with_source(Source(problem, lambda plan: {"x": np.array(plan)}))
+
+
+def read_mat(path: Path) -> RowProgram:
+    """Return the program in a MATLAB file with ``P, q, A, l, u, r`` in OSQP's convention."""
+    from scipy.io import loadmat
+
+    raw = read_raw(path)
+    try:
+        content = loadmat(io.BytesIO(raw), squeeze_me=False)
+    except Exception as error:  # SciPy raises many types for damaged files
+        raise InvalidData(f"{path}: not a MATLAB file up to version 7: {error}") from None
+    content = {name: value for name, value in content.items() if not name.startswith("__")}
+    dimensions = [content.pop(name, None) for name in ("n", "m")]  # some files state the sizes
+    return _of_file(path, content, dimensions)
+
+
+def read_npz(path: Path) -> RowProgram:
+    """Return the program in a NumPy archive with arrays of one convention; sparse ones in parts.
+
+    A sparse matrix `A` consists of ``A_data, A_indices, A_indptr, A_shape`` in compressed rows.
+    """
+    raw = read_raw(path)
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            if sum(item.file_size for item in archive.infolist()) > _LARGEST:
+                raise InvalidData(f"{path}: more than {_LARGEST} bytes after decompression")
+        with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
+            content: dict[str, Any] = {name: arrays[name] for name in arrays.files}
+        for name in {key.removesuffix("_indptr") for key in content if key.endswith("_indptr")}:
+            parts = [
+                content.pop(f"{name}_{part}") for part in ("data", "indices", "indptr", "shape")
+            ]
+            data, indices, indptr, shape = parts
+            matrix = sp.csr_array((data, indices, indptr), shape=tuple(np.ravel(shape).tolist()))
+            matrix.check_format()
+            content[name] = matrix
+    except InvalidData:
+        raise
+    except Exception as error:  # NumPy and SciPy raise many types for damaged files
+        raise InvalidData(f"{path}: not an archive of arrays: {error}") from None
+    return _of_file(path, content, [])
+
+
+def _of_file(path: Path, content: dict[str, Any], sizes: list[Any]) -> RowProgram:
+    try:
+        return program_of_arrays(content)
+    except InvalidData as error:
+        raise InvalidData(f"{path}: {error}", field=error.field) from None

@@ -1,0 +1,226 @@
+"""Programs from CasADi: ``Opti`` and mappings of expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import InvalidData, suggestion
+from ...fields import Array, show
+from ..blocks import Block
+from ..compiled import require_casadi
+from ..nonlinear import NonlinearProgram
+from .link import Source
+
+if TYPE_CHECKING:
+    import casadi
+
+__all__ = ["program_of_expressions", "program_of_opti"]
+
+Vector = NDArray[np.float64]
+
+_KNOWN = ("x", "f", "g", "p", "lbx", "ubx", "lbg", "ubg", "x0", "p0", "discrete")
+
+
+def program_of_expressions(problem: Mapping[str, Any]) -> NonlinearProgram:
+    """Return the program of CasADi expressions.
+
+    Parameters
+    ----------
+    problem : mapping
+        As for ``casadi.nlpsol``: the symbols ``x``, the objective ``f``, and optionally the constraints
+        ``g`` and the symbols ``p`` of parameters. The bounds ``lbx, ubx, lbg, ubg`` (numbers or vectors;
+        infinite by default), the guess ``x0`` (default 0), the values ``p0`` of the parameters and
+        ``discrete``, one Boolean per column that must be an integer, complete it.
+
+    Returns
+    -------
+    NonlinearProgram
+        The program with the column block ``"x"``.
+
+    Raises
+    ------
+    InvalidData
+        A name is unknown or missing, a shape differs, or the expressions contain other symbols.
+    """
+    require_casadi("a mapping with the key 'f'")
+    import casadi
+
+    for name in problem:
+        if name not in _KNOWN:
+            raise InvalidData(
+                f"unknown key {show(name)} in a program of expressions; {suggestion(str(name), _KNOWN)}"
+                f"allowed: {', '.join(_KNOWN)}",
+                field=str(name),
+            )
+    symbols: dict[str, Any] = {}
+    for name in ("x", "f", "g", "p"):
+        value = problem.get(name)
+        if value is None and name in ("x", "f"):
+            raise InvalidData(
+                f"{name} is missing: a program of expressions has x and f", field=name
+            )
+        if value is not None and not isinstance(value, casadi.MX | casadi.SX):
+            if name in ("x", "p") or not isinstance(value, int | float | casadi.DM):
+                raise InvalidData(
+                    f"{name} must be a casadi.MX or casadi.SX, got {show(value)}", field=name
+                )
+        symbols[name] = value
+    kind: Any = type(symbols["x"])
+    x, f = symbols["x"], kind(symbols["f"])
+    g = kind(0, 1) if symbols["g"] is None else casadi.vec(kind(symbols["g"]))
+    p = kind(0, 1) if symbols["p"] is None else symbols["p"]
+    if not x.is_valid_input() or x.size2() != 1:
+        raise InvalidData(
+            f"x must be a column of symbols, got {x.size1()} x {x.size2()}", field="x"
+        )
+    if not f.is_scalar():
+        raise InvalidData(f"f must be a number, got shape {f.shape}", field="f")
+    try:
+        function = casadi.Function(
+            "program", [x, p], [casadi.densify(f), casadi.densify(g)], ["x", "p"], ["f", "g"]
+        )
+    except RuntimeError as error:
+        raise InvalidData(
+            f"f and g must depend on x and p only: {_reason(error)}", field="g"
+        ) from None
+    parameters = _values("p0", problem.get("p0"), p.numel(), None)
+    program = _program(
+        function, parameters, x.numel(), g.numel(),
+        {name: problem.get(name) for name in ("lbx", "ubx", "lbg", "ubg", "x0")},
+        (Block("x", "", 0, x.numel()),), problem.get("discrete"),
+    )  # fmt: skip
+    return program.with_source(Source(problem, lambda plan: {"x": np.array(plan)}))
+
+
+def _reason(error: Exception) -> str:
+    """Return the last line of an error of CasADi, which names the cause."""
+    return str(error).strip().splitlines()[-1]
+
+
+def _values(name: str, value: Any, size: int, default: float | None, infinity: int = 0) -> Vector:
+    """Return a vector of values; a number applies to all entries."""
+    import casadi
+
+    if value is None:
+        if default is None and size:
+            raise InvalidData(f"{name} is missing: {size} parameters need values", field=name)
+        return np.full(size, 0.0 if default is None else default)
+    if isinstance(value, casadi.DM):
+        value = np.array(value).ravel(order="F")
+    if np.ndim(value) == 0:
+        value = np.full(size, value)
+    result: Vector = Array(("entries",), infinity=infinity).coerce(name, np.ravel(value), {})
+    if result.size != size:
+        raise InvalidData(f"{name} must have {size} entries, got {result.size}", field=name)
+    return result
+
+
+def _program(
+    function: Any,
+    parameters: Vector,
+    columns: int,
+    rows: int,
+    data: Mapping[str, Any],
+    blocks: tuple[Block, ...],
+    discrete: Any,
+) -> NonlinearProgram:
+    """Return the program of a function of the columns and parameters."""
+    import casadi
+
+    symbols = casadi.MX.sym("x", columns)
+    f, g = function(symbols, parameters)
+    return NonlinearProgram(
+        function=casadi.Function("program", [symbols], [f, g], ["x"], ["f", "g"]),
+        row_lower=_values("lbg", data["lbg"], rows, -np.inf, -1),
+        row_upper=_values("ubg", data["ubg"], rows, np.inf, 1),
+        column_lower=_values("lbx", data["lbx"], columns, -np.inf, -1),
+        column_upper=_values("ubx", data["ubx"], columns, np.inf, 1),
+        guess=_values("x0", data["x0"], columns, 0.0),
+        columns=blocks,
+        integral=discrete,
+    )
+
+
+def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
+    """Return the program of a ``casadi.Opti``, with the present values of its parameters.
+
+    Parameters
+    ----------
+    opti : casadi.Opti
+        The problem; its initial values are the guess. No solver needs to be chosen.
+
+    Returns
+    -------
+    NonlinearProgram
+        The program. Its column blocks are the variables in the order of their declaration.
+        :meth:`.Solution.assign` sets the initial values of `opti` to the plan, so that
+        ``opti.value(expression, opti.initial())`` evaluates it.
+
+    Raises
+    ------
+    InvalidData
+        The object is not an ``Opti``, a parameter has no value, or there are no variables.
+    """
+    import casadi
+
+    if not isinstance(opti, casadi.Opti):
+        raise InvalidData(
+            f"model must be a casadi.Opti or a mapping of expressions, got {type(opti).__name__}",
+            field="model",
+        )
+    x, p = opti.x, opti.p
+    if not x.numel():
+        raise InvalidData("the Opti must have a variable, but it has none", field="model")
+    # The canonical form of a copy, because it fixes the set of constraints.
+    present = opti.debug
+    try:
+        parameters = (
+            np.array(present.value(p, opti.initial())).ravel() if p.numel() else np.empty(0)
+        )
+    except RuntimeError as error:
+        raise InvalidData(
+            f"each parameter must have a value: {_reason(error)}", field="p"
+        ) from None
+    if not np.isfinite(parameters).all():
+        raise InvalidData("each parameter must have a finite value: use opti.set_value", field="p")
+    guess = np.array(present.value(x, opti.initial())).ravel()
+    lower, upper = casadi.Function("bounds", [p], [opti.lbg, opti.ubg])(parameters)
+    function = casadi.Function(
+        "program", [x, p], [casadi.densify(opti.f), casadi.densify(opti.g)], ["x", "p"], ["f", "g"]
+    )
+    shapes = [symbol.shape for symbol in casadi.symvar(x)]
+    blocks: list[Block] = []
+    start = 0
+    for number, shape in enumerate(shapes):
+        size = shape[0] * shape[1]
+        if size:
+            blocks.append(Block(f"variable {number}", "", start, size))
+        start += size
+    discrete = np.concatenate(
+        [
+            np.full(s.numel(), bool(getattr(present.get_meta(s), "domain", 0)))
+            for s in casadi.symvar(x)
+        ]
+    )
+    program = _program(
+        function, parameters, x.numel(), opti.g.numel(),
+        {"lbg": lower, "ubg": upper, "lbx": None, "ubx": None, "x0": guess},
+        tuple(blocks), discrete,
+    )  # fmt: skip
+
+    def values(plan: Vector) -> dict[str, Any]:
+        parts = {}
+        for block, shape in zip(program.columns, [s for s in shapes if s[0] * s[1]], strict=True):
+            parts[block.name] = np.array(plan[block.slice]).reshape(shape, order="F")
+        return parts
+
+    def assign(plan: Vector, duals: Vector | None, objective: float) -> None:
+        opti.set_initial(x, plan)
+        if duals is not None and duals.size == opti.lam_g.numel():
+            opti.set_initial(opti.lam_g, -duals)
+
+    return program.with_source(Source(opti, values, assign))

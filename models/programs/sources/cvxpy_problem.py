@@ -1,0 +1,343 @@
+"""Programs from problems of CVXPY, through its own reductions."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ....errors import InvalidData, UnsupportedFormulation
+from ..base import RowProgram
+from ..blocks import Block
+from ..cones import ConeBlock, ConeKind
+from ..conic import ConicProgram
+from ..linear import MixedIntegerProgram, QuadraticProgram
+from .link import Source
+
+if TYPE_CHECKING:
+    import cvxpy
+
+__all__ = ["program_of_problem"]
+
+Vector = NDArray[np.float64]
+
+#: Kinds of cones by the classes of CVXPY's constraints.
+_KINDS = {
+    "SOC": ConeKind.SECOND_ORDER,
+    "ExpCone": ConeKind.EXPONENTIAL,
+    "SvecPSD": ConeKind.SEMIDEFINITE,
+}
+#: Longest text of a constraint that names its rows.
+_LONGEST = 60
+
+
+def program_of_problem(problem: cvxpy.Problem) -> RowProgram:
+    """Return the program of a ``cvxpy.Problem``.
+
+    CVXPY reduces the problem to its standard form with cones, in which parameters have their present
+    values. The rows of each constraint form a block with its label, or its text if it has none. Rows that
+    CVXPY adds for the graphs of functions form the blocks ``"auxiliary 1"`` and so on.
+
+    Parameters
+    ----------
+    problem : cvxpy.Problem
+        The problem.
+
+    Returns
+    -------
+    MixedIntegerProgram, QuadraticProgram or ConicProgram
+        A linear, quadratic or conic program. A maximisation is negated and marked by `maximise`.
+
+    Raises
+    ------
+    InvalidData
+        A parameter has no value, the data are not finite, or the problem has no variables.
+    UnsupportedFormulation
+        The problem is not disciplined convex, or contains a cone or a combination of integers and cones
+        without a program here.
+    """
+    import cvxpy
+
+    cp: Any = cvxpy  # its functions have no types
+    if not isinstance(problem, cp.Problem):
+        raise InvalidData(
+            f"model must be a cvxpy.Problem, got {type(problem).__name__}: build "
+            "cvxpy.Problem(objective, constraints)",
+            field="model",
+        )
+    if not problem.variables():
+        raise InvalidData("problem must have a variable, but it has none", field="model")
+    for parameter in problem.parameters():
+        if parameter.value is None:
+            raise InvalidData(
+                f"parameter {parameter.name()} must have a value, but it has none",
+                field="parameters",
+            )
+    if not problem.is_dcp():
+        raise UnsupportedFormulation(
+            f"the problem is not disciplined convex: {_first_violation(problem)}"
+        )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            data, chain, inverse = problem.get_problem_data(_form())
+    except (cp.SolverError, cp.error.DCPError, cp.error.DPPError, ValueError) as error:
+        what = "integers together with cones" if problem.is_mixed_integer() else "a cone"
+        raise UnsupportedFormulation(
+            f"the problem has {what} without a program here: {_first_line(error)}"
+        ) from error
+    return _Standard(problem, data, chain, inverse).program()
+
+
+@cache
+def _form() -> Any:
+    """Return the description of the standard form for CVXPY: a solver that only defines it."""
+    from cvxpy import constraints
+    from cvxpy.reductions.solvers.conic_solvers.conic_solver import ConicSolver
+    from cvxpy.utilities.psd_utils import TriangleKind
+
+    base: Any = ConicSolver
+    kinds: Any = constraints
+    linear = base.SUPPORTED_CONSTRAINTS
+
+    class Form(base):  # type: ignore[misc]
+        MIP_CAPABLE = True
+        BOUNDED_VARIABLES = True
+        SUPPORTED_CONSTRAINTS = [*linear, kinds.SOC, kinds.ExpCone, kinds.SvecPSD]
+        MI_SUPPORTED_CONSTRAINTS = linear
+        PSD_TRIANGLE_KIND = TriangleKind.UPPER
+        PSD_SQRT2_SCALING = True
+        EXP_CONE_ORDER = [0, 1, 2]
+
+        def name(self) -> str:
+            return "CROSSTRACK"
+
+        def import_solver(self) -> None:
+            pass
+
+        def supports_quad_obj(self) -> bool:
+            return True
+
+        def invert(self, solution: Any, inverse_data: Any) -> Any:
+            return solution
+
+        def solve_via_data(self, *arguments: Any, **options: Any) -> Any:
+            raise NotImplementedError("the form is solved by crosstrack.solve")
+
+        def cite(self, data: Any) -> str:
+            return ""
+
+    return Form()
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().partition("\n")[0]
+
+
+def _first_violation(problem: Any) -> str:
+    """Return the innermost expression that violates the rules, or the part that contains it."""
+    for part in (problem.objective, *problem.constraints):
+        if part.is_dcp():
+            continue
+        expressions = list(part.args)
+        while expressions:
+            entry = expressions.pop()
+            if not entry.is_dcp():
+                inner = [argument for argument in entry.args if not argument.is_dcp()]
+                if not inner:
+                    return (
+                        f"{entry.name() if hasattr(entry, 'name') else entry} in {_shortened(part)}"
+                    )
+                expressions = inner
+        return _shortened(part)
+    return "its expressions"
+
+
+def _shortened(part: Any) -> str:
+    text = " ".join(str(part).split())
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+
+
+class _Standard:
+    """Standard form of a problem: minimise ``x P x / 2 + c x + offset`` with ``b - A x`` in the cones.
+
+    Parameters
+    ----------
+    problem : cvxpy.Problem
+        The problem.
+    data, chain, inverse
+        Result of ``problem.get_problem_data``.
+    """
+
+    def __init__(self, problem: Any, data: Any, chain: Any, inverse: Any) -> None:
+        self.problem, self.data, self.chain, self.inverse = problem, data, chain, inverse
+        dims = data["dims"]
+        self.zero, self.linear = dims.zero, dims.zero + dims.nonneg
+        last = inverse[-1]
+        self.constraints = [*last["eq_constr"], *last["other_constr"]]
+        self.names = self._names()
+
+    def program(self) -> RowProgram:
+        """Return the program."""
+        import cvxpy
+
+        rows = sp.csr_array(self.data["A"])
+        offset = np.asarray(self.data["b"], float)
+        cost = np.asarray(self.data["c"], float).reshape(-1)
+        hessian = self.data.get("P")
+        lower, upper = offset[: self.linear].copy(), offset[: self.linear]
+        lower[self.zero :] = -np.inf
+        integral = np.zeros(cost.size, bool)
+        integral[[*self._indices("boolean_idx"), *self._indices("integer_idx")]] = True
+        low, high = self._bounds(cost.size)
+        rows_of, cones = self._blocks()
+        shared: dict[str, Any] = {
+            "cost": cost,
+            "matrix": rows[: self.linear],
+            "row_lower": lower,
+            "row_upper": upper,
+            "column_lower": low,
+            "column_upper": high,
+            "offset": float(self.inverse[-1]["offset"]),
+            "rows": rows_of,
+            "columns": self._columns(cost.size),
+            "maximise": isinstance(self.problem.objective, cvxpy.Maximize),
+        }
+        result: RowProgram
+        is_quadratic = hessian is not None and hessian.nnz > 0
+        if cones:
+            result = ConicProgram(
+                **shared, hessian=hessian if is_quadratic else None, cones=cones,
+                cone_matrix=-rows[self.linear :], cone_offset=offset[self.linear :],
+            )  # fmt: skip
+        elif is_quadratic:
+            result = QuadraticProgram(**shared, hessian=hessian, integral=integral)
+        else:
+            result = MixedIntegerProgram(**shared, integral=integral)
+        return result.with_source(Source(self.problem, self.values, self.assign))
+
+    def _indices(self, name: str) -> list[int]:
+        return [int(entry[0]) for entry in getattr(self.data["param_prob"].x, name)]
+
+    def _bounds(self, size: int) -> tuple[Vector, Vector]:
+        """Return the column bounds: the attributes of variables, and 0 and 1 for Boolean ones."""
+        low, high = np.full(size, -np.inf), np.full(size, np.inf)
+        for bound, key in ((low, "lower_bounds"), (high, "upper_bounds")):
+            if self.data.get(key) is not None:
+                bound[:] = self.data[key]
+        binary = self._indices("boolean_idx")
+        low[binary] = np.maximum(low[binary], 0.0)
+        high[binary] = np.minimum(high[binary], 1.0)
+        return low, high
+
+    def _names(self) -> dict[int, str]:
+        """Return the names of the user's constraints by the number of the reduced constraint."""
+        names: dict[int, str] = {}
+        for number, constraint in enumerate(self.problem.constraints):
+            reduced = constraint.id
+            for entry in self.inverse:
+                reduced = (getattr(entry, "cons_id_map", None) or {}).get(reduced, reduced)
+            label = getattr(constraint, "label", None)
+            name = label or _shortened(constraint)
+            names[reduced] = f"{name} (constraint {number})" if name in names.values() else name
+        return names
+
+    def _blocks(self) -> tuple[tuple[Block, ...], tuple[ConeBlock, ...]]:
+        """Return the blocks of the rows and of the cones, named by the user's constraints."""
+        rows: list[Block] = []
+        cones: list[ConeBlock] = []
+        place = added = 0
+        for constraint in self.constraints:
+            if constraint.id in self.names:
+                name = self.names[constraint.id]
+            else:
+                added += 1
+                name = f"auxiliary {added}"
+            kind = type(constraint).__name__
+            if kind in ("Zero", "NonNeg"):
+                if constraint.size:
+                    rows.append(Block(name, "", place, constraint.size))
+                place += constraint.size
+                continue
+            for part, (dimension, count) in enumerate(_runs(constraint.cone_sizes(), kind)):
+                cones.append(
+                    ConeBlock(
+                        f"{name} (part {part + 1})" if part else name, "", place - self.linear,
+                        dimension * count, kind=_KINDS[kind], dimension=dimension,
+                    )
+                )  # fmt: skip
+                place += dimension * count
+        return tuple(rows), tuple(cones)
+
+    def _columns(self, size: int) -> tuple[Block, ...]:
+        """Return the blocks of the columns, named by variables; those that CVXPY added are auxiliary."""
+        standard = self.inverse[-2]
+        known = {variable.id: variable for variable in self.problem.variables()}
+        blocks: list[Block] = []
+        taken: set[str] = set()
+        for number, (start, count) in sorted(standard.id_map.items(), key=lambda item: item[1]):
+            if not count:
+                continue
+            variable = known.get(number)
+            name = f"auxiliary column {start}" if variable is None else variable.name()
+            name = f"{name} ({number})" if name in taken else name
+            taken.add(name)
+            blocks.append(Block(name, "", start, count, *_places(variable, name, count)))
+        return tuple(blocks)
+
+    def _inverted(self, plan: Vector, duals: Vector | None, objective: float) -> Any:
+        """Return the solution of the user's problem in CVXPY's form."""
+        import cvxpy
+        from cvxpy.reductions.solution import Solution
+        from cvxpy.reductions.solvers import utilities
+
+        values: dict[int, Any] = {}
+        if duals is not None and duals.size == len(self.data["b"]):
+            signed = np.concatenate([-duals[: self.linear], duals[self.linear :]])
+            values = utilities.get_dual_values(
+                signed, utilities.extract_dual_value, self.constraints
+            )
+        minimised = -objective if isinstance(self.problem.objective, cvxpy.Maximize) else objective
+        variable = self.inverse[-1]["var_id"]
+        solution = Solution("optimal", minimised, {variable: np.array(plan)}, values, {})
+        for reduction, entry in zip(
+            reversed(self.chain.reductions[:-1]), reversed(self.inverse[:-1]), strict=True
+        ):
+            solution = reduction.invert(solution, entry)
+        return solution
+
+    def values(self, plan: Vector) -> dict[str, Any]:
+        """Return the values of the variables by name."""
+        solution = self._inverted(plan, None, 0.0)
+        return {v.name(): solution.primal_vars[v.id] for v in self.problem.variables()}
+
+    def assign(self, plan: Vector, duals: Vector | None, objective: float) -> None:
+        """Set the variables, the dual values of the constraints, and the value of the problem."""
+        self.problem.unpack(self._inverted(plan, duals, objective))
+
+
+def _runs(sizes: Sequence[int], kind: str) -> list[tuple[int, int]]:
+    """Return the dimensions of consecutive cones with their counts."""
+    result: list[tuple[int, int]] = []
+    for size in map(int, sizes):
+        dimension = size * (size + 1) // 2 if kind == "SvecPSD" else size
+        if result and result[-1][0] == dimension:
+            result[-1] = (dimension, result[-1][1] + 1)
+        else:
+            result.append((dimension, 1))
+    return result
+
+
+def _places(variable: Any, name: str, count: int) -> tuple[Any, ...]:
+    """Return the template and index of the entries of a variable, such as ``x[1, 2]``."""
+    shape = () if variable is None else variable.shape
+    if not shape or int(np.prod(shape)) != count:  # reduced, such as a symmetric matrix
+        return ()
+    index = np.column_stack(np.unravel_index(np.arange(count), shape, order="F"))
+    fields = ", ".join(f"{{{axis}}}" for axis in range(len(shape)))
+    return name.replace("{", "{{").replace("}", "}}") + f"[{fields}]", index
