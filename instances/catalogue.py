@@ -295,7 +295,7 @@ def load(
         if match is None and ("\0" in source or not Path(source).exists()):
             raise UnknownName("instance (and there is no such file)", source, _all())
     from ..files import as_path
-    from ..models.programs.sources.conversion import read_program, suffix_of
+    from .programs.reading import read_program, suffix_of
     from .storage import model_of_table, read_model
 
     file = as_path(source)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnknownName
 from ..fields import Array, Flag, Whole
 from ..model import Model
+from ..problems import resolve
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .blocks import Block, without
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 __all__ = ["BlockProgram", "Program", "RowProgram", "row_sizes"]
 
 Vector = NDArray[np.float64]
+
+#: Function that proves bounds of programs, which imports the classes of programs.
+_PROVEN = ".models.programs.certificates:proven"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,6 +76,11 @@ class Program(Model[Vector]):
         """Return the same program under another name."""
         result = super().renamed(name)
         return result if self.source is None else result.with_source(self.source)
+
+    def proven(self, bound: float, duals: Any, plan: Vector | None) -> tuple[float, str]:
+        """Return a lower bound and the kind of its proof; see :meth:`.Model.proven`."""
+        result: tuple[float, str] = resolve(_PROVEN)(self, bound, duals, plan)
+        return result
 
     def values_of(self, plan: Vector) -> dict[str, Any]:
         """Return the values of the columns by the names of their author.
@@ -287,6 +296,14 @@ class RowProgram(BlockProgram):
         offset: float
 
     kind: ClassVar[str] = "linearly-constrained-program"
+
+    def shared(self) -> dict[str, Any]:
+        """Return the fields that all programs with linear rows have, by name."""
+        names = (
+            *("cost", "matrix", "row_lower", "row_upper", "column_lower", "column_upper", "offset"),
+            *("columns", "rows", "name", "maximise"),
+        )
+        return {name: getattr(self, name) for name in names}
 
     @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:

@@ -20,15 +20,17 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
-from .base import RowProgram, row_sizes
+from .base import Program, RowProgram, row_sizes
 from .linear import MixedIntegerProgram, QuadraticProgram
 
-__all__ = ["Proof", "exact_verification", "safe_bound"]
+__all__ = ["Proof", "exact_verification", "proven", "rational_bound", "safe_bound", "tightened"]
 
 Vector = NDArray[np.float64]
 
 #: Unit roundoff, and a term for underflow.
 ROUNDOFF, TINY = np.finfo(float).eps / 2.0, 1e-300
+#: Loss of a safe bound against a solver's bound that is accepted for its proof, relative.
+CLOSE = 1e-9
 #: Largest number of free columns whose multipliers are corrected with a dense inverse.
 LARGEST_CORRECTION = 1500
 
@@ -174,6 +176,34 @@ def rational_bound(
                 return None
             total += factor * Fraction(side) if factor else 0
     return total
+
+
+def proven(
+    program: Program, bound: float, duals: Vector | None, plan: Vector | None
+) -> tuple[float, str]:
+    """Return the safe bound of multipliers if it is as good as a solver's bound, else the latter.
+
+    Parameters
+    ----------
+    program : Program
+        The program.
+    bound : float
+        Bound that a solver states.
+    duals : ndarray, shape (m,), optional
+        Row multipliers.
+    plan : ndarray, shape (n,), optional
+        Column vector of the same run.
+
+    Returns
+    -------
+    float, str
+        The bound and a value of :class:`Proof`.
+    """
+    if duals is not None and isinstance(program, MixedIntegerProgram | QuadraticProgram):
+        safe = safe_bound(program, duals, plan)
+        if safe >= bound - CLOSE * max(1.0, abs(bound)):
+            return safe, str(Proof.SAFE)
+    return bound, str(Proof.CLAIMED)
 
 
 def _tangent(

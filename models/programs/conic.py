@@ -117,8 +117,7 @@ class ConicProgram(RowProgram):
     @cached_property
     def quadratic(self) -> QuadraticProgram:
         """The program without its cones."""
-        fields = (name for name, _ in QuadraticProgram._specs() if name != "integral")
-        return QuadraticProgram(**{name: getattr(self, name) for name in fields})
+        return QuadraticProgram(hessian=self.hessian, **self.shared())
 
     @property
     def conditions(self) -> tuple[Block, ...]:

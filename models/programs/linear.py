@@ -107,9 +107,7 @@ class MixedIntegerProgram(RowProgram):
         """Return a linear program as a quadratic one, for solvers of those; None if a column is integral."""
         if not self.continuous:
             return None
-        fields = (*(field for field, _ in self._specs() if field != "integral"), "name")
-        shared = {field: getattr(self, field) for field in dict.fromkeys(fields)}
-        return QuadraticProgram(hessian=sp.csr_array((self.size, self.size)), **shared)
+        return QuadraticProgram(hessian=sp.csr_array((self.size, self.size)), **self.shared())
 
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
         """Return the Lagrangian lower bound that row multipliers prove.

@@ -50,7 +50,8 @@ def conic(cost: Sequence[float], cones: Sequence[Cone], **others: Any) -> ConicP
         cone_matrix=sp.csr_array(np.vstack([np.zeros((0, size)), *rows])),
         cone_offset=np.concatenate([np.zeros(0), *(offset for _, _, offset in cones)]),
         cones=tuple(blocks),
-        **{name: getattr(program, name) for name, _ in program._specs()},
+        hessian=program.hessian,
+        **program.shared(),
     )
 
 

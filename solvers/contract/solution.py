@@ -172,6 +172,10 @@ class Solution(Generic[PlanT]):
         process was warm.
     maximise : bool
         Whether the author of the model maximises the negated objective; see :attr:`value`.
+    proof : str
+        Kind of evidence for `dual_bound`, for programs: a value of
+        :class:`~crosstrack.models.programs.certificates.Proof`; empty for other models and without a
+        bound.
     source : Model, optional
         The model, for :attr:`values` and :meth:`assign`; None in records loaded without it.
     stored_plan : object
@@ -208,6 +212,7 @@ class Solution(Generic[PlanT]):
     history: tuple[Mapping[str, Any], ...] = ()
     environment: Mapping[str, Any] = field(default_factory=dict)
     maximise: bool = False
+    proof: str = ""
     source: Any = field(default=None, repr=False)
 
     @cached_property
@@ -452,7 +457,8 @@ class Solution(Generic[PlanT]):
         if self.primal_bound is not None:
             parts.append(f"objective {self.value:.10g}{self._remark(' ({})')}")
         if self.dual_bound is not None:
-            parts.append(f"bound {self.bound:.10g}")
+            kind = f" ({self.proof})" if self.proof else ""
+            parts.append(f"bound {self.bound:.10g}{kind}")
         if self.gap is not None:
             parts.append(f"gap {self.gap:.2g}")
         if "solve" in self.seconds:

@@ -170,6 +170,9 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     elif termination is Termination.OPTIMAL:
         messages.append("claims optimal, which nothing proves")
         termination = Termination.FEASIBLE
+    proof = ""
+    if dual is not None:
+        dual, proof = model.proven(dual, claim.duals, plan)
     if primal is not None and dual is not None:
         assert verification is not None
         dual = without_rounding(dual, verification, job.verification_tolerance)
@@ -211,6 +214,7 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         rejected_plan=rejected,
         duals=None if plan is None else _read_only(claim.duals),
         maximise=model.maximise,
+        proof=proof,
         source=model,
         history=claim.history,
     )

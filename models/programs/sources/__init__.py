@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from ....lazy import attach
 
 if TYPE_CHECKING:
-    from .conversion import program_of as program_of, read_program as read_program
+    from .conversion import program_of as program_of
     from .link import Source as Source
 
 __getattr__, __dir__, __all__ = attach(
-    __name__, {"conversion": ("program_of", "read_program"), "link": ("Source",)}
+    __name__, {"conversion": ("program_of",), "link": ("Source",)}
 )

@@ -1,51 +1,33 @@
-"""Conversion of objects of other libraries, of arrays and of files to programs."""
+"""Conversion of objects of other libraries and of arrays to programs."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from ....errors import InvalidData
 from ...problems import resolve
 from ..base import Program
 
-__all__ = ["FILES", "OBJECTS", "is_convertible", "program_of", "read_program"]
+__all__ = ["OBJECTS", "converted", "program_of"]
 
 #: Functions that return the program of an object, by the first part of its type's module.
 OBJECTS = {
     "casadi": ".models.programs.sources.casadi_problem:program_of_opti",
     "cvxpy": ".models.programs.sources.cvxpy_problem:program_of_problem",
-    "gurobipy": ".models.programs.sources.libraries:program_of_gurobi",
-    "linopy": ".models.programs.sources.libraries:program_of_linopy",
-    "ortools": ".models.programs.sources.libraries:program_of_mathopt",
-    "pulp": ".models.programs.sources.libraries:program_of_pulp",
-    "pyomo": ".models.programs.sources.libraries:program_of_pyomo",
+    "gurobipy": ".instances.programs.libraries:program_of_gurobi",
+    "linopy": ".instances.programs.libraries:program_of_linopy",
+    "ortools": ".instances.programs.libraries:program_of_mathopt",
+    "pulp": ".instances.programs.libraries:program_of_pulp",
+    "pyomo": ".instances.programs.libraries:program_of_pyomo",
     "qpsolvers": ".models.programs.sources.arrays:program_of_qpsolvers",
 }
 
-#: Functions that return the program in a file, by suffix; each may be followed by ``.gz``.
-FILES = {
-    ".cbf": ".models.programs.sources.cbf:read_cbf",
-    ".lp": ".models.programs.sources.highs_files:read_lp",
-    ".mat": ".models.programs.sources.arrays:read_mat",
-    ".mps": ".models.programs.sources.highs_files:read_mps",
-    ".nl": ".models.programs.sources.nl_file:read_nl",
-    ".npz": ".models.programs.sources.arrays:read_npz",
-    ".qplib": ".models.programs.sources.qplib:read_qplib",
-}
 
-#: Formats that no reader supports, with the way around.
-_UNREAD = {
-    ".osil": "OSiL files have no maintained Python reader: convert the file to .nl or .mps",
-    ".sif": "SIF files contain Fortran code: convert the file to .nl or .mps",
-}
-
-
-def is_convertible(value: Any) -> bool:
-    """Return True if :func:`program_of` may convert `value`, without importing another library."""
-    return _root(value) in OBJECTS or isinstance(value, Mapping | tuple)
+def converted(value: Any) -> Program | None:
+    """Return the program of an object if its type is known to :func:`program_of`, else None."""
+    known = _root(value) in OBJECTS or isinstance(value, Mapping | tuple)
+    return program_of(value) if known else None
 
 
 def program_of(value: Any) -> Program:
@@ -100,35 +82,3 @@ def _root(value: Any) -> str:
         if name in OBJECTS:
             return name
     return ""
-
-
-def suffix_of(path: str | os.PathLike[str]) -> str:
-    """Return the suffix of a file of a program, without ``.gz``; empty for other files."""
-    file = Path(path)
-    name = file.stem if file.suffix.casefold() == ".gz" else file.name
-    suffix = Path(name).suffix.casefold()
-    return suffix if suffix in FILES or suffix in _UNREAD else ""
-
-
-def read_program(path: str | os.PathLike[str]) -> Program:
-    """Return the program in a file, named after the file.
-
-    Parameters
-    ----------
-    path : str or path-like
-        File with a suffix in :data:`FILES`, optionally followed by ``.gz``.
-
-    Raises
-    ------
-    InvalidData
-        The file cannot be read, or has content that no program can express; the message names the
-        line or section.
-    UnsupportedFormulation
-        No reader supports the format.
-    """
-    suffix = suffix_of(path)
-    if suffix not in FILES:
-        raise InvalidData(_UNREAD.get(suffix, f"{path}: unknown format of programs"), field="path")
-    file = Path(path)
-    program: Program = resolve(FILES[suffix])(file)
-    return program if program.name else program.renamed(file.name.partition(".")[0])

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ....errors import InvalidData
-from ..base import RowProgram
-from ..blocks import Block
-from ..linear import MixedIntegerProgram, QuadraticProgram
+from ...errors import InvalidData
+from ...models.programs.base import RowProgram
+from ...models.programs.blocks import Block
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from .apart import read_apart
 from .compressed import read_raw
 

@@ -7,8 +7,8 @@ import io
 import zlib
 from pathlib import Path
 
-from ....errors import InvalidData
-from ....files import LARGEST_FILE, decoded, read_bytes
+from ...errors import InvalidData
+from ...files import LARGEST_FILE, decoded, read_bytes
 
 __all__ = ["read_lines", "read_raw"]
 

@@ -1,6 +1,6 @@
 """Reading of files with native libraries in a separate process, because damaged files can crash them.
 
-``python -m crosstrack.models.programs.sources.apart READER`` is that process. It reads the path from
+``python -m crosstrack.instances.programs.apart READER`` is that process. It reads the path from
 standard input and writes an archive of arrays to standard output.
 """
 
@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import InvalidData
-from ...problems import resolve
+from ...errors import InvalidData
+from ...models.problems import resolve
 
 __all__ = ["read_apart"]
 
@@ -27,8 +27,8 @@ __all__ = ["read_apart"]
 SECONDS, MEMORY = 300.0, 8 << 30
 #: Functions ``path -> (arrays, texts)`` of the process, by name.
 READERS = {
-    "highs": ".models.programs.sources.highs_files:arrays_of_file",
-    "nl": ".models.programs.sources.nl_file:arrays_of_file",
+    "highs": ".instances.programs.highs_files:arrays_of_file",
+    "nl": ".instances.programs.nl_file:arrays_of_file",
 }
 #: Name of the array with the texts in JSON.
 _TEXTS = "texts"

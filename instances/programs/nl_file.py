@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import InvalidData
-from ..blocks import Block
-from ..interpreter import read, readable
-from ..nonlinear import NonlinearProgram
+from ...errors import InvalidData
+from ...models.programs.blocks import Block
+from ...models.programs.interpreter import read, readable
+from ...models.programs.nonlinear import NonlinearProgram
 from .apart import read_apart
 from .compressed import read_raw
 

@@ -1,0 +1,69 @@
+"""Files of arrays: MATLAB files and NumPy archives."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...errors import InvalidData
+from ...models.programs.base import RowProgram
+from ...models.programs.sources.arrays import program_of_arrays
+from .compressed import read_raw
+
+__all__ = ["read_mat", "read_npz"]
+
+#: Largest size in bytes of all arrays in a file after decompression.
+_LARGEST = 1 << 30
+
+
+def read_mat(path: Path) -> RowProgram:
+    """Return the program in a MATLAB file with ``P, q, A, l, u, r`` in OSQP's convention."""
+    from scipy.io import loadmat
+
+    raw = read_raw(path)
+    try:
+        content = loadmat(io.BytesIO(raw), squeeze_me=False)
+    except Exception as error:  # SciPy raises many types for damaged files
+        raise InvalidData(f"{path}: not a MATLAB file up to version 7: {error}") from None
+    content = {name: value for name, value in content.items() if not name.startswith("__")}
+    dimensions = [content.pop(name, None) for name in ("n", "m")]  # some files state the sizes
+    return _of_file(path, content, dimensions)
+
+
+def read_npz(path: Path) -> RowProgram:
+    """Return the program in a NumPy archive with arrays of one convention; sparse ones in parts.
+
+    A sparse matrix `A` consists of ``A_data, A_indices, A_indptr, A_shape`` in compressed rows.
+    """
+    raw = read_raw(path)
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            if sum(item.file_size for item in archive.infolist()) > _LARGEST:
+                raise InvalidData(f"{path}: more than {_LARGEST} bytes after decompression")
+        with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
+            content: dict[str, Any] = {name: arrays[name] for name in arrays.files}
+        for name in {key.removesuffix("_indptr") for key in content if key.endswith("_indptr")}:
+            parts = [
+                content.pop(f"{name}_{part}") for part in ("data", "indices", "indptr", "shape")
+            ]
+            data, indices, indptr, shape = parts
+            matrix = sp.csr_array((data, indices, indptr), shape=tuple(np.ravel(shape).tolist()))
+            matrix.check_format()
+            content[name] = matrix
+    except InvalidData:
+        raise
+    except Exception as error:  # NumPy and SciPy raise many types for damaged files
+        raise InvalidData(f"{path}: not an archive of arrays: {error}") from None
+    return _of_file(path, content, [])
+
+
+def _of_file(path: Path, content: dict[str, Any], sizes: list[Any]) -> RowProgram:
+    try:
+        return program_of_arrays(content)
+    except InvalidData as error:
+        raise InvalidData(f"{path}: {error}", field=error.field) from None
