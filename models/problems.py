@@ -20,6 +20,9 @@ folder                    table         keys and objects
 ``instances/<problem>``   EXAMPLES      any: generator of the examples for trainings
 ``instances/<problem>``   PAPERS        catalogue prefix: a ``Paper``, its items and result tables
 ``instances/<problem>``   PAPER_TABLES  ``<prefix>/<table>``: function that measures a row of a result table
+``models/<problem>``      OBJECTS       root module of a library: function of its object that returns a model
+``instances/<problem>``   OBJECTS       the same, for objects that are converted through files
+``instances/<problem>``   FILES         suffix: function ``(path) -> model`` that reads such a file
 ========================= ============= =====================================================
 
 A string that begins with a dot is relative to the package that declares it. Another distribution
@@ -64,14 +67,14 @@ PROBLEMS = (
 )
 #: Entry-point group of problems in other distributions.
 GROUP = "crosstrack.problems"
-#: Packages in `models` that declare models outside of any problem.
+#: Packages in `models` and `instances` that declare parts outside of any problem.
 KITS = ("programs",)
 
 #: Names of the tables that a problem may declare, explained in the module's docstring.
 TABLES = (
     *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "TRAININGS"),
     *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES"),
-    *("PAPERS", "PAPER_TABLES"),
+    *("PAPERS", "PAPER_TABLES", "OBJECTS", "FILES"),
 )
 
 #: Model types registered by the user in this session, by kind.
@@ -126,7 +129,7 @@ def _foreign() -> Mapping[str, ModuleType]:
 
 
 def _folders(room: str) -> Iterator[tuple[str, ModuleType]]:
-    names = (*PROBLEMS, *KITS) if room.endswith(".models") else PROBLEMS
+    names = PROBLEMS if room.endswith(".solvers") else (*PROBLEMS, *KITS)
     for name in names:
         yield name, importlib.import_module(f"{room}.{name}")
     yield from _foreign().items()

@@ -4,23 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 from ...errors import InvalidData
-from ...models.problems import resolve
+from ...models.problems import resolve, table
 from ...models.programs.base import Program
 
-__all__ = ["FILES", "read_program", "suffix_of"]
-
-#: Functions that return the program in a file, by suffix; each may be followed by ``.gz``.
-FILES = {
-    ".cbf": ".instances.programs.cbf:read_cbf",
-    ".lp": ".instances.programs.highs_files:read_lp",
-    ".mat": ".instances.programs.array_files:read_mat",
-    ".mps": ".instances.programs.highs_files:read_mps",
-    ".nl": ".instances.programs.nl_file:read_nl",
-    ".npz": ".instances.programs.array_files:read_npz",
-    ".qplib": ".instances.programs.qplib:read_qplib",
-}
+__all__ = ["files", "read_program", "suffix_of"]
 
 #: Formats that no reader supports, with the way around.
 _UNREAD = {
@@ -29,12 +19,17 @@ _UNREAD = {
 }
 
 
+def files() -> dict[str, Any]:
+    """Return the readers by suffix: functions ``(path) -> program``."""
+    return table(__package__.rpartition(".")[0], "FILES")
+
+
 def suffix_of(path: str | os.PathLike[str]) -> str:
     """Return the suffix of a file of a program, without ``.gz``; empty for other files."""
     file = Path(path)
     name = file.stem if file.suffix.casefold() == ".gz" else file.name
     suffix = Path(name).suffix.casefold()
-    return suffix if suffix in FILES or suffix in _UNREAD else ""
+    return suffix if suffix in files() or suffix in _UNREAD else ""
 
 
 def read_program(path: str | os.PathLike[str]) -> Program:
@@ -43,7 +38,7 @@ def read_program(path: str | os.PathLike[str]) -> Program:
     Parameters
     ----------
     path : str or path-like
-        File with a suffix in :data:`FILES`, optionally followed by ``.gz``.
+        File with a suffix that :func:`files` lists, optionally followed by ``.gz``.
 
     Raises
     ------
@@ -54,8 +49,8 @@ def read_program(path: str | os.PathLike[str]) -> Program:
         No reader supports the format.
     """
     suffix = suffix_of(path)
-    if suffix not in FILES:
+    if suffix not in files():
         raise InvalidData(_UNREAD.get(suffix, f"{path}: unknown format of programs"), field="path")
     file = Path(path)
-    program: Program = resolve(FILES[suffix])(file)
+    program: Program = resolve(files()[suffix])(file)
     return program if program.name else program.renamed(file.name.partition(".")[0])

@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 from ....errors import InvalidData
-from ...problems import resolve
+from ...problems import resolve, table
 from ..base import Program
 
-__all__ = ["OBJECTS", "converted", "program_of"]
+__all__ = ["converted", "objects", "program_of"]
 
-#: Functions that return the program of an object, by the first part of its type's module.
-OBJECTS = {
-    "casadi": ".models.programs.sources.casadi_problem:program_of_opti",
-    "cvxpy": ".models.programs.sources.cvxpy_problem:program_of_problem",
-    "gurobipy": ".instances.programs.libraries:program_of_gurobi",
-    "linopy": ".instances.programs.libraries:program_of_linopy",
-    "ortools": ".instances.programs.libraries:program_of_mathopt",
-    "pulp": ".instances.programs.libraries:program_of_pulp",
-    "pyomo": ".instances.programs.libraries:program_of_pyomo",
-    "qpsolvers": ".models.programs.sources.arrays:program_of_qpsolvers",
-}
+
+@cache
+def objects() -> dict[str, Any]:
+    """Return the functions that convert objects, by the library that defines their types."""
+    root = __name__.partition(".")[0]
+    return {**table(f"{root}.models", "OBJECTS"), **table(f"{root}.instances", "OBJECTS")}
 
 
 def converted(value: Any) -> Program | None:
     """Return the program of an object if its type is known to :func:`program_of`, else None."""
-    known = _root(value) in OBJECTS or isinstance(value, Mapping | tuple)
+    known = bool(_root(value)) or isinstance(value, Mapping | tuple)
     return program_of(value) if known else None
 
 
@@ -59,8 +55,9 @@ def program_of(value: Any) -> Program:
     UnsupportedFormulation
         A constraint or expression has no equivalent here; the message names it.
     """
-    if _root(value) in OBJECTS:
-        convert = resolve(OBJECTS[_root(value)])
+    root = _root(value)
+    if root:
+        convert = resolve(objects()[root])
     elif isinstance(value, Mapping) and "f" in value:
         convert = resolve(".models.programs.sources.casadi_problem:program_of_expressions")
     elif isinstance(value, Mapping | tuple):
@@ -68,7 +65,7 @@ def program_of(value: Any) -> Program:
     else:
         raise InvalidData(
             f"no program can be made from an object of type {type(value).__qualname__}; known are objects "
-            f"of {', '.join(sorted(OBJECTS))}, mappings and tuples of arrays, and files",
+            f"of {', '.join(sorted(objects()))}, mappings and tuples of arrays, and files",
             field="model",
         )
     result: Program = convert(value)
@@ -79,6 +76,6 @@ def _root(value: Any) -> str:
     """Return the library that defines the type of `value`, or a base of it."""
     for base in type(value).__mro__:
         name = base.__module__.partition(".")[0]
-        if name in OBJECTS:
+        if name in objects():
             return name
     return ""
