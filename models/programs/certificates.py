@@ -129,7 +129,10 @@ def _bound(
     )
     if not np.isfinite(values).all() or not math.isfinite(constant):
         return -math.inf
-    return math.nextafter(math.fsum([*values.tolist(), constant]), -math.inf)
+    terms = [*values.tolist(), constant]
+    total = math.fsum(terms)
+    exact_sum = math.fsum([*terms, -total]) == 0.0  # fsum rounds once
+    return total if exact_sum else math.nextafter(total, -math.inf)
 
 
 def rational_bound(
