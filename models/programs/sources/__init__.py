@@ -1,4 +1,4 @@
-"""Programs from objects of other libraries, from arrays and from files."""
+"""Programs from objects of other libraries and from arrays."""
 
 from __future__ import annotations
 
@@ -10,6 +10,4 @@ if TYPE_CHECKING:
     from .conversion import program_of as program_of
     from .link import Source as Source
 
-__getattr__, __dir__, __all__ = attach(
-    __name__, {"conversion": ("program_of",), "link": ("Source",)}
-)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
