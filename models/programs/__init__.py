@@ -25,4 +25,11 @@ MODELS = {
     "quadratic-program": ".linear:QuadraticProgram",
 }
 
+#: Functions that return the program of an object, by the library that defines its type.
+OBJECTS = {
+    "casadi": ".sources.casadi_problem:program_of_opti",
+    "cvxpy": ".sources.cvxpy_problem:program_of_problem",
+    "qpsolvers": ".sources.arrays:program_of_qpsolvers",
+}
+
 __getattr__, __dir__, __all__ = attach(__name__, __file__)
