@@ -332,26 +332,6 @@ class Model(Declared, ABC, Generic[PlanT]):
         required("plan", plan, Plan)
         return {field.name: getattr(plan, field.name) for field in dataclasses.fields(plan)}  # type: ignore[arg-type]
 
-    def proven(self, bound: float, duals: Any, plan: PlanT | None) -> tuple[float, str]:
-        """Return a lower bound and the kind of its proof; programs prove it anew from multipliers.
-
-        Parameters
-        ----------
-        bound : float
-            Lower bound that a solver states.
-        duals : ndarray, optional
-            Row multipliers of a program.
-        plan : PlanT, optional
-            Plan of the same run.
-
-        Returns
-        -------
-        float, str
-            The bound, and a value of :class:`~crosstrack.models.programs.certificates.Proof`; empty for
-            models that are not programs.
-        """
-        return bound, ""
-
     def second_objective(self, name: str, plan: PlanT) -> float:
         """Return the second objective called `name` of a plan, computed from the raw data."""
         raise UnknownName(f"second objective of model {self.kind!r}", name, self.second_objectives)

@@ -78,7 +78,17 @@ class Program(Model[Vector]):
         return result if self.source is None else result.with_source(self.source)
 
     def proven(self, bound: float, duals: Any, plan: Vector | None) -> tuple[float, str]:
-        """Return a lower bound and the kind of its proof; see :meth:`.Model.proven`."""
+        """Return a lower bound and the kind of its proof, a value of :class:`~.certificates.Proof`.
+
+        Parameters
+        ----------
+        bound : float
+            Lower bound that a solver states.
+        duals : ndarray, shape (m,), optional
+            Row multipliers of the solver.
+        plan : ndarray, shape (n,), optional
+            Column vector of the solver.
+        """
         result: tuple[float, str] = resolve(_PROVEN)(self, bound, duals, plan)
         return result
 

@@ -171,7 +171,7 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         messages.append("claims optimal, which nothing proves")
         termination = Termination.FEASIBLE
     proof = ""
-    if dual is not None:
+    if dual is not None and hasattr(model, "proven"):  # a program
         dual, proof = model.proven(dual, claim.duals, plan)
     if primal is not None and dual is not None:
         assert verification is not None
