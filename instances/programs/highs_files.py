@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -104,11 +105,15 @@ def arrays_of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     log: list[str] = []
     solver = highspy.Highs()
     solver.setOptionValue("log_to_console", False)
+    # HiGHS drops smaller coefficients with a warning, which refuses the file, and larger ones fail.
+    solver.setOptionValue("small_matrix_value", 1e-12)
+    solver.setOptionValue("large_matrix_value", 1e100)
+    solver.setOptionValue("infinite_cost", highspy.kHighsInf)
     solver.cbLogging += lambda event: log.append(event.message)
     status = solver.readModel(str(path))
     if status != highspy.HighsStatus.kOk:
-        words = " ".join(" ".join(log).split()) or "HiGHS cannot read it"
-        raise InvalidData(words)
+        found = re.search(r"(?:WARNING|ERROR): *(.*)", " ".join(" ".join(log).split()))
+        raise InvalidData(found[1] if found else "HiGHS cannot read it")
     lp, hessian = solver.getLp(), solver.getModel().hessian_
     kinds = [int(kind) for kind in lp.integrality_] or [0] * lp.num_col_
     if any(kind > 1 for kind in kinds):

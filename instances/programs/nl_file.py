@@ -38,6 +38,8 @@ def read_nl(path: Path) -> NonlinearProgram:
 
     raw = read_raw(path)
     check_nl(path, raw)
+    # CasADi does not support the comments that some writers add.
+    raw = re.sub(rb"[ \t]*#[^\n]*", b"", raw)
     # CasADi negates the objective of a maximisation.
     maximise = re.search(rb"^O0 1\b", raw, re.MULTILINE) is not None
     arrays, texts = read_apart("nl", path, raw, ".nl")
