@@ -1,8 +1,8 @@
 """Parts of the strict checks of text files, which run before a library reads them.
 
-The readers of the libraries skip what they do not expect: C functions read ``1.0abc`` as 1, and an
-unknown keyword can become a column. The checks therefore accept a subset of each format on which
-common readers agree, and refuse everything else with the line and the section.
+The libraries skip what they do not expect: C functions read ``1.0abc`` as 1, and an unknown keyword
+can become a column. The checks accept the part of each format on which common readers agree, and
+refuse everything else with the line and the section.
 """
 
 from __future__ import annotations
@@ -13,15 +13,26 @@ from pathlib import Path
 
 from ...errors import InvalidData
 
-__all__ = ["INFINITY", "Scan", "Unread", "real", "whole", "words"]
+__all__ = [
+    "INFINITY",
+    "NUMBER",
+    "Scan",
+    "Unread",
+    "check_bounds",
+    "real",
+    "require",
+    "whole",
+    "words",
+]
 
-_NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-_INFINITE = re.compile(rb"[+-]?inf(?:inity)?", re.IGNORECASE)
-_WHOLE = re.compile(rb"[+-]?\d{1,18}")
-#: Bytes that readers treat in different ways, as white space or as a part of a name.
-_CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\r(?!\n|\Z)")
+NUMBER = rb"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 #: From this magnitude on, solvers treat a bound as infinite.
 INFINITY = 1e20
+
+_REAL = re.compile(rb"[+-]?" + NUMBER)
+_INFINITE = re.compile(rb"[+-]?inf(?:inity)?", re.IGNORECASE)
+#: Bytes that readers treat in different ways, as white space or as a part of a name.
+_CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\r(?!\n|\Z)")
 
 
 class Unread(ValueError):
@@ -45,18 +56,16 @@ class Scan:
     """
 
     def __init__(self, path: Path, raw: bytes) -> None:
-        self.path = path
-        self.line = 0
-        self.section = ""
+        self.path, self.line, self.section = path, 0, ""
+        found = _CONTROL.search(raw)
+        place, fault = found.start() if found else 0, "a control character" if found else ""
         try:
             raw.decode("utf-8")
         except UnicodeDecodeError as error:
-            self.line = raw.count(b"\n", 0, error.start) + 1
-            raise self.refusal(f"byte 0x{raw[error.start]:02x} is not UTF-8") from None
-        found = _CONTROL.search(raw)
-        if found:
-            self.line = raw.count(b"\n", 0, found.start()) + 1
-            raise self.refusal(f"control character 0x{raw[found.start()]:02x} is not allowed")
+            place, fault = error.start, "not UTF-8"
+        if fault:
+            self.line = raw.count(b"\n", 0, place) + 1
+            raise self.refusal(f"byte 0x{raw[place]:02x} is {fault}")
 
     def refusal(self, message: object) -> InvalidData:
         """Return the exception that names file, line and section."""
@@ -70,15 +79,14 @@ def words(token: bytes) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def real(token: bytes, infinite: bool = False) -> float:
-    """Return the number that a token denotes completely.
+def require(condition: object, message: str) -> None:
+    """Raise :class:`Unread` unless `condition` is true."""
+    if not condition:
+        raise Unread(message)
 
-    Parameters
-    ----------
-    token : bytes
-        The token.
-    infinite : bool
-        Whether ``inf`` and ``infinity`` are allowed.
+
+def real(token: bytes, infinite: bool = False) -> float:
+    """Return the number that a whole token denotes; `infinite` allows ``inf`` and ``infinity``.
 
     Raises
     ------
@@ -87,17 +95,28 @@ def real(token: bytes, infinite: bool = False) -> float:
     """
     if infinite and _INFINITE.fullmatch(token):
         return float(token)
-    if not _NUMBER.fullmatch(token):
+    if not _REAL.fullmatch(token):
         raise Unread(f"{words(token)!r} is not a number")
     value = float(token)
-    digits = re.split(rb"[eE]", token)[0]
-    if math.isinf(value) or (value == 0 and re.search(rb"[1-9]", digits)):
+    if math.isinf(value) or (value == 0 and re.match(rb"[^eE]*[1-9]", token)):
         raise Unread(f"{words(token)} is outside the range of floating-point numbers")
     return value
 
 
 def whole(token: bytes, least: int, most: int, what: str) -> int:
-    """Return the integer that a token denotes completely; `what` names it in messages."""
-    if not _WHOLE.fullmatch(token) or not least <= int(token) <= most:
+    """Return the integer that a whole token denotes; `what` names it in messages."""
+    if not re.fullmatch(rb"[+-]?\d{1,18}", token) or not least <= int(token) <= most:
         raise Unread(f"{what} must be an integer from {least} to {most}, got {words(token)!r}")
     return int(token)
+
+
+def check_bounds(lower: dict[bytes, float], upper: dict[bytes, float]) -> None:
+    """Raise if the explicit bounds of a column contradict each other, or readers disagree on them."""
+    for name, value in upper.items():
+        if value < 0 and name not in lower:
+            raise Unread(
+                f"column {words(name)} has the negative upper bound {value:g} and no lower bound, which "
+                "readers treat in different ways: add the lower bound"
+            )
+        if lower.get(name, 0.0) > value:
+            raise Unread(f"the bounds of column {words(name)} contradict each other")
