@@ -16,7 +16,6 @@ lower bound, as in MPS files. Gurobi reads a constant of the objective as a colu
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -30,11 +29,12 @@ _KEYWORDS = {
     "objective": rb"minimize|minimum|min|maximize|maximum|max",
     "Subject To": rb"subject\s+to|such\s+that|s\.t\.|st",
     "Bounds": rb"bounds?",
+    # Before "General", which is a part of it.
+    "general constraints": rb"general\s+constraints?|gencons?|pwlobj|pwlcon",
     "General": rb"generals?|gen|integers?",
     "Binary": rb"binary|binaries|bin",
     "semi-continuous columns": rb"semi\s*-\s*continuous|semis?",
     "special ordered sets": rb"sos[12]?",
-    "general constraints": rb"general\s+constraints?|gencons?|pwlobj|pwlcon",
     "lazy constraints": rb"lazy\s+constraints",
     "cuts": rb"user\s+cuts",
     "several objectives": rb"multi-objectives",
@@ -51,7 +51,7 @@ _RESERVED = re.compile(
 )
 _NAME = rb"[^\s\d.<>=+\-*/^:\[\];][^\s<>=+\-*/^:\[\];]*"
 _PLAIN = NUMBER + rb"(?=[\s<>=+\-*/^:\[\]]|\Z)"
-_SIGNS = rb"[+-]?\s*[+-]?\s*"
+_SIGNS = rb"(?:[+-]\s*){0,2}"
 _VALUE = rb"%s(?:%s|(?i:inf(?:inity)?)(?=[\s<>=]|\Z))" % (_SIGNS, _PLAIN)
 _END = rb"[ \t\r]*(?:\n|\Z)"
 
@@ -61,10 +61,10 @@ def _pattern(text: bytes) -> re.Pattern[bytes]:
 
 
 _LABEL = _pattern(rb"(%s)\s*:" % _NAME)
-_TERM = _pattern(rb"(%s)(%s)?\s*(%s)?" % (_SIGNS, _PLAIN, _NAME))
+_TERM = _pattern(rb"(%s)(?:(%s)\s*)?(%s)?" % (_SIGNS, _PLAIN, _NAME))
 _BRACKET = _pattern(rb"(%s)\[" % _SIGNS)
 _PRODUCT = _pattern(
-    rb"(%s)(%s)?\s*(%s)\s*(?:\^\s*2(?=[\s+\-\]])|\*\s*(%s))" % (_SIGNS, _PLAIN, _NAME, _NAME)
+    rb"(%s)(?:(%s)\s*)?(%s)\s*(?:\^\s*2(?=[\s+\-\]])|\*\s*(%s))" % (_SIGNS, _PLAIN, _NAME, _NAME)
 )
 _CLOSE = _pattern(rb"\]\s*/\s*2(?=\s|[+-]|\Z)")
 _SIDE = _pattern(rb"(?:<=|>=|=)\s*(%s)%s" % (_VALUE, _END))
@@ -72,7 +72,7 @@ _BOUND = _pattern(
     rb"(?:(%s)\s*(<=|>=|=)\s*)?(%s)(?:\s*(<=|>=|=)\s*(%s)|\s+((?i:free)))?%s"
     % (_VALUE, _NAME, _VALUE, _END)
 )
-_REST = _pattern(rb"(\S*)")
+_REST = _pattern(rb"(\S{0,40})")
 _WORD = _pattern(rb"(%s)(?=\s|\Z)" % _NAME)
 
 
@@ -125,10 +125,8 @@ class _Lp(Scan):
         self.mark = max(self.text.find(b"->"), 0)
         require(not self.mark, "indicator constraints are not supported")
         found = _SECTION.search(self.text)
-        require(
-            found and not self.text[: found.start()].strip(),
-            "the keyword Minimize or Maximize is missing",
-        )
+        valid = found and not self.text[: found.start()].strip()
+        require(valid, "the keyword Minimize or Maximize is missing")
         while found and self.section != "End":
             self.section = names[(found.lastindex or 1) - 1]
             self.mark, self.at = found.start(), found.end()
@@ -139,14 +137,9 @@ class _Lp(Scan):
                 require(not self.rest(), f"{contents} are not supported")
                 continue
             require(self.section not in past, "the section occurs twice")
-            require(
-                (not past) == (self.section == "objective"),
-                "the objective must be the first section",
-            )
-            require(
-                len(past) != 1 or self.section in ("Subject To", "End"),
-                "the rows must follow the objective",
-            )
+            first = not past, self.section == "objective"
+            second = len(past) == 1, self.section in ("Subject To", "End")
+            require(first[0] == first[1] and second[0] <= second[1], "the section is out of order")
             past.add(self.section)
             while self.section != "End" and self.rest():
                 parts[self.section]()
@@ -175,7 +168,9 @@ class _Lp(Scan):
     def usable(self, *names: bytes) -> None:
         for name in names:
             if _RESERVED.fullmatch(name):
-                raise Unread(f"{words(name)!r} is a keyword or a number for HiGHS: rename it")
+                raise Unread(
+                    f"{words(name)!r} is a keyword or a number for HiGHS: rename it or use MPS"
+                )
 
     def label(self) -> bytes:
         found = self.take(_LABEL)
@@ -194,9 +189,7 @@ class _Lp(Scan):
             first = False
             if bracket:
                 require(objective, "quadratic constraints are not supported")
-                require(
-                    b"-" not in signs, "a minus before a bracket: write the signs in the bracket"
-                )
+                require(b"-" not in signs, "a minus before a bracket: change the signs in it")
                 self.bracket()
             elif not name and not (number and objective):
                 raise Unread(f"expected a term such as + 2 x, got {words(word)!r}")
@@ -219,9 +212,7 @@ class _Lp(Scan):
             self.usable(*pair)
             if number:
                 real(number)
-            require(
-                pair not in seen, f"a product of {words(left)} occurs twice: add the coefficients"
-            )
+            require(pair not in seen, f"a product of {words(left)} occurs twice: add them")
             seen.add(pair)
             self.columns |= pair
 
@@ -247,29 +238,23 @@ class _Lp(Scan):
         found = self.expect(_BOUND, "a bound such as 0 <= x <= 4, x >= -1 or x free")
         left, first, name, second, right, free = found.groups()
         self.usable(name)
-        pairs = [(first, left, {b"<=": b">=", b">=": b"<="}), (second, right, {})]
-        pairs = [(turn.get(relation, relation), value) for relation, value, turn in pairs if value]
-        if len(pairs) + bool(free) != 1 and not (first == second == b"<="):
+        turn = {b"<=": b">=", b">=": b"<=", b"=": b"="}
+        sides = [(turn[first], left)] if left else []
+        sides += [(second, right)] if right else []
+        if len(sides) + bool(free) != 1 and not first == second == b"<=":
             raise Unread("expected a bound such as 0 <= x <= 4, x >= -1 or x free")
-        require(
-            name in self.columns, f"column {words(name)} does not occur in the objective or a row"
-        )
-        sides = [(relation, self.value(value)) for relation, value in pairs]
-        sides += [(b">=", -math.inf), (b"<=", math.inf)] if free else []
-        for relation, value in sides:
+        require(name in self.columns, f"column {words(name)} is in no row and not in the objective")
+        for relation, value in [(b">=", b"-inf"), (b"<=", b"inf")] if free else sides:
+            number = self.value(value)
             for bounds, other, sign in ((self.lower, b"<=", 1), (self.upper, b">=", -1)):
                 if relation != other:
-                    fault = name in bounds or sign * value >= INFINITY
-                    require(
-                        not fault, f"a bound of column {words(name)} is infinite or defined twice"
-                    )
-                    bounds[name] = value
+                    fault = name in bounds or sign * number >= INFINITY
+                    require(not fault, f"a bound of {words(name)} is infinite or defined twice")
+                    bounds[name] = number
 
     def name(self) -> None:
         name = self.expect(_WORD, "a name")[1]
-        require(
-            name in self.columns, f"column {words(name)} does not occur in the objective or a row"
-        )
+        require(name in self.columns, f"column {words(name)} is in no row and not in the objective")
         require(name not in self.integral, f"column {words(name)} occurs twice")
         self.integral[name] = self.section
 
@@ -278,7 +263,4 @@ class _Lp(Scan):
         check_bounds(self.lower, self.upper)
         for name, section in self.integral.items():
             valid = 0 <= self.lower.get(name, 0.0) <= self.upper.get(name, 1.0) <= 1
-            require(
-                valid or section != "Binary",
-                f"binary column {words(name)} has other bounds than 0 and 1",
-            )
+            require(valid or section != "Binary", f"binary column {words(name)} has other bounds")

@@ -18,6 +18,7 @@ __all__ = ["check_nl"]
 #: Operators that CasADi reads, by number of arguments; operator 54 is the sum with its own count.
 _UNARY = {13, 14, 15, 16, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 49, 51, 53}
 _BINARY = {0, 1, 2, 3, 5, 48}
+_KNOWN = _UNARY | _BINARY | {54}
 _OTHERS = {
     **dict.fromkeys((11, 12), "minimum or maximum"),
     **dict.fromkeys((20, 21, 22, 23, 24, 28, 29, 30, 34, 70, 71, 73), "logical expression"),
@@ -211,8 +212,7 @@ class _Nl(Scan):
                 require(kind == b"o", f"{words(token)!r} is not a part of an expression")
                 operator = whole(rest, 0, 99, "an operator")
                 what = _OTHERS.get(operator, "unknown operator")
-                known = operator == 54 or operator in _UNARY | _BINARY
-                require(known, f"operator {operator} ({what}) is not supported")
+                require(operator in _KNOWN, f"operator {operator} ({what}) is not supported")
                 if operator == 54:
                     missing += whole(self.fields(1)[0], 1, len(self.lines), "the number of terms")
                 else:

@@ -114,13 +114,14 @@ def of_gurobi(path: Path) -> dict[str, Any]:
             ranges[var.VarName] = var.UB
         else:
             columns[var.VarName] = (var.Obj, var.LB, var.UB, var.VType != "C")
-    rows = []
-    for constraint in model.getConstrs():
+    rows, matrix = [], model.getA().tocsr()
+    names = [var.VarName for var in model.getVars()]
+    for row, constraint in enumerate(model.getConstrs()):
         lower = -math.inf if constraint.Sense == "<" else constraint.RHS
         upper = math.inf if constraint.Sense == ">" else constraint.RHS
-        terms, expression = {}, model.getRow(constraint)
-        for k in range(expression.size()):
-            name, value = expression.getVar(k).VarName, expression.getCoeff(k)
+        terms, part = {}, slice(*matrix.indptr[row : row + 2])
+        for column, value in zip(matrix.indices[part], matrix.data[part].tolist(), strict=True):
+            name = names[column]
             if name not in ranges:
                 terms[name] = value
             elif value > 0:
