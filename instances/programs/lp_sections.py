@@ -27,7 +27,7 @@ __all__ = ["check_lp"]
 #: Keywords at the start of a line: the section, and what an unsupported section contains.
 _KEYWORDS = {
     "objective": rb"minimize|minimum|min|maximize|maximum|max",
-    "Subject To": rb"subject\s+to|such\s+that|s\.t\.|st",
+    "Subject To": rb"subject[ \t]+to|such[ \t]+that|s\.t\.|st",
     "Bounds": rb"bounds?",
     # Before "General", which is a part of it.
     "general constraints": rb"general\s+constraints?|gencons?|pwlobj|pwlcon",
@@ -50,8 +50,9 @@ _RESERVED = re.compile(
     rb"(?:inf|nan).*|free|lazy|subject|such|user|" + b"|".join(_KEYWORDS.values()), re.IGNORECASE
 )
 _NAME = rb"[^\s\d.<>=+\-*/^:\[\];][^\s<>=+\-*/^:\[\];]*"
-_PLAIN = NUMBER + rb"(?=[\s<>=+\-*/^:\[\]]|\Z)"
-_SIGNS = rb"(?:[+-]\s*){0,2}"
+_PLAIN = NUMBER + rb"(?=[\s<>=*/^:\[\]]|\Z)"
+#: Two signs only as in "x + -3 y": in "x + - z" a name may be lost, and Gurobi reads a name "x-".
+_SIGNS = rb"(?:(?<!\S)[+-]\s*[+-](?=[\d.])|[+-]\s*)?"
 _VALUE = rb"%s(?:%s|(?i:inf(?:inity)?)(?=[\s<>=]|\Z))" % (_SIGNS, _PLAIN)
 _END = rb"[ \t\r]*(?:\n|\Z)"
 
@@ -69,7 +70,7 @@ _PRODUCT = _pattern(
 _CLOSE = _pattern(rb"\]\s*/\s*2(?=\s|[+-]|\Z)")
 _SIDE = _pattern(rb"(?:<=|>=|=)\s*(%s)%s" % (_VALUE, _END))
 _BOUND = _pattern(
-    rb"(?:(%s)\s*(<=|>=|=)\s*)?(%s)(?:\s*(<=|>=|=)\s*(%s)|\s+((?i:free)))?%s"
+    rb"(?:(%s)[ \t]*(<=|>=|=)[ \t]*)?(%s)(?:[ \t]*(<=|>=|=)[ \t]*(%s)|[ \t]+((?i:free)))?%s"
     % (_VALUE, _NAME, _VALUE, _END)
 )
 _REST = _pattern(rb"(\S{0,40})")

@@ -11,8 +11,8 @@ format; a file is read as follows, or refused:
 - A range R on a row of type E with right-hand side b is [b, b + R] if R > 0 and [b + R, b] if R < 0.
 - Further rows of type N have no meaning and are dropped.
 - QUADOBJ and QSECTION list each off-diagonal entry once, QMATRIX lists it twice.
-- Text after ENDATA is ignored, and so are comments, except that a file whose maximisation only a comment
-  names is refused: PuLP writes such files without ``with_objsense=True``.
+- Comments and text after ENDATA are ignored. PuLP names a maximisation only in a comment if
+  ``with_objsense=True`` is missing; the check refuses such files.
 """
 
 from __future__ import annotations

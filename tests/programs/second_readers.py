@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-#: Magnitude from which on the readers treat a bound as infinite.
+#: Bounds of this magnitude are infinite for the readers.
 INFINITE = 1e20
 
 
@@ -104,7 +104,7 @@ def of_gurobi(path: Path) -> dict[str, Any]:
     # A range is a column with the prefix "MPS_Rg" or "Rg", and one entry.
     columns, ranges, offset = {}, {}, model.ObjCon
     for var in model.getVars():
-        if var.VarName.replace(".", "").isdigit() and not model.getCol(var).size():
+        if var.VarName[0] in ".0123456789" and not model.getCol(var).size():
             # Gurobi reads a constant of the objective as a column of this name.
             offset += var.Obj * float(var.VarName)
             continue

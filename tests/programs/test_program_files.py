@@ -206,6 +206,8 @@ def damaged(suffix, base, *pairs):
             (" x + v = 3", " x + v = 3 + y", "expected <=, >= or ="),
             (" x + v = 3", " x + v + x = 3", "column x occurs twice"),
             (" x + v = 3", " first: x + v = 3", "row first is defined twice"),
+            (" x + v = 3", " x + - v = 3", "expected a term such as"),
+            (" x + v = 3", " x- - v = 3", "expected a term such as"),
             (" x + v = 3", " x + v = nan", "expected <=, >= or ="),
             (" x + v = 3", " x + 2v = 3", "expected a term such as"),
             (" x + v = 3", " x + info = 3", "'info' is a keyword or a number for HiGHS"),
