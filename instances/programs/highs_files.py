@@ -22,6 +22,11 @@ __all__ = ["arrays_of_file", "read_lp", "read_mps"]
 def read_mps(path: Path) -> RowProgram:
     """Return the program in a fixed or free MPS file.
 
+    Readers disagree on parts of the format. An integer column of a marker without bounds is binary
+    here, a negative upper bound needs a lower bound, and the right-hand side of the objective is minus
+    its constant. Ambiguous or unknown content is refused. Coefficients of at most 1e-12 are refused,
+    too, because HiGHS drops them.
+
     Parameters
     ----------
     path : Path
@@ -45,7 +50,11 @@ def read_mps(path: Path) -> RowProgram:
 
 
 def read_lp(path: Path) -> RowProgram:
-    """Return the program in a file in LP format; see :func:`read_mps`."""
+    """Return the program in a file in LP format; see :func:`read_mps`.
+
+    Refused are ambiguous parts such as constants in rows, ranges of rows, columns that occur only in
+    bounds, and names that start with ``inf`` or ``nan``, which HiGHS reads as numbers.
+    """
     from .lp_sections import check_lp
 
     raw = read_raw(path)

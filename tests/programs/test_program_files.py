@@ -236,6 +236,7 @@ def damaged(suffix, base, *pairs):
             (" 0 0 0 1", " 0 1 0 1", "functions is not supported"),
             (" 0 0 0 1", " 2 0 0 1", "network is not supported"),
             (" 0 1 0 0 0", " 0 3 0 0 0", "integer columns contradict"),
+            (" 0 1 0 0 0", " 0 1 0 0", "line 7, section header: expected the 5 numbers binary integer"),
             (" 4 2\t#", " 5 2\t#", "nonzeros differ"),
             (" 3 2 1", " 999999999 2 1", "the numbers and the length of the file contradict"),
             ("C0\n", "F0 1 1 f\nC0\n", "imported functions are not supported"),
