@@ -282,10 +282,19 @@ def test_names_of_an_nl_file_come_from_the_files_beside_it(in_process, tmp_path)
     np.testing.assert_array_equal(program.integral, [False, False, True])
 
 
-def test_a_file_that_the_library_refuses_is_named(tmp_path):
+def test_a_file_that_the_library_refuses_is_named(in_process, tmp_path):
     """Coefficients below 1e-12 are the last ones that HiGHS drops."""
     with pytest.raises(InvalidData, match=r"program\.mps: .*1e-13.*ignored"):
         load(tmp_path, "mps", MPS.replace("-1e-3", "-1e-13"))
+
+
+def test_a_crash_of_the_library_is_a_refusal(tmp_path):
+    """CasADi's reader is recursive, and its stack overflows in its own process."""
+    text = NL.replace("o43\no0\n", "o16\n" * 100_000 + "o43\no0\n")
+    with pytest.raises(
+        InvalidData, match=r"program\.nl: not readable, the process .* ended with -"
+    ):
+        load(tmp_path, "nl", text)
 
 
 def test_texts_of_every_kind_end_in_a_program_or_a_refusal(in_process, tmp_path):
