@@ -78,7 +78,7 @@ def demo(problem: str, time_limit: float, plot: str | None, as_json: bool, **dat
         problem, {name: value for name, value in data.items() if value is not None}
     )
     if not as_json:
-        show(f"{model.name}: {model.describe()}", f"  digest {model.digest}")
+        show(f"{model.name}: {model.outline()}", f"  digest {model.digest}")
     chosen = fitting(model)
     # Native backends run first; their best plan is the warm start of the program solvers.
     native = [name for name in chosen if isinstance(model, find_backend(name, model).accepts)]

@@ -7,22 +7,30 @@ from typing import Any
 
 import click
 
-from .options import VERIFIED, as_json
+from .options import VERIFIED, as_json, reading
 
 __all__ = ["backends", "instances", "models"]
 
 
 @click.command(short_help="List the backends and what they prove.")
 @click.option("--probe", is_flag=True, help="Load each backend in a worker to find broken ones.")
+@click.option(
+    "--for",
+    "instance",
+    metavar="INSTANCE",
+    help="Show which backends solve this instance or file, and why the others refuse it.",
+)
+@reading
 @as_json
-def backends(probe: bool, as_json: bool) -> int:
+def backends(probe: bool, instance: str | None, reading: dict[str, Any], as_json: bool) -> int:
     """List the backends with their state, version, accepted models, guarantee and features."""
+    from ..instances.catalogue import load
     from ..solvers.contract.states import backend_states
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, progress, show
     from ..solvers.run.probing import probe as probed
 
-    states = backend_states()
+    states = backend_states(None if instance is None else load(instance, **reading))
     if probe:
         with progress("loading every backend"):
             states = probed(states)
@@ -31,7 +39,10 @@ def backends(probe: bool, as_json: bool) -> int:
         return VERIFIED
     columns = ("backend", "state", "version", "accepts", "guarantee", "features", "summary")
     groups: dict[str, list[tuple[str, ...]]] = {}
+    refused = [(s.name, s.cause) for s in states if s.state == "refused"]
     for s in states:
+        if s.state == "refused":
+            continue
         row = (s.name, s.state, s.version or "", s.accepts, s.guarantee, ", ".join(s.features))
         owner = s.problem.replace("_", "-")
         group = f"native algorithms of {owner}" if owner else "solvers of programs"
@@ -41,7 +52,8 @@ def backends(probe: bool, as_json: bool) -> int:
         *(
             table(group, columns, rows, whole=("state", "guarantee"), drop=drop)
             for group, rows in groups.items()
-        )
+        ),
+        *([table(f"refuse {instance}", ("backend", "reason"), refused)] if refused else []),
     )
     return VERIFIED
 

@@ -45,6 +45,7 @@ def check(
     """Verify a plan from any source for INSTANCE: exit code 0 if it is valid, 6 if it is not."""
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
+    from ..models.verification import stated
     from ..solvers.report.tables import details_table, verification_table
     from ..solvers.report.terminal import emit, show
     from ..solvers.run.verification import verify
@@ -61,9 +62,8 @@ def check(
         report = verification.to_dict()
         emit({"model": model.kind, "instance": model.name, "verification": report, **extra})
     else:
-        objective = (
-            "" if verification.objective is None else f", objective {verification.objective:.10g}"
-        )
+        value = stated(verification.objective, model.maximise)
+        objective = "" if value is None else f", objective {value:.10g}"
         show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
         show(verification_table(verification), *([details_table(rows)] if rows else []))
     return VERIFIED if verification.ok else VIOLATED

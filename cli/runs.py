@@ -53,6 +53,7 @@ def solve(
     from ..files import writable
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
+    from ..models.verification import stated
     from ..solvers.contract.registry import find_backend, is_plain
     from ..solvers.contract.selection import recommended
     from ..solvers.report.tables import details_table
@@ -71,7 +72,8 @@ def solve(
         def on_event(event: Event) -> None:
             if event.incumbent is not None:
                 best = event.incumbent
-                status(f"incumbent {best.objective:.10g} after {best.seconds:.1f} s")
+                objective = stated(best.objective, model.maximise)
+                status(f"incumbent {objective:.10g} after {best.seconds:.1f} s")
 
         solution = dispatch.solve(
             model,

@@ -62,6 +62,8 @@ class Model(Declared, ABC, Generic[PlanT]):
         estimates another quantity; comparisons then rank no backend by its objective.
     plan_type : type
         Required type of plans; ``object`` accepts any.
+    has_variables : bool
+        Whether a plan is a vector of variables, whose values are printed by name.
     second_objectives : dict of str to str
         Second objectives for :func:`crosstrack.front`: the name, and the field that limits it.
     second_steps : dict of str to float
@@ -89,6 +91,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     certified_distance: ClassVar[float] = math.inf
     rivals: ClassVar[bool] = True
     plan_type: ClassVar[type] = object
+    has_variables: ClassVar[bool] = False
     second_objectives: ClassVar[dict[str, str]] = {}
     second_steps: ClassVar[dict[str, float]] = {}
 
@@ -457,10 +460,14 @@ class Model(Declared, ABC, Generic[PlanT]):
 
     def __repr__(self) -> str:
         label = f" {self.name!r}" if self.name else ""
-        return f"<{type(self).__name__}{label} {self.describe()}>"
+        return f"<{type(self).__name__}{label} {self.outline()}>"
 
-    def describe(self) -> str:
-        """Return the size of the model in a few words."""
+    def outline(self) -> str:
+        """Return the size of the model in one line, as :func:`repr` prints it."""
+        return str(self.describe())
+
+    def describe(self) -> Any:
+        """Return the size of the model in a few words; programs return a report."""
         return f"digest {self.digest[:12]}"
 
 

@@ -10,6 +10,7 @@ folder                    table         keys and objects
 ``models/<problem>``      PICTURES      model kind: function ``(model, plan, **options)``
 ``solvers/<problem>``     BACKENDS      name: native backend, in order of preference
 ``solvers/<problem>``     DIAGNOSES     model kind: function ``(model, time_limit) -> Diagnosis``
+``solvers/<problem>``     DESCRIPTIONS  any: function ``(program)`` that returns the report of a program
 ``solvers/<problem>``     TRAININGS     name of a backend that learns: a ``Training``
 ``instances/<problem>``   CATALOGUE     catalogue prefix: function that returns the entries
 ``instances/<problem>``   REFERENCES    model kind: function that reads the files it refers to
@@ -67,12 +68,12 @@ PROBLEMS = (
 )
 #: Entry-point group of problems in other distributions.
 GROUP = "crosstrack.problems"
-#: Packages in `models` and `instances` that declare parts outside of any problem.
+#: Packages in each room that declare parts outside of any problem.
 KITS = ("programs",)
 
 #: Names of the tables that a problem may declare, explained in the module's docstring.
 TABLES = (
-    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "TRAININGS"),
+    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "DESCRIPTIONS", "TRAININGS"),
     *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES"),
     *("PAPERS", "PAPER_TABLES", "OBJECTS", "FILES"),
 )
@@ -129,8 +130,7 @@ def _foreign() -> Mapping[str, ModuleType]:
 
 
 def _folders(room: str) -> Iterator[tuple[str, ModuleType]]:
-    names = PROBLEMS if room.endswith(".solvers") else (*PROBLEMS, *KITS)
-    for name in names:
+    for name in (*PROBLEMS, *KITS):
         yield name, importlib.import_module(f"{room}.{name}")
     yield from _foreign().items()
 

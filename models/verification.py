@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence as SequenceOf
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ __all__ = [
     "check_entries",
     "check_number",
     "check_tolerance",
+    "stated",
 ]
 
 #: Largest violation that is attributed to rounding, relative to the scale of the constraint.
@@ -31,6 +32,30 @@ TOLERANCE = 1e-6
 NEAR = 0.1
 #: Number of checks that a one-line summary names.
 SHOWN = 3
+
+
+@overload
+def stated(value: float, maximise: bool) -> float: ...
+@overload
+def stated(value: float | None, maximise: bool) -> float | None: ...
+def stated(value: float | None, maximise: bool) -> float | None:
+    """Return a minimised objective or bound as the author of the model states it.
+
+    Everything that a person reads uses this function. JSON records contain the minimised numbers.
+
+    Parameters
+    ----------
+    value : float, optional
+        The minimised number.
+    maximise : bool
+        Whether the author maximises the negated number: `maximise` of a model or a solution.
+
+    Returns
+    -------
+    float or None
+        The number in the author's sense; None without one.
+    """
+    return -value + 0.0 if maximise and value is not None else value
 
 
 def check_number(

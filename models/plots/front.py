@@ -63,7 +63,7 @@ def draw_front(
     bounds = np.concatenate([rows[:, 2] for rows in drawn.values()])
     low, high = _box(np.concatenate([places, removed[:, :2]]), bounds)
 
-    extent = f"a sweep of {first.field}" if _is_sweep(first) else model.describe()
+    extent = f"a sweep of {first.field}" if _is_sweep(first) else model.outline()
     scene = kit.Scene(kit.title_of(model, [extent], None, title), None, size, (6.6, 4.8))
     axes = scene.axes(0.9, 0.98, 0.16, scene.head)
     axes.set_xlim(low[0], high[0])

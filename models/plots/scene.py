@@ -93,7 +93,7 @@ class Stage(Scene):
         default: tuple[float, float] = (6.4, 6.0), *, clock: float = 0.1,
     ) -> None:  # fmt: skip
         check_frames(frames, interval)
-        text = (model.name or model.describe()) if title is None else title
+        text = (model.name or model.outline()) if title is None else title
         super().__init__(text, None, size, default)
         self.frames, self.interval = frames, interval
         place = (0.5, clock / self.tall)

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnknownName
 from ..fields import Array, Flag, Whole
 from ..model import Model
-from ..problems import resolve
+from ..problems import resolve, table
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .blocks import Block, without
+from .sources.link import Source, named_values
 
 if TYPE_CHECKING:
     import cvxpy
-
-    from .sources.link import Source
 
 __all__ = ["BlockProgram", "Program", "RowProgram", "row_sizes"]
 
@@ -51,6 +50,7 @@ class Program(Model[Vector]):
     )
 
     plan_type: ClassVar[type] = np.ndarray
+    has_variables: ClassVar[bool] = True
 
     @property
     def source(self) -> Source | None:
@@ -91,6 +91,31 @@ class Program(Model[Vector]):
         """
         result: tuple[float, str] = resolve(_PROVEN)(self, bound, duals, plan)
         return result
+
+    def outline(self) -> str:
+        """Return the size of the program in one line."""
+        return f"{self.size} columns"
+
+    def describe(self) -> Any:
+        """Return a report on the program; printing it shows tables.
+
+        Returns
+        -------
+        Description
+            The class, sizes, density and ranges of coefficients of the program, its special rows and
+            columns, whether it is convex, and the backends that accept it; see
+            :class:`~crosstrack.solvers.programs.description.Description`.
+        """
+        reports = table(f"{__name__.partition('.')[0]}.solvers", "DESCRIPTIONS")
+        return resolve(reports["program"])(self)
+
+    def details(self, plan: Vector) -> list[dict[str, Any]]:
+        """Return one row per value that is not 0, by the author's names, the largest first."""
+        return [
+            {"variable": name, "value": value}
+            for name, value in named_values(self.values_of(plan))
+            if value
+        ]
 
     def values_of(self, plan: Vector) -> dict[str, Any]:
         """Return the values of the columns by the names of their author.
@@ -276,6 +301,16 @@ class BlockProgram(Program):
     def column_name(self, column: int) -> str:
         """Return the name of a column in the paper's terms."""
         return _name("column", self._columns, column)
+
+    @property
+    def column_labels(self) -> list[str]:
+        """Names of the columns by their author, such as ``"x[1, 2]"``."""
+        return [label for block in self._columns for label in block.entry_labels]
+
+    @property
+    def row_labels(self) -> list[str]:
+        """Names of the rows by their author."""
+        return [label for block in self._rows for label in block.entry_labels]
 
     def column_block(self, name: str) -> Block:
         """Return the block of columns called `name`, or raise ``UnknownName``."""

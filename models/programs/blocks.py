@@ -89,6 +89,13 @@ class Block(Declared):
         return self.template.format(*self.index[entry].tolist())
 
     @property
+    def entry_labels(self) -> list[str]:
+        """Names of the entries without the name of the block, if they have some."""
+        if self.labels or self.index is not None:
+            return [self.place(k) for k in range(self.size)]
+        return [f"{self.name}[{k}]" for k in range(self.size)] if self.size > 1 else [self.name]
+
+    @property
     def title(self) -> str:
         """The block's name with its equation."""
         return f"eq. {self.equation}, {self.name}" if self.equation else self.name

@@ -106,7 +106,7 @@ class ConicProgram(RowProgram):
             )
         _ = self.quadratic
 
-    def describe(self) -> str:
+    def outline(self) -> str:
         """Return the size in a few words."""
         kinds: dict[str, int] = {}
         for block in self.cones:

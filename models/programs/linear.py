@@ -76,7 +76,7 @@ class MixedIntegerProgram(RowProgram):
 
     kind: ClassVar[str] = "mixed-integer-program"
 
-    def describe(self) -> str:
+    def outline(self) -> str:
         """Return the size in a few words."""
         return f"{self.row_count} rows, {self.size} columns, {int(self.integral.sum())} integral"
 
@@ -226,7 +226,7 @@ class QuadraticProgram(RowProgram):
                 field="hessian",
             )
 
-    def describe(self) -> str:
+    def outline(self) -> str:
         """Return the size in a few words."""
         size = f"{self.row_count} rows, {self.size} columns"
         if self.integral is not None:

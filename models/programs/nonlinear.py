@@ -121,7 +121,7 @@ class NonlinearProgram(BlockProgram):
         """Whether no column must be an integer."""
         return self.integral is None
 
-    def describe(self) -> str:
+    def outline(self) -> str:
         """Return the size in a few words."""
         integral = "" if self.integral is None else f", {int(self.integral.sum())} integral"
         return f"{self.row_count} rows, {self.size} columns{integral}, nonlinear"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any, NamedTuple
 
+from ...models.verification import stated
 from ..contract.repeats import Spread
 from ..contract.solution import Solution
 from ..contract.verdict import Outcome, Verdict
@@ -120,16 +121,23 @@ def _progress(case: Case) -> str:
         series.append(Series(label, _steps(run)))
     if not series:
         return ""
+    maximise = case.solutions[0].maximise
     bounds = [s.dual_bound for s in case.solutions if s.dual_bound is not None]
     note = (
-        "The objective of the best plan so far, over the seconds since the start; lower is better. "
+        "The objective of the best plan so far, over the seconds since the start; "
+        f"{'higher' if maximise else 'lower'} is better. "
     )
     if len(case.solutions) > len({who(s) for s in case.solutions}):
         note += "If a backend has several runs, the one with the median result is drawn. "
     if bounds:
         first = min(x for entry in series for x, _ in entry.points)
         series.insert(0, Series("best bound", [(first, max(bounds))], lone=True))
-        note += "The thick line is the best proven bound: no plan is below it."
+        side = "above" if maximise else "below"
+        note += f"The thick line is the best proven bound: no plan is {side} it."
+    series = [
+        entry._replace(points=[(x, stated(y, maximise)) for x, y in entry.points])
+        for entry in series
+    ]
     drawn = draw_steps(
         series, title=f"Objective over time on {case.name}", across="seconds", up="objective",
         seconds=True,

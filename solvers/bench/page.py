@@ -47,7 +47,7 @@ _STANDING = (
 #: Text in place of a leader for problems without one.
 _APART = "none: each backend estimates something else"
 #: Endings of the reasons for which an answer is not wrong, but not good enough.
-_SHORT = ("above best", "no plan", REFERENCE, TOO_LATE)
+_SHORT = ("above best", "below best", "no plan", REFERENCE, TOO_LATE)
 #: Largest number of characters of a message in a table.
 _MESSAGE = 300
 #: Options that the command for a contradiction repeats, by flag.
@@ -310,8 +310,8 @@ def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
     return attributes, [
         cell(case.name), cell(who(s)), cell(ended(s)),
         f"<td class='{look}'>{sign} {escape(why or 'solved')}</td>",
-        numeric(s.primal_bound, number(s.primal_bound)),
-        numeric(s.dual_bound, number(s.dual_bound)),
+        numeric(s.value, number(s.value)),
+        numeric(s.bound, number(s.bound)),
         numeric(s.gap, gap),
         numeric(solve, seconds_text(solve)), numeric(build, seconds_text(build)),
         numeric(s.seed, "" if s.seed is None else str(s.seed)),
@@ -330,7 +330,7 @@ def _contradiction(case: Case) -> str:
         off = [str(check) for check in checks if not check.ok or check.within_tolerance]
         state = "; ".join(off) or ("every check holds" if checks else "no plan to check")
         proves = "" if s.guarantee is None else str(s.guarantee)
-        cells = [who(s), proves, ended(s), number(s.primal_bound), number(s.dual_bound)]
+        cells = [who(s), proves, ended(s), number(s.value), number(s.bound)]
         rows.append([*map(cell, cells), cell(state, long=True)])
     heads = ("Backend", "Guarantee", "Ended", "Objective", "Bound", "Checks of its plan")
     given = named[0].options

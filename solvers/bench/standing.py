@@ -330,7 +330,8 @@ def _failure(solution: Solution[Any], verdict: Verdict, best_answer: Solution[An
         limit = float(solution.options.get("time_limit") or math.inf)
         return TOO_LATE if (measured_seconds(solution) or 0.0) > LATE * limit else ""
     size = abs(best_answer.primal_bound) or size
-    return f"{100 * excess / size:.2g} % above best" if excess < _FAR * size else "far above best"
+    side = "below best" if solution.maximise else "above best"
+    return f"{100 * excess / size:.2g} % {side}" if excess < _FAR * size else f"far {side}"
 
 
 def _points(

@@ -33,7 +33,8 @@ class Spread:
     successes : int
         Number of runs with a verified plan.
     objective : tuple of float, optional
-        First quartile, median and third quartile of the verified objectives; None without any.
+        First quartile, median and third quartile of the verified objectives, as the author of the model
+        states them; None without any.
     seconds : tuple of float
         The same quartiles of the seconds of all runs, with or without a plan.
     options : mapping
@@ -115,7 +116,7 @@ def spreads(solutions: Sequence[Solution[Any]]) -> tuple[Spread, ...]:
     result = []
     for (backend, formulation, _), runs in groups.items():
         if len(runs) > 1:
-            values = [run.primal_bound for run in runs if run.primal_bound is not None]
+            values = [run.value for run in runs if run.value is not None]
             seconds = [run.seconds.get("solve", run.seconds.get("total", 0.0)) for run in runs]
             objective = _quartiles(values) if values else None
             backend_options = own_options(runs[0])

@@ -11,7 +11,7 @@ from ...models.problems import PROBLEMS, problem_of
 from .backend import PROVING, Backend, Feature, Guarantee
 from .registry import Declaration, accepted, declarations, default_formulation
 
-__all__ = ["fitting", "guaranteed", "recommended"]
+__all__ = ["fitting", "guaranteed", "recommended", "refusals"]
 
 
 def _problems(model: Model[Any]) -> set[str]:
@@ -40,6 +40,43 @@ def _candidates(model: Model[Any]) -> Iterator[Declaration]:
             yield entry
 
 
+def refusals(model: Model[Any]) -> Iterator[tuple[Declaration, str]]:
+    """Yield the backends that may accept `model`, each with the reason why it cannot solve it.
+
+    The reason is empty if the backend can solve the model by default. Missing backends are included and
+    tested like installed ones; backends that cannot be loaded are omitted.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    """
+    programs: dict[tuple[str, str], Any] = {}
+    for declared in _candidates(model):
+        try:
+            backend = declared.load()
+        except BackendBroken:
+            continue
+        yield declared, _refusal(model, backend, programs)
+
+
+def _refusal(model: Model[Any], backend: Backend, programs: dict[tuple[str, str], Any]) -> str:
+    """Return why `backend` cannot solve `model` by default; `programs` contains those built before."""
+    step = accepted(model, backend, None)
+    if step is None:
+        return f"accepts {backend.accepted_kinds()}, not {model.kind}"
+    problem: Any = step
+    if not isinstance(step, backend.accepts):
+        key = step.kind, default_formulation(step, backend)
+        if key not in programs:
+            try:
+                programs[key] = step.formulate(key[1]).program
+            except UnsupportedFormulation as error:
+                programs[key] = str(error)
+        problem = programs[key]
+    return problem if isinstance(problem, str) else backend.refuses(problem)
+
+
 def _loadable(model: Model[Any]) -> Iterator[Backend]:
     """Yield the installed and loadable backends that may accept `model`."""
     for declared in _candidates(model):
@@ -53,24 +90,10 @@ def _loadable(model: Model[Any]) -> Iterator[Backend]:
 
 def fitting(model: Model[Any]) -> tuple[str, ...]:
     """Return the names of the installed backends that can solve `model` by default."""
-    names = []
     programs: dict[tuple[str, str], Any] = {}
-    for backend in _loadable(model):
-        step = accepted(model, backend, None)
-        if step is None:
-            continue
-        problem: Any = step
-        if not isinstance(step, backend.accepts):
-            key = step.kind, default_formulation(step, backend)
-            if key not in programs:
-                try:
-                    programs[key] = step.formulate(key[1]).program
-                except UnsupportedFormulation:
-                    programs[key] = None
-            problem = programs[key]
-        if problem is not None and not backend.refuses(problem):
-            names.append(backend.name)
-    return tuple(names)
+    return tuple(
+        backend.name for backend in _loadable(model) if not _refusal(model, backend, programs)
+    )
 
 
 def _takers(model: Model[Any], formulation: str | None) -> Iterator[tuple[Backend, Model[Any]]]:

@@ -19,7 +19,7 @@ from ...errors import InvalidData
 from ...models.fields import Real
 from ...models.model import Model, as_model
 from ...models.problems import model_type
-from ...models.verification import ROUNDING, TOLERANCE, Verification
+from ...models.verification import ROUNDING, TOLERANCE, Verification, stated
 from .enums import Guarantee, Limit, Termination
 
 if TYPE_CHECKING:
@@ -228,12 +228,12 @@ class Solution(Generic[PlanT]):
     @property
     def value(self) -> float | None:
         """Objective of the plan as the author of the model states it: negated for a maximisation."""
-        return _signed(self.primal_bound, self.maximise)
+        return stated(self.primal_bound, self.maximise)
 
     @property
     def bound(self) -> float | None:
         """Proven bound on :attr:`value`: from below, or from above for a maximisation."""
-        return _signed(self.dual_bound, self.maximise)
+        return stated(self.dual_bound, self.maximise)
 
     @property
     def values(self) -> dict[str, Any]:
@@ -414,11 +414,16 @@ class Solution(Generic[PlanT]):
         return replace(solution, verification=verification)
 
     def parts(self) -> list[Any]:
-        """Return the printable parts: a table of the answer, the plan, its checks, and the message."""
-        from ..report.tables import solutions_table, verification_table
+        """Return the printable parts: a table of the answer, the plan, its checks, and the message.
+
+        The plan of a program is a table of its largest values by name.
+        """
+        from ..report.tables import solutions_table, values_table, verification_table
 
         parts: list[Any] = [solutions_table([self], self.instance)]
-        if self.plan is not None:
+        if isinstance(self.plan, np.ndarray) and model_type(self.model).has_variables:
+            parts.append(values_table(self._planned("values").details(self.plan)))
+        elif self.plan is not None:
             parts.append(f"plan: {self.plan}{self._remark(' ({})')}")
         if self.verification is not None:
             parts.append(verification_table(self.verification))
@@ -471,7 +476,3 @@ class Solution(Generic[PlanT]):
 
     def __repr__(self) -> str:
         return f"<Solution {self}>"
-
-
-def _signed(value: float | None, negated: bool) -> float | None:
-    return -value if negated and value is not None else value

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ...errors import BackendBroken
+from ...models.model import as_model
 from .registry import Declaration, declarations
+from .selection import refusals
 
 __all__ = ["BackendState", "backend_states"]
 
@@ -21,16 +23,18 @@ class BackendState:
     name : str
         Name of the backend.
     state : str
-        ``"installed"``, ``"missing"`` or ``"broken"``. Whether an installed backend really loads
+        ``"installed"``, ``"missing"``, ``"broken"`` or, for a model, ``"refused"``. Whether an installed backend really loads
         is tested by :func:`crosstrack.solvers.run.probing.probe`.
     cause : str
-        Reason if it is not installed, such as the command that installs it.
+        Reason if it is not installed, such as the command that installs it, or if it refuses the model.
     version : str, optional
         Version of the solver.
     accepts, guarantee, features, summary, problem, requires
         As in :class:`Backend`.
     options : mapping of str to str, optional
         Help text of each option.
+    extra : str
+        Extra of ``pip install 'crosstrack[extra]'`` that installs it; empty for none.
     """
 
     name: str
@@ -44,6 +48,7 @@ class BackendState:
     summary: str = ""
     problem: str = ""
     requires: tuple[str, ...] = ()
+    extra: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the state as JSON data."""
@@ -62,9 +67,34 @@ class BackendState:
         }
 
 
-def backend_states() -> tuple[BackendState, ...]:
-    """Return the state of every backend. Missing and broken backends are included."""
-    return tuple(map(_state, declarations()))
+def backend_states(model: Any = None) -> tuple[BackendState, ...]:
+    """Return the state of every backend. Missing and broken backends are included.
+
+    Parameters
+    ----------
+    model : Model or object, optional
+        Model, or an object that describes one, such as a ``cvxpy.Problem``. Only the backends of its
+        problem and the solvers of programs are then returned. Those that cannot solve it have the state
+        ``"refused"`` with the reason, whether they are installed or not. Default: all backends.
+
+    Returns
+    -------
+    tuple of BackendState
+        In the order of preference, for a model the installed ones first and the refused ones last.
+
+    Raises
+    ------
+    InvalidData
+        `model` is neither a model nor describes one.
+    """
+    if model is None:
+        return tuple(map(_state, declarations()))
+    states = []
+    for declared, reason in refusals(as_model(model)):
+        state = _state(declared)
+        states.append(replace(state, state="refused", cause=reason) if reason else state)
+    order = ("installed", "missing", "broken", "refused")
+    return tuple(sorted(states, key=lambda state: order.index(state.state)))
 
 
 def _state(declared: Declaration) -> BackendState:
@@ -88,4 +118,5 @@ def _state(declared: Declaration) -> BackendState:
         summary=backend.summary,
         problem=declared.problem,
         requires=tuple(backend.requires),
+        extra=backend.extra,
     )

@@ -182,7 +182,7 @@ def judge(
     if clean and empty:
         return verdict(
             Outcome.CONTRADICTION,
-            f"{_who(empty[0])} claims infeasible, but {_who(clean[0])} has a verified plan of {clean[0].primal_bound:.10g}",
+            f"{_who(empty[0])} claims infeasible, but {_who(clean[0])} has a verified plan of {clean[0].value:.10g}",
         )
     best = min(clean, key=lambda s: s.primal_bound, default=None)  # type: ignore[arg-type, return-value]
     proof = max(bounds, key=lambda s: s.dual_bound, default=None)  # type: ignore[arg-type, return-value]
@@ -192,8 +192,8 @@ def judge(
         if proof.dual_bound > best.primal_bound + slack:
             return verdict(
                 Outcome.CONTRADICTION,
-                f"{_who(proof)} claims that no plan is below {proof.dual_bound:.10g}, but {_who(best)} has a "
-                f"verified plan of {best.primal_bound:.10g}",
+                f"{_who(proof)} claims that no plan is {'above' if proof.maximise else 'below'} "
+                f"{proof.bound:.10g}, but {_who(best)} has a verified plan of {best.value:.10g}",
             )
     if unbounded and (empty or bounds):
         other = (empty or bounds)[0]
@@ -208,11 +208,11 @@ def judge(
             holders = [s for s in clean if s.primal_bound <= best.primal_bound + _slack(best, s)]  # type: ignore[operator]
             return verdict(
                 Outcome.AGREED,
-                f"optimum {best.primal_bound:.10g}: plan by {_names(holders)}; bound by {_names(provers)}",
+                f"optimum {best.value:.10g}: plan by {_names(holders)}; bound by {_names(provers)}",
             )
         return verdict(
             Outcome.INCONCLUSIVE,
-            f"best plan {best.primal_bound:.10g} ({_who(best)}), best bound {proof.dual_bound:.10g} ({_who(proof)}): "
+            f"best plan {best.value:.10g} ({_who(best)}), best bound {proof.bound:.10g} ({_who(proof)}): "
             "no proof that they meet",
         )
     if empty:
@@ -225,13 +225,13 @@ def judge(
     if best is not None:
         return verdict(
             Outcome.INCONCLUSIVE,
-            f"best plan {best.primal_bound:.10g} ({_who(best)}), but no exact bound",
+            f"best plan {best.value:.10g} ({_who(best)}), but no exact bound",
         )
     if plans:
         lowest = min(plans, key=lambda s: s.primal_bound)  # type: ignore[arg-type, return-value]
         return verdict(
             Outcome.INCONCLUSIVE,
-            f"the only plans depend on a tolerance: best {lowest.primal_bound:.10g} ({_who(lowest)}), "
+            f"the only plans depend on a tolerance: best {lowest.value:.10g} ({_who(lowest)}), "
             "no exact bound",
         )
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")
@@ -257,7 +257,7 @@ def _default_is_worse(model: Model[Any] | None, clean: Sequence[Solution[Any]]) 
     if excess <= CLEARLY * size:
         return ""
     text = f"{100.0 * excess / size:.0f} %" if size > 0 else f"{excess:.3g}"
-    return f"; the default backend {_who(default_plan)} has {_value(default_plan):.10g}, {text} worse than {_who(best)}"
+    return f"; the default backend {_who(default_plan)} has {default_plan.value:.10g}, {text} worse than {_who(best)}"
 
 
 def _value(solution: Solution[Any]) -> float:
@@ -320,7 +320,7 @@ def _notes(
             and not _clean(solution)
         ):
             near = solution.verification.within_tolerance
-            head = f"{_who(solution)}: its plan of {solution.primal_bound:.10g} is within_tolerance only"
+            head = f"{_who(solution)}: its plan of {solution.value:.10g} is within_tolerance only"
             if len(near) > MANY:
                 notes.append(f"{head}: {', '.join(check.name for check in near)}")
             else:
@@ -344,7 +344,7 @@ def _notes(
         if excess > WORSE * max(float(solution.options.get("tolerance") or 0.0), ROUNDING) * size:
             text = f"{100.0 * excess / size:.2g} %" if size > 0 else f"{excess:.3g}"
             notes.append(
-                f"{_who(solution)}: stopped at a worse point, {solution.primal_bound:.10g}: "
-                f"{text} above {best.primal_bound:.10g} of {_who(best)}"
+                f"{_who(solution)}: stopped at a worse point, {solution.value:.10g}: "
+                f"{text} {'below' if best.maximise else 'above'} {best.value:.10g} of {_who(best)}"
             )
     return notes

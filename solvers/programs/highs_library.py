@@ -82,7 +82,7 @@ def run_highs(
         integral.astype(np.int32),
     )
     if passed == highspy.HighsStatus.kError:
-        raise InvalidData(f"backend 'highs': HiGHS refuses the program ({program.describe()})")
+        raise InvalidData(f"backend 'highs': HiGHS refuses the program ({program.outline()})")
     prepare(highs)
     clock.lap("build")
     left = clock.left()

@@ -82,7 +82,7 @@ def _curve(program: QuadraticProgram) -> Any:
             )
             == highspy.HighsStatus.kError
         ):
-            raise InvalidData(f"backend 'highs': HiGHS refuses the Hessian ({program.describe()})")
+            raise InvalidData(f"backend 'highs': HiGHS refuses the Hessian ({program.outline()})")
 
     return prepare
 

@@ -27,6 +27,7 @@ __all__ = [
     "seconds_text",
     "solutions_table",
     "table",
+    "values_table",
     "verification_table",
 ]
 
@@ -71,6 +72,8 @@ class Answered(Protocol):
     def message(self) -> str: ...
 
 
+#: Largest number of values that :func:`values_table` shows.
+SHOWN = 20
 #: Seconds of compilation below which its column is omitted.
 _NOTICEABLE = 0.05
 
@@ -331,6 +334,20 @@ def solutions_table(solutions: Sequence[Answered], title: str = "") -> FittedTab
         right=columns[2:-1],
         drop=("compile", "total", "gap", "bound", "solve"),
     )
+
+
+def values_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable | str:
+    """Return a table of the largest values of a program, or a text if all values are 0.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Result of :meth:`.Program.details`.
+    """
+    if not rows:
+        return "values: all are 0"
+    more = f", the largest {SHOWN} of {len(rows)}" if len(rows) > SHOWN else ""
+    return details_table(rows[:SHOWN], f"values other than 0{more}")
 
 
 def verification_table(verification: Verification) -> FittedTable:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
@@ -12,6 +13,7 @@ from ...models.formulation import Formulation
 from ...models.model import Model, as_model
 from ...models.problems import resolve, table
 from ...models.programs.base import RowProgram
+from ...models.programs.blocks import Block
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
 from ...models.verification import TOLERANCE
@@ -22,6 +24,7 @@ from ..contract.selection import recommended
 from ..contract.solution import Solution
 from ..processes.isolation import Worker
 from ..processes.output import shown
+from .conflicts import Conflict, find_conflict
 from .dispatch import solve
 
 __all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
@@ -136,6 +139,12 @@ def diagnose(
     of a partial plan is infeasible. With one of them, a deletion filter over the row blocks of the
     program returns an irreducible infeasible set of blocks: no point satisfies all of them, but
     some point satisfies all but any one.
+
+    For a program with linear rows, such as one made from a file or a ``cvxpy.Problem``, the rows of
+    these blocks and the column bounds are reduced to an irreducible set as well. The findings have the
+    names of its author: constraints first, then their rows, then the bounds. At most
+    :data:`~crosstrack.solvers.run.conflicts.MOST` programs are solved for it, within `time_limit` seconds
+    in all; the summary states if the set was not reduced completely.
 
     Parameters
     ----------
@@ -252,6 +261,8 @@ def filtered(
         return Diagnosis(
             model.name, None, method, f"not settled: {solver.name} ended with {answer.termination}"
         )
+    if written is None:
+        candidate = _with_blocks(candidate)
     needed = [block.name for block in candidate.conditions]
     unsure = []
     for name in list(needed):
@@ -263,6 +274,8 @@ def filtered(
         elif outcome not in (Termination.OPTIMAL, Termination.FEASIBLE):
             unsure.append(name)
     blocks = [block for block in candidate.conditions if block.name in needed]
+    if written is None:
+        return _explained(model, candidate, needed, unsure, method, solved, limits)
     findings = tuple(
         Finding(
             f"{block.title} ({block.size} rows)"
@@ -279,6 +292,84 @@ def filtered(
         else "no plan: the bounds of the columns alone exclude it"
     )
     return Diagnosis(model.name, False, method, summary, findings)
+
+
+def _with_blocks(program: RowProgram) -> RowProgram:
+    """Return `program` with a block of rows if it has none."""
+    if program.rows or not program.row_count:
+        return program
+    changed: dict[str, Any] = {"rows": (Block("row", "", 0, program.row_count),)}
+    return replace(program, **changed)
+
+
+def _explained(
+    model: Model[Any], candidate: RowProgram, needed: Sequence[str], unsure: Sequence[str],
+    method: str, solved: Callable[[RowProgram], Solution[Any]], limits: Limits,
+) -> Diagnosis:  # fmt: skip
+    """Return the diagnosis of a program whose blocks `needed` exclude every point."""
+    dropped = [block.name for block in candidate.conditions if block.name not in needed]
+    deadline = time.monotonic() + (math.inf if limits.time_limit is None else limits.time_limit)
+    conflict = find_conflict(
+        candidate.without_rows(dropped),
+        lambda part: solved(part).termination is Termination.INFEASIBLE,
+        lambda: time.monotonic() < deadline,
+    )
+    what = [
+        *(["rows"] if conflict.rows else []),
+        *(["cones"] if getattr(conflict.program, "cones", ()) else []),
+        *(["column bounds"] if conflict.lower or conflict.upper else []),
+    ]
+    whole = " with integer columns" if conflict.integral else ""
+    summary = f"no plan: no point{whole} satisfies these {' and '.join(what)}"
+    summary += (
+        ", and without any one of them there is a point"
+        if conflict.irreducible and not unsure
+        else "; a limit ended the reduction, so that some may not be needed"
+    )
+    return Diagnosis(model.name, False, method, summary, tuple(_findings(conflict, unsure)))
+
+
+def _findings(conflict: Conflict, unsure: Sequence[str]) -> Iterator[Finding]:
+    """Yield the constraints of a conflict, then their rows, then the column bounds."""
+    program = conflict.program
+    blocks = [*program.rows, *getattr(program, "cones", ())]
+    rows_of = {
+        block.name: [row for row in conflict.rows if block.start <= row < block.start + block.size]
+        for block in program.rows
+    }
+    parts: list[Finding] = []
+    labels = program.row_labels
+    for block in blocks:
+        rows = rows_of.get(block.name) if block in program.rows else None
+        if rows == []:
+            continue
+        note = ": not settled within the time limit" if block.name in unsure else ""
+        size = block.size if rows is None else len(rows)
+        data = {"block": block.name, "rows": size, "settled": block.name not in unsure}
+        text = f"{block.title} ({size} of {block.size} rows)"
+        if rows is not None and block.size == 1:
+            text = f"{block.title}: {conflict.row_text(rows[0])}"
+        if len(blocks) > 1 or block.size == 1 or rows is None:
+            yield Finding(text + note, block.equation, block.name, data)
+        if rows is not None and block.size > 1:
+            parts += [
+                Finding(
+                    f"row {labels[row]}: {conflict.row_text(row)}",
+                    where=labels[row], data={"row": labels[row], "block": block.name},
+                )
+                for row in rows
+            ]  # fmt: skip
+    yield from parts
+    names = program.column_labels
+    for sign, columns, bounds in (
+        (">=", conflict.lower, program.column_lower),
+        ("<=", conflict.upper, program.column_upper),
+    ):
+        for column in columns:
+            value = float(bounds[column])
+            data = {"column": names[column], "bound": sign, "value": value}
+            text = f"bound {names[column]} {sign} {value:.6g}"
+            yield Finding(text, where=names[column], data=data)
 
 
 def _feasibility(program: RowProgram) -> RowProgram:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...models.model import Model
+from ...models.verification import stated
 from ..contract.solution import Solution
 from ..report.fitting import FittedTable
 from ..report.tables import Printable, number, seconds_text, table
@@ -130,7 +131,9 @@ class Front(Printable):
             key=lambda pair: (-pair[0].second, pair[0].objective),
         )
         title = f"{self.model.name or self.model.kind}: objective and {self.second}"
-        parts: list[Any] = [_table(title, self.field, self.second, shown)]
+        parts: list[Any] = [
+            _table(title, self.field, self.second, shown, swept=bool(self.first))
+        ]
         for item in self.unsolved:
             parts.append(
                 f"{item.instance or item.model}: {item.termination}"
@@ -142,12 +145,12 @@ class Front(Printable):
 
 
 def _table(
-    title: str, name: str, second: str, rows: Iterable[tuple[FrontPoint, str]]
+    title: str, name: str, second: str, rows: Iterable[tuple[FrontPoint, str]], *, swept: bool
 ) -> FittedTable:
     cells = [
         (
             "" if point.limit is None else number(point.limit),
-            number(point.objective),
+            number(stated(point.objective, point.solution.maximise and not swept)),
             number(point.second),
             ""
             if point.solution.gap is None

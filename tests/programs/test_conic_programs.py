@@ -112,7 +112,7 @@ def test_violations_name_their_cone() -> None:
     # Relative to the largest term: 4.
     assert check.tolerance == pytest.approx(4e-6)
     assert program.verify(np.array([0.6, 0.8])).ok
-    assert program.describe() == "0 rows, 2 columns, 2 second-order cones"
+    assert program.outline() == "0 rows, 2 columns, 2 second-order cones"
 
 
 def test_a_program_without_rows_stays_one_without_them() -> None:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-__all__ = ["Source"]
+__all__ = ["Source", "named_values"]
 
 Vector = NDArray[np.float64]
 
@@ -33,3 +34,28 @@ class Source:
     origin: Any
     values: Callable[[Vector], Mapping[str, Any]]
     assign: Callable[[Vector, Vector | None, float], None] | None = None
+
+
+def named_values(values: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Return the numbers in the result of :meth:`.Program.values_of`, the largest magnitude first.
+
+    Parameters
+    ----------
+    values : mapping
+        Numbers and arrays by name.
+
+    Returns
+    -------
+    list of (str, float)
+        Names such as ``"x[1, 2]"`` for the entries of arrays, with the values; complex numbers are
+        texts.
+    """
+    result: list[tuple[str, Any, float]] = []
+    for name, value in values.items():
+        array = np.asarray(value.toarray() if sp.issparse(value) else value)
+        for place, entry in zip(np.ndindex(array.shape), array.ravel().tolist(), strict=True):
+            label = f"{name}[{', '.join(map(str, place))}]" if place else name
+            shown = str(entry) if isinstance(entry, complex) and entry else entry
+            result.append((label, shown, abs(entry)))
+    result.sort(key=lambda item: -item[2])
+    return [(name, value) for name, value, _ in result]
