@@ -82,8 +82,8 @@ class _Commands(Mapping[str, click.Command]):
 def cli() -> None:
     """Declare planning problems, solve them with any backend, cross-check every answer.
 
-    INSTANCE is a catalogue name such as error-correction/7, a JSON file, or a CSV or Excel file with
-    --data for what it lacks.
+    INSTANCE is a catalogue name such as error-correction/7, a JSON file, a CSV or Excel file with
+    --data for what it lacks, or a program in a file (.mps, .lp, .nl, .qplib, .cbf, .mat, .npz, also .gz).
     """
 
 

@@ -128,7 +128,16 @@ def _solve_code(solution: Solution[Any]) -> int:
     "names",
     help="Names separated by commas, each with an optional :formulation (default: all installed backends that accept the first instance).",
 )
-@options("formulation", *LIMITS)
+@options(
+    "formulation",
+    *LIMITS,
+    backend={
+        "default": None,
+        "show_default": False,
+        "multiple": True,
+        "help": "A name as in --backends; repeat it for several.",
+    },
+)
 @as_json
 @click.option(
     "--grace",
@@ -143,8 +152,8 @@ def _solve_code(solution: Solution[Any]) -> int:
 )
 @options("formulation_options", "jsonl", "resume")
 def compare(
-    instances: Sequence[str], reading: dict[str, Any], names: str | None, as_json: bool, jsonl: str | None, resume: bool,
-    warm_start: str | None, **limits: Any,
+    instances: Sequence[str], reading: dict[str, Any], names: str | None, backend: Sequence[str], as_json: bool,
+    jsonl: str | None, resume: bool, warm_start: str | None, **limits: Any,
 ) -> int:  # fmt: skip
     """Solve every INSTANCE with several backends in worker processes and compare the answers."""
     from ..instances.catalogue import load
@@ -153,16 +162,15 @@ def compare(
     from ..solvers.report.terminal import emit, progress, show
     from ..solvers.run import crosscheck
 
+    if names is not None and backend:
+        raise click.UsageError("--backend and --backends name the same: use one of them")
     if resume and jsonl is None:
         raise click.UsageError("--resume needs --jsonl FILE")
     if jsonl == "-":
         raise click.UsageError("--jsonl takes a file, which --resume reads: use --json to print")
     models = [load(instance, **reading) for instance in instances]
-    chosen = (
-        [name.strip() for name in names.split(",") if name.strip()]
-        if names
-        else list(fitting(models[0]))
-    )
+    listed = [name.strip() for name in (names or "").split(",") if name.strip()] or [*backend]
+    chosen = listed or list(fitting(models[0]))
     start = None if warm_start is None else [read_plan(model, warm_start) for model in models]
     total, count = len(models) * len(chosen), 0
     with progress(f"0 of {total}") as status:

@@ -11,6 +11,9 @@ FILES = {
     ".qplib": ".qplib:read_qplib",
 }
 
+#: Formats of plans for other software.
+EXPORTS = {"csv": ".exports:CSV", "sol": ".exports:SOL"}
+
 #: Functions that return the program of a library's model, by the library that defines its type.
 OBJECTS = {
     "gurobipy": ".libraries:program_of_gurobi",

@@ -6,6 +6,7 @@ import dataclasses
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -394,6 +395,35 @@ class RowProgram(BlockProgram):
     def conditions(self) -> tuple[Block, ...]:
         """Blocks that :meth:`without_rows` can remove."""
         return self.rows
+
+    @cached_property
+    def second_objectives(self) -> dict[str, str]:  # type: ignore[override]
+        """Rows with upper bounds or without bounds, whose values :func:`crosstrack.front` limits."""
+        usable = np.isfinite(self.row_upper) | ~np.isfinite(self.row_lower)
+        usable &= self.row_lower < self.row_upper
+        return {
+            name: "row_upper"
+            for name, use in zip(self.row_labels, usable.tolist(), strict=True)
+            if use
+        }
+
+    def second_objective(self, name: str, plan: Vector) -> float:
+        """Return the value of the row called `name` at `plan`."""
+        return float((self.matrix[[self._row(name)]] @ plan)[0])
+
+    def limited(self, name: str, value: float) -> Self:
+        """Return the program with the value of the row called `name` limited to at most `value`."""
+        upper, row = self.row_upper.copy(), self._row(name)
+        upper[row] = min(upper[row], value)
+        changed: dict[str, Any] = {"row_upper": upper}
+        return replace(self, **changed)
+
+    def _row(self, name: str) -> int:
+        if name not in self.second_objectives:
+            raise UnknownName(
+                f"row of {self.kind!r} with an upper bound", name, self.second_objectives
+            )
+        return self.row_labels.index(name)
 
     def without_rows(self, names: Iterable[str]) -> Self:
         """Return the program without the row blocks called `names`."""

@@ -93,7 +93,8 @@ class Block(Declared):
         """Names of the entries without the name of the block, if they have some."""
         if self.labels or self.index is not None:
             return [self.place(k) for k in range(self.size)]
-        return [f"{self.name}[{k}]" for k in range(self.size)] if self.size > 1 else [self.name]
+        name = f"({self.name})" if " " in self.name else self.name
+        return [f"{name}[{k}]" for k in range(self.size)] if self.size > 1 else [self.name]
 
     @property
     def title(self) -> str:

@@ -141,7 +141,9 @@ def _special_rows(program: RowProgram, binary: Mask, whole: Mask) -> dict[str, i
     def every(condition: Mask) -> Mask:
         """Return the rows with at least two entries, all of which satisfy `condition`."""
         failures = np.concatenate([[0], np.cumsum(~condition)])
-        return (entries > 1) & (failures[matrix.indptr[1:]] == failures[matrix.indptr[:-1]])
+        same = failures[matrix.indptr[1:]] == failures[matrix.indptr[:-1]]
+        result: Mask = (entries > 1) & same
+        return result
 
     ones = every((matrix.data == 1) & binary[matrix.indices])
     equal = lower == upper

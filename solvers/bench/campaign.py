@@ -96,7 +96,8 @@ class Set:
     ----------
     instances : tuple of str
         Globs over the names of the catalogue, such as ``"error-correction/*"``, or files below the
-        folder of the campaign, such as ``"./mine/*.json"``.
+        folder of the campaign, such as ``"./mine/*.json"`` or ``"programs/*.mps"``. A pattern that
+        matches no name of the catalogue is one of files.
     backends : tuple of str
         Names or globs of installed backends. ``"name:formulation"`` selects a formulation, ``"auto"``
         the recommended backend, and ``"*"`` all that accept an instance by default.
@@ -287,9 +288,11 @@ class Campaign:
                     yield load(source)
 
     def _matching(self, pattern: str) -> Iterator[str | Path]:
-        if not pattern.startswith(".") and Path(pattern).suffix != ".json":
-            yield from (item.name for item in entries() if fnmatchcase(item.name, pattern))
-            return
+        if not pattern.startswith("."):
+            names = [item.name for item in entries() if fnmatchcase(item.name, pattern)]
+            yield from names
+            if names or not (Path(pattern).suffix or "/" in pattern):
+                return
         root = Path(self.folder).resolve()
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
             raise InvalidData(

@@ -8,6 +8,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
+from ...errors import UnknownName
 from ...models.model import Model
 from ...models.plots import picture_options, plot
 from ...models.verification import TOLERANCE
@@ -69,6 +70,8 @@ def draw_plan(best: Solution[Any] | None, load: Load | None, instances: int = 1)
         wide = _WIDE if instances <= _FEW else _SMALL
         dpi = wide / figure.get_size_inches()[0]
         figure.savefig(out, format="webp", dpi=dpi, pil_kwargs={"quality": _QUALITY})
+    except UnknownName:
+        return "", f"No picture: models of kind {model.kind!r} have none."
     except Exception as error:  # an error of a picture must not stop the page
         log.warning("picture of %r: %s", best.instance, error)
         return "", f"No picture: {error}"

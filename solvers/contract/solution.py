@@ -418,11 +418,11 @@ class Solution(Generic[PlanT]):
 
         The plan of a program is a table of its largest values by name.
         """
-        from ..report.tables import solutions_table, values_table, verification_table
+        from ..report.tables import solutions_table, values_parts, verification_table
 
         parts: list[Any] = [solutions_table([self], self.instance)]
         if isinstance(self.plan, np.ndarray) and model_type(self.model).has_variables:
-            parts.append(values_table(self._planned("values").details(self.plan)))
+            parts += values_parts(self._planned("values").details(self.plan))
         elif self.plan is not None:
             parts.append(f"plan: {self.plan}{self._remark(' ({})')}")
         if self.verification is not None:

@@ -27,7 +27,7 @@ __all__ = [
     "seconds_text",
     "solutions_table",
     "table",
-    "values_table",
+    "values_parts",
     "verification_table",
 ]
 
@@ -72,7 +72,7 @@ class Answered(Protocol):
     def message(self) -> str: ...
 
 
-#: Largest number of values that :func:`values_table` shows.
+#: Largest number of values that :func:`values_parts` shows.
 SHOWN = 20
 #: Seconds of compilation below which its column is omitted.
 _NOTICEABLE = 0.05
@@ -336,8 +336,8 @@ def solutions_table(solutions: Sequence[Answered], title: str = "") -> FittedTab
     )
 
 
-def values_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable | str:
-    """Return a table of the largest values of a program, or a text if all values are 0.
+def values_parts(rows: Sequence[Mapping[str, Any]]) -> list[FittedTable | str]:
+    """Return a table of the largest values of a program, and a line about the others.
 
     Parameters
     ----------
@@ -345,9 +345,10 @@ def values_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable | str:
         Result of :meth:`.Program.details`.
     """
     if not rows:
-        return "values: all are 0"
-    more = f", the largest {SHOWN} of {len(rows)}" if len(rows) > SHOWN else ""
-    return details_table(rows[:SHOWN], f"values other than 0{more}")
+        return ["all values are 0"]
+    more = len(rows) - SHOWN
+    rest = f"{more} smaller nonzero values are not shown (--details, or Solution.values)"
+    return [details_table(rows[:SHOWN], ""), *([rest] if more > 0 else [])]
 
 
 def verification_table(verification: Verification) -> FittedTable:

@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.programs.base import RowProgram
+from ...models.programs.blocks import Block
+from ...models.programs.conic import ConicProgram
+from ...models.programs.linear import QuadraticProgram
 
-__all__ = ["Conflict", "find_conflict", "quick_explanation"]
+__all__ = ["Conflict", "feasibility", "find_conflict", "quick_explanation", "with_blocks"]
 
 #: Largest number of programs that :func:`find_conflict` solves. A conflict of k among n entries needs at
 #: most ``2 k log2(n / k) + 2 k``: 400 suffice for 25 rows of 1,000.
@@ -50,7 +53,9 @@ class Conflict:
         names = self.program.column_labels
         part = self.program.matrix[[row]]
         terms = ""
-        for column, value in list(zip(part.indices.tolist(), part.data.tolist(), strict=True))[:TERMS]:
+        for column, value in list(zip(part.indices.tolist(), part.data.tolist(), strict=True))[
+            :TERMS
+        ]:
             size = "" if abs(value) == 1 else f"{abs(value):.6g} "
             sign = ("- " if value < 0 else "+ ") if terms else ("-" if value < 0 else "")
             terms += f"{' ' if terms else ''}{sign}{size}{names[column]}"
@@ -179,3 +184,19 @@ def _columns_of(program: RowProgram, rows: Sequence[int]) -> NDArray[np.bool_]:
     if cones is not None:
         used[cones.indices] = True
     return used if used.any() else ~used
+
+
+def with_blocks(program: RowProgram) -> RowProgram:
+    """Return `program` with a block of rows if it has none."""
+    if program.rows or not program.row_count:
+        return program
+    changed: dict[str, Any] = {"rows": (Block("row", "", 0, program.row_count),)}
+    return replace(program, **changed)
+
+
+def feasibility(program: RowProgram) -> RowProgram:
+    """Return `program` with a zero objective, because any feasible point is sufficient."""
+    objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
+    if isinstance(program, QuadraticProgram | ConicProgram):
+        objective["hessian"] = program.hessian * 0.0
+    return replace(program, **objective)

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
+import numpy as np
+
 from ...errors import UnsupportedFormulation
 from ...models.formulation import Formulation
 from ...models.model import Model, as_model
 from ...models.problems import resolve, table
 from ...models.programs.base import RowProgram
-from ...models.programs.blocks import Block
-from ...models.programs.conic import ConicProgram
-from ...models.programs.linear import QuadraticProgram
+from ...models.programs.linear import MixedIntegerProgram
 from ...models.verification import TOLERANCE
 from ..contract.backend import Backend, Guarantee, Termination
 from ..contract.limits import LimitOptions, Limits, limits_of, takes_limits
@@ -24,7 +24,7 @@ from ..contract.selection import recommended
 from ..contract.solution import Solution
 from ..processes.isolation import Worker
 from ..processes.output import shown
-from .conflicts import Conflict, find_conflict
+from .conflicts import Conflict, feasibility, find_conflict, with_blocks
 from .dispatch import solve
 
 __all__ = ["Diagnosis", "Finding", "diagnose", "filtered"]
@@ -222,16 +222,18 @@ def filtered(
         not settled within the time limit.
     """
     written: Formulation[Any, Any] | None = None
+    automatic = backend is None or (isinstance(backend, str) and backend == "auto")
     if isinstance(model, RowProgram):
-        program = model
+        program = _linear_part(model, limits) if automatic else model
     else:
         written = model.formulate(formulation or _covering(model))
         if not isinstance(written.program, RowProgram):
             raise UnsupportedFormulation(f"formulation {written.name!r} has no linear rows")
         program = written.program
-    if backend is None or (isinstance(backend, str) and backend == "auto"):
+    if automatic:
         solver = recommended(program)
     else:
+        assert backend is not None
         solver = find_backend(backend, program)
     if solver.guarantee is not Guarantee.EXACT or not isinstance(program, solver.accepts):
         raise UnsupportedFormulation(
@@ -244,7 +246,7 @@ def filtered(
 
     method = f"deletion filter over the rows of {program.name or 'the program'} with {solver.name}"
     while True:
-        candidate = _feasibility(program)
+        candidate = feasibility(program)
         answer = solved(candidate)
         finer = None
         if answer.plan is not None and written is not None:
@@ -262,7 +264,7 @@ def filtered(
             model.name, None, method, f"not settled: {solver.name} ended with {answer.termination}"
         )
     if written is None:
-        candidate = _with_blocks(candidate)
+        candidate = with_blocks(candidate)
     needed = [block.name for block in candidate.conditions]
     unsure = []
     for name in list(needed):
@@ -294,12 +296,22 @@ def filtered(
     return Diagnosis(model.name, False, method, summary, findings)
 
 
-def _with_blocks(program: RowProgram) -> RowProgram:
-    """Return `program` with a block of rows if it has none."""
-    if program.rows or not program.row_count:
+def _linear_part(program: RowProgram, limits: Limits) -> RowProgram:
+    """Return the rows and columns of `program` as a linear one if they alone decide whether it has a point.
+
+    That is the case without cones, or if the rows and bounds exclude every point. Solvers of linear
+    programs prove infeasibility more reliably than those of quadratic and conic ones.
+    """
+    integral = getattr(program, "integral", None)
+    if isinstance(program, MixedIntegerProgram):
         return program
-    changed: dict[str, Any] = {"rows": (Block("row", "", 0, program.row_count),)}
-    return replace(program, **changed)
+    if integral is None:
+        integral = np.zeros(program.size, bool)
+    linear = MixedIntegerProgram(integral=integral, **program.shared())
+    if not getattr(program, "cones", ()):
+        return linear
+    ending = solve(feasibility(linear), limits=limits).termination
+    return linear if ending is Termination.INFEASIBLE else program
 
 
 def _explained(
@@ -370,14 +382,6 @@ def _findings(conflict: Conflict, unsure: Sequence[str]) -> Iterator[Finding]:
             data = {"column": names[column], "bound": sign, "value": value}
             text = f"bound {names[column]} {sign} {value:.6g}"
             yield Finding(text, where=names[column], data=data)
-
-
-def _feasibility(program: RowProgram) -> RowProgram:
-    """Return `program` with a zero objective, because any feasible point is sufficient."""
-    objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
-    if isinstance(program, QuadraticProgram | ConicProgram):
-        objective["hessian"] = program.hessian * 0.0
-    return replace(program, **objective)
 
 
 def _covering(model: Model[Any]) -> str | None:

@@ -131,9 +131,7 @@ class Front(Printable):
             key=lambda pair: (-pair[0].second, pair[0].objective),
         )
         title = f"{self.model.name or self.model.kind}: objective and {self.second}"
-        parts: list[Any] = [
-            _table(title, self.field, self.second, shown, swept=bool(self.first))
-        ]
+        parts: list[Any] = [_table(title, self.field, self.second, shown, swept=bool(self.first))]
         for item in self.unsolved:
             parts.append(
                 f"{item.instance or item.model}: {item.termination}"

@@ -66,9 +66,10 @@ def front(
     Parameters
     ----------
     model : Model
-        The model, whose type declares ``second_objectives``.
+        The model, whose type declares ``second_objectives``, or a program with linear rows.
     second : str
-        Name of the second objective.
+        Name of the second objective; for a program the name of a row with an upper bound or without bounds,
+        whose value is limited.
     backend, formulation, formulation_options, backend_options, isolate
         As in :func:`crosstrack.solve`.
     limits : sequence of float or Limits, optional

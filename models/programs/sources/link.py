@@ -36,13 +36,15 @@ class Source:
     assign: Callable[[Vector, Vector | None, float], None] | None = None
 
 
-def named_values(values: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """Return the numbers in the result of :meth:`.Program.values_of`, the largest magnitude first.
+def named_values(values: Mapping[str, Any], *, by_size: bool = True) -> list[tuple[str, Any]]:
+    """Return the numbers in the result of :meth:`.Program.values_of`.
 
     Parameters
     ----------
     values : mapping
         Numbers and arrays by name.
+    by_size : bool
+        Whether the largest magnitudes come first; otherwise in the order of the variables.
 
     Returns
     -------
@@ -57,5 +59,6 @@ def named_values(values: Mapping[str, Any]) -> list[tuple[str, Any]]:
             label = f"{name}[{', '.join(map(str, place))}]" if place else name
             shown = str(entry) if isinstance(entry, complex) and entry else entry
             result.append((label, shown, abs(entry)))
-    result.sort(key=lambda item: -item[2])
+    if by_size:
+        result.sort(key=lambda item: -item[2])
     return [(name, value) for name, value, _ in result]
