@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence as SequenceOf
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self, overload
 
 import numpy as np
@@ -378,12 +378,15 @@ class Verification:
         computed objective. A plan contradicts no bound within the interval.
     scale : float
         Magnitude of the objective's data. Differences of smaller objectives are relative to it.
+    maximise : bool
+        Whether the printed objective is the negated one, see :func:`stated`; not part of records.
     """
 
     objective: float | None
     checks: tuple[Check, ...]
     spread: float = 0.0
     scale: float = 1.0
+    maximise: bool = field(default=False, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
         if self.objective is not None and not math.isfinite(self.objective):
@@ -444,7 +447,8 @@ class Verification:
 
     def __str__(self) -> str:
         head = "verified" if self.ok else "NOT verified"
-        objective = "" if self.objective is None else f", objective {self.objective:.10g}"
+        value = stated(self.objective, self.maximise)
+        objective = "" if value is None else f", objective {value:.10g}"
         return "\n".join([head + objective, *(f"  {check}" for check in self.checks)])
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidData
+from ..verification import stated
 from . import kit
 
 __all__ = ["draw_progress"]
@@ -31,7 +32,8 @@ def draw_progress(
         Runs on one model. The incumbents of a run are drawn as steps that end with its answer. A
         run without a plan contributes its bound only.
     bound : float, optional
-        Proven lower bound in addition to those of the solutions; the largest one is used.
+        Proven lower bound in addition to those of the solutions; the largest one is used. As in the
+        solutions, it is a bound on the minimised objective. The picture shows the author's numbers.
     unit : str
         Unit of the objective.
     """
@@ -49,10 +51,13 @@ def draw_progress(
     proven += [] if bound is None else [float(bound)]
     ends = np.array([first, last])
     best = max(proven, default=None)
-    limits = (
-        [] if best is None else [kit.Limit(ends, best, np.inf, label="proven bound", shaded=False)]
-    )
-    panels = [kit.Panel("objective", unit, curves, limits)]
+    sign = stated(1.0, any(getattr(run, "maximise", False) for run in runs))
+    limits = []
+    if best is not None:
+        lower, upper = (best, np.inf) if sign > 0 else (-np.inf, -best)
+        limits = [kit.Limit(ends, lower, upper, label="proven bound", shaded=False)]
+    drawn = [curve._replace(values=sign * curve.values) for curve in curves]
+    panels = [kit.Panel("objective", unit, drawn, limits)]
     if best is not None:
         panels.append(kit.Panel("gap to the bound", "%", [_gap(curve, best) for curve in curves]))
     name = next((run.instance for run in runs if run.instance), "")

@@ -363,7 +363,7 @@ class RowProgram(BlockProgram):
         columns = self._column_sizes
         rows = row_sizes(self.matrix, point, columns)
         checks = self._checks(point, self.matrix @ point, rows, columns, tolerance)
-        return Verification(self.objective(point), checks)
+        return Verification(self.objective(point), checks, maximise=self.maximise)
 
     @property
     def _column_sizes(self) -> Vector:

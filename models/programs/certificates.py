@@ -438,7 +438,7 @@ def exact_verification(
         apart = np.where(program.integral, apart, 0.0)
         whole = Check.largest("integrality", apart, 1.0, "", program.column_name, tolerance)
         checks = (*checks, whole)
-    return Verification(float(objective), checks)
+    return Verification(float(objective), checks, maximise=program.maximise)
 
 
 def _excess(number: Fraction, low: float, high: float) -> float:

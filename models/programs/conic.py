@@ -164,7 +164,7 @@ class ConicProgram(RowProgram):
             )
             for block in self.cones
         ]  # fmt: skip
-        return Verification(linear.objective, (*linear.checks, *checks))
+        return replace(linear, checks=(*linear.checks, *checks))
 
     def split(self, duals: Vector) -> tuple[Vector, Vector]:
         """Return the multipliers of the rows and of the cone rows; the latter are 0 if `duals` omits them."""

@@ -96,7 +96,7 @@ class MixedIntegerProgram(RowProgram):
         if self.continuous:
             return linear
         whole = self._integrality(self._point(plan), self.integral, tolerance)
-        return Verification(linear.objective, (*linear.checks, whole))
+        return replace(linear, checks=(*linear.checks, whole))
 
     @property
     def preferred_backend(self) -> str:
@@ -284,7 +284,7 @@ class QuadraticProgram(RowProgram):
         if self.integral is None:
             return linear
         whole = self._integrality(self._point(plan), self.integral, tolerance)
-        return Verification(linear.objective, (*linear.checks, whole))
+        return replace(linear, checks=(*linear.checks, whole))
 
     def objective(self, point: Vector) -> float:
         """Return the objective at `point`."""

@@ -151,7 +151,8 @@ class NonlinearProgram(BlockProgram):
         checks = self._checks(point, rows, self.row_scale, columns, tolerance)
         if self.integral is not None:
             checks = (*checks, self._integrality(point, self.integral, tolerance))
-        return Verification(objective if np.isfinite(objective) else None, checks)
+        value = objective if np.isfinite(objective) else None
+        return Verification(value, checks, maximise=self.maximise)
 
     def violations(self, point: Vector) -> Vector:
         """Return the violation of each row at `point` relative to its typical size, shape (m,)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,9 +49,13 @@ class Conflict:
     integral: bool
     irreducible: bool
 
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of the columns."""
+        return self.program.column_labels
+
     def row_text(self, row: int) -> str:
         """Return a row as a formula with the names of its columns."""
-        names = self.program.column_labels
         part = self.program.matrix[[row]]
         terms = ""
         for column, value in list(zip(part.indices.tolist(), part.data.tolist(), strict=True))[
@@ -58,7 +63,7 @@ class Conflict:
         ]:
             size = "" if abs(value) == 1 else f"{abs(value):.6g} "
             sign = ("- " if value < 0 else "+ ") if terms else ("-" if value < 0 else "")
-            terms += f"{' ' if terms else ''}{sign}{size}{names[column]}"
+            terms += f"{' ' if terms else ''}{sign}{size}{self.names[column]}"
         more = part.nnz - TERMS
         terms += f" + … ({more} more terms)" if more > 0 else ""
         low, high = float(self.program.row_lower[row]), float(self.program.row_upper[row])

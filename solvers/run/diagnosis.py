@@ -14,7 +14,7 @@ from ...errors import UnsupportedFormulation
 from ...models.formulation import Formulation
 from ...models.model import Model, as_model
 from ...models.problems import resolve, table
-from ...models.programs.base import RowProgram
+from ...models.programs.base import Program, RowProgram
 from ...models.programs.linear import MixedIntegerProgram
 from ...models.verification import TOLERANCE
 from ..contract.backend import Backend, Guarantee, Termination
@@ -173,7 +173,7 @@ def diagnose(
     Raises
     ------
     UnsupportedFormulation
-        The backend is not exact, or does not solve programs.
+        The backend is not exact, or does not solve programs, or the program is nonlinear.
     UnsupportedOption
         The search or the filter does not support a limit.
     WorkerFailure
@@ -225,6 +225,11 @@ def filtered(
     automatic = backend is None or (isinstance(backend, str) and backend == "auto")
     if isinstance(model, RowProgram):
         program = _linear_part(model, limits) if automatic else model
+    elif isinstance(model, Program):
+        raise UnsupportedFormulation(
+            f"diagnose supports programs with linear rows and cones, got a {model.kind}: its backends are "
+            "local and prove no infeasibility"
+        )
     else:
         written = model.formulate(formulation or _covering(model))
         if not isinstance(written.program, RowProgram):
@@ -372,7 +377,7 @@ def _findings(conflict: Conflict, unsure: Sequence[str]) -> Iterator[Finding]:
                 for row in rows
             ]  # fmt: skip
     yield from parts
-    names = program.column_labels
+    names = conflict.names
     for sign, columns, bounds in (
         (">=", conflict.lower, program.column_lower),
         ("<=", conflict.upper, program.column_upper),

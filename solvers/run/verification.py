@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from ...models.model import Model, as_model
@@ -66,4 +67,4 @@ def verify(
     if not options:
         written = written.fitted(checked)
     rows = written.program.verify(written.encode(checked), tolerance=tolerance)
-    return Verification(verification.objective, (*verification.checks, *rows.checks))
+    return replace(verification, checks=(*verification.checks, *rows.checks))

@@ -155,6 +155,8 @@ def test_descriptions_of_quadratic_conic_and_nonlinear_programs():
     made = ct.load({"x": x, "f": casadi.sumsqr(x), "g": x[0] * x[1], "lbg": 1.0, "ubg": INF})
     facts = made.describe().properties
     assert facts["nonzeros"] == 2 and facts["convexity"] == "nonlinear"
+    with pytest.raises(ct.errors.UnsupportedFormulation, match="linear rows and cones"):
+        ct.diagnose(made)
 
 
 def test_backends_of_a_model_are_accepting_missing_or_refusing(monkeypatch):
@@ -180,6 +182,7 @@ def test_printed_numbers_of_a_maximisation_are_its_authors():
     assert (solution.primal_bound, solution.value) == (-3.0, 3.0)
     assert solution.bound == pytest.approx(3.0)
     assert "3.00000" in solution.summary() and "-3" not in solution.summary()
+    assert "objective 3\n" in str(ct.verify(model, solution))
     agreed = judge("most", [solution], model)
     assert agreed.evidence.startswith("optimum 3:") and "-3" not in str(agreed)
     wrong = replace(solution, backend="scip", dual_bound=-2.0, plan=None, stored_plan=None)
