@@ -139,7 +139,7 @@ def _special_rows(program: RowProgram, binary: Mask, whole: Mask) -> dict[str, i
     entries = np.diff(matrix.indptr)
 
     def every(condition: Mask) -> Mask:
-        """Return the rows with at least two entries, all of which satisfy `condition`."""
+        """Return the rows with at least two entries that all satisfy `condition`."""
         failures = np.concatenate([[0], np.cumsum(~condition)])
         same = failures[matrix.indptr[1:]] == failures[matrix.indptr[:-1]]
         result: Mask = (entries > 1) & same
