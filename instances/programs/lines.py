@@ -1,0 +1,194 @@
+"""Cursor over the lines of a text file, with errors that name the file and the line."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData, show
+from ...files import decoded
+from .compressed import read_raw
+
+__all__ = ["Entries", "Lines"]
+
+#: Size that a file may declare whatever its length; larger sizes need one character each.
+_MOST = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """Entries of a sparse array.
+
+    Parameters
+    ----------
+    index : ndarray of int, shape (count, k)
+        Indices, counted from 0.
+    values : ndarray, shape (count,)
+        Values.
+    lines : ndarray of int, shape (count,)
+        Lines of the file.
+    """
+
+    index: NDArray[np.int64]
+    values: NDArray[np.float64]
+    lines: NDArray[np.int64]
+
+
+class Lines:
+    """Cursor over the lines that are neither blank nor comments.
+
+    Parameters
+    ----------
+    path : Path
+        UTF-8 text file, which may be compressed.
+    marks : str
+        Characters that start a comment, at the start of a line or after a blank.
+
+    Raises
+    ------
+    InvalidData
+        The file cannot be read; see :func:`.read_raw`.
+    """
+
+    def __init__(self, path: Path, marks: str) -> None:
+        self._path, self._marks = path, tuple(marks)
+        self._text = decoded(read_raw(path), path)
+        self._start = self.number = 0
+        #: Largest number of columns or rows that the file may declare.
+        self.most = max(_MOST, len(self._text))
+
+    def place(self, line: int | None = None) -> str:
+        """Return the file and the line, the present one by default, for a message."""
+        return f"{self._path}, line {line or self.number}"
+
+    def error(self, message: str, line: int | None = None) -> InvalidData:
+        """Return the exception with a message that starts with :meth:`place`."""
+        return InvalidData(f"{self.place(line)}: {message}")
+
+    def next(self) -> list[str]:
+        """Return the fields of the next line; an empty list at the end of the file."""
+        text, size = self._text, len(self._text)
+        while self._start < size:
+            end = text.find("\n", self._start)
+            end = size if end < 0 else end
+            line, self._start = text[self._start : end], end + 1
+            self.number += 1
+            fields = line.split()
+            for k, field in enumerate(fields):
+                if field.startswith(self._marks):
+                    del fields[k:]
+                    break
+            if fields:
+                return fields
+        return []
+
+    def fields(self, what: str, count: int) -> list[str]:
+        """Return the `count` fields of the next line, which describes `what`."""
+        fields = self.next()
+        if len(fields) != count:
+            if not fields:
+                raise self.error(f"the file ends before {what}")
+            raise self.error(f"{what} needs {count} fields, got {show(' '.join(fields))}")
+        return fields
+
+    def end(self) -> None:
+        """Raise if another line follows."""
+        fields = self.next()
+        if fields:
+            raise self.error(f"the file must end here, got {show(' '.join(fields))}")
+
+    def whole(self, what: str, text: str, low: int, high: int) -> int:
+        """Return the integer in a field, which must be in ``low … high``."""
+        if (
+            text.isascii()
+            and text.isdigit()
+            and len(text) <= 18
+            and low <= (k := int(text)) <= high
+        ):
+            return k
+        raise self.error(f"{what} must be an integer from {low} to {high}, got {show(text)}")
+
+    def real(self, what: str, text: str, infinite: bool = False) -> float:
+        """Return the number in a field, which must be finite unless `infinite`, and never NaN."""
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        # Python also reads digits of other alphabets and underscores.
+        valid = not math.isnan(value) if infinite else math.isfinite(value)
+        if valid and text.isascii() and "_" not in text:
+            return value
+        raise self.error(
+            f"{what} must be a {'' if infinite else 'finite '}number, got {show(text)}"
+        )
+
+    def count(self, what: str, low: int = 0) -> int:
+        """Return the number of columns or rows on the next line, at most :attr:`most`."""
+        return self.whole(f"number of {what}", *self.fields(f"number of {what}", 1), low, self.most)
+
+    def number_of(self, what: str, infinite: bool = False) -> float:
+        """Return the real number on the next line."""
+        return self.real(what, *self.fields(what, 1), infinite)
+
+    def entries(
+        self,
+        what: str,
+        shape: tuple[int, ...],
+        *,
+        base: int = 0,
+        symmetric: bool = False,
+        infinite: bool = False,
+    ) -> Entries:
+        """Return the list of entries that follows: their number, then one entry per line.
+
+        Parameters
+        ----------
+        what : str
+            Name of the array in messages.
+        shape : tuple of int
+            Number of values of each index.
+        base : int
+            Smallest index in the file.
+        symmetric : bool
+            Whether the last two indices are the row and column of symmetric matrices, whose lower
+            triangle is returned.
+        infinite : bool
+            Whether values may be infinite.
+
+        Raises
+        ------
+        InvalidData
+            The number of entries is wrong, an index is out of range or repeated, or a value is invalid.
+        """
+        title = f"number of {what} entries"
+        # One entry takes several characters.
+        count = self.whole(title, *self.fields(title, 1), 0, len(self._text))
+        index, values, lines = array("q"), array("d"), array("q")
+        for _ in range(count):
+            fields = self.fields(f"entry of {what}", len(shape) + 1)
+            place = [
+                self.whole(f"index of {what}", field, base, size + base - 1) - base
+                for field, size in zip(fields, shape, strict=False)
+            ]
+            if symmetric and place[-2] < place[-1]:
+                place[-2:] = place[:-3:-1]
+            index.extend(place)
+            values.append(self.real(f"value of {what}", fields[-1], infinite))
+            lines.append(self.number)
+        result = Entries(
+            np.array(index, np.int64).reshape(count, len(shape)),
+            np.array(values, float),
+            np.array(lines, np.int64),
+        )
+        order = np.lexsort(result.index.T)
+        ordered = result.index[order]
+        twice = np.flatnonzero((ordered[1:] == ordered[:-1]).all(axis=1))
+        if twice.size:
+            pair = np.sort(result.lines[order[twice[0] : twice[0] + 2]])
+            raise self.error(f"entry of {what} repeats that of line {pair[0]}", int(pair[1]))
+        return result
