@@ -16,47 +16,44 @@ from ...models.programs.blocks import Block
 from ...models.programs.cones import ConeBlock, ConeKind
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram
-from .lines import Entries, Lines
+from .lines import Lines
 
 __all__ = ["read_cbf"]
 
 Vector = NDArray[np.float64]
 Indices = NDArray[np.int64]
-#: Section, kind, first number and count of equal cones, their matrix and constants.
-Part = tuple[str, str, tuple[int, int], sp.csr_array, Vector]
 
 #: Bounds of entries in linear cones.
 _LINEAR = {
     "F": (-np.inf, np.inf), "L+": (0.0, np.inf), "L-": (-np.inf, 0.0), "L=": (0.0, 0.0)
 }  # fmt: skip
-#: Kinds of other cones.
+#: Kinds of other cones with their smallest dimension.
 _CONES = {
-    "Q": ConeKind.SECOND_ORDER, "QR": ConeKind.SECOND_ORDER, "EXP": ConeKind.EXPONENTIAL,
-    "PSD": ConeKind.SEMIDEFINITE,
+    "Q": (ConeKind.SECOND_ORDER, 1), "QR": (ConeKind.SECOND_ORDER, 2),
+    "EXP": (ConeKind.EXPONENTIAL, 3), "PSD": (ConeKind.SEMIDEFINITE, 1),
 }  # fmt: skip
-#: Smallest dimensions of cones.
-_SMALLEST = {"Q": 1, "QR": 2, "EXP": 3}
+#: Cones of the sections VAR and CON.
+_NAMES = (*_LINEAR, "Q", "QR", "EXP")
 #: Parts of the format that no program can express, with the way around.
 _UNSUPPORTED = {
-    "EXP*": "pose dual exponential cones with the primal cone EXP",
-    "POW": "pose power cones with cones EXP or Q",
-    "POW*": "pose power cones with cones EXP or Q",
-    "POWCONES": "pose power cones with cones EXP or Q",
-    "POW*CONES": "pose power cones with cones EXP or Q",
-    "GMEANABS": "pose geometric means with cones EXP or Q",
-    "GMEANABS*": "pose geometric means with cones EXP or Q",
+    "EXP*": "pose dual exponential cones with cones EXP",
+    **dict.fromkeys(
+        ("POW", "POW*", "POWCONES", "POW*CONES", "GMEANABS", "GMEANABS*"),
+        "pose powers and geometric means with cones EXP or Q",
+    ),
     "SVECPSD": "pose semidefinite constraints with PSDCON",
     "CHANGE": "write each program to a separate file",
     "OBJQUAD": "pose a quadratic objective with a cone QR",
 }
-#: Sections of structure, and of coefficients with the sections that declare the indices of an entry.
-#: Indices of matrices are followed by a row and a column.
 _STRUCTURE = ("OBJSENSE", "PSDVAR", "VAR", "INT", "PSDCON", "CON")
-_COEFFICIENTS: dict[str, tuple[str, ...]] = {
-    "OBJFCOORD": ("PSDVAR",), "OBJACOORD": ("VAR",), "FCOORD": ("CON", "PSDVAR"), "ACOORD": ("CON", "VAR"),
-    "BCOORD": ("CON",), "HCOORD": ("PSDCON", "VAR"), "DCOORD": ("PSDCON",),
+#: Sections of coefficients with the sections that declare their row and column; empty for the objective
+#: and for constants. A row and column within a matrix follow these two indices.
+_COEFFICIENTS = {
+    "OBJFCOORD": ("", "PSDVAR"), "OBJACOORD": ("", "VAR"), "OBJBCOORD": ("", ""),
+    "FCOORD": ("CON", "PSDVAR"), "ACOORD": ("CON", "VAR"), "BCOORD": ("CON", ""),
+    "HCOORD": ("PSDCON", "VAR"), "DCOORD": ("PSDCON", ""),
 }  # fmt: skip
-_SECTIONS = ("VER", *_STRUCTURE, "OBJBCOORD", *_COEFFICIENTS)
+_SECTIONS = ("VER", *_STRUCTURE, *_COEFFICIENTS)
 #: Largest number of entries of all matrix variables, or constraints, whatever the length of the file.
 _MOST_SEMIDEFINITE = 2_500_000
 
@@ -65,8 +62,8 @@ def read_cbf(path: Path) -> RowProgram:
     """Return the program in a file in the Conic Benchmark Format, version 1 to 4 (Friberg 2016).
 
     The columns are the scalar variables, then the lower triangles of the matrix variables row by row.
-    The cone rows are those of the scalar variables, the matrix variables, the scalar constraints and
-    the matrix constraints.
+    The cones are those of the scalar variables, the matrix variables, the scalar constraints and the
+    matrix constraints.
 
     Parameters
     ----------
@@ -98,15 +95,19 @@ class _File:
 
     def __init__(self, lines: Lines) -> None:
         self.lines = lines
-        self.maximise, self.offset = False, 0.0
+        self.maximise = False
         self.integers: list[int] = []
-        #: Kinds and dimensions of cones; those of matrices are ("PSD", order).
+        #: Kinds and dimensions of cones, or orders of matrices.
         self.cones: dict[str, list[tuple[str, int]]] = {
             section: [] for section in ("VAR", "PSDVAR", "CON", "PSDCON")
         }
-        #: Numbers of scalars in these sections, and numbers of columns and rows.
+        #: Numbers of columns or rows.
         self.sizes = dict.fromkeys(self.cones, 0)
-        self.entries: dict[str, Entries] = {}
+        #: Rows, columns and values of all coefficients.
+        self.triplets: list[tuple[Indices, Indices, Vector]] = []
+        #: Blocks of cones, and their matrices and constants.
+        self.blocks: list[ConeBlock] = []
+        self.bodies: list[tuple[sp.csr_array, Vector]] = []
         known: list[str] = []
         while fields := lines.next():
             keyword = " ".join(fields)
@@ -121,7 +122,7 @@ class _File:
     def _check(self, keyword: str, known: list[str]) -> None:
         """Raise if a section is not allowed after the sections `known`."""
         if keyword in _UNSUPPORTED:
-            raise self._unsupported(keyword)
+            raise self._unsupported(keyword, _UNSUPPORTED[keyword])
         if keyword not in _SECTIONS:
             raise self.lines.error(
                 f"unknown section {show(keyword)}: {suggestion(keyword, _SECTIONS)}"
@@ -131,30 +132,27 @@ class _File:
             raise self.lines.error(f"section {keyword} must occur once")
         if (keyword == "VER") == bool(known):
             raise self.lines.error(f"VER must be the first section, got {keyword}")
-        if keyword in _STRUCTURE and any(item.endswith("COORD") for item in known):
+        if keyword in _STRUCTURE and any(section in _COEFFICIENTS for section in known):
             raise self.lines.error(f"section {keyword} must precede all coefficients")
 
-    def _unsupported(self, name: str) -> UnsupportedFormulation:
+    def _unsupported(self, name: str, advice: str) -> UnsupportedFormulation:
         return UnsupportedFormulation(
-            f"{self.lines.place()}: {name} has no equivalent here: {_UNSUPPORTED[name]}"
+            f"{self.lines.place()}: {name} has no equivalent here: {advice}"
         )
 
     def _read(self, keyword: str) -> None:
         """Read the lines of a section."""
         lines = self.lines
         if keyword == "VER":
-            lines.whole("version", *lines.fields("version", 1), 1, 4)
+            lines.integer("version", 1, 4)
         elif keyword == "OBJSENSE":
             (sense,) = lines.fields("OBJSENSE", 1)
             if sense not in ("MIN", "MAX"):
                 raise lines.error(f"OBJSENSE must be MIN or MAX, got {show(sense)}")
             self.maximise = sense == "MAX"
-        elif keyword == "OBJBCOORD":
-            self.offset = lines.number_of("constant of the objective")
         elif keyword == "INT":
             for _ in range(lines.count("integers")):
-                (text,) = lines.fields("integer", 1)
-                self.integers.append(lines.whole("integer", text, 0, self.sizes["VAR"] - 1))
+                self.integers.append(lines.integer("integer", 0, self.sizes["VAR"] - 1))
             if len(set(self.integers)) < len(self.integers):
                 raise lines.error("INT must name each variable once")
         elif keyword in ("VAR", "CON"):
@@ -173,13 +171,11 @@ class _File:
             kind, text = lines.fields(f"cone of {section}", 2)
             kind = kind.rpartition(":")[2] if kind.startswith("@") else kind
             if kind in _UNSUPPORTED:
-                raise self._unsupported(kind)
-            if kind not in _LINEAR and kind not in _SMALLEST:
-                raise lines.error(
-                    f"cone must be one of {', '.join((*_LINEAR, *_SMALLEST))}, got {show(kind)}"
-                )
-            most = 3 if kind == "EXP" else size
-            dimension = lines.whole(f"dimension of {kind}", text, _SMALLEST.get(kind, 0), most)
+                raise self._unsupported(kind, _UNSUPPORTED[kind])
+            if kind not in _NAMES:
+                raise lines.error(f"cone must be one of {', '.join(_NAMES)}, got {show(kind)}")
+            low, high = _CONES[kind][1] if kind in _CONES else 0, 3 if kind == "EXP" else size
+            dimension = lines.whole(f"dimension of {kind}", text, low, high)
             self.sizes[section] += dimension
             self.cones[section].append((kind, dimension))
         if self.sizes[section] != size:
@@ -192,141 +188,132 @@ class _File:
         lines = self.lines
         most = max(_MOST_SEMIDEFINITE, lines.most)
         for _ in range(lines.count(section)):
-            order = lines.whole("order", *lines.fields(f"order of {section}", 1), 1, lines.most)
+            order = lines.integer(f"order of {section}", 1, lines.most)
             self.sizes[section] += order * (order + 1) // 2
             if self.sizes[section] > most:
                 raise lines.error(f"matrices of {section} must have at most {most} entries")
             self.cones[section].append(("PSD", order))
 
+    @np.errstate(over="ignore")  # infinite coefficients are refused by the program
     def _read_coefficients(self, section: str) -> None:
-        lines, owners = self.lines, _COEFFICIENTS[section]
-        shape = [
-            len(self.cones[owner]) if owner.startswith("PSD") else self.sizes[owner]
-            for owner in owners
-        ]
+        """Read coefficients; those of the objective are in the last row, constants in the last column."""
+        lines, sizes = self.lines, self.sizes
+        if section == "OBJBCOORD":
+            values, places = np.array([lines.number(section)]), np.zeros((1, 0), np.int64)
+        owners = [owner for owner in _COEFFICIENTS[section] if owner]
         matrix = next((owner for owner in owners if owner.startswith("PSD")), "")
-        orders = np.array([order for _, order in self.cones.get(matrix, [])], np.int64)
-        shape += [int(orders.max(initial=0))] * (2 if matrix else 0)
-        entries = lines.entries(section, tuple(shape), symmetric=bool(matrix))
+        if owners:
+            shape = [len(self.cones[o]) if o == matrix else sizes[o] for o in owners]
+            orders = np.array([order for _, order in self.cones.get(matrix, [])], np.int64)
+            if matrix:
+                shape += [int(orders.max(initial=0))] * 2
+            entries = lines.entries(section, tuple(shape), symmetric=bool(matrix))
+            values, places = entries.values, entries.index
         if matrix:
-            number = entries.index[:, owners.index(matrix)]
-            outside = np.flatnonzero(entries.index[:, -2] >= orders[number])
+            k = owners.index(matrix)
+            number, (row, column) = places[:, k].copy(), places[:, -2:].T
+            outside = np.flatnonzero(row >= orders[number])
             if outside.size:
-                k = int(outside[0])
+                first = int(outside[0])
                 raise lines.error(
-                    f"{section}: {matrix} {number[k]} has order {orders[number[k]]}, got the row or column "
-                    f"{entries.index[k, -2]}",
-                    int(entries.lines[k]),
+                    f"{section}: the order of {matrix} {number[first]} is {orders[number[first]]}, got row or "
+                    f"column {row[first]}",
+                    int(entries.lines[first]),
                 )
-        self.entries[section] = entries
-
-    def _terms(self, section: str) -> tuple[list[Indices], Vector]:
-        """Return the places of the entries of a section among the rows or columns, and their values."""
-        owners = _COEFFICIENTS[section]
-        if section not in self.entries:
-            return [np.empty(0, np.int64)] * len(owners), np.empty(0)
-        index, values = self.entries[section].index, self.entries[section].values
-        places = []
-        for k, owner in enumerate(owners):
-            place = index[:, k]
-            if owner.startswith("PSD"):
-                row, column = index[:, -2:].T
-                orders = np.array([order for _, order in self.cones[owner]], np.int64)
-                starts = np.cumsum(orders * (orders + 1) // 2) - orders * (orders + 1) // 2
-                place = starts[place] + row * (row + 1) // 2 + column
-                # Scalars precede matrices.
-                place += self.sizes[owner.removeprefix("PSD")]
-            if owner == "PSDVAR":
+            extents = orders * (orders + 1) // 2
+            # The scalars precede the matrices.
+            starts = sizes[matrix.removeprefix("PSD")] + np.cumsum(extents) - extents
+            places[:, k] = starts[number] + row * (row + 1) // 2 + column
+            if matrix == "PSDVAR":
                 # The inner product of symmetric matrices contains off-diagonal entries twice.
                 values = values * np.where(row == column, 1.0, 2.0)
-            places.append(place)
-        return places, values
+        last = [np.full(values.size, extent) for extent in self._shape()]
+        remaining = iter(places.T)
+        row, column = (
+            next(remaining) if owner else end
+            for owner, end in zip(_COEFFICIENTS[section], last, strict=True)
+        )
+        self.triplets.append((row, column, values))
 
-    def _joined(self, *sections: str) -> tuple[tuple[Indices, ...], Vector]:
-        """Return the places and values of sections with the same meaning."""
-        places, values = zip(*(self._terms(section) for section in sections), strict=True)
-        joined = tuple(np.concatenate(part) for part in zip(*places, strict=True))
-        return joined, np.concatenate(values)
+    def _shape(self) -> tuple[int, int]:
+        """Return the numbers of rows and columns."""
+        sizes = self.sizes
+        return sizes["CON"] + sizes["PSDCON"], sizes["VAR"] + sizes["PSDVAR"]
 
     def program(self) -> RowProgram:
         """Return the program."""
-        size, rows = (self.sizes[name] + self.sizes[f"PSD{name}"] for name in ("VAR", "CON"))
-        cost, offset = np.zeros(size), np.zeros(rows)
-        for vector, sections in (
-            (cost, ("OBJACOORD", "OBJFCOORD")),
-            (offset, ("BCOORD", "DCOORD")),
-        ):
-            (place,), values = self._joined(*sections)
-            vector[place] = values
-        place, values = self._joined("ACOORD", "FCOORD", "HCOORD")
-        matrix = sp.csr_array(sp.coo_array((values, place), shape=(rows, size)))
-        identity = sp.eye_array(size, format="csr")
-        column_low, column_high, _, columns = self._divided("VAR", identity, np.zeros(size))
-        row_low, row_high, linear, constraints = self._divided("CON", matrix, offset)
+        rows, size = self._shape()
+        row, column, value = (
+            np.concatenate(part) for part in zip(*self.triplets, ([], [], []), strict=True)
+        )
+        place = row.astype(np.int64), column.astype(np.int64)
+        whole = sp.csr_array(sp.coo_array((value, place), shape=(rows + 1, size + 1)))
+        matrix, constants = whole[:, :size], whole[:, [size]].toarray().ravel()
+        identity = sp.csr_array(sp.eye_array(size))
+        column_low, column_high, _ = self._split("VAR", identity, np.zeros(size))
+        row_low, row_high, linear = self._split("CON", matrix[:rows], constants[:rows])
         sign = -1.0 if self.maximise else 1.0
         shared: dict[str, Any] = {
-            "cost": sign * cost, "offset": sign * self.offset, "maximise": self.maximise,
-            "matrix": matrix[linear], "row_lower": row_low[linear], "row_upper": row_high[linear],
+            "cost": sign * matrix[[rows]].toarray().ravel(), "offset": sign * float(constants[rows]),
+            "matrix": matrix[:rows][linear], "row_lower": row_low[linear], "row_upper": row_high[linear],
             "column_lower": column_low, "column_upper": column_high, "columns": self._columns(),
             "rows": _block("CON", "CON {0}", np.flatnonzero(linear)[:, None], 0),
+            "maximise": self.maximise,
         }  # fmt: skip
-        parts = columns + constraints
-        if not parts:
-            integral = np.zeros(size, bool)
-            integral[self.integers] = True
+        if not self.blocks:
+            integral = np.isin(np.arange(size), self.integers)
             return MixedIntegerProgram(**shared, integral=integral)
         if self.integers:
-            raise UnsupportedFormulation(
-                f"{self.lines.place()}: INT together with cones has no equivalent here: remove INT, or pose "
-                "the cones as linear constraints"
+            raise self._unsupported(
+                "INT together with cones", "remove INT, or pose the cones as linear constraints"
             )
-        start, cones = 0, []
-        for name, kind, (first, count), body, _ in parts:
-            cones.append(
-                ConeBlock(
-                    f"{name} {first}", "", start, body.shape[0], f"{name} {{0}}",
-                    np.arange(first, first + count)[:, None],
-                    kind=_CONES[kind], dimension=body.shape[0] // count,
-                )
-            )  # fmt: skip
-            start += body.shape[0]
         return ConicProgram(
             **shared,
-            cone_matrix=sp.csr_array(sp.vstack([part[3] for part in parts])),
-            cone_offset=np.concatenate([part[4] for part in parts]),
-            cones=tuple(cones),
+            cone_matrix=sp.csr_array(sp.vstack([body for body, _ in self.bodies])),
+            cone_offset=np.concatenate([constant for _, constant in self.bodies]),
+            cones=tuple(self.blocks),
         )
 
-    def _divided(
-        self, scalars: str, matrix: sp.csr_array, offset: Vector
-    ) -> tuple[Vector, Vector, NDArray[np.bool_], list[Part]]:
-        """Return bounds, which rows are in linear cones, and the cones of ``matrix @ x + offset``."""
+    def _split(
+        self, section: str, matrix: sp.csr_array, offset: Vector
+    ) -> tuple[Vector, Vector, NDArray[np.bool_]]:
+        """Add the cones of ``matrix @ x + offset``; return the bounds and the rows of linear cones."""
         low, high = np.full(offset.size, -np.inf), np.full(offset.size, np.inf)
         linear = np.zeros(offset.size, bool)
-        parts: list[Part] = []
-        start = 0
-        for section in (scalars, f"PSD{scalars}"):
+        base = self.blocks[-1].slice.stop if self.blocks else 0
+        start, stop = base, 0
+        changes: list[tuple[Any, Any, Any]] = [([], [], [])]
+        for name in (section, f"PSD{section}"):
             first = 0
-            for (kind, dimension), group in groupby(self.cones[section]):
+            for (kind, dimension), group in groupby(self.cones[name]):
                 count = len(list(group))
                 size = dimension * (dimension + 1) // 2 if kind == "PSD" else dimension
-                part = slice(start, start + size * count)
+                part = slice(stop, stop + size * count)
                 if kind in _LINEAR:
                     low[part], high[part] = (bound - offset[part] for bound in _LINEAR[kind])
                     linear[part] = True
                 else:
-                    change = sp.kron(sp.eye_array(count), _change(kind, dimension), format="csr")
-                    parts.append(
-                        (
-                            section,
-                            kind,
-                            (first, count),
-                            change @ matrix[part],
-                            change @ offset[part],
+                    self.blocks.append(
+                        ConeBlock(
+                            f"{name} {first}", "", start, size * count, f"{name} {{0}}",
+                            np.arange(first, first + count)[:, None],
+                            kind=_CONES[kind][0], dimension=size,
                         )
+                    )  # fmt: skip
+                    row, column, value = _change(kind, dimension)
+                    shift = size * np.arange(count)[:, None]
+                    rows, columns = (
+                        (row + shift + start - base).ravel(),
+                        (column + shift + stop).ravel(),
                     )
-                start, first = part.stop, first + count
-        return low, high, linear, parts
+                    changes.append((rows, columns, np.tile(value, count)))
+                    start += size * count
+                stop, first = part.stop, first + count
+        rows, columns, values = (np.concatenate(part) for part in zip(*changes, strict=True))
+        place = rows.astype(np.int64), columns.astype(np.int64)
+        change = sp.csr_array(sp.coo_array((values, place), shape=(start - base, offset.size)))
+        self.bodies.append((change @ matrix, change @ offset))
+        return low, high, linear
 
     def _columns(self) -> tuple[Block, ...]:
         """Return the blocks of columns: scalars and entries of matrices."""
@@ -346,14 +333,16 @@ def _block(name: str, template: str, index: Indices, start: int) -> tuple[Block,
     return (Block(name, "", start, len(index), template, index),) if len(index) else ()
 
 
-def _change(kind: str, dimension: int) -> sp.csr_array:
-    """Return the matrix that turns a vector in a cone of the format into one in the cone here."""
+def _change(kind: str, dimension: int) -> tuple[Indices, Indices, Vector]:
+    """Return the entries of the matrix that turns a vector in a cone of the format into one here."""
     if kind == "PSD":
         row, column = np.tril_indices(dimension)
-        return sp.diags_array(np.where(row == column, 1.0, np.sqrt(2.0)), format="csr")
+        place = np.arange(row.size)
+        return place, place, np.where(row == column, 1.0, np.sqrt(2.0))
+    place, ones = np.arange(dimension), np.ones(dimension)
     if kind == "EXP":  # (t, s, r) with t >= s exp(r / s)
-        return sp.csr_array(np.eye(3)[::-1])
-    change = sp.eye_array(dimension, format="lil")
+        return place, place[::-1], ones
     if kind == "QR":  # 2 x y >= |z|^2: (x + y) / sqrt(2) >= |((x - y) / sqrt(2), z)|
-        change[:2, :2] = np.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
-    return sp.csr_array(change)
+        row, column = np.append([0, 0, 1, 1], place[2:]), np.append([0, 1, 0, 1], place[2:])
+        return row, column, np.append(np.sqrt(0.5) * np.array([1.0, 1.0, 1.0, -1.0]), ones[2:])
+    return place, place, ones

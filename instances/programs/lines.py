@@ -18,24 +18,19 @@ __all__ = ["Entries", "Lines"]
 
 #: Size that a file may declare whatever its length; larger sizes need one character each.
 _MOST = 100_000
+#: Largest length of a line.
+_LONGEST = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
 class Entries:
-    """Entries of a sparse array.
+    """Entries of a sparse array."""
 
-    Parameters
-    ----------
-    index : ndarray of int, shape (count, k)
-        Indices, counted from 0.
-    values : ndarray, shape (count,)
-        Values.
-    lines : ndarray of int, shape (count,)
-        Lines of the file.
-    """
-
+    #: Indices, counted from 0, shape (count, k).
     index: NDArray[np.int64]
+    #: Values, shape (count,).
     values: NDArray[np.float64]
+    #: Lines of the file, shape (count,).
     lines: NDArray[np.int64]
 
 
@@ -58,13 +53,13 @@ class Lines:
     def __init__(self, path: Path, marks: str) -> None:
         self._path, self._marks = path, tuple(marks)
         self._text = decoded(read_raw(path), path)
-        self._start = self.number = 0
+        self._start = self._line = 0
         #: Largest number of columns or rows that the file may declare.
         self.most = max(_MOST, len(self._text))
 
     def place(self, line: int | None = None) -> str:
         """Return the file and the line, the present one by default, for a message."""
-        return f"{self._path}, line {line or self.number}"
+        return f"{self._path}, line {line or self._line}"
 
     def error(self, message: str, line: int | None = None) -> InvalidData:
         """Return the exception with a message that starts with :meth:`place`."""
@@ -77,7 +72,9 @@ class Lines:
             end = text.find("\n", self._start)
             end = size if end < 0 else end
             line, self._start = text[self._start : end], end + 1
-            self.number += 1
+            self._line += 1
+            if len(line) > _LONGEST:
+                raise self.error(f"a line must have at most {_LONGEST} characters")
             fields = line.split()
             for k, field in enumerate(fields):
                 if field.startswith(self._marks):
@@ -104,13 +101,9 @@ class Lines:
 
     def whole(self, what: str, text: str, low: int, high: int) -> int:
         """Return the integer in a field, which must be in ``low … high``."""
-        if (
-            text.isascii()
-            and text.isdigit()
-            and len(text) <= 18
-            and low <= (k := int(text)) <= high
-        ):
-            return k
+        digits = text.isascii() and text.isdigit() and len(text) <= 18
+        if digits and low <= int(text) <= high:
+            return int(text)
         raise self.error(f"{what} must be an integer from {low} to {high}, got {show(text)}")
 
     def real(self, what: str, text: str, infinite: bool = False) -> float:
@@ -127,13 +120,17 @@ class Lines:
             f"{what} must be a {'' if infinite else 'finite '}number, got {show(text)}"
         )
 
+    def integer(self, what: str, low: int, high: int) -> int:
+        """Return the integer on the next line; see :meth:`whole`."""
+        return self.whole(what, self.fields(what, 1)[0], low, high)
+
     def count(self, what: str, low: int = 0) -> int:
         """Return the number of columns or rows on the next line, at most :attr:`most`."""
-        return self.whole(f"number of {what}", *self.fields(f"number of {what}", 1), low, self.most)
+        return self.integer(f"number of {what}", low, self.most)
 
-    def number_of(self, what: str, infinite: bool = False) -> float:
-        """Return the real number on the next line."""
-        return self.real(what, *self.fields(what, 1), infinite)
+    def number(self, what: str, infinite: bool = False) -> float:
+        """Return the number on the next line; see :meth:`real`."""
+        return self.real(what, self.fields(what, 1)[0], infinite)
 
     def entries(
         self,
@@ -165,9 +162,8 @@ class Lines:
         InvalidData
             The number of entries is wrong, an index is out of range or repeated, or a value is invalid.
         """
-        title = f"number of {what} entries"
         # One entry takes several characters.
-        count = self.whole(title, *self.fields(title, 1), 0, len(self._text))
+        count = self.integer(f"number of {what} entries", 0, len(self._text))
         index, values, lines = array("q"), array("d"), array("q")
         for _ in range(count):
             fields = self.fields(f"entry of {what}", len(shape) + 1)
@@ -179,7 +175,7 @@ class Lines:
                 place[-2:] = place[:-3:-1]
             index.extend(place)
             values.append(self.real(f"value of {what}", fields[-1], infinite))
-            lines.append(self.number)
+            lines.append(self._line)
         result = Entries(
             np.array(index, np.int64).reshape(count, len(shape)),
             np.array(values, float),

@@ -45,7 +45,7 @@ def read_qplib(path: Path) -> RowProgram:
     """
     lines = Lines(path, "#!%")
     name = " ".join(lines.next())
-    objective, variables, constraints = _kind(lines)
+    objective, variables, constraints = tuple(_kind(lines))
     sense = lines.fields("sense", 1)[0].casefold()
     if sense not in ("minimize", "maximize"):
         raise lines.error(f"sense must be minimize or maximize, got {show(sense)}")
@@ -55,7 +55,7 @@ def read_qplib(path: Path) -> RowProgram:
     hessian = sp.csr_array((size, size)) if objective == "L" else _hessian(lines, objective, size)
     shared: dict[str, Any] = {
         "cost": sign * _vector(lines, "linear coefficient", size),
-        "offset": sign * lines.number_of("constant of the objective"),
+        "offset": sign * lines.number("constant of the objective"),
         "maximise": sense == "maximize",
         "name": name,
     }
@@ -65,7 +65,7 @@ def read_qplib(path: Path) -> RowProgram:
         matrix = sp.csr_array(
             sp.coo_array((entries.values, tuple(entries.index.T)), shape=(rows, size))
         )
-    infinity = lines.number_of("value for infinity", infinite=True)
+    infinity = lines.number("value for infinity", infinite=True)
     if infinity <= 0:
         raise lines.error(f"value for infinity must be positive, got {infinity:g}")
     row_bounds = _bounds(lines, "constraint", rows, infinity) if constraints == "L" else ([], [])
@@ -137,7 +137,7 @@ def _hessian(lines: Lines, objective: str, size: int) -> sp.csr_array:
 
 def _vector(lines: Lines, what: str, size: int, infinite: bool = False) -> Vector:
     """Return a vector: its default value, and a list of other entries."""
-    result = np.full(size, lines.number_of(f"default {what}", infinite))
+    result = np.full(size, lines.number(f"default {what}", infinite))
     entries = lines.entries(what, (size,), base=1, infinite=infinite)
     result[entries.index[:, 0]] = entries.values
     return result
