@@ -54,7 +54,8 @@ _COEFFICIENTS = {
     "HCOORD": ("PSDCON", "VAR"), "DCOORD": ("PSDCON", ""),
 }  # fmt: skip
 _SECTIONS = ("VER", *_STRUCTURE, *_COEFFICIENTS)
-#: Largest number of entries of all matrix variables, or constraints, whatever the length of the file.
+#: Largest number of entries of all matrix variables, or of all matrix constraints; longer files may have
+#: one per character.
 _MOST_SEMIDEFINITE = 2_500_000
 
 
@@ -302,11 +303,8 @@ class _File:
                     )  # fmt: skip
                     row, column, value = _change(kind, dimension)
                     shift = size * np.arange(count)[:, None]
-                    rows, columns = (
-                        (row + shift + start - base).ravel(),
-                        (column + shift + stop).ravel(),
-                    )
-                    changes.append((rows, columns, np.tile(value, count)))
+                    rows, columns = row + shift + start - base, column + shift + stop
+                    changes.append((rows.ravel(), columns.ravel(), np.tile(value, count)))
                     start += size * count
                 stop, first = part.stop, first + count
         rows, columns, values = (np.concatenate(part) for part in zip(*changes, strict=True))

@@ -16,7 +16,7 @@ from .compressed import read_raw
 
 __all__ = ["Entries", "Lines"]
 
-#: Size that a file may declare whatever its length; larger sizes need one character each.
+#: Number of columns or rows that any file may declare; longer files may declare one per character.
 _MOST = 100_000
 #: Largest length of a line.
 _LONGEST = 1 << 16

@@ -120,7 +120,7 @@ def _kind(lines: Lines) -> str:
 
 
 def _hessian(lines: Lines, objective: str, size: int) -> sp.csr_array:
-    """Return the symmetric Hessian, of which the file has one triangle."""
+    """Return the symmetric Hessian from one triangle."""
     entries = lines.entries("quadratic term", (size, size), base=1, symmetric=True)
     row, column = entries.index.T
     outside = np.flatnonzero((row != column) & (entries.values != 0))

@@ -198,6 +198,7 @@ def rows_of(sections, x, matrices):
     return objective, linear, cones
 
 
+@np.errstate(all="ignore")
 def assert_same_cbf(program, text):
     """Compare a program with the file's definition at random points."""
     sections = naive_cbf(text)
