@@ -76,6 +76,9 @@ def test_reads_boxes_and_integers_of_mixed_files(tmp_path):
     program = read(tmp_path, box, ".qplib")
     assert_same_qplib(program, box)
     assert value(program) == pytest.approx(0.25**2 - 0.25 + 2 * 0.25**2 - 0.25, abs=1e-6)
+    assert isinstance(
+        read(tmp_path, box.replace("1 1 2\n2 2 4", "1 1 0\n2 2 0"), ".qplib"), MixedIntegerProgram
+    )
     for kind, types in (("LMB", "0\n1\n2 1\n"), ("LIB", "")):
         text = f"M\n{kind}\nminimize\n2\n-1\n0\n0\n1e20\n0\n0\n1\n0\n{types}0\n0\n0\n0\n0\n"
         program = read(tmp_path, text, ".qplib")
@@ -201,6 +204,9 @@ REFUSED_QPLIB = [
     ("2 1 -1", "2 1 1_0", InvalidData, "line 9"),
     ("2 1 -1", "2 4 -1", InvalidData, "line 9: .*from 1 to 3"),
     ("2 1 -1", "+2 1 -1", InvalidData, "line 9"),
+    ("2 1 -1", "2 1 \u0663", InvalidData, "line 9: value"),
+    ("2 1 -1", "\u0662 1 -1", InvalidData, "line 9: index"),
+    ("2 1 -1", "\u00b2 1 -1", InvalidData, "line 9: index"),
     ("3 3 2.0", "1 2 2.0", InvalidData, "line 11: .*repeats that of line 9"),
     ("2 3 1\n", "", InvalidData, "line 20"),
     ("1.0E+20", "0", InvalidData, "infinity must be positive"),
@@ -283,6 +289,16 @@ def test_refuses_damaged_cbf(tmp_path, old, new, error, message):
     with pytest.raises(error, match=message) as caught:
         read(tmp_path, changed, ".cbf")
     assert str(caught.value).startswith(str(tmp_path / "model.cbf"))
+
+
+@pytest.mark.parametrize(
+    "late", ["CON; 1 1; L= 1", "PSDVAR; 1; 1", "VAR; 1 1; F 1", "PSDCON; 1; 1"]
+)
+def test_refuses_sizes_after_coefficients(tmp_path, late):
+    first = "PSDCON; 0; VAR; 1 1; F 1" if late.startswith("CON") else "CON; 1 1; L= 1"
+    text = lines(f"VER; 1; OBJSENSE; MIN; {first}; OBJBCOORD; 2; {late}")
+    with pytest.raises(InvalidData, match=f"section {late.split(';')[0]} must precede"):
+        read(tmp_path, text, ".cbf")
 
 
 def test_refuses_files_without_variables(tmp_path):
