@@ -130,9 +130,7 @@ def _hessian(lines: Lines, objective: str, size: int) -> sp.csr_array:
             int(entries.lines[outside[0]]),
         )
     lower = sp.coo_array((entries.values, (row, column)), shape=(size, size))
-    hessian = sp.csr_array(lower + sp.tril(lower, -1).T)
-    hessian.eliminate_zeros()
-    return hessian
+    return sp.csr_array(lower + sp.tril(lower, -1).T)
 
 
 def _vector(lines: Lines, what: str, size: int, infinite: bool = False) -> Vector:
