@@ -8,9 +8,9 @@ import zlib
 from pathlib import Path
 
 from ...errors import InvalidData
-from ...files import LARGEST_FILE, decoded, read_bytes
+from ...files import LARGEST_FILE, read_bytes
 
-__all__ = ["read_lines", "read_raw"]
+__all__ = ["read_raw"]
 
 
 def read_raw(path: Path) -> bytes:
@@ -32,8 +32,3 @@ def read_raw(path: Path) -> bytes:
     if len(raw) > LARGEST_FILE:
         raise InvalidData(f"{path}: more than {LARGEST_FILE} bytes")
     return raw
-
-
-def read_lines(path: Path) -> list[str]:
-    """Return the lines of a UTF-8 text file that may be compressed."""
-    return decoded(read_raw(path), path).splitlines()
