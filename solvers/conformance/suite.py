@@ -14,7 +14,7 @@ from typing import Any
 from ...errors import UnknownName, UnsupportedFormulation, UnsupportedOption
 from ...models.programs.nonlinear import NonlinearProgram
 from ..contract.backend import Answer, Backend, Control, Feature, Limit, Request
-from ..contract.registry import is_plain
+from ..contract.registry import fits_integrality, is_plain
 from ..processes.output import captured
 from .cases import Case, Run
 from .conic import conic_cases
@@ -109,7 +109,11 @@ def cases_for(backend: Backend) -> tuple[str, ...]:
     known = dict(_row_cases())
     if issubclass(NonlinearProgram, backend.accepts):
         known.update(_nonlinear_cases())
-    return tuple(name for name, case in known.items() if isinstance(case.program, backend.accepts))
+    return tuple(
+        name
+        for name, case in known.items()
+        if isinstance(case.program, backend.accepts) and fits_integrality(case.program, backend)
+    )
 
 
 def run_case(backend: Backend, case: str, options: Mapping[str, Any] | None = None) -> CaseResult:

@@ -226,6 +226,13 @@ class Backend(ABC):
         itself if `requires` is empty.
     extra : str
         Extra of ``pip install crosstrack[extra]`` that installs the packages.
+    integral_kinds : tuple of str
+        Kinds of programs with an optional field ``integral`` (``"quadratic-program"``,
+        ``"nonlinear-program"``) whose integral columns it respects. The dispatcher refuses such a
+        program with integral columns for every other backend, which would solve the relaxation. A
+        backend for mixed-integer programs always respects their integral columns.
+    integral_only : tuple of str
+        Kinds of :attr:`integral_kinds` that it refuses without integral columns.
     sees_hidden : bool
         Whether it receives the hidden data of a model. Such a backend is a reference for the others,
         and ``"auto"`` never selects it.
@@ -253,6 +260,8 @@ class Backend(ABC):
     requires: ClassVar[tuple[str, ...]] = ()
     distribution: ClassVar[str] = ""
     extra: ClassVar[str] = ""
+    integral_kinds: ClassVar[tuple[str, ...]] = ()
+    integral_only: ClassVar[tuple[str, ...]] = ()
     sees_hidden: ClassVar[bool] = False
     conflict_group: ClassVar[str] = ""
     natives: ClassVar[tuple[str, ...]] = ()

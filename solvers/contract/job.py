@@ -15,7 +15,13 @@ from ...models.verification import TOLERANCE
 from .backend import Backend
 from .enums import PROVING, Guarantee
 from .limits import Limits
-from .registry import accepted, default_formulation, find_backend
+from .registry import (
+    accepted,
+    default_formulation,
+    find_backend,
+    integral_solvers,
+    integrality_refusal,
+)
 
 if TYPE_CHECKING:
     from ...models.formulation import Formulation
@@ -184,10 +190,13 @@ class Job(Limits):
 
     def _refusal(self, backend: Backend) -> str:
         kinds = backend.accepted_kinds()
+        if self.formulation is None and isinstance(self.model, backend.accepts):
+            return integrality_refusal(self.model, backend)
         if self.formulation is not None and issubclass(type(self.model), backend.accepts):
             return f"backend {backend.name!r} solves model {kinds!r} itself, not its formulation {self.formulation!r}"
         subject = f"formulation {self.formulation!r} of model" if self.formulation else "model"
-        return f"backend {backend.name!r} accepts {kinds!r}; it cannot solve {subject} {self.model.kind!r}"
+        text = f"backend {backend.name!r} accepts {kinds!r}; it cannot solve {subject} {self.model.kind!r}"
+        return ": ".join(part for part in (text, integral_solvers(self.model)) if part)
 
     def options(self) -> dict[str, Any]:
         """Return all options of the run as JSON data, for the record of the solution."""

@@ -25,7 +25,10 @@ __all__ = [
     "declarations",
     "default_formulation",
     "find_backend",
+    "fits_integrality",
     "installed",
+    "integral_solvers",
+    "integrality_refusal",
     "is_ours",
     "is_plain",
     "rivals",
@@ -66,6 +69,9 @@ _SOLVERS: Mapping[str, str] = {
     "slsqp": ".solvers.nlp.scipy_nlp:Slsqp",
     "trust-constr": ".solvers.nlp.scipy_nlp:TrustConstr",
 }
+
+#: Kinds of programs whose field ``integral`` is optional.
+_OPTIONAL = ("quadratic-program", "nonlinear-program")
 
 _session: list[Backend] = []
 
@@ -217,7 +223,8 @@ def accepted(model: Model[Any], backend: Backend, formulation: str | None) -> Mo
     """
     step: Model[Any] | None = model
     while step is not None:
-        if isinstance(step, backend.accepts) and formulation is None:
+        native = isinstance(step, backend.accepts) and formulation is None
+        if native and fits_integrality(step, backend):
             return step
         if _formulations(step, backend, formulation):
             return step
@@ -231,7 +238,8 @@ def _formulations(model: Model[Any], backend: Backend, formulation: str | None) 
         name
         for name in names
         if name in model.formulations
-        and issubclass(type(model).formulation_type(name).program_type, backend.accepts)
+        and issubclass(kind := type(model).formulation_type(name).program_type, backend.accepts)
+        and kind.kind not in backend.integral_only
     ]
 
 
@@ -239,3 +247,53 @@ def default_formulation(model: Model[Any], backend: Backend) -> str:
     """Return the formulation of `model` that `backend` solves, preferably the model's default."""
     names = _formulations(model, backend, None)
     return model.preferred_formulation if model.preferred_formulation in names else names[0]
+
+
+def _optional_kind(problem: Any) -> str:
+    """Return the kind of a program whose field ``integral`` is optional; ``""`` for other models."""
+    kinds = (getattr(base, "kind", "") for base in type(problem).__mro__)
+    return next((kind for kind in kinds if kind in _OPTIONAL), "")
+
+
+def fits_integrality(problem: Any, backend: Backend) -> bool:
+    """Return False if `backend` would ignore integral columns of `problem`, or requires some.
+
+    Parameters
+    ----------
+    problem : Model
+        Any model; only programs with an optional field ``integral`` can fail.
+    backend : Backend
+        The backend, with its :attr:`~.Backend.integral_kinds` and :attr:`~.Backend.integral_only`.
+    """
+    kind = _optional_kind(problem)
+    if not kind:
+        return True
+    return kind not in backend.integral_only if problem.continuous else kind in backend.integral_kinds
+
+
+def integral_solvers(problem: Any) -> str:
+    """Return the backends for a program with integral columns as text, with commands to install them.
+
+    The text is empty for other models.
+    """
+    kind = _optional_kind(problem)
+    if not kind or problem.continuous:
+        return ""
+    names = []
+    for declared in declarations():
+        with contextlib.suppress(BackendBroken):
+            solver = declared.load()
+            if kind in solver.integral_kinds and not solver.refuses(problem):
+                hint = f" (pip install 'crosstrack[{solver.extra}]')" if solver.missing() else ""
+                names.append(f"{solver.name!r}{hint}")
+    count = int(problem.integral.sum())
+    return f"{count} of its {problem.size} columns must be integers, which these backends respect: {', '.join(names)}"
+
+
+def integrality_refusal(problem: Any, backend: Backend) -> str:
+    """Return why the integral columns of `problem` exclude `backend`; ``""`` if they do not."""
+    if fits_integrality(problem, backend):
+        return ""
+    if problem.continuous:
+        return f"backend {backend.name!r} solves a {problem.kind!r} only if a column is integral"
+    return f"backend {backend.name!r} cannot solve this {problem.kind!r}: {integral_solvers(problem)}"

@@ -9,9 +9,20 @@ from ...errors import BackendBroken, UnsupportedFormulation
 from ...models.model import Model
 from ...models.problems import PROBLEMS, problem_of
 from .backend import PROVING, Backend, Feature, Guarantee
-from .registry import Declaration, accepted, declarations, default_formulation
+from .registry import (
+    Declaration,
+    accepted,
+    declarations,
+    default_formulation,
+    fits_integrality,
+    integral_solvers,
+)
 
 __all__ = ["fitting", "guaranteed", "recommended", "refusals"]
+
+
+#: Reason if a backend would ignore integral columns, or solves programs only with some.
+_MISMATCH = "does not solve programs of this kind with these integral or continuous columns"
 
 
 def _problems(model: Model[Any]) -> set[str]:
@@ -64,6 +75,8 @@ def _refusal(model: Model[Any], backend: Backend, programs: dict[tuple[str, str]
     """Return why `backend` cannot solve `model` by default; `programs` contains those built before."""
     step = accepted(model, backend, None)
     if step is None:
+        if isinstance(model, backend.accepts):
+            return _MISMATCH
         return f"accepts {backend.accepted_kinds()}, not {model.kind}"
     problem: Any = step
     if not isinstance(step, backend.accepts):
@@ -74,7 +87,9 @@ def _refusal(model: Model[Any], backend: Backend, programs: dict[tuple[str, str]
             except UnsupportedFormulation as error:
                 programs[key] = str(error)
         problem = programs[key]
-    return problem if isinstance(problem, str) else backend.refuses(problem)
+    if isinstance(problem, str):
+        return problem
+    return backend.refuses(problem) if fits_integrality(problem, backend) else _MISMATCH
 
 
 def _loadable(model: Model[Any]) -> Iterator[Backend]:
@@ -145,5 +160,7 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
             best = backend
     if best is None:
         what = f"formulation {formulation!r} of " if formulation else ""
-        raise UnsupportedFormulation(f"no installed backend accepts {what}model {model.kind!r}")
+        text = f"no installed backend accepts {what}model {model.kind!r}"
+        more = integral_solvers(model)
+        raise UnsupportedFormulation(": ".join(part for part in (text, more) if part))
     return best

@@ -1,4 +1,4 @@
-"""Base of the backends for mixed-integer programs: clock, stop requests, and conclusions.
+"""Base of the backends for mixed-integer and integer quadratic programs: clock, stops, conclusions.
 
 A backend only translates: :meth:`ProgramBackend.attempt` passes the program to its solver and reports
 the ending. This module decides what the ending proves. An infeasible run below a cutoff proves a bound,
@@ -15,8 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...errors import UnsupportedFormulation
 from ...models.model import Model
-from ...models.programs.linear import MixedIntegerProgram
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..contract.backend import (
     Answer,
     Backend,
@@ -27,6 +28,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from ..contract.registry import integrality_refusal
 from ..programs.attempts import (
     Clock,
     Ended,
@@ -50,6 +52,7 @@ __all__ = [
 ]
 
 Vector = NDArray[np.float64]
+IntegerProgram = MixedIntegerProgram | QuadraticProgram
 
 #: Seconds that a solver may take to stop, if it reports incumbents and if it does not. Presolve,
 #: building and linear programs at the root do not check the clock, and continued for up to 10 s.
@@ -74,13 +77,13 @@ class Incumbents:
 
     Parameters
     ----------
-    program : MixedIntegerProgram
+    program : MixedIntegerProgram or QuadraticProgram
         The program.
     request : Request
         Request with the control that receives the reports.
     """
 
-    def __init__(self, program: MixedIntegerProgram, request: Request) -> None:
+    def __init__(self, program: IntegerProgram, request: Request) -> None:
         self._program = program
         self._request = request
         self._control = request.control
@@ -122,19 +125,22 @@ def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> Mixed
     )
 
 
-def with_offset_column(program: MixedIntegerProgram) -> MixedIntegerProgram:
+def with_offset_column(program: Any) -> Any:
     """Return `program` with its offset as a last column fixed at 1.
 
     For solvers without an offset, which would compute the relative gap without it.
 
     Parameters
     ----------
-    program : MixedIntegerProgram
+    program : MixedIntegerProgram or QuadraticProgram
         The program.
     """
     if not program.offset:
         return program
     empty = sp.csr_array((program.row_count, 1))
+    curved: dict[str, Any] = {}
+    if isinstance(program, QuadraticProgram):
+        curved["hessian"] = sp.csr_array(sp.block_diag([program.hessian, sp.csr_array((1, 1))]))
     return replace(
         program,
         cost=np.append(program.cost, program.offset),
@@ -144,23 +150,28 @@ def with_offset_column(program: MixedIntegerProgram) -> MixedIntegerProgram:
         integral=np.append(program.integral, False),
         offset=0.0,
         columns=(),
+        **curved,
     )
 
 
 class ProgramBackend(Backend):
-    """Base of the backends that solve mixed-integer programs to proven optimality."""
+    """Base of the backends that solve mixed-integer programs to proven optimality.
+
+    Those that accept quadratic programs as well solve the ones with integral columns.
+    """
 
     accepts: ClassVar[type[Model[Any]] | tuple[type[Model[Any]], ...]] = MixedIntegerProgram
     guarantee = Guarantee.EXACT
 
     @abstractmethod
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
+    def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve `program` once and report the ending.
 
         Parameters
         ----------
-        program : MixedIntegerProgram
-            The program.
+        program : MixedIntegerProgram or QuadraticProgram
+            The program. A quadratic one has integral columns, and only backends that declare
+            ``"quadratic-program"`` in :attr:`integral_kinds` receive it.
         request : Request
             Options of the run.
         clock : Clock
@@ -173,17 +184,22 @@ class ProgramBackend(Backend):
             return super().patience(kind)
         return REPORTED if Feature.INCUMBENTS in self.features else SILENT
 
-    def run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
+    def run(self, problem: IntegerProgram, request: Request) -> Answer:
         """Solve `problem`, see :meth:`Backend.run`."""
         self.require()
+        if refusal := integrality_refusal(problem, self) or self.refuses(problem):
+            raise UnsupportedFormulation(refusal)
         request = replace(request, options=self.checked_options(request.options))
         scaling = Scaling.of(problem)
         if scaling is not None:
             return scaling.answered(request, self._run)
         return self._run(problem, request)
 
-    def _run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
-        clock = Clock(request.time_limit)
+    def _run(self, problem: IntegerProgram, request: Request) -> Answer:
+        clock, given = Clock(request.time_limit), request
+        if isinstance(problem, QuadraticProgram):
+            # No linear row states the cutoff in the search for a feasible point, see `_resolve`.
+            request = replace(request, cutoff=None)
         ending = trivial_ending(problem, request) or ending_if_stopped(request, clock)
         if ending is None:
             ending = self.attempt(problem, request, clock)
@@ -191,10 +207,10 @@ class ProgramBackend(Backend):
                 ending.ended is Ended.UNBOUNDED and not problem.continuous
             ):
                 ending = self._resolve(problem, request, clock, ending)
-        return _conclude(problem, request, clock, ending)
+        return _conclude(problem, given, clock, ending)
 
     def _resolve(
-        self, program: MixedIntegerProgram, request: Request, clock: Clock, first: Ending
+        self, program: IntegerProgram, request: Request, clock: Clock, first: Ending
     ) -> Ending:
         """Distinguish an unbounded from an infeasible program by searching any feasible point.
 
@@ -204,8 +220,12 @@ class ProgramBackend(Backend):
         ending = ending_if_stopped(request, clock)
         if ending is not None:
             return ending
-        # The cutoff stays as a row, because it may be what makes the program infeasible.
-        posed = with_cutoff_row(program, request.cutoff)
+        if isinstance(program, QuadraticProgram):
+            assert program.integral is not None
+            posed = MixedIntegerProgram(**program.shared(), integral=program.integral)
+        else:
+            # The cutoff stays as a row, because it may be what makes the program infeasible.
+            posed = with_cutoff_row(program, request.cutoff)
         question = replace(posed, cost=np.zeros(program.size), offset=0.0)
         silent = Control()
         # The run's flag stops the search, but its points are not incumbents of the program.
@@ -218,7 +238,7 @@ class ProgramBackend(Backend):
         return replace(probe, bound=None, duals=None)
 
 
-def _rounded(program: MixedIntegerProgram, point: Vector, request: Request) -> Vector:
+def _rounded(program: IntegerProgram, point: Vector, request: Request) -> Vector:
     """Return `point` clipped to its bounds and rounded in integer columns, if the rows permit it."""
     exact = np.clip(point, program.column_lower, program.column_upper)
     exact[program.integral] = np.round(exact[program.integral])
@@ -228,7 +248,7 @@ def _rounded(program: MixedIntegerProgram, point: Vector, request: Request) -> V
 
 
 def _conclude(
-    program: MixedIntegerProgram, request: Request, clock: Clock, ending: Ending
+    program: IntegerProgram, request: Request, clock: Clock, ending: Ending
 ) -> Answer:
     """Return the answer that `ending` proves."""
     point, objective = None, None
@@ -270,7 +290,7 @@ def _conclude(
 
 
 def proven_bound(
-    program: MixedIntegerProgram,
+    program: IntegerProgram,
     request: Request,
     bound: float | None,
     objective: float | None = None,
@@ -279,7 +299,7 @@ def proven_bound(
 
     Parameters
     ----------
-    program : MixedIntegerProgram
+    program : MixedIntegerProgram or QuadraticProgram
         The program.
     request : Request
         Request with the cutoff of the search.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -21,7 +22,7 @@ from ..programs.cvxpy_library import Solved, chosen, found, solve_by_cvxpy
 from ..qp.base import UNPOLISHED, answered
 from ..qp.cvxpy_qp import attempt as attempt_quadratic
 from ..qp.settings import POLISH
-from .base import ProgramBackend, with_cutoff_row, with_offset_column
+from .base import IntegerProgram, ProgramBackend, with_cutoff_row, with_offset_column
 from .highs import ending, search
 
 __all__ = ["CvxpyMip"]
@@ -36,6 +37,7 @@ class CvxpyMip(ProgramBackend):
 
     name = "cvxpy"
     accepts = (MixedIntegerProgram, QuadraticProgram, ConicProgram)
+    integral_kinds = ("quadratic-program",)
     features = frozenset(
         {
             Feature.GAP,
@@ -56,7 +58,8 @@ class CvxpyMip(ProgramBackend):
         "solver": Option(
             None,
             "Name in CVXPY of an installed solver that supports the program. Default: HIGHS for "
-            "mixed-integer programs, CLARABEL for quadratic and conic ones.",
+            "mixed-integer programs, SCIP for integer quadratic ones, CLARABEL for other quadratic "
+            "and conic ones.",
             str,
         ),
         "polish": POLISH,
@@ -80,21 +83,31 @@ class CvxpyMip(ProgramBackend):
         request = replace(request, options={**request.options, "solver": solver})
         if isinstance(problem, ConicProgram):
             return answered(self, problem, request, attempt_quadratic, ConicRun)
-        if isinstance(problem, QuadraticProgram):
+        if isinstance(problem, QuadraticProgram) and problem.continuous:
             return answered(self, problem, request, attempt_quadratic)
-        assert isinstance(problem, MixedIntegerProgram)
+        assert isinstance(problem, IntegerProgram)
         return super().run(problem, request)
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
+    def refuses(self, problem: RowProgram) -> str:
+        """Return a reason for a quadratic program with integral columns if SCIP is not installed."""
+        integral = isinstance(problem, QuadraticProgram) and not problem.continuous
+        if integral and importlib.util.find_spec("pyscipopt") is None:
+            return "backend 'cvxpy': integer quadratic programs need SCIP: pip install 'crosstrack[scip]'"
+        return ""
+
+    def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve the program through CVXPY."""
         solver = str(request.options["solver"])
-        if solver == "HIGHS" and not program.continuous:
+        if isinstance(program, MixedIntegerProgram) and solver == "HIGHS" and not program.continuous:
             return _called_back(program, request, clock)
         if request.target is not None:
             raise UnsupportedOption(
                 f"backend 'cvxpy': solver={solver!r} reports no incumbents, so it cannot stop at a target"
             )
-        posed = with_offset_column(with_cutoff_row(program, request.cutoff))
+        posed = program
+        if isinstance(program, MixedIntegerProgram):
+            posed = with_cutoff_row(program, request.cutoff)
+        posed = with_offset_column(posed)
         # CVXPY's interface to SCIP fails on rows without entries, which are satisfied at this point.
         rows = np.flatnonzero(np.diff(posed.matrix.indptr))
         posed = posed.only_rows(rows)
@@ -164,7 +177,7 @@ def _fresh_scheduler() -> None:
 def _solver_options(
     solver: str,
     names: Mapping[str, tuple[str, ...]],
-    program: MixedIntegerProgram,
+    program: IntegerProgram,
     request: Request,
 ) -> dict[str, Any]:
     """Return the common options under the solver's names, or raise if it does not support them.
@@ -205,7 +218,7 @@ _NAMES: dict[str, dict[str, tuple[str, ...]]] = {
 }
 
 
-def _ending(solver: str, solved: Solved, program: MixedIntegerProgram) -> Ending:
+def _ending(solver: str, solved: Solved, program: IntegerProgram) -> Ending:
     ended, limit = solved.end()
     extra, failed = solved.extra, ended is Ended.FAILED
     counts: dict[str, float | int | str] = {"solver": solver}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import BackendBroken
-from ...models.programs.linear import MixedIntegerProgram
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..contract.backend import Feature, Limit, Request
 from ..programs.attempts import (
     Clock,
@@ -20,7 +20,7 @@ from ..programs.attempts import (
     solver_tolerance,
     stop_reason,
 )
-from .base import CALLED_BACK, Incumbents, ProgramBackend
+from .base import CALLED_BACK, Incumbents, IntegerProgram, ProgramBackend
 
 __all__ = ["Gurobi"]
 
@@ -32,12 +32,14 @@ class Gurobi(ProgramBackend):
     """Backend for Gurobi. The licence in its package permits at most 2000 rows and 2000 columns."""
 
     name = "gurobi"
+    accepts = (MixedIntegerProgram, QuadraticProgram)
+    integral_kinds = integral_only = ("quadratic-program",)
     features = CALLED_BACK | {Feature.THREADS, Feature.DUALS}
     requires = ("gurobipy",)
     extra = "gurobi"
     summary = "Gurobi: commercial; without a licence only small programs"
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
+    def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve the program with Gurobi."""
         import gurobipy
 
@@ -59,7 +61,7 @@ class Gurobi(ProgramBackend):
             raise
 
 
-def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any]:
+def _parameters(program: IntegerProgram, request: Request) -> dict[str, Any]:
     tolerance = solver_tolerance(request, 1e-9, 1e-2)
     parameters: dict[str, Any] = {
         "OutputFlag": int(request.verbose),
@@ -79,7 +81,7 @@ def _parameters(program: MixedIntegerProgram, request: Request) -> dict[str, Any
 
 
 def _solve(
-    gurobipy: Any, model: Any, program: MixedIntegerProgram, request: Request, clock: Clock
+    gurobipy: Any, model: Any, program: IntegerProgram, request: Request, clock: Clock
 ) -> Ending:
     grb = gurobipy.GRB
     columns = model.addMVar(
@@ -89,6 +91,8 @@ def _solve(
         obj=program.cost,
         vtype=np.where(program.integral, grb.INTEGER, grb.CONTINUOUS),
     )
+    if isinstance(program, QuadraticProgram):
+        model.setObjective(columns @ (0.5 * program.hessian) @ columns + program.cost @ columns)
     model.ObjCon = program.offset
     rows = _add_rows(model, program, columns)
     if request.warm_start is not None and not program.continuous:
@@ -111,7 +115,7 @@ def _solve(
     return _ending(grb, model, program, request, columns, rows)
 
 
-def _add_rows(model: Any, program: MixedIntegerProgram, columns: Any) -> list[tuple[Any, Any]]:
+def _add_rows(model: Any, program: IntegerProgram, columns: Any) -> list[tuple[Any, Any]]:
     """Add the rows and return, for each sense, their indices and Gurobi's constraints.
 
     A two-sided row becomes two constraints, because Gurobi has none; their duals are added.
@@ -125,7 +129,7 @@ def _add_rows(model: Any, program: MixedIntegerProgram, columns: Any) -> list[tu
 def _ending(
     grb: Any,
     model: Any,
-    program: MixedIntegerProgram,
+    program: IntegerProgram,
     request: Request,
     columns: Any,
     rows: list[tuple[Any, Any]],

@@ -8,8 +8,10 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
-from ...models.programs.linear import MixedIntegerProgram
+from ...errors import InvalidData
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..contract.backend import Feature, Limit, Option, Request
 from ..programs.attempts import (
     Clock,
@@ -23,7 +25,7 @@ from ..programs.attempts import (
     solver_tolerance,
     stop_reason,
 )
-from .base import CALLED_BACK, Incumbents, ProgramBackend
+from .base import CALLED_BACK, Incumbents, IntegerProgram, ProgramBackend
 
 __all__ = ["Scip"]
 
@@ -32,9 +34,11 @@ LOOK = 1000
 
 
 class Scip(ProgramBackend):
-    """Backend for SCIP: branch, cut and price on one thread."""
+    """Backend for SCIP: branch, cut and price on one thread; integer quadratic programs by outer cuts."""
 
     name = "scip"
+    accepts = (MixedIntegerProgram, QuadraticProgram)
+    integral_kinds = integral_only = ("quadratic-program",)
     features = CALLED_BACK | {Feature.DUALS}
     single_threaded = True
     requires = ("pyscipopt",)
@@ -46,7 +50,7 @@ class Scip(ProgramBackend):
     }
     summary = "SCIP: branch and cut with constraint propagation"
 
-    def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:
+    def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve the program with SCIP."""
         import pyscipopt
 
@@ -57,11 +61,15 @@ class Scip(ProgramBackend):
         if late is not None:
             clock.lap("build")
             return late
+        curvature = _add_curvature(model, program, columns)
         if request.warm_start is not None:
             start = model.createSol()
             values = np.asarray(request.warm_start, float).tolist()
             for column, value in zip(columns, values, strict=True):
                 model.setSolVal(start, column, value)
+            if curvature is not None:
+                quadratic = program.objective(np.asarray(values)) - program.cost @ values
+                model.setSolVal(start, curvature, quadratic - program.offset)
             model.addSol(start)
         active_events = _listen(pyscipopt, model, program, request, columns)
         clock.lap("build")
@@ -78,7 +86,7 @@ class Scip(ProgramBackend):
         return ending
 
 
-def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request) -> None:
+def _configure(pyscipopt: Any, model: Any, program: IntegerProgram, request: Request) -> None:
     model.hideOutput(quiet=not request.verbose)
     # SCIP forbids a feasibility tolerance below its epsilon, 1e-9.
     tolerance = solver_tolerance(request, 1e-9)
@@ -113,7 +121,7 @@ def _configure(pyscipopt: Any, model: Any, program: MixedIntegerProgram, request
 
 
 def _build(
-    model: Any, program: MixedIntegerProgram, request: Request, clock: Clock
+    model: Any, program: IntegerProgram, request: Request, clock: Clock
 ) -> tuple[list[Any], list[Any]]:
     """Add columns and rows until the run must stop.
 
@@ -138,7 +146,7 @@ def _build(
         )
         for is_integer, low, high, cost in until_stopped(
             zip(
-                program.integral.tolist(),
+                np.asarray(program.integral).tolist(),
                 program.column_lower.tolist(),
                 program.column_upper.tolist(),
                 program.cost.tolist(),
@@ -167,8 +175,32 @@ def _build(
     return columns, rows
 
 
+def _add_curvature(model: Any, program: IntegerProgram, columns: list[Any]) -> Any:
+    """Add a column that is at least the quadratic part of the objective; None if there is none.
+
+    SCIP accepts linear objectives only.
+    """
+    from pyscipopt.scip import Expr, ExprCons, Term
+
+    if not isinstance(program, QuadraticProgram) or not program.hessian.nnz:
+        return None
+    try:
+        program.require_convex()
+        lower = 0.0
+    except InvalidData:
+        lower = None  # SCIP searches nonconvex programs globally
+    curvature = model.addVar("", lb=lower, obj=1.0)
+    upper = sp.coo_array(sp.triu(program.hessian))
+    terms = {
+        Term(columns[i], columns[j]): 0.5 * value if i == j else value
+        for i, j, value in zip(*upper.coords, upper.data.tolist(), strict=True)
+    }
+    model.addCons(ExprCons(Expr({**terms, Term(curvature): -1.0}), rhs=0.0))
+    return curvature
+
+
 def _listen(
-    pyscipopt: Any, model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any]
+    pyscipopt: Any, model: Any, program: IntegerProgram, request: Request, columns: list[Any]
 ) -> set[int]:
     """Report improved points and bounds as long as the returned set is not empty."""
     incumbents = Incumbents(program, request)
@@ -201,7 +233,7 @@ def _values(model: Any, solution: Any, columns: list[Any]) -> np.ndarray[Any, np
 
 
 def _ending(
-    model: Any, program: MixedIntegerProgram, request: Request, columns: list[Any], rows: list[Any]
+    model: Any, program: IntegerProgram, request: Request, columns: list[Any], rows: list[Any]
 ) -> Ending:
     interrupted = Ended.STOPPED, stop_reason(request.control)
     exhausted = Ended.STOPPED, Limit.ITERATIONS

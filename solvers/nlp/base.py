@@ -27,6 +27,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from ..contract.registry import integrality_refusal
 from ..programs.attempts import Clock, Ended, Ending, ending_if_stopped, limit_reached, stop_reason
 from .quality import Quality, descent_by_curvature, measure, worst_blocks
 
@@ -103,7 +104,7 @@ class NonlinearBackend(Backend):
     def run(self, problem: NonlinearProgram, request: Request) -> Answer:
         """Search `problem` from the warm start, else from the point of the seed; see :meth:`Backend.run`."""
         self.require()
-        reason = self.refuses(problem)
+        reason = integrality_refusal(problem, self) or self.refuses(problem)
         if reason:
             raise UnsupportedFormulation(reason)
         request = replace(request, options=self.checked_options(request.options))

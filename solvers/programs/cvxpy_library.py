@@ -33,10 +33,13 @@ EXCLUDED: Mapping[str, Mapping[str, str]] = {
         "PROXQP": "through CVXPY it called a feasible linear program infeasible",
         "SCIP": "CVXPY poses a cone and returns no multipliers, without which nothing is proven",
     },
+    "integer quadratic": {},
     "conic": {"ECOS": "it has no semidefinite cones; the backend 'ecos' handles the others"},
 }
 #: Default solver for each kind of program.
-_DEFAULT = {"mixed-integer": "HIGHS", "quadratic": "CLARABEL", "conic": "CLARABEL"}
+_DEFAULT = {
+    "mixed-integer": "HIGHS", "quadratic": "CLARABEL", "integer quadratic": "SCIP", "conic": "CLARABEL"
+}  # fmt: skip
 
 
 def found(kind: str) -> tuple[str, ...]:
@@ -51,6 +54,8 @@ def found(kind: str) -> tuple[str, ...]:
 
     cone: Any = SOC
     names = defines.INSTALLED_MI_SOLVERS
+    if kind == "integer quadratic":
+        names = [name for name in names if name in defines.MI_SOCP_SOLVERS]
     if kind == "conic":
         required = {SOC, ExpCone}
         names = [
@@ -88,6 +93,8 @@ def chosen(program: RowProgram, asked: str | None) -> str:
         The solver is not installed or does not accept the program.
     """
     kind = program.kind.removesuffix("-program")
+    if kind == "quadratic" and getattr(program, "integral", None) is not None:
+        kind = "integer quadratic"
     name = asked or _DEFAULT[kind]
     names = found(kind)
     if name not in names:

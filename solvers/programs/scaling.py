@@ -53,9 +53,7 @@ class Scaling:
     @classmethod
     def of(cls, program: MixedIntegerProgram | QuadraticProgram) -> Scaling | None:
         """Return the scaling of `program`; None if its data need no scaling."""
-        integral = np.zeros(program.size, bool)
-        if isinstance(program, MixedIntegerProgram):
-            integral = program.integral
+        integral = np.zeros(program.size, bool) if program.integral is None else program.integral
         entries = abs(program.matrix)
         bounds = _largest(program.row_lower, program.row_upper)
         whole = entries @ sp.diags_array(integral.astype(float))

@@ -31,6 +31,7 @@ from ..contract.backend import (
     Termination,
 )
 from ..contract.job import UNPOLISHED
+from ..contract.registry import integrality_refusal
 from ..programs.attempts import (
     Clock,
     Ended,
@@ -134,7 +135,7 @@ def answered(
         The backend rejects the program.
     """
     backend.require()
-    reason = backend.refuses(problem)
+    reason = integrality_refusal(problem, backend) or backend.refuses(problem)
     if reason:
         raise UnsupportedFormulation(reason)
     request = replace(request, options=backend.checked_options(request.options))

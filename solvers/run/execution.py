@@ -12,12 +12,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ... import timing
-from ...errors import InvalidData
+from ...errors import InvalidData, UnsupportedFormulation
 from ...models.verification import Verification
 from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.enums import CLAIMS_NONE, Feature, Limit, Termination
 from ..contract.job import GAP, Job
-from ..contract.registry import is_ours
+from ..contract.registry import integrality_refusal, is_ours
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
 from .assembly import Claim, assemble
@@ -205,6 +205,8 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
         if formulation is not None:
             control.prove(formulation.floor)
         problem: Any = seen if formulation is None else formulation.program
+        if refusal := integrality_refusal(problem, run.target.backend):
+            raise UnsupportedFormulation(refusal)
         for note in () if formulation is None else formulation.notes:
             run.notes.append(note)
             log.warning(note)
