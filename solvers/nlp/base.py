@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...models.model import Model
 from ...models.programs.nonlinear import NonlinearProgram
+from ...models.verification import ROUNDING
 from ..contract.backend import (
     Answer,
     Backend,
@@ -108,7 +109,22 @@ class NonlinearBackend(Backend):
         if reason:
             raise UnsupportedFormulation(reason)
         request = replace(request, options=self.checked_options(request.options))
-        return _Run(self, problem, request, Clock(request.time_limit)).answer()
+        clock = Clock(request.time_limit)
+        if problem.integral is not None:
+            # Bonmin returned the bound 0.8 of an integral column.
+            low = np.where(problem.integral, np.ceil(problem.column_lower - ROUNDING), -np.inf)
+            high = np.where(problem.integral, np.floor(problem.column_upper + ROUNDING), np.inf)
+            crossed = np.flatnonzero(low > high)
+            if crossed.size:
+                message = f"{problem.column_name(int(crossed[0]))}: its bounds contain no integer"
+                return _Run(self, problem, request, clock).judge(Ending(Ended.INFEASIBLE, message=message))
+            problem = replace(
+                problem,
+                column_lower=np.where(problem.integral, low, problem.column_lower),
+                column_upper=np.where(problem.integral, high, problem.column_upper),
+                column_scale=np.where(problem.integral, 1.0, problem.column_scale),
+            )
+        return _Run(self, problem, request, clock).answer()
 
 
 def _is_less(answer: Answer, other: Answer) -> bool:
@@ -149,13 +165,13 @@ class _Run:
     def off_saddles(self, answer: Answer) -> Answer:
         """Return `answer`, or a better one if its point is stationary but not a minimum.
 
-        The search then continues from both sides along a direction in which the objective decreases.
+        Integral columns do not move. The search then continues from both sides along a direction in which the objective decreases.
         """
         left = 0
         while answer.termination is Termination.LOCALLY_OPTIMAL:
             assert answer.point is not None and answer.duals is not None
             with np.errstate(all="ignore"):
-                away = descent_by_curvature(self.problem, answer.point, answer.duals)
+                away = descent_by_curvature(self.fixed(answer.point), answer.point, answer.duals)
             self.clock.lap("judge")
             if away is None:
                 break
@@ -200,9 +216,7 @@ class _Run:
 
     def judge(self, ending: Ending) -> Answer:
         """Return the answer that `ending` proves."""
-        quality = measure(
-            self.problem, ending.point, ending.duals, self.request.tolerance, STATIONARY
-        )
+        quality = self.measured(ending)
         self.clock.lap("judge")
         if ending.ended is Ended.UNBOUNDED:
             return self.without_point(
@@ -224,6 +238,31 @@ class _Run:
             return self.with_point(ending, quality, Termination.LOCALLY_OPTIMAL, remark)
         remark = f"its point is feasible, with a stationarity of {quality.stationarity:.2g}"
         return self.with_point(ending, quality, Termination.FEASIBLE, remark)
+
+    def fixed(self, point: Vector, *, whole: bool = True) -> NonlinearProgram:
+        """Return the program with integral columns fixed at their values in `point`, rounded if `whole`."""
+        program = self.problem
+        if program.integral is None:
+            return program
+        values = np.clip(np.round(point) if whole else point, program.column_lower, program.column_upper)
+        return replace(
+            program,
+            column_lower=np.where(program.integral, values, program.column_lower),
+            column_upper=np.where(program.integral, values, program.column_upper),
+            derivatives=program.first_order,
+            hessian=program.second_order,
+        )
+
+    def measured(self, ending: Ending) -> Quality | None:
+        """Return the quality of the point of `ending`, with its integral columns fixed."""
+        point, duals, tolerance = ending.point, ending.duals, self.request.tolerance
+        if point is None or self.problem.continuous:
+            return measure(self.problem, point, duals, tolerance, STATIONARY)
+        quality = measure(self.fixed(point), point, duals, tolerance, STATIONARY)
+        if quality is not None and quality.feasible:
+            return quality
+        # Rounding can violate a row with large coefficients.
+        return measure(self.fixed(point, whole=False), point, duals, tolerance, STATIONARY)
 
     def infeasible(self, ending: Ending, quality: Quality | None) -> Answer:
         """Return the answer for an infeasible or missing point."""

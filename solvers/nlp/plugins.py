@@ -63,7 +63,8 @@ class BlockSqp(CasadiNlp):
 class Bonmin(CasadiNlp):
     """Backend for Bonmin, branch and bound with Ipopt, which ends at the root node without integers.
 
-    Its multipliers are estimated from its point, as CasADi does not read them. It cannot be stopped,
+    It prunes with local optima of the relaxations, so its answer is optimal if these are convex. Its
+    claim is local in any case, because nothing proves convexity. Its multipliers are estimated from its point, as CasADi does not read them. It cannot be stopped,
     so it runs in a worker process.
     """
 
@@ -71,6 +72,7 @@ class Bonmin(CasadiNlp):
     limit_option = "time_limit"
     given = DERIVATIVES
     features = COMMON
+    integral_kinds = ("nonlinear-program",)
     options = {"max_iter": most_iterations(3000)}
     summary = "Bonmin: branch and bound over Ipopt, by CasADi"
 
@@ -79,7 +81,9 @@ class Bonmin(CasadiNlp):
         quiet = ("print_level", "bb_log_level", "nlp_log_level", "lp_log_level", "nlp_log_at_root")
         options = {"sb": "yes", "tol": 1e-8, "max_iter": request.options["max_iter"]}
         silent = {} if request.verbose else dict.fromkeys(quiet, 0)
-        return {"bonmin": {**silent, **options}}
+        if program.integral is None:
+            return {"bonmin": {**silent, **options}}
+        return {"bonmin": {**silent, **options}, "discrete": program.integral.tolist()}
 
 
 class Fatrop(CasadiNlp):
