@@ -19,6 +19,7 @@ from ..processes.output import captured
 from .cases import Case, Run
 from .conic import conic_cases
 from .convex import conic_limit_cases, quadratic_limit_cases
+from .integral import integer_nonlinear_cases, integer_quadratic_cases
 from .limits import limit_cases
 from .linear import linear_cases
 from .mixed_integer import integer_cases
@@ -84,6 +85,7 @@ def _row_cases() -> Mapping[str, Case]:
         *limit_cases(),
         *quadratic_cases(),
         *quadratic_limit_cases(),
+        *integer_quadratic_cases(),
         *conic_cases(),
         *conic_limit_cases(),
     )
@@ -95,7 +97,7 @@ def _nonlinear_cases() -> Mapping[str, Case]:
     """Return the cases that require CasADi, apart so that the others do not load it."""
     if importlib.util.find_spec("casadi") is None:
         return {}
-    return {case.name: case for case in nonlinear_cases()}
+    return {case.name: case for case in (*nonlinear_cases(), *integer_nonlinear_cases())}
 
 
 def cases_for(backend: Backend) -> tuple[str, ...]:

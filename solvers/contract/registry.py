@@ -268,7 +268,9 @@ def fits_integrality(problem: Any, backend: Backend) -> bool:
     kind = _optional_kind(problem)
     if not kind:
         return True
-    return kind not in backend.integral_only if problem.continuous else kind in backend.integral_kinds
+    return (
+        kind not in backend.integral_only if problem.continuous else kind in backend.integral_kinds
+    )
 
 
 def integral_solvers(problem: Any) -> str:
@@ -296,4 +298,6 @@ def integrality_refusal(problem: Any, backend: Backend) -> str:
         return ""
     if problem.continuous:
         return f"backend {backend.name!r} solves a {problem.kind!r} only if a column is integral"
-    return f"backend {backend.name!r} cannot solve this {problem.kind!r}: {integral_solvers(problem)}"
+    return (
+        f"backend {backend.name!r} cannot solve this {problem.kind!r}: {integral_solvers(problem)}"
+    )

@@ -247,9 +247,7 @@ def _rounded(program: IntegerProgram, point: Vector, request: Request) -> Vector
     return exact if is_satisfied(program, exact, request.tolerance) else point
 
 
-def _conclude(
-    program: IntegerProgram, request: Request, clock: Clock, ending: Ending
-) -> Answer:
+def _conclude(program: IntegerProgram, request: Request, clock: Clock, ending: Ending) -> Answer:
     """Return the answer that `ending` proves."""
     point, objective = None, None
     if ending.point is not None and ending.ended is not Ended.UNBOUNDED:

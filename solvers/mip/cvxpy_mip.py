@@ -98,7 +98,11 @@ class CvxpyMip(ProgramBackend):
     def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve the program through CVXPY."""
         solver = str(request.options["solver"])
-        if isinstance(program, MixedIntegerProgram) and solver == "HIGHS" and not program.continuous:
+        if (
+            isinstance(program, MixedIntegerProgram)
+            and solver == "HIGHS"
+            and not program.continuous
+        ):
             return _called_back(program, request, clock)
         if request.target is not None:
             raise UnsupportedOption(

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
+from ...models.programs.linear import CURVATURE, MixedIntegerProgram, QuadraticProgram
 from ..contract.backend import Feature, Limit, Option, Request
 from ..programs.attempts import (
     Clock,
@@ -29,8 +29,12 @@ from .base import CALLED_BACK, Incumbents, IntegerProgram, ProgramBackend
 
 __all__ = ["Scip"]
 
+Vector = NDArray[np.float64]
+
 #: Rows or columns between two checks of the clock while the program is built at 1e5 rows per second.
 LOOK = 1000
+#: Largest number of columns of the Hessian that is factorised as a dense matrix.
+DENSE = 1000
 
 
 class Scip(ProgramBackend):
@@ -61,15 +65,18 @@ class Scip(ProgramBackend):
         if late is not None:
             clock.lap("build")
             return late
-        curvature = _add_curvature(model, program, columns)
+        point = (
+            np.zeros(program.size)
+            if request.warm_start is None
+            else np.asarray(request.warm_start, float)
+        )
+        values = [*zip(columns, point.tolist(), strict=True)]
+        if isinstance(program, QuadraticProgram):
+            values += _add_curvature(model, program, columns, point)
         if request.warm_start is not None:
             start = model.createSol()
-            values = np.asarray(request.warm_start, float).tolist()
-            for column, value in zip(columns, values, strict=True):
+            for column, value in values:
                 model.setSolVal(start, column, value)
-            if curvature is not None:
-                quadratic = program.objective(np.asarray(values)) - program.cost @ values
-                model.setSolVal(start, curvature, quadratic - program.offset)
             model.addSol(start)
         active_events = _listen(pyscipopt, model, program, request, columns)
         clock.lap("build")
@@ -175,28 +182,52 @@ def _build(
     return columns, rows
 
 
-def _add_curvature(model: Any, program: IntegerProgram, columns: list[Any]) -> Any:
-    """Add a column that is at least the quadratic part of the objective; None if there is none.
+def _add_curvature(
+    model: Any, program: QuadraticProgram, columns: list[Any], point: Vector
+) -> list[tuple[Any, float]]:
+    """Add the quadratic part of the objective, and return the new columns with their values at `point`.
 
-    SCIP accepts linear objectives only.
+    SCIP accepts linear objectives only. Each square gets a column of its own, because that solved
+    integer programs of 14 and 30 columns 3 to 6 times faster than one column for the sum. With one
+    column and unbounded integers, SCIP found no bound.
     """
     from pyscipopt.scip import Expr, ExprCons, Term
 
-    if not isinstance(program, QuadraticProgram) or not program.hessian.nnz:
+    factor = _factor(program)
+    if factor is None:
+        upper = sp.coo_array(sp.triu(program.hessian))
+        terms = {
+            Term(columns[i], columns[j]): 0.5 * value if i == j else value
+            for i, j, value in zip(*upper.coords, upper.data.tolist(), strict=True)
+        }
+        total = model.addVar("", lb=None, obj=1.0)
+        model.addCons(ExprCons(Expr({**terms, Term(total): -1.0}), rhs=0.0))
+        return [(total, float(point @ (program.hessian @ point)) / 2)]
+    added = []
+    for row, value in zip(factor, (factor @ point).tolist(), strict=True):
+        root, square = model.addVar("", lb=None), model.addVar("", obj=1.0)
+        terms = {Term(columns[i]): float(row[i]) for i in np.flatnonzero(row)}
+        model.addCons(ExprCons(Expr({**terms, Term(root): -1.0}), lhs=0.0, rhs=0.0))
+        model.addCons(ExprCons(Expr({Term(root, root): 1.0, Term(square): -1.0}), rhs=0.0))
+        added += [(root, value), (square, value**2)]
+    return added
+
+
+def _factor(program: QuadraticProgram) -> Vector | None:
+    """Return F with ``F.T @ F = hessian / 2``; None if the Hessian is large or not semidefinite."""
+    from scipy.linalg.lapack import dpstrf
+
+    places = np.flatnonzero(program.hessian.diagonal())
+    if places.size > DENSE:
         return None
-    try:
-        program.require_convex()
-        lower = 0.0
-    except InvalidData:
-        lower = None  # SCIP searches nonconvex programs globally
-    curvature = model.addVar("", lb=lower, obj=1.0)
-    upper = sp.coo_array(sp.triu(program.hessian))
-    terms = {
-        Term(columns[i], columns[j]): 0.5 * value if i == j else value
-        for i, j, value in zip(*upper.coords, upper.data.tolist(), strict=True)
-    }
-    model.addCons(ExprCons(Expr({**terms, Term(curvature): -1.0}), rhs=0.0))
-    return curvature
+    half = program.hessian[places][:, places].toarray() / 2
+    if not places.size:
+        return np.zeros((0, program.size))
+    upper, order, rank, _ = dpstrf(half)
+    factor = np.zeros((rank, program.size))
+    factor[:, places[order - 1]] = np.triu(upper)[:rank]
+    error = np.abs(factor[:, places].T @ factor[:, places] - half).max()
+    return factor if error <= CURVATURE * np.abs(half).max() else None
 
 
 def _listen(
@@ -228,7 +259,7 @@ def _listen(
     return active_events
 
 
-def _values(model: Any, solution: Any, columns: list[Any]) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _values(model: Any, solution: Any, columns: list[Any]) -> Vector:
     return np.array([model.getSolVal(solution, column) for column in columns], float)
 
 

@@ -117,7 +117,9 @@ class NonlinearBackend(Backend):
             crossed = np.flatnonzero(low > high)
             if crossed.size:
                 message = f"{problem.column_name(int(crossed[0]))}: its bounds contain no integer"
-                return _Run(self, problem, request, clock).judge(Ending(Ended.INFEASIBLE, message=message))
+                return _Run(self, problem, request, clock).judge(
+                    Ending(Ended.INFEASIBLE, message=message)
+                )
             problem = replace(
                 problem,
                 column_lower=np.where(problem.integral, low, problem.column_lower),
@@ -244,7 +246,9 @@ class _Run:
         program = self.problem
         if program.integral is None:
             return program
-        values = np.clip(np.round(point) if whole else point, program.column_lower, program.column_upper)
+        values = np.clip(
+            np.round(point) if whole else point, program.column_lower, program.column_upper
+        )
         return replace(
             program,
             column_lower=np.where(program.integral, values, program.column_lower),

@@ -83,7 +83,9 @@ class Bonmin(CasadiNlp):
         silent = {} if request.verbose else dict.fromkeys(quiet, 0)
         if program.integral is None:
             return {"bonmin": {**silent, **options}}
-        return {"bonmin": {**silent, **options}, "discrete": program.integral.tolist()}
+        # Its default, an absolute decrease of 1e-5, pruned better points of objectives of size 1e-6.
+        exact = {**silent, **options, "cutoff_decr": 0.0}
+        return {"bonmin": exact, "discrete": program.integral.tolist()}
 
 
 class Fatrop(CasadiNlp):
