@@ -316,7 +316,8 @@ class Backend(ABC):
     def accepted_kinds(self) -> str:
         """Return the accepted kinds of models as text, separated by commas."""
         types = self.accepts if isinstance(self.accepts, tuple) else (self.accepts,)
-        return ", ".join(kind.kind or kind.__name__ for kind in types)
+        names = [kind.kind or kind.__name__ for kind in types]
+        return ", ".join(f"integer {n}" if n in self.integral_only else n for n in names)
 
     def hides(self, model: Model[Any]) -> bool:
         """Return True if `model` has data that this backend must not see."""

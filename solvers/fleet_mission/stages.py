@@ -52,7 +52,8 @@ def taking(option: str, name: str, kind: type[Model[Any]], *programs: type[Model
     """
     backend = find_backend(name, problem=problem_of(kind.kind))
     accepted = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
-    if not any(issubclass(entry, accepted) for entry in (kind, *programs)):
+    kinds = [entry for entry in (kind, *programs) if entry.kind not in backend.integral_only]
+    if not any(issubclass(entry, accepted) for entry in kinds):
         raise UnsupportedOption(
             f"option {option!r} must name a backend for {kind.kind}, got {name!r}, which takes "
             f"{backend.accepted_kinds()}"

@@ -164,7 +164,7 @@ class ProgramBackend(Backend):
     guarantee = Guarantee.EXACT
 
     @abstractmethod
-    def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:
+    def attempt(self, program: Any, request: Request, clock: Clock) -> Ending:
         """Solve `program` once and report the ending.
 
         Parameters
@@ -187,7 +187,10 @@ class ProgramBackend(Backend):
     def run(self, problem: IntegerProgram, request: Request) -> Answer:
         """Solve `problem`, see :meth:`Backend.run`."""
         self.require()
-        if refusal := integrality_refusal(problem, self) or self.refuses(problem):
+        refusal = integrality_refusal(problem, self)
+        if not refusal and isinstance(problem, QuadraticProgram):
+            refusal = self.refuses(problem)
+        if refusal:
             raise UnsupportedFormulation(refusal)
         request = replace(request, options=self.checked_options(request.options))
         scaling = Scaling.of(problem)

@@ -29,7 +29,10 @@ NO_LICENCE, SIZE_LIMITED = 10009, 10010
 
 
 class Gurobi(ProgramBackend):
-    """Backend for Gurobi. The licence in its package permits at most 2000 rows and 2000 columns."""
+    """Backend for Gurobi: mixed-integer and integer quadratic programs.
+
+    The licence in its package permits at most 2000 rows and 2000 columns.
+    """
 
     name = "gurobi"
     accepts = (MixedIntegerProgram, QuadraticProgram)
@@ -89,7 +92,7 @@ def _solve(
         lb=program.column_lower,
         ub=program.column_upper,
         obj=program.cost,
-        vtype=np.where(program.integral, grb.INTEGER, grb.CONTINUOUS),
+        vtype=np.where(np.asarray(program.integral), grb.INTEGER, grb.CONTINUOUS),
     )
     if isinstance(program, QuadraticProgram):
         model.setObjective(columns @ (0.5 * program.hessian) @ columns + program.cost @ columns)

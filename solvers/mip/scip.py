@@ -38,7 +38,7 @@ DENSE = 1000
 
 
 class Scip(ProgramBackend):
-    """Backend for SCIP: branch, cut and price on one thread; integer quadratic programs by outer cuts."""
+    """Backend for SCIP: branch, cut and price on one thread, for integer quadratic programs as well."""
 
     name = "scip"
     accepts = (MixedIntegerProgram, QuadraticProgram)
@@ -52,7 +52,7 @@ class Scip(ProgramBackend):
             None, "Deprecated: MiB; use memory_limit of the call.", float, lower=1
         ),
     }
-    summary = "SCIP: branch and cut with constraint propagation"
+    summary = "SCIP: branch and cut with constraint propagation; integer quadratic programs"
 
     def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:
         """Solve the program with SCIP."""

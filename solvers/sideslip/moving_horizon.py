@@ -83,7 +83,8 @@ def _solver(name: str) -> Backend:
     """Return the backend called `name`, which must accept quadratic programs."""
     backend = find_backend(name)
     kinds = backend.accepts if isinstance(backend.accepts, tuple) else (backend.accepts,)
-    if not any(issubclass(QuadraticProgram, kind) for kind in kinds):
+    takes = any(issubclass(QuadraticProgram, kind) for kind in kinds)
+    if not takes or QuadraticProgram.kind in backend.integral_only:
         raise UnsupportedOption(
             f"backend 'moving-horizon': option 'solver' must name a backend of quadratic programs, got "
             f"{name!r}, which takes {backend.accepted_kinds()}"
