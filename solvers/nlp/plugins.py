@@ -64,8 +64,9 @@ class Bonmin(CasadiNlp):
     """Backend for Bonmin, branch and bound with Ipopt, which ends at the root node without integers.
 
     It prunes with local optima of the relaxations, so its answer is optimal if these are convex. Its
-    claim is local in any case, because nothing proves convexity. Its multipliers are estimated from its point, as CasADi does not read them. It cannot be stopped,
-    so it runs in a worker process.
+    claim is local in any case, because nothing proves convexity. Its time limit is processor time. Its
+    multipliers are estimated from its point, as CasADi does not read them. It cannot be stopped, so it
+    runs in a worker process.
     """
 
     name = plugin = "bonmin"
