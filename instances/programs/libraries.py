@@ -104,8 +104,7 @@ def program_of_pulp(model: Any) -> RowProgram:
         row_lower=[None if row.sense == pulp.LpConstraintLE else -row.constant for row in rows],
         row_upper=[None if row.sense == pulp.LpConstraintGE else -row.constant for row in rows],
         column_lower=[v.lowBound for v in variables], column_upper=[v.upBound for v in variables],
-        integral=[v.cat == pulp.LpInteger for v in variables],
-        rows=_block("row", model.constraints),
+        integral=[v.cat == pulp.LpInteger for v in variables], rows=_block("row", model.constraints),
     )  # fmt: skip
 
 
