@@ -86,11 +86,10 @@ def program_of_pulp(model: Any) -> RowProgram:
 
     _require(isinstance(model, pulp.LpProblem), model, "a pulp.LpProblem")
     _refuse("special ordered sets", [*map(str, model.sos1), *map(str, model.sos2)])
-    variables, rows = model.variables(), model.constraints.values()
+    variables, parts = model.variables(), model.constraints
+    rows = parts() if callable(parts) else list(parts.values())  # since and before PuLP 3.3
     order = {variable: k for k, variable in enumerate(variables)}
-    cost = np.zeros(len(variables))
-    for variable, value in (model.objective or {}).items():
-        cost[order[variable]] = value
+    cost = np.array([(model.objective or {}).get(variable, 0.0) for variable in variables], float)
 
     def assign(plan: Vector, duals: Vector | None, objective: float) -> None:
         for variable, value in zip(variables, plan.tolist(), strict=True):
@@ -104,7 +103,7 @@ def program_of_pulp(model: Any) -> RowProgram:
         row_lower=[None if row.sense == pulp.LpConstraintLE else -row.constant for row in rows],
         row_upper=[None if row.sense == pulp.LpConstraintGE else -row.constant for row in rows],
         column_lower=[v.lowBound for v in variables], column_upper=[v.upBound for v in variables],
-        integral=[v.cat == pulp.LpInteger for v in variables], rows=_block("row", model.constraints),
+        integral=[v.cat == pulp.LpInteger for v in variables], rows=_block("row", [row.name or "" for row in rows]),
     )  # fmt: skip
 
 
@@ -351,7 +350,7 @@ def _unique(what: str, names: Iterable[str]) -> list[str]:
     """Return names of which none is empty and none occurs twice."""
     result: dict[str, None] = {}
     for number, name in enumerate(names):
-        other = f"{name} ({what} {number})" if name else f"{what} {number}"
+        other = f"{name} ({what} {number})" if name else f"[{number}]"
         result[name if name and name not in result else other] = None
     return list(result)
 
