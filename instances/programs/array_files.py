@@ -31,8 +31,9 @@ def read_mat(path: Path) -> RowProgram:
     except Exception as error:  # SciPy raises many types for damaged files
         raise InvalidData(f"{path}: not a MATLAB file up to version 7: {error}") from None
     content = {name: value for name, value in content.items() if not name.startswith("__")}
-    dimensions = [content.pop(name, None) for name in ("n", "m")]  # some files state the sizes
-    return _of_file(path, content, dimensions)
+    for name in ("n", "m"):  # the sizes, in some files
+        content.pop(name, None)
+    return _of_file(path, content)
 
 
 def read_npz(path: Path) -> RowProgram:
@@ -59,10 +60,10 @@ def read_npz(path: Path) -> RowProgram:
         raise
     except Exception as error:  # NumPy and SciPy raise many types for damaged files
         raise InvalidData(f"{path}: not an archive of arrays: {error}") from None
-    return _of_file(path, content, [])
+    return _of_file(path, content)
 
 
-def _of_file(path: Path, content: dict[str, Any], sizes: list[Any]) -> RowProgram:
+def _of_file(path: Path, content: dict[str, Any]) -> RowProgram:
     try:
         return program_of_arrays(content)
     except InvalidData as error:

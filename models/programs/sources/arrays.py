@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -70,6 +71,10 @@ def program_of_arrays(arrays: Any) -> RowProgram:
     """
     if isinstance(arrays, tuple):
         arrays = _of_tuple(arrays)
+    if not isinstance(arrays, Mapping):
+        raise InvalidData(
+            f"model must be a mapping or a tuple of arrays, got {show(arrays)}", field="model"
+        )
     content = {name: value for name, value in arrays.items() if value is not None}
     for convention, (needed, known) in _CONVENTIONS.items():
         if not needed <= content.keys():
@@ -82,6 +87,8 @@ def program_of_arrays(arrays: Any) -> RowProgram:
                     field=str(name),
                 )
         program = _READERS[convention](content)
+        if not program.size:
+            raise InvalidData("model must have a column, but its objective has none", field="model")
         return program.with_source(Source(arrays, lambda plan: {"x": np.array(plan)}))
     conventions = "; ".join(
         f"{name}: {', '.join(sorted(known))}" for name, (_, known) in _CONVENTIONS.items()
@@ -116,9 +123,10 @@ def _is_constraint(value: Any) -> bool:
 
 def _vector(name: str, value: Any, size: int | None = None, infinity: int = 0) -> Vector:
     """Return a vector; `infinity` as in :class:`Array`."""
-    flat = np.asarray(value, dtype=object) if isinstance(value, list | tuple) else value
-    if isinstance(flat, np.ndarray) and flat.ndim == 2 and 1 in flat.shape:  # a column or row
-        value = flat.ravel()
+    value = value.toarray() if sp.issparse(value) else value
+    flat = np.asarray(value, dtype=object if isinstance(value, list | tuple) else None)
+    if (flat.ndim == 2 and 1 in flat.shape) or (flat.ndim == 0 and size is not None):
+        value = flat.reshape(-1)  # a column, a row, or a number for all entries
     result: Vector = Array(("entries",), infinity=infinity).coerce(name, value, {})
     if size is not None and result.size == 1 and size != 1:
         result = np.full(size, result[0])
@@ -127,12 +135,13 @@ def _vector(name: str, value: Any, size: int | None = None, infinity: int = 0) -
     return result
 
 
-def _matrix(name: str, value: Any, columns: int) -> sp.csr_array:
+def _matrix(name: str, value: Any, columns: int | None) -> sp.csr_array:
     """Return a sparse matrix with the given number of columns; a vector is one row."""
     if not sp.issparse(value):
-        value = np.atleast_2d(np.asarray(value)) if np.ndim(value) <= 2 else value
+        with contextlib.suppress(ValueError):  # rows of different lengths: rejected below
+            value = np.atleast_2d(value)
     result = Sparse(("rows", "columns")).coerce(name, value, {})
-    if result.shape[1] != columns:
+    if columns is not None and result.shape[1] != columns:
         raise InvalidData(f"{name} must have {columns} columns, got {result.shape[1]}", field=name)
     return result
 
@@ -184,7 +193,7 @@ class _Rows:
 
 def _bounds(value: Any, columns: int) -> tuple[Vector, Vector]:
     """Return column bounds in any form that ``linprog`` or ``milp`` accepts."""
-    if value is None:
+    if value is None or (isinstance(value, list | tuple | np.ndarray) and not len(value)):
         return np.zeros(columns), np.full(columns, np.inf)
     if _is_constraint(value):
         return (
@@ -193,7 +202,7 @@ def _bounds(value: Any, columns: int) -> tuple[Vector, Vector]:
         )
     try:
         pairs = [tuple(pair) for pair in value] if np.ndim(value[0]) else [tuple(value)]
-    except (TypeError, IndexError):
+    except (TypeError, LookupError, ValueError):
         pairs = []
     if len(pairs) == 1:
         pairs = pairs * columns
@@ -211,20 +220,20 @@ def _bounds(value: Any, columns: int) -> tuple[Vector, Vector]:
 
 def _of_scipy(content: Mapping[str, Any]) -> RowProgram:
     """Return the program of the arguments of ``linprog`` or ``milp``."""
+    if "c" not in content:
+        raise InvalidData("c is missing: the objective needs it", field="c")
     cost = _vector("c", content["c"])
     rows = _Rows(cost.size)
     if "constraints" in content:
         given = content["constraints"]
-        single = _is_constraint(given) or (
-            isinstance(given, tuple)
-            and len(given) == 3
-            and not _is_constraint(given[0])
-            and np.ndim(given[0]) == 2
-        )
-        for number, entry in enumerate([given] if single else given):
+        several = isinstance(given, list | tuple)
+        if several and len(given) == 3:  # one constraint (A, lower, upper), or three
+            several = isinstance(given[0], tuple) or _is_constraint(given[0])
+        for number, entry in enumerate(given if several else [given]):
             name = f"constraints[{number}]"
-            parts = (entry.A, entry.lb, entry.ub) if _is_constraint(entry) else tuple(entry)
-            if len(parts) != 3:
+            is_object = _is_constraint(entry) and hasattr(entry, "A")
+            parts = (entry.A, entry.lb, entry.ub) if is_object else entry
+            if not isinstance(parts, list | tuple) or len(parts) != 3:
                 raise InvalidData(
                     f"{name} must be a LinearConstraint or (A, lower, upper), got {show(entry)}",
                     field=name,
@@ -238,7 +247,9 @@ def _of_scipy(content: Mapping[str, Any]) -> RowProgram:
     rows.pair(content, "A_ub", "b_ub", equal=False)
     rows.pair(content, "A_eq", "b_eq", equal=True)
     low, high = _bounds(content.get("bounds"), cost.size)
-    kinds = _vector("integrality", content.get("integrality", 0.0 * cost), cost.size)
+    entries = np.asarray(content.get("integrality", 0), dtype=object).ravel()
+    entries = [int(kind) if isinstance(kind, bool | np.bool_) else kind for kind in entries]
+    kinds = _vector("integrality", entries, cost.size)
     if not np.isin(kinds, (0, 1)).all():
         entry = int(np.flatnonzero(~np.isin(kinds, (0, 1)))[0])
         raise InvalidData(
@@ -252,11 +263,10 @@ def _of_scipy(content: Mapping[str, Any]) -> RowProgram:
 
 def _of_osqp(content: Mapping[str, Any]) -> RowProgram:
     """Return the program of ``P, q, A, l, u, r``."""
-    matrix = content["A"]
-    columns = int(np.shape(content["q"])[0]) if "q" in content else int(np.shape(matrix)[-1])
-    cost = _vector("q", content.get("q", np.zeros(columns)))
+    cost = _vector("q", content["q"]) if "q" in content else None
+    body = _matrix("A", content["A"], None if cost is None else cost.size)
+    cost = np.zeros(body.shape[1]) if cost is None else cost
     rows = _Rows(cost.size)
-    body = _matrix("A", matrix, cost.size)
     low = _vector("l", content["l"], body.shape[0], infinity=-1)
     high = _vector("u", content["u"], body.shape[0], infinity=1)
     rows.add("A", body, np.where(low <= -1e20, -np.inf, low), np.where(high >= 1e20, np.inf, high))
@@ -291,11 +301,15 @@ def _quadratic(
         raise InvalidData(
             f"P must have shape {(cost.size, cost.size)}, got {hessian.shape}", field="P"
         )
-    lower = sp.tril(hessian, -1)
-    if not lower.nnz and sp.triu(hessian, 1).nnz:  # OSQP stores the upper triangle
+    if "l" in content and not sp.tril(hessian, -1).nnz:  # OSQP stores the upper triangle
         hessian = hessian + sp.triu(hessian, 1).T
-    program = QuadraticProgram(**shared, hessian=hessian)
-    program.require_convex()
+    try:
+        program = QuadraticProgram(**shared, hessian=hessian)
+        program.require_convex()
+    except InvalidData as error:
+        if error.field != "hessian":
+            raise
+        raise InvalidData(str(error).replace("hessian", "P"), field="P") from None
     return program
 
 
