@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,14 @@ __all__ = ["program_of_expressions", "program_of_opti"]
 
 Vector = NDArray[np.float64]
 
+#: Names of the fields of a program in a mapping of expressions.
+_NAMES = {
+    "column_lower": "lbx",
+    "column_upper": "ubx",
+    "row_lower": "lbg",
+    "row_upper": "ubg",
+    "integral": "discrete",
+}
 _KNOWN = ("x", "f", "g", "p", "lbx", "ubx", "lbg", "ubg", "x0", "p0", "discrete")
 
 
@@ -56,37 +65,51 @@ def program_of_expressions(problem: Mapping[str, Any]) -> NonlinearProgram:
                 f"allowed: {', '.join(_KNOWN)}",
                 field=str(name),
             )
-    symbols: dict[str, Any] = {}
-    for name in ("x", "f", "g", "p"):
+    kind = casadi.SX if isinstance(problem.get("x"), casadi.SX) else casadi.MX
+    parts: dict[str, Any] = {}
+    for name, default in (("x", None), ("f", None), ("g", kind(0, 1)), ("p", kind.sym("p", 0))):
         value = problem.get(name)
-        if value is None and name in ("x", "f"):
+        value = default if value is None else value
+        if value is None:
             raise InvalidData(
                 f"{name} is missing: a program of expressions has x and f", field=name
             )
-        if value is not None and not isinstance(value, casadi.MX | casadi.SX):
-            if name in ("x", "p") or not isinstance(value, int | float | casadi.DM):
-                raise InvalidData(
-                    f"{name} must be a casadi.MX or casadi.SX, got {show(value)}", field=name
-                )
-        symbols[name] = value
-    kind: Any = type(symbols["x"])
-    x, f = symbols["x"], kind(symbols["f"])
-    g = kind(0, 1) if symbols["g"] is None else casadi.vec(kind(symbols["g"]))
-    p = kind(0, 1) if symbols["p"] is None else symbols["p"]
-    if not x.is_valid_input() or x.size2() != 1:
+        if name in ("f", "g") and isinstance(value, int | float | np.number | casadi.DM):
+            value = kind(value if isinstance(value, casadi.DM) else float(value))
+        if not isinstance(value, kind):
+            raise InvalidData(
+                f"{name} must be a casadi.{kind.__name__}{' as x' if name != 'x' else ' or SX'}, got "
+                f"{show(value)}",
+                field=name,
+            )
+        parts[name] = value
+    x, f, g, p = parts["x"], parts["f"], casadi.vec(parts["g"]), parts["p"]
+    for name, value in (("x", x), ("p", p)):
+        if not value.is_valid_input() or (
+            name == "x" and not (value.is_column() and value.is_dense())
+        ):
+            raise InvalidData(
+                f"{name} must consist of symbols{' in a dense column' if name == 'x' else ''}, got "
+                f"{value.size1()} x {value.size2()} {show(value)}",
+                field=name,
+            )
+    symbols = casadi.symvar(casadi.vertcat(x, casadi.vec(p)))
+    if not x.numel() or sum(symbol.numel() for symbol in symbols) != x.numel() + p.numel():
         raise InvalidData(
-            f"x must be a column of symbols, got {x.size1()} x {x.size2()}", field="x"
+            f"x must have a symbol, and x and p must contain each symbol once, got {show(x)} and {show(p)}",
+            field="x",
         )
     if not f.is_scalar():
         raise InvalidData(f"f must be a number, got shape {f.shape}", field="f")
-    try:
-        function = casadi.Function(
-            "program", [x, p], [casadi.densify(f), casadi.densify(g)], ["x", "p"], ["f", "g"]
-        )
-    except RuntimeError as error:
+    function = casadi.Function(
+        "program", [x, p], [casadi.densify(f), casadi.densify(g)], ["x", "p"], ["f", "g"],
+        {"allow_free": True},
+    )  # fmt: skip
+    if function.has_free():
         raise InvalidData(
-            f"f and g must depend on x and p only: {_reason(error)}", field="g"
-        ) from None
+            f"f and g must depend on x and p only, got {', '.join(function.get_free())}: add it to x or p",
+            field="f",
+        )
     parameters = _values("p0", problem.get("p0"), p.numel(), None)
     program = _program(
         function, parameters, x.numel(), g.numel(),
@@ -110,10 +133,11 @@ def _values(name: str, value: Any, size: int, default: float | None, infinity: i
             raise InvalidData(f"{name} is missing: {size} parameters need values", field=name)
         return np.full(size, 0.0 if default is None else default)
     if isinstance(value, casadi.DM):
-        value = np.array(value).ravel(order="F")
-    if np.ndim(value) == 0:
-        value = np.full(size, value)
-    result: Vector = Array(("entries",), infinity=infinity).coerce(name, np.ravel(value), {})
+        value = np.array(value)
+    if not isinstance(value, casadi.MX | casadi.SX):  # rejected below
+        with contextlib.suppress(ValueError):  # rows of different lengths: rejected below
+            value = np.full(size, value) if np.ndim(value) == 0 else np.ravel(value, order="F")
+    result: Vector = Array(("entries",), infinity=infinity).coerce(name, value, {})
     if result.size != size:
         raise InvalidData(f"{name} must have {size} entries, got {result.size}", field=name)
     return result
@@ -132,17 +156,23 @@ def _program(
     import casadi
 
     symbols = casadi.MX.sym("x", columns)
-    f, g = function(symbols, parameters)
-    return NonlinearProgram(
-        function=casadi.Function("program", [symbols], [f, g], ["x"], ["f", "g"]),
-        row_lower=_values("lbg", data["lbg"], rows, -np.inf, -1),
-        row_upper=_values("ubg", data["ubg"], rows, np.inf, 1),
-        column_lower=_values("lbx", data["lbx"], columns, -np.inf, -1),
-        column_upper=_values("ubx", data["ubx"], columns, np.inf, 1),
-        guess=_values("x0", data["x0"], columns, 0.0),
-        columns=blocks,
-        integral=discrete,
-    )
+    f, g = function(symbols, casadi.reshape(casadi.DM(parameters), *function.size_in(1)))
+    try:
+        return NonlinearProgram(
+            function=casadi.Function("program", [symbols], [f, g], ["x"], ["f", "g"]),
+            row_lower=_values("lbg", data["lbg"], rows, -np.inf, -1),
+            row_upper=_values("ubg", data["ubg"], rows, np.inf, 1),
+            column_lower=_values("lbx", data["lbx"], columns, -np.inf, -1),
+            column_upper=_values("ubx", data["ubx"], columns, np.inf, 1),
+            guess=_values("x0", data["x0"], columns, 0.0),
+            columns=blocks,
+            integral=discrete,
+        )
+    except InvalidData as error:
+        text = str(error)
+        for field, name in _NAMES.items():
+            text = text.replace(field, name)
+        raise InvalidData(text, field=_NAMES.get(str(error.field), error.field)) from None
 
 
 def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
@@ -174,19 +204,24 @@ def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
         )
     x, p = opti.x, opti.p
     if not x.numel():
-        raise InvalidData("the Opti must have a variable, but it has none", field="model")
-    # The canonical form of a copy, because it fixes the set of constraints.
-    present = opti.debug
-    try:
-        parameters = (
-            np.array(present.value(p, opti.initial())).ravel() if p.numel() else np.empty(0)
-        )
-    except RuntimeError as error:
         raise InvalidData(
-            f"each parameter must have a value: {_reason(error)}", field="p"
-        ) from None
-    if not np.isfinite(parameters).all():
-        raise InvalidData("each parameter must have a finite value: use opti.set_value", field="p")
+            "the Opti must have a variable in its objective or constraints, but it has none",
+            field="model",
+        )
+    present = opti.debug  # evaluates without a solver
+    parameters = np.empty(0)
+    for symbol in casadi.symvar(p):
+        try:
+            given = np.array(present.value(symbol, opti.initial())).ravel(order="F")
+        except RuntimeError:  # no value
+            given = np.array([np.nan])
+        if not np.isfinite(given).all():
+            raise InvalidData(
+                f"parameter {symbol.name()} of shape {symbol.shape} must have a finite value, got "
+                f"{show(given.tolist()) if given.size > 1 else given[0]}: use opti.set_value",
+                field="p",
+            )
+        parameters = np.append(parameters, given)
     guess = np.array(present.value(x, opti.initial())).ravel()
     lower, upper = casadi.Function("bounds", [p], [opti.lbg, opti.ubg])(parameters)
     function = casadi.Function(
