@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from ...errors import InvalidData
 from ...models.programs.base import RowProgram
@@ -49,13 +48,8 @@ def read_npz(path: Path) -> RowProgram:
         with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
             content: dict[str, Any] = {name: arrays[name] for name in arrays.files}
         for name in {key.removesuffix("_indptr") for key in content if key.endswith("_indptr")}:
-            parts = [
-                content.pop(f"{name}_{part}") for part in ("data", "indices", "indptr", "shape")
-            ]
-            data, indices, indptr, shape = parts
-            matrix = sp.csr_array((data, indices, indptr), shape=tuple(np.ravel(shape).tolist()))
-            matrix.check_format()
-            content[name] = matrix
+            keys = {part: f"{name}_{part}" for part in ("data", "indices", "indptr", "shape")}
+            content[name] = {part: content.pop(key) for part, key in keys.items() if key in content}
     except InvalidData:
         raise
     except Exception as error:  # NumPy and SciPy raise many types for damaged files

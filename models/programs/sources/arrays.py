@@ -137,7 +137,7 @@ def _vector(name: str, value: Any, size: int | None = None, infinity: int = 0) -
 
 def _matrix(name: str, value: Any, columns: int | None) -> sp.csr_array:
     """Return a sparse matrix with the given number of columns; a vector is one row."""
-    if not sp.issparse(value):
+    if not sp.issparse(value) and not isinstance(value, Mapping):
         with contextlib.suppress(ValueError):  # rows of different lengths: rejected below
             value = np.atleast_2d(value)
     result = Sparse(("rows", "columns")).coerce(name, value, {})
