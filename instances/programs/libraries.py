@@ -63,8 +63,6 @@ def _export(library: str) -> Iterator[None]:
 def program_of_pulp(model: Any) -> RowProgram:
     """Return the program of a ``pulp.LpProblem``.
 
-    The other functions of this module have the same parameter, result and errors.
-
     Parameters
     ----------
     model : object
@@ -193,7 +191,11 @@ def _nonlinear(model: Any) -> BlockProgram:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "model.nl")
         path.write_text(_SUFFIXES.sub("", stream.getvalue()), "utf-8")
-        program = replace(read_nl(path), columns=columns, rows=rows)
+        try:
+            program = replace(read_nl(path), columns=columns, rows=rows)
+        except InvalidData as error:
+            reason = str(error).replace(f"{path}: ", "")
+            _refuse("expressions unknown to CasADi, such as acosh or asinh", [reason])
     assign = partial(_set_values, info.variables)
     return program.with_source(Source(model, program.values_of, assign))
 
@@ -281,8 +283,7 @@ def program_of_gurobi(model: Any) -> RowProgram:
     terms = range(objective.size()) if isinstance(objective, gp.QuadExpr) else ()
     pairs = [(objective.getVar1(k).index, objective.getVar2(k).index) for k in terms]
     low, high = (np.array(model.getAttr(key, variables), float) for key in ("LB", "UB"))
-    low[kinds == "B"] = np.maximum(low[kinds == "B"], 0)
-    high[kinds == "B"] = np.minimum(high[kinds == "B"], 1)
+    low, high = np.where(kinds == "B", [np.maximum(low, 0), np.minimum(high, 1)], [low, high])
     for bound in (low, high, side):
         bound[np.abs(bound) >= 1e20] *= np.inf  # as in gurobipy
 

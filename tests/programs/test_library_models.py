@@ -238,6 +238,10 @@ def test_pyomo_refusals() -> None:
     model.needs = pyo.Constraint(expr=model.y <= model.unset)
     with pytest.raises(InvalidData, match=r"Pyomo cannot export it: .*unset"):
         ct.load(model)
+    model.needs.deactivate()
+    model.inverse = pyo.Constraint(expr=pyo.asinh(model.y) <= 1)
+    with pytest.raises(UnsupportedFormulation, match=r"such as acosh or asinh .*operation: 50"):
+        ct.load(model)
 
 
 def test_gurobi_quadratic_objectives_and_refusals() -> None:

@@ -247,9 +247,9 @@ def _of_scipy(content: Mapping[str, Any]) -> RowProgram:
     rows.pair(content, "A_ub", "b_ub", equal=False)
     rows.pair(content, "A_eq", "b_eq", equal=True)
     low, high = _bounds(content.get("bounds"), cost.size)
-    entries = np.asarray(content.get("integrality", 0), dtype=object).ravel()
-    entries = [int(kind) if isinstance(kind, bool | np.bool_) else kind for kind in entries]
-    kinds = _vector("integrality", entries, cost.size)
+    given = np.asarray(content.get("integrality", 0), dtype=object).ravel()
+    whole = [int(kind) if isinstance(kind, bool | np.bool_) else kind for kind in given]
+    kinds = _vector("integrality", whole, cost.size)
     if not np.isin(kinds, (0, 1)).all():
         entry = int(np.flatnonzero(~np.isin(kinds, (0, 1)))[0])
         raise InvalidData(
