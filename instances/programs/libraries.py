@@ -101,7 +101,7 @@ def program_of_pulp(model: Any) -> RowProgram:
         row_lower=[None if row.sense == pulp.LpConstraintLE else -row.constant for row in rows],
         row_upper=[None if row.sense == pulp.LpConstraintGE else -row.constant for row in rows],
         column_lower=[v.lowBound for v in variables], column_upper=[v.upBound for v in variables],
-        integral=[v.cat == pulp.LpInteger for v in variables], rows=_block("row", [row.name or "" for row in rows]),
+        integral=[v.cat != pulp.LpContinuous for v in variables], rows=_block("row", [row.name or "" for row in rows]),
     )  # fmt: skip
 
 
@@ -128,7 +128,7 @@ def program_of_pyomo(model: Any) -> BlockProgram:
 
 
 def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
-    """Return the linear or convex quadratic program of a Pyomo model; None if there is none."""
+    """Return the linear or convex quadratic program of a Pyomo model; None for other models."""
     import pyomo.environ as pyo
     from pyomo.common.collections import ComponentMap
     from pyomo.repn import generate_standard_repn
@@ -348,7 +348,7 @@ def _refuse(kind: str, names: Sequence[str]) -> None:
 
 
 def _unique(what: str, names: Iterable[str]) -> list[str]:
-    """Return names of which none is empty and none occurs twice."""
+    """Return the names, with a number in place of empty names and after repeated ones."""
     result: dict[str, None] = {}
     for number, name in enumerate(names):
         other = f"{name} ({what} {number})" if name else f"[{number}]"

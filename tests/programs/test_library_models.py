@@ -309,8 +309,24 @@ def test_linopy_arrays_masks_scaling_and_refusals() -> None:
     assert y.solution.item() == 1.5 and model.objective.value == 2.25
     with pytest.raises(InvalidData, match=r"model must be a linopy.Model, got"):
         ct.load(x)
+    model.objective.scaling = 4.0
+    z = model.add_variables(1, 3, name="z", scaling=10.0)
+    model.add_constraints(2 * z + y >= 2, name="d", scaling=5.0)
+    scaled = ct.load(model)
+    assert scaled.objective(np.append(plan, 3)) == program.objective(plan)
+    assert (scaled.column_lower[4], scaled.column_upper[4]) == (1, 3)
+    assert (scaled.matrix @ np.append(plan, 3) / scaled.row_lower)[1] == 7.5 / 2
+    gate = model.add_variables(binary=True, name="gate")
+    model.add_indicator_constraints(gate, 1, z <= 2, name="only if")
+    with pytest.raises(UnsupportedFormulation, match=r"indicator constraints \(only if\)"):
+        ct.load(model)
+    model.remove_indicator_constraints("only if")
     model.add_sos_constraints(x, 1, "t")
     with pytest.raises(UnsupportedFormulation, match=r"special ordered sets \(x y\)"):
+        ct.load(model)
+    model.remove_sos_constraints(x)
+    model.add_variables(1, 2, semi_continuous=True, name="either")
+    with pytest.raises(UnsupportedFormulation, match=r"semi-continuous variables \(either\)"):
         ct.load(model)
 
 
