@@ -120,8 +120,9 @@ def program_of_pyomo(model: Any) -> BlockProgram:
     for part in model.component_objects(active=True):
         kind, states = part.ctype.__name__, hasattr(part, "deactivate")
         unknown = states and kind not in known and any(entry.active for entry in part.values())
-        if unknown or kind == "DerivativeVar":  # before its discretisation
-            _refuse(f"components of type {kind}", [part.name])
+        _refuse(f"components of type {kind}", [part.name] * (unknown or kind == "DerivativeVar"))
+    fixed = [v for v in model.component_data_objects(pyo.Var) if v.fixed]
+    _refuse("variables fixed without a value", [v.name for v in fixed if v.value is None])
     objectives = list(model.component_data_objects(pyo.Objective, active=True))
     _refuse("several objectives", [entry.name for entry in objectives if objectives[1:]])
     return _algebraic(model, objectives) or _nonlinear(model)
@@ -157,7 +158,7 @@ def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
     cost[linear] = form.linear_coefs
     try:
         return _program(
-            model, [v.name for v in variables], partial(_set_values, variables), cost=cost,
+            model, [v.name for v in variables], partial(_assign, variables), cost=cost,
             maximise=bool(objectives) and objectives[0].sense == pyo.maximize,
             offset=form.constant, quadratic=_square(form.quadratic_coefs, pairs, cost.size),
             matrix=_matrix(terms, cost.size), rows=_block("row", [row.name for row in rows]),
@@ -171,7 +172,7 @@ def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
         return None
 
 
-def _set_values(variables: Any, plan: Vector, duals: Any, objective: float) -> None:
+def _assign(variables: Any, plan: Vector, duals: Any, objective: float) -> None:
     """Set the values of variables of Pyomo."""
     for variable, value in zip(variables, plan.tolist(), strict=True):
         variable.set_value(value, skip_validation=True)
@@ -196,8 +197,7 @@ def _nonlinear(model: Any) -> BlockProgram:
         except InvalidData as error:
             reason = str(error).replace(f"{path}: ", "")
             _refuse("expressions unknown to CasADi, such as acosh or asinh", [reason])
-    assign = partial(_set_values, info.variables)
-    return program.with_source(Source(model, program.values_of, assign))
+    return program.with_source(Source(model, program.values_of, partial(_assign, info.variables)))
 
 
 @_export("linopy")

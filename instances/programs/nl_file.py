@@ -77,7 +77,7 @@ def arrays_of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
     builder = casadi.NlpBuilder()
     builder.import_nl(str(path), {})
-    x, f = casadi.vertcat(*builder.x), builder.f
+    x, f = casadi.vertcat(*builder.x), builder.f if builder.f.numel() else casadi.MX(0)
     g = casadi.vertcat(*builder.g) if builder.g else casadi.MX(0, 1)
     function = casadi.Function("program", [x], [f, g], ["x"], ["f", "g"])
     data, _ = readable(function)

@@ -199,6 +199,35 @@ def test_pyomo_objectives_are_quadratic_or_nonlinear() -> None:
     assert bounds == {"x[a]": (0, 4, False), "x[b c]": (0, 4, False), "y": (-np.inf, 3, True)}
 
 
+def test_pyomo_models_need_no_objective_and_may_be_abstract_blocks_or_discretised() -> None:
+    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is not installed")
+    dae = pytest.importorskip("pyomo.dae", reason="Pyomo is not installed")
+    abstract = pyo.AbstractModel()
+    abstract.inner = pyo.Block()
+    abstract.inner.x = pyo.Var(bounds=(1, 2))
+    abstract.inner.c = pyo.Constraint(rule=lambda block: block.x**2 <= 3)
+    model = abstract.create_instance()
+    program = ct.load(model)
+    assert isinstance(program, NonlinearProgram)
+    assert program.objective([1.5]) == 0 and program.values([1.5])[1].tolist() == [2.25]
+    assert program.row_name(0) == "row inner.c"
+    model.inner.c.deactivate()
+    model.o = pyo.Objective(expr=model.inner.x)
+    assert ct.load(model).row_count == 0
+    model.inner.deactivate()
+    assert ct.load(model).column_name(0) == "column inner.x"
+    model = pyo.ConcreteModel()
+    model.t = dae.ContinuousSet(bounds=(0, 1))
+    model.x = pyo.Var(model.t)
+    model.dx = dae.DerivativeVar(model.x, wrt=model.t)
+    model.o = pyo.Objective(expr=model.x[1])
+    model.c = pyo.Constraint(model.t, rule=lambda model, t: model.dx[t] == 1)
+    with pytest.raises(UnsupportedFormulation, match=r"type DerivativeVar \(dx\)"):
+        ct.load(model)
+    pyo.TransformationFactory("dae.finite_difference").apply_to(model, nfe=3)
+    assert ct.load(model).size == 8
+
+
 def test_pyomo_refusals() -> None:
     pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is not installed")
     gdp = pytest.importorskip("pyomo.gdp", reason="Pyomo is not installed")
@@ -239,6 +268,10 @@ def test_pyomo_refusals() -> None:
     with pytest.raises(InvalidData, match=r"Pyomo cannot export it: .*unset"):
         ct.load(model)
     model.needs.deactivate()
+    model.w.value = None
+    with pytest.raises(UnsupportedFormulation, match=r"fixed without a value \(w\)"):
+        ct.load(model)
+    model.w.value = 2
     model.inverse = pyo.Constraint(expr=pyo.asinh(model.y) <= 1)
     with pytest.raises(UnsupportedFormulation, match=r"such as acosh or asinh .*operation: 50"):
         ct.load(model)
