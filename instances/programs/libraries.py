@@ -240,13 +240,13 @@ def program_of_linopy(model: Any) -> RowProgram:
         row_lower=np.where(data.sense == "<", -np.inf, data.b),
         row_upper=np.where(data.sense == ">", np.inf, data.b),
         column_lower=data.lb / scale, column_upper=data.ub / scale, integral=data.vtypes != "C",
-        columns=_labelled(model.variables, data.vlabels),
-        rows=_labelled(model.constraints, data.clabels),
+        columns=_blocks_of(model.variables, data.vlabels),
+        rows=_blocks_of(model.constraints, data.clabels),
     )  # fmt: skip
     return program.with_source(Source(model, values, assign))
 
 
-def _labelled(parts: Any, active: NDArray[np.int64]) -> tuple[Block, ...]:
+def _blocks_of(parts: Any, active: NDArray[np.int64]) -> tuple[Block, ...]:
     """Return one block per variable or constraint of linopy with the names of its active entries."""
     blocks: list[Block] = []
     for name, part in parts.items():
