@@ -98,7 +98,8 @@ def test_without_cones_it_is_the_quadratic_program(name: str) -> None:
         cone_matrix=np.zeros((0, quadratic.size)),
         cone_offset=(),
         cones=(),
-        **{field: getattr(quadratic, field) for field, _ in quadratic._specs()},
+        hessian=quadratic.hessian,
+        **quadratic.shared(),
     )
     found, same = asked(name, program), asked(name, quadratic)  # type: ignore[arg-type]
     assert found.termination is same.termination is Termination.OPTIMAL

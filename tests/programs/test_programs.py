@@ -19,7 +19,7 @@ INF = math.inf
 CASES = [
     case
     for case in all_cases().values()
-    if case.name.startswith(("linear", "integer", "mixed")) and not case.arguments
+    if isinstance(case.program, MixedIntegerProgram) and not case.arguments
 ]
 
 
