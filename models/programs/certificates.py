@@ -1,38 +1,48 @@
-"""Proofs that do not depend on a solver's tolerance: safe dual bounds and exact violations.
+"""Proofs that do not depend on a solver's tolerance: bounds and violations in rational arithmetic.
 
-A bound of floating-point multipliers is made rigorous after Neumaier and Shcherbina, "Safe bounds in
-linear and mixed-integer linear programming" (Mathematical Programming 99, 2004). Instead of switching
-the rounding mode, every sum is widened by its a-priori error bound (Higham, "Accuracy and Stability of
-Numerical Algorithms", 2002, section 3.1), and every product is rounded down.
+:func:`.safe_bound` proves bounds in floating-point arithmetic.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+import sys
 from dataclasses import replace
 from enum import StrEnum
 from fractions import Fraction
-from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
-from .base import Program, RowProgram, row_sizes
+from .base import Program, row_sizes
+from .conic import ConicProgram
 from .linear import MixedIntegerProgram, QuadraticProgram
+from .safe_bounds import safe_bound
 
-__all__ = ["Proof", "exact_verification", "proven", "rational_bound", "safe_bound", "tightened"]
+__all__ = [
+    "Proof",
+    "exact_verification",
+    "proven",
+    "rational_bound",
+    "rounded_down",
+    "safe_bound",
+    "simple_fractions",
+    "tightened",
+]
 
 Vector = NDArray[np.float64]
 
-#: Unit roundoff, and a term for underflow.
-ROUNDOFF, TINY = np.finfo(float).eps / 2.0, 1e-300
 #: Loss of a safe bound against a solver's bound that is accepted for its proof, relative.
 CLOSE = 1e-9
-#: Largest number of free columns whose multipliers are corrected with a dense inverse.
-LARGEST_CORRECTION = 1500
+#: Distance of multipliers from the dual cones that is due to rounding, relative to the largest.
+IN_CONE = 1e-9
+#: Largest number of nonzeros for which a bound is computed in rational arithmetic unasked, in about 5 ms.
+QUICK = 1000
+#: Largest number of bits of a common denominator.
+LONGEST = 4096
 
 
 class Proof(StrEnum):
@@ -46,97 +56,17 @@ class Proof(StrEnum):
     CHECKED = "solver's bound, cross-checked"
     #: Stated by one solver; it holds up to that solver's tolerance.
     CLAIMED = "solver's bound"
-
-
-class Interval(NamedTuple):
-    """Vector of intervals.
-
-    Parameters
-    ----------
-    low, high : ndarray, shape (n,)
-        Ends of the intervals.
-    """
-
-    low: Vector
-    high: Vector
-
-
-def safe_bound(
-    program: MixedIntegerProgram | QuadraticProgram,
-    duals: Vector,
-    point: Vector | None = None,
-) -> float:
-    """Return a lower bound on the objective that holds in spite of all rounding errors.
-
-    The bound is that of the continuous relaxation. It is as good as the multipliers: those of an
-    optimal solution give the optimum up to rounding. Columns without bounds need multipliers that make
-    their reduced costs exactly 0: the multipliers of as many rows are corrected, and enclosed in
-    intervals that contain the correction. For a quadratic program the objective is first replaced by
-    its tangent at `point`, which is below the objective because the Hessian is positive semidefinite
-    (an assumption on the program).
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The program.
-    duals : ndarray, shape (m,)
-        Row multipliers: ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the
-        upper bound. Any vector gives a valid bound.
-    point : ndarray, shape (n,), optional
-        Point of the tangent, for a quadratic program: its solution. By default 0.
-
-    Returns
-    -------
-    float
-        The bound; -inf if a reduced cost cannot be shown to have the sign that an infinite bound
-        requires.
-    """
-    y = np.array(duals, float)
-    if y.shape != (program.row_count,) or not np.isfinite(y).all():
-        return -math.inf
-    # A multiplier of a bound that does not exist is 0; the choice of multipliers is free.
-    y[(y > 0) & ~np.isfinite(program.row_lower)] = 0.0
-    y[(y < 0) & ~np.isfinite(program.row_upper)] = 0.0
-    with np.errstate(all="ignore"):
-        cost, constant = _tangent(program, point)
-        bound = _bound(program, cost, constant, Interval(y, y.copy()), exact=())
-        free = np.flatnonzero(
-            ~np.isfinite(program.column_lower) & ~np.isfinite(program.column_upper)
-        )
-        if bound == -math.inf and free.size:
-            corrected = _corrected(program, cost, y, free)
-            if corrected is not None:
-                bound = _bound(program, cost, constant, corrected, exact=free)
-    return bound
-
-
-def _bound(
-    program: RowProgram,
-    cost: Interval,
-    constant: float,
-    multipliers: Interval,
-    exact: Sequence[int] | NDArray[np.intp],
-) -> float:
-    """Return the bound for intervals of multipliers; the reduced costs of the columns `exact` are 0."""
-    reduced = _reduced(program, cost, multipliers)
-    chosen = np.asarray(exact, np.intp)
-    reduced.low[chosen] = reduced.high[chosen] = 0.0
-    values = np.concatenate(
-        [
-            _smallest(multipliers, Interval(program.row_lower, program.row_upper)),
-            _smallest(reduced, Interval(program.column_lower, program.column_upper)),
-        ]
-    )
-    if not np.isfinite(values).all() or not math.isfinite(constant):
-        return -math.inf
-    terms = [*values.tolist(), constant]
-    total = math.fsum(terms)
-    exact_sum = math.fsum([*terms, -total]) == 0.0  # fsum rounds once
-    return total if exact_sum else math.nextafter(total, -math.inf)
+    #: As `CLAIMED`, from multipliers of a conic program that were outside of the dual cones.
+    MOVED = "solver's bound, multipliers moved into the dual cones"
+    #: Only the termination of one solver states that a program is infeasible or unbounded.
+    STATED = "solver's claim"
 
 
 def rational_bound(
-    program: MixedIntegerProgram, duals: Vector, largest: int = 1 << 20
+    program: MixedIntegerProgram | QuadraticProgram,
+    duals: Vector,
+    point: Vector | None = None,
+    largest: int = 1 << 20,
 ) -> Fraction | None:
     """Return a bound in rational arithmetic, from multipliers rounded to simple fractions.
 
@@ -145,30 +75,37 @@ def rational_bound(
 
     Parameters
     ----------
-    program : MixedIntegerProgram
+    program : MixedIntegerProgram or QuadraticProgram
         The program; the bound is that of its relaxation.
     duals : ndarray, shape (m,)
-        Row multipliers as in :func:`safe_bound`.
+        Row multipliers as in :func:`.safe_bound`.
+    point : ndarray, shape (n,), optional
+        Point of the tangent, for a quadratic program, which is rounded too. By default 0.
     largest : int
         Largest denominator of a rounded multiplier.
 
     Returns
     -------
     Fraction or None
-        The bound; None if a reduced cost has a sign that an infinite bound does not allow.
+        The bound; None if a reduced cost has a sign that an infinite bound does not allow, if the
+        denominators are too different for fast arithmetic, or if the arrays have another shape or are
+        not finite.
     """
-    by_column = sp.csc_array(program.matrix)
-    y = [Fraction(entry).limit_denominator(largest) for entry in np.asarray(duals, float).tolist()]
-    reduced = [
-        Fraction(cost)
-        - sum(
-            (Fraction(by_column.data[k]) * y[by_column.indices[k]] for k in range(start, end)), Fraction(0)
-        )
-        for cost, start, end in zip(
-            program.cost.tolist(), by_column.indptr[:-1], by_column.indptr[1:], strict=True
-        )
-    ]  # fmt: skip
-    total = Fraction(program.offset)
+    y = simple_fractions(duals, program.row_count, largest)
+    p = simple_fractions(np.zeros(program.size) if point is None else point, program.size, largest)
+    if y is None or p is None:
+        return None
+    cost = [Fraction(entry) for entry in program.cost.tolist()]
+    constant = Fraction(program.offset)
+    if isinstance(program, QuadraticProgram) and any(p):
+        bent = _products(program.hessian, p)
+        other = _products(sp.csr_array(program.hessian.T), p)
+        bent = [(left + right) / 2 for left, right in zip(bent, other, strict=True)]
+        constant -= sum((x * v for x, v in zip(p, bent, strict=True) if x), Fraction(0)) / 2
+        cost = [c + v for c, v in zip(cost, bent, strict=True)]
+    pull = _products(sp.csr_array(program.matrix.T), y)
+    reduced = [c - v for c, v in zip(cost, pull, strict=True)]
+    total = constant
     for factors, lower, upper in (
         (y, program.row_lower, program.row_upper),
         (reduced, program.column_lower, program.column_upper),
@@ -179,6 +116,44 @@ def rational_bound(
                 return None
             total += factor * Fraction(side) if factor else 0
     return total
+
+
+def simple_fractions(vector: Vector, size: int, largest: int = 1 << 20) -> list[Fraction] | None:
+    """Return the nearest fractions with denominators of at most `largest`.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (size,)
+        The numbers.
+    size : int
+        Number of entries.
+    largest : int
+        Largest denominator.
+
+    Returns
+    -------
+    list of Fraction or None
+        None if the shape differs, an entry is not finite, or the least common denominator is long.
+    """
+    numbers = np.asarray(vector, float)
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
+        return None
+    common, result = 1, []
+    for entry in numbers.tolist():
+        result.append(Fraction(entry).limit_denominator(largest) if entry else Fraction(0))
+        common = math.lcm(common, result[-1].denominator)
+        if common.bit_length() > LONGEST:
+            return None
+    return result
+
+
+def _products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fraction]:
+    """Return ``matrix @ values``."""
+    indptr, indices, data = matrix.indptr.tolist(), matrix.indices.tolist(), matrix.data.tolist()
+    return [
+        sum((Fraction(data[k]) * values[indices[k]] for k in range(start, end)), Fraction(0))
+        for start, end in itertools.pairwise(indptr)
+    ]
 
 
 def proven(
@@ -203,140 +178,18 @@ def proven(
         The bound and a value of :class:`Proof`.
     """
     if duals is not None and isinstance(program, MixedIntegerProgram | QuadraticProgram):
-        safe = safe_bound(program, duals, plan)
-        if safe >= bound - CLOSE * max(1.0, abs(bound)):
+        safe = safe_bound(program, duals, plan, quick=True)
+        least = bound - CLOSE * max(1.0, abs(bound))
+        if safe >= least:
             return safe, str(Proof.SAFE)
+        exact = rational_bound(program, duals, plan) if program.matrix.nnz <= QUICK else None
+        if exact is not None and exact >= least:
+            return rounded_down(exact), str(Proof.EXACT)
+    if duals is not None and isinstance(program, ConicProgram):
+        moved = np.abs(program.signed(duals) - program.joined(duals)).max(initial=0.0)
+        if not moved <= IN_CONE * max(1.0, np.abs(duals).max(initial=0.0)):
+            return bound, str(Proof.MOVED)
     return bound, str(Proof.CLAIMED)
-
-
-def _tangent(
-    program: MixedIntegerProgram | QuadraticProgram, point: Vector | None
-) -> tuple[Interval, float]:
-    """Return intervals of the linear costs and a lower bound on the constant of the objective.
-
-    For a quadratic program they describe the tangent at `point`: ``H p + c`` and ``offset - p H p / 2``.
-    """
-    cost = program.cost
-    if isinstance(program, MixedIntegerProgram) or point is None:
-        return Interval(cost.copy(), cost.copy()), program.offset
-    p = np.asarray(point, float)
-    gradient, width = _product(program.hessian, p)
-    gradient, width = gradient + cost, width + ROUNDOFF * (np.abs(gradient + cost)) + TINY
-    curved, error = _product(program.hessian, p)
-    half = 0.5 * float(np.abs(p) @ error) * (1.0 + 1e-9)
-    products = 0.5 * p * curved
-    spread = half + 2 * ROUNDOFF * math.fsum(np.abs(products).tolist()) * (1.0 + 1e-9)
-    constant = math.fsum([program.offset, *(-products).tolist(), -spread])
-    return Interval(
-        gradient - width * (1.0 + 1e-9), gradient + width * (1.0 + 1e-9)
-    ), math.nextafter(constant, -math.inf)
-
-
-def _product(matrix: sp.csr_array, vector: Vector) -> tuple[Vector, Vector]:
-    """Return ``matrix @ vector`` and a bound on the rounding error of each entry; 0 if all terms are 0."""
-    value: Vector = matrix @ vector
-    counts = np.diff(matrix.indptr)
-    size: Vector = abs(matrix) @ np.abs(vector)
-    # The factor covers the rounding of `size` itself.
-    error = (counts + 2) * ROUNDOFF * size * (1.0 + 1e-9) + counts * TINY
-    present = sp.csr_array(
-        ((vector[matrix.indices] != 0).astype(float), matrix.indices, matrix.indptr),
-        shape=matrix.shape,
-    )
-    return value, np.where(present.sum(axis=1) > 0, error, 0.0)
-
-
-def _reduced(program: RowProgram, cost: Interval, multipliers: Interval) -> Interval:
-    """Return intervals of the reduced costs ``cost - matrix.T @ multipliers``."""
-    middle = 0.5 * (multipliers.low + multipliers.high)
-    radius = np.maximum(multipliers.high - middle, middle - multipliers.low)
-    by_column = sp.csr_array(program.matrix.T)
-    value, error = _product(by_column, middle)
-    if radius.any():
-        error = error + abs(by_column) @ (radius * (1.0 + 1e-9)) * (1.0 + 1e-9)
-    low, high = cost.low - value, cost.high - value
-    # The subtraction of 0 is exact.
-    error = np.where(
-        error > 0, error + ROUNDOFF * np.maximum(np.abs(low), np.abs(high)) * 1.001, 0.0
-    )
-    return Interval(
-        np.where(error > 0, np.nextafter(low - error, -np.inf), low),
-        np.where(error > 0, np.nextafter(high + error, np.inf), high),
-    )
-
-
-def _smallest(factor: Interval, values: Interval) -> Vector:
-    """Return lower bounds on the products of numbers in two vectors of intervals."""
-    products = np.stack([_rounded_down(f, v) for f in factor for v in values])
-    result: Vector = products.min(axis=0)
-    return result
-
-
-def _rounded_down(left: Vector, right: Vector) -> Vector:
-    product = np.where((left == 0) | (right == 0), 0.0, left * right)
-    return np.where(
-        (product == 0) & ((left == 0) | (right == 0)), 0.0, np.nextafter(product, -np.inf)
-    )
-
-
-def _corrected(
-    program: RowProgram, cost: Interval, y: Vector, free: NDArray[np.intp]
-) -> Interval | None:
-    """Return intervals with multipliers whose reduced costs on the columns `free` are exactly 0.
-
-    As many rows as columns are chosen, by their multipliers and the size of their pivots. The correction
-    of their multipliers solves a linear system, which an approximate inverse R encloses: its norm is at
-    most ``|R r| + |I - R M| |R r| / (1 - |I - R M|)``. None if the system is singular or too large, or if
-    the sign of a multiplier is lost.
-    """
-    from scipy.linalg import qr
-
-    count = free.size
-    if count > min(LARGEST_CORRECTION, program.row_count):
-        return None
-    equal = program.row_lower == program.row_upper
-    usable = np.flatnonzero(equal | (y != 0))
-    columns = sp.csc_array(program.matrix)[:, free]
-    block = columns[usable].toarray()
-    weights = np.where(equal[usable], 1.0, np.minimum(np.abs(y[usable]), 1.0))
-    if block.shape[0] < count:
-        return None
-    _, triangle, order = qr((block * weights[:, None]).T, mode="economic", pivoting=True)
-    if count and abs(triangle[count - 1, count - 1]) <= 1e-12 * abs(triangle[0, 0]):
-        return None
-    rows = usable[order[:count]]
-    system = block[order[:count]].T  # system @ correction = residual
-    middle = y.copy()
-    try:
-        inverse = np.linalg.inv(system)
-    except np.linalg.LinAlgError:
-        return None
-    part = Interval(cost.low, cost.high)
-    for _ in range(2):  # one step of refinement
-        reduced = _reduced(program, part, Interval(middle, middle))
-        middle[rows] += inverse @ (0.5 * (reduced.low[free] + reduced.high[free]))
-    reduced = _reduced(program, part, Interval(middle, middle))
-    residual = np.maximum(np.abs(reduced.low[free]), np.abs(reduced.high[free]))
-    # |I - R M| with its rounding errors, in the largest row sum.
-    gap = np.abs(np.eye(count) - inverse @ system).sum(axis=1).max(initial=0.0)
-    gap += (
-        (count + 2)
-        * ROUNDOFF
-        * (np.abs(inverse) @ np.abs(system)).sum(axis=1).max(initial=0.0)
-        * 2.0
-    )
-    if not gap < 0.5:
-        return None
-    first = np.abs(inverse) @ residual * (1.0 + (count + 2) * 4 * ROUNDOFF)
-    radius = first + gap / (1.0 - gap) * first.max(initial=0.0) * (1.0 + 1e-9) + TINY
-    low, high = middle.copy(), middle.copy()
-    low[rows] = np.nextafter(middle[rows] - radius, -np.inf)
-    high[rows] = np.nextafter(middle[rows] + radius, np.inf)
-    needs_positive = np.isfinite(program.row_lower) & ~np.isfinite(program.row_upper)
-    needs_negative = ~np.isfinite(program.row_lower) & np.isfinite(program.row_upper)
-    if (needs_positive & (low < 0)).any() or (needs_negative & (high > 0)).any():
-        return None
-    return Interval(low, high)
 
 
 def tightened(program: MixedIntegerProgram, share: float = 1e-9) -> MixedIntegerProgram:
@@ -389,35 +242,14 @@ def exact_verification(
     point = program._point(plan)
     values = [Fraction(entry) for entry in point.tolist()]
     matrix = program.matrix
-    indptr, indices, data = matrix.indptr.tolist(), matrix.indices.tolist(), matrix.data.tolist()
-    rows = [
-        sum(
-            (Fraction(data[k]) * values[indices[k]] for k in range(indptr[row], indptr[row + 1])),
-            Fraction(0),
-        )
-        for row in range(program.row_count)
-    ]
-    objective = sum(
-        (Fraction(c) * v for c, v in zip(program.cost.tolist(), values, strict=True) if c),
-        Fraction(program.offset),
-    )
+    rows = _products(matrix, values)
+    slopes = [Fraction(entry) for entry in program.cost.tolist()]
     if isinstance(program, QuadraticProgram):
-        hessian = sp.coo_array(program.hessian)
-        objective += (
-            sum(
-                (
-                    Fraction(h) * values[i] * values[j]
-                    for i, j, h in zip(
-                        hessian.row.tolist(),
-                        hessian.col.tolist(),
-                        hessian.data.tolist(),
-                        strict=True,
-                    )
-                ),
-                Fraction(0),
-            )
-            / 2
-        )
+        bent = _products(program.hessian, values)
+        slopes = [c + v / 2 for c, v in zip(slopes, bent, strict=True)]
+    objective = sum(
+        (c * v for c, v in zip(slopes, values, strict=True) if c), Fraction(program.offset)
+    )
     sides = (
         (rows, program.row_lower, program.row_upper),
         (values, program.column_lower, program.column_upper),
@@ -448,7 +280,21 @@ def _excess(number: Fraction, low: float, high: float) -> float:
     return _up(max(below, above, Fraction(0)))
 
 
+def rounded_down(number: Fraction) -> float:
+    """Return the largest float that is at most `number`; -inf if it is below all floats.
+
+    Parameters
+    ----------
+    number : Fraction
+        The number.
+    """
+    try:
+        result = float(number)
+    except OverflowError:
+        return sys.float_info.max if number > 0 else -math.inf
+    return result if Fraction(result) <= number else math.nextafter(result, -math.inf)
+
+
 def _up(number: Fraction) -> float:
-    """Return the smallest float that is at least `number` (>= 0)."""
-    result = float(number)
-    return result if Fraction(result) >= number else math.nextafter(result, math.inf)
+    """Return the smallest float that is at least `number`."""
+    return -rounded_down(-number)

@@ -179,6 +179,10 @@ class ConicProgram(RowProgram):
             )
         return y[: self.row_count], y[self.row_count :]
 
+    def joined(self, duals: Vector) -> Vector:
+        """Return the multipliers of the rows and of the cone rows as one vector; see :meth:`split`."""
+        return np.concatenate(self.split(duals))
+
     def signed(self, duals: Vector) -> Vector:
         """Return `duals` with the multipliers of cone rows moved into the dual cones.
 
