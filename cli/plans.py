@@ -31,6 +31,12 @@ __all__ = ["check", "diagnose", "export"]
 @reading
 @options(formulation="Check every row of this formulation, too.")
 @options("tolerance", "details", "plot")
+@click.option(
+    "--exact",
+    is_flag=True,
+    help="Verify a linear, mixed-integer or quadratic program in rational arithmetic, and prove a bound "
+    "from the multipliers if PLAN.json is a solution.",
+)
 @as_json
 def check(
     instance: str,
@@ -39,6 +45,7 @@ def check(
     formulation: str | None,
     tolerance: float | None,
     details: bool,
+    exact: bool,
     as_json: bool,
     plot: str | None,
 ) -> int:
@@ -53,7 +60,10 @@ def check(
     picture = picture_path(plot)
     model = load(instance, **reading)
     loaded = read_plan(model, plan)
-    verification = verify(model, loaded, formulation=formulation, **only(tolerance=tolerance))
+    source = _solution(model, plan) or loaded if exact else loaded
+    verification = verify(
+        model, source, formulation=formulation, exact=exact, **only(tolerance=tolerance)
+    )
     if picture is not None:
         draw(model, loaded, picture, tolerance)
     rows = model.details(loaded) if details else []
@@ -64,9 +74,22 @@ def check(
     else:
         value = stated(verification.objective, model.maximise)
         objective = "" if value is None else f", objective {value:.10g}"
+        bound = stated(verification.bound, model.maximise)
+        if bound is not None:
+            objective += f", bound {bound:.10g} ({verification.proof})"
         show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
         show(verification_table(verification), *([details_table(rows)] if rows else []))
     return VERIFIED if verification.ok else VIOLATED
+
+
+def _solution(model: Any, path: str) -> Any:
+    """Return the solution with multipliers in a file; None if the file contains a plan only."""
+    from ..files import read_text
+    from ..models.json_text import parse_json
+    from ..solvers.contract.solution import Solution
+
+    data = None if path == "-" else parse_json(read_text(path))
+    return Solution.from_dict(data, model) if isinstance(data, dict) and data.get("duals") else None
 
 
 @click.command(short_help="Write a plan for other software.")

@@ -29,6 +29,8 @@ _VERIFICATION: dict[str, Spec] = {
     "checks": Sequence(),
     "spread": Real(0.0),
     "scale": Optional(Real()),
+    "bound": Optional(Real()),
+    "proof": Text(),
 }
 
 

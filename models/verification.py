@@ -380,12 +380,20 @@ class Verification:
         Magnitude of the objective's data. Differences of smaller objectives are relative to it.
     maximise : bool
         Whether the printed objective is the negated one, see :func:`stated`; not part of records.
+    bound : float, optional
+        Lower bound on the objective of all plans that :func:`crosstrack.verify` proved with
+        ``exact=True`` from the multipliers of a solution; None without one.
+    proof : str
+        Kind of evidence for `bound`: a value of
+        :class:`~crosstrack.models.programs.certificates.Proof`; empty without a bound.
     """
 
     objective: float | None
     checks: tuple[Check, ...]
     spread: float = 0.0
     scale: float = 1.0
+    bound: float | None = None
+    proof: str = ""
     maximise: bool = field(default=False, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -427,6 +435,7 @@ class Verification:
             "checks": [check.to_dict() for check in self.checks],
             **({"spread": self.spread} if self.spread else {}),
             **({"scale": _finite(self.scale)} if self.scale != 1.0 else {}),
+            **({"bound": self.bound, "proof": self.proof} if self.bound is not None else {}),
         }
 
     @classmethod
@@ -434,7 +443,8 @@ class Verification:
         """Return the verification that :meth:`to_dict` wrote; invalid data raise ``InvalidData``."""
         from .stored import verification_fields
 
-        entries = verification_fields(data, {"spread": 0.0, "scale": 1.0})
+        defaults = {"spread": 0.0, "scale": 1.0, "bound": None, "proof": ""}
+        entries = verification_fields(data, defaults)
         return cls(**{**entries, "checks": tuple(map(Check.from_dict, entries["checks"]))})
 
     def summary(self) -> str:
@@ -449,7 +459,9 @@ class Verification:
         head = "verified" if self.ok else "NOT verified"
         value = stated(self.objective, self.maximise)
         objective = "" if value is None else f", objective {value:.10g}"
-        return "\n".join([head + objective, *(f"  {check}" for check in self.checks)])
+        proven = stated(self.bound, self.maximise)
+        bound = "" if proven is None else f", bound {proven:.10g} ({self.proof})"
+        return "\n".join([head + objective + bound, *(f"  {check}" for check in self.checks)])
 
 
 def _finite(value: float) -> float | None:

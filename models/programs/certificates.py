@@ -24,6 +24,7 @@ from .safe_bounds import safe_bound
 
 __all__ = [
     "Proof",
+    "exact_products",
     "exact_verification",
     "proven",
     "rational_bound",
@@ -98,12 +99,12 @@ def rational_bound(
     cost = [Fraction(entry) for entry in program.cost.tolist()]
     constant = Fraction(program.offset)
     if isinstance(program, QuadraticProgram) and any(p):
-        bent = _products(program.hessian, p)
-        other = _products(sp.csr_array(program.hessian.T), p)
+        bent = exact_products(program.hessian, p)
+        other = exact_products(sp.csr_array(program.hessian.T), p)
         bent = [(left + right) / 2 for left, right in zip(bent, other, strict=True)]
         constant -= sum((x * v for x, v in zip(p, bent, strict=True) if x), Fraction(0)) / 2
         cost = [c + v for c, v in zip(cost, bent, strict=True)]
-    pull = _products(sp.csr_array(program.matrix.T), y)
+    pull = exact_products(sp.csr_array(program.matrix.T), y)
     reduced = [c - v for c, v in zip(cost, pull, strict=True)]
     total = constant
     for factors, lower, upper in (
@@ -147,8 +148,16 @@ def simple_fractions(vector: Vector, size: int, largest: int = 1 << 20) -> list[
     return result
 
 
-def _products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fraction]:
-    """Return ``matrix @ values``."""
+def exact_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fraction]:
+    """Return ``matrix @ values`` in rational arithmetic.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (m, n)
+        The matrix, in compressed rows.
+    values : list of Fraction
+        The vector, of n entries.
+    """
     indptr, indices, data = matrix.indptr.tolist(), matrix.indices.tolist(), matrix.data.tolist()
     return [
         sum((Fraction(data[k]) * values[indices[k]] for k in range(start, end)), Fraction(0))
@@ -242,10 +251,10 @@ def exact_verification(
     point = program._point(plan)
     values = [Fraction(entry) for entry in point.tolist()]
     matrix = program.matrix
-    rows = _products(matrix, values)
+    rows = exact_products(matrix, values)
     slopes = [Fraction(entry) for entry in program.cost.tolist()]
     if isinstance(program, QuadraticProgram):
-        bent = _products(program.hessian, values)
+        bent = exact_products(program.hessian, values)
         slopes = [c + v / 2 for c, v in zip(slopes, bent, strict=True)]
     objective = sum(
         (c * v for c, v in zip(slopes, values, strict=True) if c), Fraction(program.offset)
@@ -297,4 +306,4 @@ def rounded_down(number: Fraction) -> float:
 
 def _up(number: Fraction) -> float:
     """Return the smallest float that is at least `number`."""
-    return -rounded_down(-number)
+    return 0.0 - rounded_down(-number)

@@ -173,9 +173,9 @@ class Solution(Generic[PlanT]):
     maximise : bool
         Whether the author of the model maximises the negated objective; see :attr:`value`.
     proof : str
-        Kind of evidence for `dual_bound`, for programs: a value of
-        :class:`~crosstrack.models.programs.certificates.Proof`; empty for other models and without a
-        bound.
+        Kind of evidence for `dual_bound`, or for the claim that a program is infeasible or unbounded:
+        a value of :class:`~crosstrack.models.programs.certificates.Proof`; empty for models that are
+        not programs.
     source : Model, optional
         The model, for :attr:`values` and :meth:`assign`; None in records loaded without it.
     stored_plan : object
@@ -459,6 +459,8 @@ class Solution(Generic[PlanT]):
             parts[0] += (
                 f" ({self.limit} limit)" if self.limit != Limit.INTERRUPTED else " (interrupted)"
             )
+        if self.proof and self.dual_bound is None:
+            parts[0] += f" ({self.proof})"
         if self.primal_bound is not None:
             parts.append(f"objective {self.value:.10g}{self._remark(' ({})')}")
         if self.dual_bound is not None:

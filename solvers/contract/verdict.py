@@ -60,6 +60,10 @@ class Verdict(Printable):
         Further remarks, such as plans that depend on a tolerance, and failed backends.
     solutions : tuple of Solution
         The answers.
+    proof : str
+        Kind of evidence for the best bound, or for infeasibility, of a program: a value of
+        :class:`~crosstrack.models.programs.certificates.Proof`. It is "solver's bound, cross-checked" if
+        exact backends of two different solvers agree. Empty for other models and without a bound.
     """
 
     instance: str
@@ -67,6 +71,7 @@ class Verdict(Printable):
     evidence: str
     notes: tuple[str, ...]
     solutions: tuple[Solution[Any], ...]
+    proof: str = ""
 
     @property
     def best(self) -> Solution[Any] | None:
@@ -90,6 +95,7 @@ class Verdict(Printable):
             "verdict": str(self.outcome),
             "evidence": self.evidence,
             "notes": list(self.notes),
+            **({"proof": self.proof} if self.proof else {}),
             **({"repeats": repeated} if repeated else {}),
             "solutions": [solution.to_dict() for solution in self.solutions],
         }
@@ -175,8 +181,10 @@ def judge(
     notes = _notes(solutions, plans, clean, searches)
     warning = _default_is_worse(model, clean)
 
-    def verdict(outcome: Outcome, evidence: str) -> Verdict:
-        return Verdict(instance, outcome, evidence + warning, tuple(notes), tuple(solutions))
+    def verdict(outcome: Outcome, evidence: str, proof: str = "") -> Verdict:
+        kind = f" ({proof})" if proof else ""
+        text = f"{evidence}{kind}{warning}"
+        return Verdict(instance, outcome, text, tuple(notes), tuple(solutions), proof)
 
     # Contradictions first, because a single one decides.
     if clean and empty:
@@ -209,16 +217,20 @@ def judge(
             return verdict(
                 Outcome.AGREED,
                 f"optimum {best.value:.10g}: plan by {_names(holders)}; bound by {_names(provers)}",
+                _kind_of_proof(proof, bounds, kinds),
             )
         return verdict(
             Outcome.INCONCLUSIVE,
             f"best plan {best.value:.10g} ({_who(best)}), best bound {proof.bound:.10g} ({_who(proof)}): "
             "no proof that they meet",
+            _kind_of_proof(proof, bounds, kinds),
         )
     if empty:
-        return verdict(Outcome.AGREED, f"infeasible, proven by {_names(empty)}")
+        proof_kind = min((s.proof for s in empty if s.proof), key=_strength, default="")
+        return verdict(Outcome.AGREED, f"infeasible, proven by {_names(empty)}", proof_kind)
     if unbounded:
-        return verdict(Outcome.AGREED, f"unbounded, claimed by {_names(unbounded)}")
+        proof_kind = min((s.proof for s in unbounded if s.proof), key=_strength, default="")
+        return verdict(Outcome.AGREED, f"unbounded, claimed by {_names(unbounded)}", proof_kind)
     agreement = _agreement(plans, model)
     if agreement is not None:
         return verdict(*agreement)
@@ -235,6 +247,50 @@ def judge(
             "no exact bound",
         )
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")
+
+
+#: Kinds of evidence that do not depend on a solver, from the strongest; see ``Proof``.
+_RIGOROUS = ("exact", "safe bound")
+#: Solver's bound, and one with which that of another solver agrees.
+_CLAIMED, _CHECKED = "solver's bound", "solver's bound, cross-checked"
+
+#: Solvers that backends of other names call by default.
+_CALLED = {"ortools": "scip", "qpsolvers": "clarabel", "scipy": "highs"}
+
+
+def _strength(proof: str) -> int:
+    return _RIGOROUS.index(proof) if proof in _RIGOROUS else len(_RIGOROUS)
+
+
+def _kind_of_proof(
+    best: Solution[Any], bounds: Sequence[Solution[Any]], kinds: dict[int, Guarantee | None]
+) -> str:
+    """Return the kind of evidence for the best bound, which other exact backends may confirm.
+
+    A rigorous bound that agrees with the best one within the gap takes its place.
+    """
+    assert best.dual_bound is not None
+    near = [
+        s
+        for s in bounds
+        if s.dual_bound is not None and s.dual_bound >= best.dual_bound - _slack(best, s)
+    ]
+    rigorous = [s.proof for s in near if s.proof in _RIGOROUS]
+    if rigorous:
+        return min(rigorous, key=_strength)
+    exact = [s for s in near if kinds[id(s)] is Guarantee.EXACT and s.proof]
+    if best.proof == _CLAIMED and len({_solver(s) for s in exact}) > 1:
+        return _CHECKED
+    return best.proof
+
+
+def _solver(solution: Solution[Any]) -> str:
+    """Return the name of the solver that a backend calls, which another library may contain."""
+    options = solution.options.get("backend_options") or {}
+    default = _CALLED.get(solution.backend, solution.backend)
+    if solution.backend == "cvxpy":
+        default = "highs" if solution.model == "mixed-integer-program" else "clarabel"
+    return str(options.get("solver") or options.get("plugin") or default).lower()
 
 
 def _default_is_worse(model: Model[Any] | None, clean: Sequence[Solution[Any]]) -> str:

@@ -22,8 +22,11 @@ __all__ = [
     "contradiction",
     "examined",
     "least",
+    "linear",
+    "phase_one",
     "recedes",
     "receding",
+    "steepest",
     "unit",
     "without_bound",
 ]
@@ -148,7 +151,7 @@ def examined(
                 return Findings(infeasible=True, source="the solver's ray")
     violation = None
     if point is None:
-        point, farkas_ray, violation = _phase_one(program, left())
+        point, farkas_ray, violation = phase_one(program, left())
         if farkas_ray is not None and contradiction(program, farkas_ray):
             return Findings(infeasible=True, source="a phase 1 of our own", violation=violation)
     if direction is not None:
@@ -158,8 +161,8 @@ def examined(
     seconds = left()
     if point is None or (seconds is not None and seconds <= 0):
         return Findings(point=point, violation=violation, examined=point is None)
-    steepest = _steepest(program, seconds)
-    if steepest is not None and recedes(program, steepest):
+    direction = steepest(program, seconds)
+    if direction is not None and recedes(program, direction):
         return Findings(unbounded=True, source="a recession program of our own", point=point)
     return Findings(point=point, violation=violation, examined=True)
 
@@ -187,7 +190,7 @@ def _tidy(program: QuadraticProgram, direction: Vector) -> Vector:
     )
 
 
-def _phase_one(
+def phase_one(
     program: QuadraticProgram, seconds: float | None
 ) -> tuple[Vector | None, Vector | None, float | None]:
     """Return a feasible point or a ray, and the smallest sum of violations in units of the rows.
@@ -205,7 +208,7 @@ def _phase_one(
     upper = np.concatenate(
         [program.column_upper, program.row_upper * scale, np.full(2 * rows, np.inf)]
     )
-    solved = _linear(
+    solved = linear(
         cost, sp.hstack([scaled, -unit, unit, -unit]), np.zeros(rows), lower, upper, seconds
     )
     if solved is None:
@@ -216,7 +219,7 @@ def _phase_one(
     return (point if feasible else None), (None if feasible else y * scale), value
 
 
-def _steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None:
+def steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None:
     """Return the direction without curvature, within a box, in which the objective decreases fastest."""
     curved = np.flatnonzero(np.diff(program.hessian.indptr))
     stacked = sp.vstack([program.hessian[curved], program.matrix], format="csr")
@@ -229,7 +232,7 @@ def _steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None
     peak = np.abs(program.cost).max(initial=0.0)
     if not peak > 0:
         return None
-    solved = _linear(
+    solved = linear(
         np.concatenate([program.cost / peak, np.zeros(total)]),
         sp.hstack([scaled, -sp.eye_array(total)]),
         np.zeros(total),
@@ -244,7 +247,7 @@ def _steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None
     return None if solved is None else solved[0][:size]
 
 
-def _linear(
+def linear(
     cost: Vector,
     matrix: sp.csr_array,
     right: Vector,

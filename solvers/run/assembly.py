@@ -26,6 +26,9 @@ __all__ = ["Claim", "assemble"]
 
 log = logging.getLogger("crosstrack")
 
+#: Kinds of models whose claims of infeasibility and unboundedness have a kind of proof.
+PROGRAMS = ("conic-program", "mixed-integer-program", "quadratic-program")
+
 
 @dataclass(frozen=True)
 class Claim:
@@ -173,6 +176,12 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     proof = ""
     if dual is not None and hasattr(model, "proven"):  # a program
         dual, proof = model.proven(dual, claim.duals, plan)
+    elif termination in CLAIMS_NONE and model.kind in PROGRAMS:
+        from .proofs import evidence  # loads SciPy, which native algorithms may not need
+
+        begin = time.perf_counter()
+        proof = evidence(model, termination, seconds.get("solve", 0.0))
+        seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
     if primal is not None and dual is not None:
         assert verification is not None
         dual = without_rounding(dual, verification, job.verification_tolerance)

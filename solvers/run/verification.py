@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from ...models.fields import Flag
 from ...models.model import Model, as_model
 from ...models.records import given
 from ...models.verification import TOLERANCE, Verification, check_tolerance
@@ -23,6 +24,7 @@ def verify(
     tolerance: float = TOLERANCE,
     formulation: str | None = None,
     formulation_options: Mapping[str, Any] | None = None,
+    exact: bool = False,
 ) -> Verification:
     """Check a plan against the raw data of a model.
 
@@ -38,6 +40,11 @@ def verify(
         Encode the plan into this formulation as well, and check every row of the program.
     formulation_options : mapping, optional
         Options of the formulation.
+    exact : bool
+        Whether to evaluate the rows, bounds and objective of a mixed-integer or quadratic program in
+        rational arithmetic. If the plan is a solution with multipliers, a bound on the objective is proven
+        as well, in rational arithmetic or with all rounding errors bounded; the Hessian must then be
+        positive semidefinite.
 
     Returns
     -------
@@ -50,11 +57,20 @@ def verify(
         The plan does not belong to this model, or cannot be encoded.
     UnsupportedOption
         The tolerance is not a number > 0 and < 1.
+    UnsupportedFormulation
+        `exact` is true, and the model is neither a mixed-integer nor a quadratic program.
     """
     model = as_model(model)
     check_tolerance(tolerance)
     checked = model.as_plan(plan)
-    verification = model.verify(checked, tolerance=tolerance)
+    if Flag().coerce("exact", exact, {}):
+        from .proofs import verify_exactly
+
+        duals = plan.duals if isinstance(plan, Solution) else None
+        point: Any = checked
+        verification = verify_exactly(model, point, duals, tolerance)
+    else:
+        verification = model.verify(checked, tolerance=tolerance)
     if formulation is None:
         return verification
     step: Model[Any] | None = model
