@@ -119,7 +119,7 @@ def prove_bound(
 
 
 def verify_exactly(
-    model: Any, plan: Vector, duals: Vector | None, tolerance: float
+    model: Any, plan: Any, duals: Vector | None, tolerance: float
 ) -> Verification:
     """Return the verification of a plan in rational arithmetic, and the bound of its multipliers.
 
@@ -341,6 +341,7 @@ _ENDS = np.array([[-math.inf], [math.inf]])
 
 
 def _between(values: list[Fraction], low: Vector, high: Vector) -> bool:
+    """Return True if all values are between their bounds, exactly."""
     return all(
         # Comparisons of fractions with floats are exact.
         lower <= value <= upper
