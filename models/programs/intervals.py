@@ -72,11 +72,22 @@ def difference(left: Vector | Interval, right: Vector, error: Vector) -> Interva
 
 
 def smallest(factor: Interval, values: Interval) -> Vector:
-    """Return lower bounds on the products of numbers in two vectors of intervals."""
-    result: Vector = np.minimum.reduce([_rounded_down(f, v) for f in factor for v in values])
-    return result
+    """Return lower bounds on the products of numbers in two vectors of intervals.
+
+    A factor of 0 gives 0, also with an infinite end: the numbers themselves are finite.
+    """
+    low, high = (_least_product(factor, end) for end in values)
+    result = np.minimum(low, high)
+    exact = (result == 0) & ~np.signbit(low) & ~np.signbit(high)
+    rounded: Vector = np.where(exact, 0.0, np.nextafter(result, -np.inf))
+    return rounded
 
 
-def _rounded_down(left: Vector, right: Vector) -> Vector:
-    zero = (left == 0) | (right == 0)
-    return np.where(zero, 0.0, np.nextafter(left * right, -np.inf))
+def _least_product(factor: Interval, value: Vector) -> Vector:
+    """Return the least products of an interval and a number, rounded to nearest; 0.0 if one is 0.
+
+    A product of other numbers that underflows keeps its sign.
+    """
+    end = np.where(value >= 0, factor.low, factor.high)
+    product: Vector = np.where((end == 0) | (value == 0), 0.0, end * value)
+    return product

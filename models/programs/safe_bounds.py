@@ -23,10 +23,8 @@ __all__ = ["safe_bound"]
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Passes of bound propagation, and attempts to move reduced costs to the required side of 0.
-PASSES, ATTEMPTS = 2, 3
-#: Attempts of a quick call: 0.5 s of processor time in all for 1e6 nonzeros.
-QUICK_ATTEMPTS = 2
+#: Attempts to move reduced costs to the required side of 0, and those of a quick call.
+ATTEMPTS, QUICK_ATTEMPTS = 3, 2
 #: First distance of a reduced cost from 0, in units of its error bound, and the growth per attempt.
 DISTANCE, GROWTH = 8.0, 32.0
 #: Loss by implied bounds above which reduced costs are moved, relative to the bound.
@@ -148,26 +146,30 @@ class _Lagrangian:
         """Return the best bound of `y` itself and of multipliers near `y`."""
         program = self.program
         limits = Interval(program.column_lower, program.column_upper)
-        trial = self.value(Interval(y, y), limits)
+        multipliers: Interval | None = Interval(y, y)
+        reduced = _reduced(program, self.cost, multipliers)
+        trial = self.value(multipliers, reduced, limits)
         weak = np.isneginf(trial.columns)
         if not weak.any():
             return trial.bound
         implied = _implied(program, limits, weak)
-        trial = self.value(Interval(y, y), implied)
+        trial = self.value(multipliers, reduced, implied)
         best = trial.bound
         for attempt in range(QUICK_ATTEMPTS if self.effort == QUICK else ATTEMPTS):
             if math.isfinite(best) and self.loss(trial, weak) <= LOSS * max(1.0, abs(best)):
                 break
             moved = self.moved(y, weak, implied, DISTANCE * GROWTH**attempt)
             free = np.flatnonzero(weak & ~np.isfinite(implied.low) & ~np.isfinite(implied.high))
-            multipliers: Interval | None = Interval(moved, moved)
+            multipliers = Interval(moved, moved)
             if free.size:
                 multipliers = _corrected(program, self.cost, moved, free, self.effort)
             if multipliers is None:
                 break
-            trial = self.value(multipliers, implied, free)
+            reduced = _reduced(program, self.cost, multipliers)
+            reduced.low[free] = reduced.high[free] = 0.0
+            trial = self.value(multipliers, reduced, implied)
             best = max(best, trial.bound)
-            weak |= np.isneginf(smallest(trial.reduced, limits))
+            weak |= np.isneginf(smallest(reduced, limits))
         return best
 
     def loss(self, value: _Value, columns: Mask) -> float:
@@ -176,22 +178,20 @@ class _Lagrangian:
         lost = np.abs(terms - value.reduced.high[columns] * self.point[columns]).sum()
         return float(np.where(np.isnan(lost), np.inf, lost))
 
-    def value(self, multipliers: Interval, limits: Interval, exact: Any = ()) -> _Value:
-        """Return the bound of intervals of multipliers; the reduced costs of columns `exact` are 0."""
+    def value(self, multipliers: Interval, reduced: Interval, limits: Interval) -> _Value:
+        """Return the bound of intervals of multipliers and reduced costs within bounds of columns."""
         program = self.program
-        reduced = _reduced(program, self.cost, multipliers)
-        chosen = np.asarray(exact, np.intp)
-        reduced.low[chosen] = reduced.high[chosen] = 0.0
         rows = smallest(multipliers, Interval(program.row_lower, program.row_upper))
         columns = smallest(reduced, limits)
-        curved = np.isneginf(columns) & (self.curvature > 0)
+        curved = self.curvature > 0
         if curved.any():
             # The minimum of r x + D (x - p)^2 / 2 is r p - r^2 / (2 D).
             part = Interval(reduced.low[curved], reduced.high[curved])
             at = self.point[curved]
             steepest = np.maximum(np.abs(part.low), np.abs(part.high))
             fall = 0.5 * SLACK * steepest * (steepest / self.curvature[curved]) + TINY
-            columns[curved] = np.nextafter(smallest(part, Interval(at, at)) - fall, -np.inf)
+            lowest = np.nextafter(smallest(part, Interval(at, at)) - fall, -np.inf)
+            columns[curved] = np.fmax(columns[curved], lowest)
         bound = total(np.concatenate([[self.constant], rows, columns]))
         return _Value(bound, reduced, columns)
 
@@ -266,16 +266,14 @@ def _implied(program: RowProgram, limits: Interval, weak: Mask) -> Interval:
     """
     matrix = program.matrix
     row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-    column = matrix.indices
     low, high = limits.low.copy(), limits.high.copy()
-    for _ in range(PASSES):
+    # Most columns need no bounds of others, so that the first pass is for the weak ones only.
+    for columns in (weak, np.ones(weak.size, bool), weak):
         candidates = Interval(np.full(low.size, -np.inf), np.full(low.size, np.inf))
-        for coefficients, upper in (
-            (matrix.data, program.row_upper),
-            (-matrix.data, -program.row_lower),
-        ):
-            if np.isfinite(upper).any():
-                _propagate(row, column, coefficients, upper, Interval(low, high), candidates)
+        for sign, upper in ((1.0, program.row_upper), (-1.0, -program.row_lower)):
+            part = np.isfinite(upper)[row]
+            triplets = row[part], matrix.indices[part], sign * matrix.data[part]
+            _propagate(*triplets, upper, Interval(low, high), columns, candidates)
         found = np.isinf(low) & np.isfinite(candidates.low)
         above = np.isinf(high) & np.isfinite(candidates.high)
         low = np.where(found, candidates.low, low)
@@ -292,9 +290,10 @@ def _propagate(
     coefficients: Vector,
     upper: Vector,
     limits: Interval,
+    columns: Mask,
     candidates: Interval,
 ) -> None:
-    """Tighten `candidates` by rows ``coefficients @ x <= upper``."""
+    """Tighten `candidates` of `columns` by rows ``coefficients @ x <= upper``, given by the entries of the matrix."""
     count = upper.size
     rising = coefficients > 0
     terms = coefficients * np.where(rising, limits.low[column], limits.high[column])
@@ -305,11 +304,11 @@ def _propagate(
     length = np.bincount(row, minlength=count)
     error = (2.0 * length + 4.0) * ROUNDOFF * SLACK * size + (length + 1.0) * TINY
     # Lower bound on the sum of the other terms; they must all be known.
-    others = np.bincount(row, known, count)[row] - known - error[row]
+    use = np.flatnonzero(columns[column] & (unknown[row] - ~finite == 0))
+    others = np.bincount(row, known, count)[row[use]] - known[use] - error[row[use]]
     others = np.nextafter(others, -np.inf)
-    sole = unknown[row] - ~finite == 0
-    use = np.flatnonzero(sole & np.isfinite(upper)[row] & np.isfinite(others))
-    room = np.nextafter(upper[row[use]] - others[use], np.inf)
+    use, others = use[np.isfinite(others)], others[np.isfinite(others)]
+    room = np.nextafter(upper[row[use]] - others, np.inf)
     ratio = room / coefficients[use]
     rises = rising[use]
     np.fmin.at(candidates.high, column[use[rises]], np.nextafter(ratio[rises], np.inf))
