@@ -11,11 +11,13 @@ import sys
 from dataclasses import replace
 from enum import StrEnum
 from fractions import Fraction
+from typing import TypeGuard
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...errors import InvalidData
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .base import Program, row_sizes
 from .conic import ConicProgram
@@ -26,6 +28,7 @@ __all__ = [
     "Proof",
     "exact_products",
     "exact_verification",
+    "is_convex",
     "proven",
     "rational_bound",
     "rounded_down",
@@ -165,6 +168,24 @@ def exact_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fractio
     ]
 
 
+def is_convex(program: Program) -> TypeGuard[MixedIntegerProgram | QuadraticProgram]:
+    """Return True for a mixed-integer program, and for a quadratic one whose Hessian is convex.
+
+    A tangent of a nonconvex objective is no lower bound; see :meth:`.QuadraticProgram.require_convex`.
+
+    Parameters
+    ----------
+    program : Program
+        The program.
+    """
+    if isinstance(program, QuadraticProgram):
+        try:
+            program.require_convex()
+        except InvalidData:
+            return False
+    return isinstance(program, MixedIntegerProgram | QuadraticProgram)
+
+
 def proven(
     program: Program, bound: float, duals: Vector | None, plan: Vector | None
 ) -> tuple[float, str]:
@@ -186,7 +207,7 @@ def proven(
     float, str
         The bound and a value of :class:`Proof`.
     """
-    if duals is not None and isinstance(program, MixedIntegerProgram | QuadraticProgram):
+    if duals is not None and is_convex(program):
         safe = safe_bound(program, duals, plan, quick=True)
         least = bound - CLOSE * max(1.0, abs(bound))
         if safe >= least:

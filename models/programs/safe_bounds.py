@@ -146,7 +146,7 @@ class _Lagrangian:
         """Return the best bound of `y` itself and of multipliers near `y`."""
         program = self.program
         limits = Interval(program.column_lower, program.column_upper)
-        multipliers: Interval | None = Interval(y, y)
+        multipliers = Interval(y, y)
         reduced = _reduced(program, self.cost, multipliers)
         trial = self.value(multipliers, reduced, limits)
         weak = np.isneginf(trial.columns)
@@ -162,9 +162,10 @@ class _Lagrangian:
             free = np.flatnonzero(weak & ~np.isfinite(implied.low) & ~np.isfinite(implied.high))
             multipliers = Interval(moved, moved)
             if free.size:
-                multipliers = _corrected(program, self.cost, moved, free, self.effort)
-            if multipliers is None:
-                break
+                enclosed = _corrected(program, self.cost, moved, free, self.effort)
+                if enclosed is None:
+                    break
+                multipliers = enclosed
             reduced = _reduced(program, self.cost, multipliers)
             reduced.low[free] = reduced.high[free] = 0.0
             trial = self.value(multipliers, reduced, implied)

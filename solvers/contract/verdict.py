@@ -14,6 +14,7 @@ from ...models.model import Model
 from ...models.verification import ROUNDING
 from ..report.tables import Printable, frame, solutions_table
 from .enums import PROVING, Guarantee, Termination
+from .evidence import kind_of_proof, strongest
 from .registry import find_backend
 from .repeats import Spread, name_backend, spreads, spreads_table
 from .selection import recommended
@@ -211,26 +212,29 @@ def judge(
         )
     if best is not None and proof is not None:
         assert best.primal_bound is not None and proof.dual_bound is not None
+        least = proof.dual_bound - _slack(best, proof)
+        exact = [s for s in bounds if kinds[id(s)] is Guarantee.EXACT]
+        near = [s for s in exact if s.dual_bound is not None and s.dual_bound >= least]
         if proof.dual_bound >= best.primal_bound - _slack(best, proof):
             provers = [s for s in bounds if s.dual_bound >= best.primal_bound - _slack(best, s)]  # type: ignore[operator]
             holders = [s for s in clean if s.primal_bound <= best.primal_bound + _slack(best, s)]  # type: ignore[operator]
             return verdict(
                 Outcome.AGREED,
                 f"optimum {best.value:.10g}: plan by {_names(holders)}; bound by {_names(provers)}",
-                _kind_of_proof(proof, bounds, kinds),
+                kind_of_proof(proof, near),
             )
         return verdict(
             Outcome.INCONCLUSIVE,
             f"best plan {best.value:.10g} ({_who(best)}), best bound {proof.bound:.10g} ({_who(proof)}): "
             "no proof that they meet",
-            _kind_of_proof(proof, bounds, kinds),
+            kind_of_proof(proof, near),
         )
     if empty:
-        proof_kind = min((s.proof for s in empty if s.proof), key=_strength, default="")
-        return verdict(Outcome.AGREED, f"infeasible, proven by {_names(empty)}", proof_kind)
+        kind = strongest(s.proof for s in empty)
+        return verdict(Outcome.AGREED, f"infeasible, proven by {_names(empty)}", kind)
     if unbounded:
-        proof_kind = min((s.proof for s in unbounded if s.proof), key=_strength, default="")
-        return verdict(Outcome.AGREED, f"unbounded, claimed by {_names(unbounded)}", proof_kind)
+        kind = strongest(s.proof for s in unbounded)
+        return verdict(Outcome.AGREED, f"unbounded, claimed by {_names(unbounded)}", kind)
     agreement = _agreement(plans, model)
     if agreement is not None:
         return verdict(*agreement)
@@ -247,50 +251,6 @@ def judge(
             "no exact bound",
         )
     return verdict(Outcome.INCONCLUSIVE, "no verified plan and no proof of infeasibility")
-
-
-#: Kinds of evidence that do not depend on a solver, from the strongest; see ``Proof``.
-_RIGOROUS = ("exact", "safe bound")
-#: Solver's bound, and one with which that of another solver agrees.
-_CLAIMED, _CHECKED = "solver's bound", "solver's bound, cross-checked"
-
-#: Solvers that backends of other names call by default.
-_CALLED = {"ortools": "scip", "qpsolvers": "clarabel", "scipy": "highs"}
-
-
-def _strength(proof: str) -> int:
-    return _RIGOROUS.index(proof) if proof in _RIGOROUS else len(_RIGOROUS)
-
-
-def _kind_of_proof(
-    best: Solution[Any], bounds: Sequence[Solution[Any]], kinds: dict[int, Guarantee | None]
-) -> str:
-    """Return the kind of evidence for the best bound, which other exact backends may confirm.
-
-    A rigorous bound that agrees with the best one within the gap takes its place.
-    """
-    assert best.dual_bound is not None
-    near = [
-        s
-        for s in bounds
-        if s.dual_bound is not None and s.dual_bound >= best.dual_bound - _slack(best, s)
-    ]
-    rigorous = [s.proof for s in near if s.proof in _RIGOROUS]
-    if rigorous:
-        return min(rigorous, key=_strength)
-    exact = [s for s in near if kinds[id(s)] is Guarantee.EXACT and s.proof]
-    if best.proof == _CLAIMED and len({_solver(s) for s in exact}) > 1:
-        return _CHECKED
-    return best.proof
-
-
-def _solver(solution: Solution[Any]) -> str:
-    """Return the name of the solver that a backend calls, which another library may contain."""
-    options = solution.options.get("backend_options") or {}
-    default = _CALLED.get(solution.backend, solution.backend)
-    if solution.backend == "cvxpy":
-        default = "highs" if solution.model == "mixed-integer-program" else "clarabel"
-    return str(options.get("solver") or options.get("plugin") or default).lower()
 
 
 def _default_is_worse(model: Model[Any] | None, clean: Sequence[Solution[Any]]) -> str:

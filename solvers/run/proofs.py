@@ -22,6 +22,7 @@ from ...models.programs.certificates import (
     Proof,
     exact_products,
     exact_verification,
+    is_convex,
     rational_bound,
     rounded_down,
     safe_bound,
@@ -74,7 +75,7 @@ class Certificate:
         Lower bound on the sum of the violations of the rows, weighted with the absolute multipliers, or
         change of the objective per unit of the direction.
     point : ndarray, optional
-        Feasible point from which the direction starts.
+        Feasible point at the start of the direction.
     """
 
     termination: Termination
@@ -118,9 +119,7 @@ def prove_bound(
     return best
 
 
-def verify_exactly(
-    model: Any, plan: Any, duals: Vector | None, tolerance: float
-) -> Verification:
+def verify_exactly(model: Any, plan: Any, duals: Vector | None, tolerance: float) -> Verification:
     """Return the verification of a plan in rational arithmetic, and the bound of its multipliers.
 
     Parameters
@@ -145,7 +144,9 @@ def verify_exactly(
             "verified in rational arithmetic; pass exact=False"
         )
     verification = exact_verification(model, plan, tolerance)
-    result = None if duals is None else prove_bound(model, duals, plan)
+    result = None
+    if duals is not None and is_convex(model):
+        result = prove_bound(model, duals, plan)
     if result is None:
         return verification
     return replace(verification, bound=result[0], proof=result[1])
