@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from small import INF, exact, linear, pairs, times
 
 import crosstrack as ct
-from crosstrack.models.programs import intervals
+from crosstrack.models.programs import intervals, safe_bounds
 from crosstrack.models.programs.certificates import (
     Proof,
     exact_verification,
@@ -261,15 +261,57 @@ def test_quadratic_bounds_are_below_the_optimum_and_near_it(kind):
     assert finite >= 28
 
 
-def test_a_tangent_is_that_of_the_symmetric_part():
-    hessian = sp.csr_array(np.array([[1.0, 1e-13], [0.0, 1.0]]))
-    program = QuadraticProgram(
-        hessian=hessian, cost=np.zeros(2), matrix=sp.csr_array((0, 2)), row_lower=[], row_upper=[],
-        column_lower=[1.0, 1.0], column_upper=[1.0, 1.0],
-    )  # fmt: skip
-    value = Fraction(1) + Fraction(1e-13) / 2
-    for point in ([1.0, 1.0], [3.0, 2.0], [1e6, -1e6]):
-        assert safe_bound(program, np.zeros(0), np.array(point)) <= value
+@pytest.mark.parametrize("skew", [0.0, 1e-13])
+def test_the_tangent_is_enclosed(skew):
+    draw = np.random.default_rng(2)
+    for _ in range(20):
+        root = draw.standard_normal((4, 4))
+        hessian = sp.csr_array(root @ root.T + skew * np.triu(root))
+        p, cost = 100 * draw.standard_normal(4), draw.standard_normal(4)
+        fields = linear(cost, np.zeros((0, 4)), 0, 0, -INF, INF).shared()
+        program = QuadraticProgram(hessian=hessian, **fields)
+        tangent = safe_bounds._Lagrangian.of(program, p, 1.0)
+        bent = [
+            (v + w) / 2
+            for v, w in zip(times(hessian, exact(p)), times(hessian.T, exact(p)), strict=True)
+        ]
+        gradient = [c + v for c, v in zip(exact(cost), bent, strict=True)]
+        low, high = exact(tangent.cost.low), exact(tangent.cost.high)
+        assert all(a <= g <= b for a, g, b in zip(low, gradient, high, strict=True))
+        true = -sum(x * v for x, v in zip(exact(p), bent, strict=True)) / 2
+        assert true - Fraction(1e-8) < tangent.constant <= true
+        flat = np.abs(root).sum() * np.abs(p).max() * 1e-12
+        assert (tangent.cost.high - tangent.cost.low).max() < 10 * flat
+
+
+def test_implied_bounds_are_rounded_outwards():
+    draw = np.random.default_rng(4)
+    for _ in range(100):
+        row, lower = np.abs(draw.standard_normal((2, 4))) + 0.1
+        side = float(row @ lower + draw.random())
+        program = linear(np.ones(4), [row, -row], [-INF, -side], [side, INF], lower, INF)
+        weak = np.ones(4, bool)
+        limits = safe_bounds.Interval(program.column_lower, program.column_upper)
+        high = safe_bounds._implied(program, limits, weak).high
+        terms = [c * v for c, v in zip(exact(row), exact(lower), strict=True)]
+        for k in range(4):
+            true = (Fraction(side) - sum(terms) + terms[k]) / Fraction(row[k])
+            assert true <= Fraction(high[k]) <= true * (1 + Fraction(1e-12))
+
+
+def test_corrected_multipliers_enclose_exact_ones():
+    draw = np.random.default_rng(6)
+    for _ in range(40):
+        (a, b), (c, d) = matrix = draw.standard_normal((2, 2))
+        cost = draw.standard_normal(2)
+        program = linear(cost, matrix, 1.0, 1.0, -INF, INF)
+        y = np.linalg.solve(matrix.T, cost)
+        interval = safe_bounds.Interval(cost, cost)
+        low, high = safe_bounds._corrected(program, interval, y, np.arange(2), 1e6)
+        (a, b, c, d), (p, q) = exact([a, b, c, d]), exact(cost)
+        solution = [(p * d - q * c) / (a * d - b * c), (q * a - p * b) / (a * d - b * c)]
+        assert all(u <= v <= w for u, v, w in zip(exact(low), solution, exact(high), strict=True))
+        assert (high - low).max() < 1e-9
 
 
 def test_a_nonconvex_program_has_no_safe_bound():
