@@ -299,6 +299,20 @@ def test_implied_bounds_are_rounded_outwards():
             assert true <= Fraction(high[k]) <= true * (1 + Fraction(1e-12))
 
 
+def test_reduced_costs_of_intervals_contain_those_of_their_ends():
+    draw = np.random.default_rng(7)
+    matrix, cost = draw.standard_normal((3, 4)), draw.standard_normal(4)
+    low = draw.standard_normal(3)
+    high = low + draw.random(3)
+    program = linear(cost, matrix, 0.0, 0.0, 0.0, 1.0)
+    costs = safe_bounds.Interval(cost, cost)
+    result = safe_bounds._reduced(program, costs, safe_bounds.Interval(low, high))
+    for ends in np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3):
+        pull = times(program.matrix.T, exact(ends))
+        for a, c, v, b in zip(result.low, exact(cost), pull, result.high, strict=True):
+            assert Fraction(a) <= c - v <= Fraction(b)
+
+
 def test_corrected_multipliers_enclose_exact_ones():
     draw = np.random.default_rng(6)
     for _ in range(40):
