@@ -190,6 +190,7 @@ def _tidy(program: QuadraticProgram, direction: Vector) -> Vector:
     )
 
 
+@np.errstate(all="ignore")  # scaled entries may overflow
 def phase_one(
     program: QuadraticProgram, seconds: float | None
 ) -> tuple[Vector | None, Vector | None, float | None]:
@@ -199,7 +200,8 @@ def phase_one(
     equality rows are then those of the program's rows.
     """
     rows, size = program.row_count, program.size
-    largest = abs(program.matrix).max(axis=1).toarray().ravel() if rows else np.zeros(0)
+    filled = program.matrix.nnz > 0
+    largest = abs(program.matrix).max(axis=1).toarray().ravel() if filled else np.zeros(rows)
     scale = 1.0 / np.where(largest > 0, largest, 1.0)
     scaled = sp.csr_array(sp.diags_array(scale) @ program.matrix) if rows else program.matrix
     unit = sp.eye_array(rows, format="csr")
@@ -219,6 +221,7 @@ def phase_one(
     return (point if feasible else None), (None if feasible else y * scale), value
 
 
+@np.errstate(all="ignore")  # scaled entries may overflow
 def steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None:
     """Return the direction without curvature, within a box, in which the objective decreases fastest."""
     curved = np.flatnonzero(np.diff(program.hessian.indptr))
@@ -264,9 +267,15 @@ def linear(
     }
     if seconds is not None:
         options["time_limit"] = max(seconds, 1e-3)
+    matrix = sp.csc_array(matrix)
+    finite = all(np.isfinite(array).all() for array in (cost, matrix.data, right))
+    if not finite or np.isnan(lower).any() or np.isnan(upper).any():
+        return None  # scaled entries overflowed
+    if not cost.size:
+        return np.zeros(0), np.zeros(right.size), 0.0
     result = linprog(
         cost,
-        A_eq=sp.csc_array(matrix) if right.size else None,
+        A_eq=matrix if right.size else None,
         b_eq=right if right.size else None,
         bounds=np.column_stack([lower, upper]),
         method="highs-ds",

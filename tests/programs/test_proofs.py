@@ -116,6 +116,16 @@ def test_touching_constraints_are_not_infeasible():
     assert prove_infeasible(near).proof == "exact"
 
 
+@pytest.mark.parametrize("rows", [0, 1])
+def test_programs_without_columns_and_with_extreme_coefficients(rows):
+    empty = linear(np.zeros(0), np.zeros((rows, 0)), 1.0, 1.0, 0.0, 0.0)
+    assert (prove_infeasible(empty) is not None) == bool(rows)
+    assert prove_unbounded(empty) is None
+    extreme = linear([1e-300, -1e300], [[5e-324, -5e-324]], 1.0, INF, 0.0, INF)
+    assert prove_infeasible(extreme) is None
+    assert prove_unbounded(extreme) is None
+
+
 def test_crossed_bounds_are_infeasible():
     crossed = linear([1.0], [[1.0]], 0.0, 1.0, 2.0, 3.0)
     assert prove_infeasible(crossed).value > 0
