@@ -89,7 +89,7 @@ def program_of_pulp(model: Any) -> RowProgram:
     order = {variable: k for k, variable in enumerate(variables)}
     cost = np.array([(model.objective or {}).get(variable, 0.0) for variable in variables], float)
 
-    def assign(plan: Vector, duals: Vector | None, objective: float) -> None:
+    def assign(plan: Vector, duals: Vector | None, objective: float, termination: str) -> None:
         for variable, value in zip(variables, plan.tolist(), strict=True):
             variable.varValue = value
         model.assignStatus(pulp.LpStatusOptimal, pulp.LpSolutionIntegerFeasible)
@@ -172,7 +172,7 @@ def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
         return None
 
 
-def _assign(variables: Any, plan: Vector, duals: Any, objective: float) -> None:
+def _assign(variables: Any, plan: Vector, duals: Any, objective: float, termination: str) -> None:
     """Set the values of variables of Pyomo."""
     for variable, value in zip(variables, plan.tolist(), strict=True):
         variable.set_value(value, skip_validation=True)
@@ -226,7 +226,7 @@ def program_of_linopy(model: Any) -> RowProgram:
             for name, part in model.variables.items()
         }
 
-    def assign(plan: Vector, duals: Vector | None, objective: float) -> None:
+    def assign(plan: Vector, duals: Vector | None, objective: float, termination: str) -> None:
         for name, solution in values(plan).items():
             model.variables[name].solution = solution
         model.objective.set_value(objective)
@@ -287,7 +287,7 @@ def program_of_gurobi(model: Any) -> RowProgram:
     for bound in (low, high, side):
         bound[np.abs(bound) >= 1e20] *= np.inf  # as in gurobipy
 
-    def assign(plan: Vector, duals: Vector | None, objective: float) -> None:
+    def assign(plan: Vector, duals: Vector | None, objective: float, termination: str) -> None:
         model.setAttr("Start", variables, plan.tolist())
         model.update()
 

@@ -20,7 +20,7 @@ from ...models.fields import Real
 from ...models.model import Model, as_model
 from ...models.problems import model_type
 from ...models.verification import ROUNDING, TOLERANCE, Verification, stated
-from .enums import Guarantee, Limit, Termination
+from .enums import CLAIMS_NONE, Guarantee, Limit, Termination
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -248,23 +248,26 @@ class Solution(Generic[PlanT]):
     def assign(self) -> None:
         """Set the values of the plan in the object from which the model was made.
 
-        The variables, the multipliers of the constraints and the status of a ``cvxpy.Problem`` are set
-        as by its own ``solve``. Variables of a CasADi ``Opti`` get initial values.
+        The variables, the multipliers of the constraints, the value and the status of a
+        ``cvxpy.Problem`` are set as by its own ``solve``, also if it is infeasible or unbounded. Variables
+        of a CasADi ``Opti`` get initial values.
 
         Raises
         ------
         InvalidData
-            There is no plan, or the model was not made from an object that stores values.
+            There is no plan, unless a ``cvxpy.Problem`` is infeasible or unbounded, or the model was not
+            made from an object that stores values.
         """
-        source = getattr(self._planned("assign"), "source", None)
+        source = getattr(self.source, "source", None)
+        if self.termination not in CLAIMS_NONE or not getattr(source, "ends", False):
+            self._planned("assign")
         if source is None or source.assign is None:
             raise InvalidData(
                 f"assign: model {self.model!r} was not made from an object that stores values; read them "
                 "from the attribute values",
                 field="source",
             )
-        assert self.value is not None
-        source.assign(self.plan, self.duals, self.value)
+        source.assign(self.plan, self.duals, self.value, str(self.termination))
 
     def _planned(self, what: str) -> Any:
         """Return the model of the plan, or raise."""

@@ -253,7 +253,7 @@ def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
             parts[block.name] = np.array(plan[block.slice]).reshape(shape, order="F")
         return parts
 
-    def assign(plan: Vector, duals: Vector | None, objective: float) -> None:
+    def assign(plan: Vector, duals: Vector | None, objective: float, termination: str) -> None:
         opti.set_initial(x, plan)
         if duals is not None and duals.size == opti.lam_g.numel():
             opti.set_initial(opti.lam_g, -duals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Sequence
 from functools import cache
@@ -34,6 +35,13 @@ _KINDS = {
 }
 #: Longest text of a constraint that names its rows.
 _LONGEST = 60
+#: Texts of CVXPY's classes of atoms, and of the functions that its users call.
+_WRITTEN = {
+    "PowerApprox(": "power(",
+    "GeoMeanApprox(": "geo_mean(",
+    "PnormApprox(": "pnorm(",
+    ", None, False)": ")",
+}
 
 
 def program_of_problem(problem: cvxpy.Problem) -> RowProgram:
@@ -59,7 +67,7 @@ def program_of_problem(problem: cvxpy.Problem) -> RowProgram:
         A parameter has no value, the data are not finite, or the problem has no variables.
     UnsupportedFormulation
         The problem is not disciplined convex, or contains a cone or a combination of integers and cones
-        without a program here.
+        without a program here. The message contains the expression or the constraint.
     """
     import cvxpy
 
@@ -80,17 +88,16 @@ def program_of_problem(problem: cvxpy.Problem) -> RowProgram:
             )
     if not problem.is_dcp():
         raise UnsupportedFormulation(
-            f"the problem is not disciplined convex: {_first_violation(problem)}"
+            f"the problem is not disciplined convex: {_first_violation(problem)}{_other_rules(problem)}"
         )
+    _require_cones(problem)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             data, chain, inverse = problem.get_problem_data(_form())
     except (cp.SolverError, cp.error.DCPError, cp.error.DPPError, ValueError) as error:
-        what = "integers together with cones" if problem.is_mixed_integer() else "a cone"
-        raise UnsupportedFormulation(
-            f"the problem has {what} without a program here: {_first_line(error)}"
-        ) from error
+        reason = str(error).strip().partition("\n")[0]
+        raise UnsupportedFormulation(f"CVXPY cannot reduce the problem: {reason}") from error
     return _Standard(problem, data, chain, inverse).program()
 
 
@@ -135,8 +142,29 @@ def _form() -> Any:
     return Form()
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).strip().partition("\n")[0]
+def _require_cones(problem: Any) -> None:
+    """Raise if the objective or a constraint needs a cone without a program here."""
+    import cvxpy
+    from cvxpy.problems.problem_form import ProblemForm
+    from cvxpy.reductions.solvers.solver import expand_cones
+
+    cp: Any = cvxpy
+    form = _form()
+    if form.can_solve(ProblemForm(problem)):
+        return
+    mixed = problem.is_mixed_integer()
+    supported = frozenset(form.MI_SUPPORTED_CONSTRAINTS if mixed else form.SUPPORTED_CONSTRAINTS)
+    for part in (problem.objective, *problem.constraints):
+        alone = (part, []) if part is problem.objective else (cp.Minimize(0), [part])
+        cones = ProblemForm(cp.Problem(*alone)).cones(quad_obj=True).copy()
+        expand_cones(cones, supported)
+        missing = ", ".join(sorted(cone.__name__ for cone in cones - supported))
+        if missing:
+            raise UnsupportedFormulation(
+                f"{_shortened(part)!r} needs cones of the class {missing}, which no program here contains"
+                f"{' together with integers' if mixed else ''}"
+            )
+    raise UnsupportedFormulation("the problem has a combination of cones without a program here")
 
 
 def _first_violation(problem: Any) -> str:
@@ -150,16 +178,25 @@ def _first_violation(problem: Any) -> str:
             if not entry.is_dcp():
                 inner = [argument for argument in entry.args if not argument.is_dcp()]
                 if not inner:
-                    return (
-                        f"{entry.name() if hasattr(entry, 'name') else entry} in {_shortened(part)}"
-                    )
+                    return f"{_shortened(entry)!r} in {_shortened(part)!r}"
                 expressions = inner
-        return _shortened(part)
+        curvatures = [entry.curvature.lower() for entry in part.args if not entry.is_constant()]
+        return f"{_shortened(part)!r}, whose expression is {' and '.join(curvatures)}"
     return "its expressions"
 
 
+def _other_rules(problem: Any) -> str:
+    """Return a hint if the problem follows other rules of CVXPY."""
+    for rules, option in (("quasiconvex", "qcp"), ("geometric", "gp")):
+        if problem.is_dqcp() if option == "qcp" else problem.is_dgp():
+            return f"; it is disciplined {rules}: solve it with problem.solve({option}=True)"
+    return ""
+
+
 def _shortened(part: Any) -> str:
-    text = " ".join(str(part).split())
+    text = re.sub(r"Promote\(([^(),]*), \([^()]*\)\)", r"\1", " ".join(str(part).split()))
+    for name, written in _WRITTEN.items():
+        text = text.replace(name, written)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 
@@ -182,10 +219,14 @@ class _Standard:
         self.constraints = [*last["eq_constr"], *last["other_constr"]]
         self.names = self._names()
 
-    def program(self) -> RowProgram:
-        """Return the program."""
+    @property
+    def _maximises(self) -> bool:
         import cvxpy
 
+        return isinstance(self.problem.objective, cvxpy.Maximize)
+
+    def program(self) -> RowProgram:
+        """Return the program."""
         rows = sp.csr_array(self.data["A"])
         offset = np.asarray(self.data["b"], float)
         cost = np.asarray(self.data["c"], float).reshape(-1)
@@ -206,7 +247,7 @@ class _Standard:
             "offset": float(self.inverse[-1]["offset"]),
             "rows": rows_of,
             "columns": self._columns(cost.size),
-            "maximise": isinstance(self.problem.objective, cvxpy.Maximize),
+            "maximise": self._maximises,
         }
         result: RowProgram
         is_quadratic = hessian is not None and hessian.nnz > 0
@@ -219,7 +260,7 @@ class _Standard:
             result = QuadraticProgram(**shared, hessian=hessian, integral=integral)
         else:
             result = MixedIntegerProgram(**shared, integral=integral)
-        return result.with_source(Source(self.problem, self.values, self.assign))
+        return result.with_source(Source(self.problem, self.values, self.assign, ends=True))
 
     def _indices(self, name: str) -> list[int]:
         return [int(entry[0]) for entry in getattr(self.data["param_prob"].x, name)]
@@ -292,7 +333,6 @@ class _Standard:
 
     def _inverted(self, plan: Vector, duals: Vector | None, objective: float) -> Any:
         """Return the solution of the user's problem in CVXPY's form."""
-        import cvxpy
         from cvxpy.reductions.solution import Solution
         from cvxpy.reductions.solvers import utilities
 
@@ -302,7 +342,7 @@ class _Standard:
             values = utilities.get_dual_values(
                 signed, utilities.extract_dual_value, self.constraints
             )
-        minimised = -objective if isinstance(self.problem.objective, cvxpy.Maximize) else objective
+        minimised = -objective if self._maximises else objective
         variable = self.inverse[-1]["var_id"]
         solution = Solution("optimal", minimised, {variable: np.array(plan)}, values, {})
         for reduction, entry in zip(
@@ -316,9 +356,22 @@ class _Standard:
         solution = self._inverted(plan, None, 0.0)
         return {v.name(): solution.primal_vars[v.id] for v in self.problem.variables()}
 
-    def assign(self, plan: Vector, duals: Vector | None, objective: float) -> None:
-        """Set the variables, the dual values of the constraints, and the value of the problem."""
-        self.problem.unpack(self._inverted(plan, duals, objective))
+    def assign(
+        self, plan: Vector | None, duals: Vector | None, objective: float | None, termination: str
+    ) -> None:
+        """Set the variables, the dual values of the constraints, the value and the status of the problem.
+
+        Without a plan, the variables are None, and the value is infinite as CVXPY's own.
+        """
+        from cvxpy.reductions.solution import failure_solution
+
+        if plan is not None and objective is not None:
+            solution = self._inverted(plan, duals, objective)
+            solution.status = "optimal" if termination == "optimal" else "user_limit"
+        else:
+            solution = failure_solution(termination)
+            solution.opt_val *= -1.0 if self._maximises else 1.0
+        self.problem.unpack(solution)
 
 
 def _runs(sizes: Sequence[int], kind: str) -> list[tuple[int, int]]:

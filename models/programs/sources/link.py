@@ -26,14 +26,19 @@ class Source:
     values : callable
         Function from a column vector to the values of the object's variables by name.
     assign : callable, optional
-        Function ``(plan, duals, objective)`` that sets the values of the object's variables and
-        multipliers. `plan` is the column vector, `duals` the row multipliers or None, and `objective` the
-        objective in the sense of the object. None if the object stores no values.
+        Function ``(plan, duals, objective, termination)`` that sets the values of the object's variables
+        and multipliers. `plan` is the column vector, `duals` the row multipliers or None, `objective` the
+        objective in the sense of the object, and `termination` the status, such as ``"optimal"``. None
+        if the object stores no values.
+    ends : bool
+        Whether `assign` also stores that the program is infeasible or unbounded, with None for `plan`,
+        `duals` and `objective`. False by default.
     """
 
     origin: Any
     values: Callable[[Vector], Mapping[str, Any]]
-    assign: Callable[[Vector, Vector | None, float], None] | None = None
+    assign: Callable[..., None] | None = None
+    ends: bool = False
 
 
 def named_values(values: Mapping[str, Any], *, by_size: bool = True) -> list[tuple[str, Any]]:
