@@ -31,6 +31,8 @@ CANCELLED = 1e-12
 #: Smallest excess of a proof, and smallest decrease along a direction, in their natural units: 14 times
 #: the ``2 sqrt(2 CANCELLED)`` of the hyperbola above.
 MARGIN = 4e-5
+#: Coefficients below this, relative to their row or cone, are no rounding errors of larger ones.
+NEGLIGIBLE = 1e-30
 #: Largest number of alternating projections. A few suffice if the intersection has an interior;
 #: otherwise hundreds do not.
 ROUNDS = 50
@@ -88,11 +90,9 @@ def recedes(program: ConicProgram, direction: Vector) -> bool:
     d = unit(direction)
     parts = [program.hessian, program.matrix, sp.eye_array(program.size), program.cone_matrix]
     stack = sp.vstack(parts, format="csr")
-    noise = CANCELLED * abs(stack).sum(axis=1)
-    for block in program.cones:
-        # Rows of constants have no noise of their own; the largest of the cone applies to all.
-        rows = block.of(noise[noise.size - program.cone_offset.size :])
-        rows[:] = rows.max(axis=1, keepdims=True)
+    largest = _shared(program, abs(stack).max(axis=1).toarray().ravel())
+    stack = sp.diags_array(1.0 / np.where(largest >= 1e-300, largest, 1.0)) @ stack
+    noise = _shared(program, CANCELLED * abs(stack).sum(axis=1))
     for _ in range(ROUNDS):
         move = stack @ d
         off = move - _recession(program, move)
@@ -101,6 +101,9 @@ def recedes(program: ConicProgram, direction: Vector) -> bool:
         d = unit(d - least(stack, off))
     else:
         return False
+    entries = sp.coo_array(stack)
+    if (np.abs(entries.data[np.abs(d[entries.coords[1]]) > CANCELLED]) < NEGLIGIBLE).any():
+        return False  # a bound far away, not a rounding error
     steepest = float(np.abs(program.cost).max(initial=0.0))
     return bool(program.cost @ d < -MARGIN * max(steepest, 1e-300))
 
@@ -246,6 +249,18 @@ def _cancelled_ray(program: ConicProgram, flat: QuadraticProgram, ray: Vector) -
         block = flat.matrix[:, np.flatnonzero(unbounded)].T
         y = program.signed(y - least(block, pull[unbounded]))
     return y
+
+
+def _shared(program: ConicProgram, sizes: Vector) -> Vector:
+    """Return sizes of stacked rows with the largest one of each cone for all of its rows.
+
+    Rows of constants have no size of their own.
+    """
+    result = sizes.copy()
+    for block in program.cones:
+        rows = block.of(result[result.size - program.cone_offset.size :])
+        rows[:] = rows.max(axis=1, keepdims=True)
+    return result
 
 
 def _recession(program: ConicProgram, move: Vector) -> Vector:

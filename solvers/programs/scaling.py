@@ -52,7 +52,7 @@ class Scaling:
 
     @classmethod
     def of(cls, program: MixedIntegerProgram | QuadraticProgram) -> Scaling | None:
-        """Return the scaling of `program`; None if its data need no scaling."""
+        """Return the scaling of `program`; None if its data need none, or range beyond that of floats."""
         integral = np.zeros(program.size, bool) if program.integral is None else program.integral
         entries = abs(program.matrix)
         bounds = _largest(program.row_lower, program.row_upper)
@@ -93,18 +93,19 @@ class Scaling:
             return None
         if "hessian" in changed:
             changed["hessian"] = changed["hessian"] / unit
-        scaled = replace(
-            program,
-            cost=program.cost * columns / unit,
-            offset=program.offset / unit,
-            matrix=sp.diags_array(rows) @ program.matrix @ sp.diags_array(columns),
-            row_lower=program.row_lower * rows,
-            row_upper=program.row_upper * rows,
-            column_lower=program.column_lower / columns,
-            column_upper=program.column_upper / columns,
-            **changed,
-        )
-        return cls(scaled, columns, rows, unit)
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            changed |= {
+                "cost": program.cost * columns / unit,
+                "offset": program.offset / unit,
+                "matrix": sp.diags_array(rows) @ program.matrix @ sp.diags_array(columns),
+                "row_lower": program.row_lower * rows,
+                "row_upper": program.row_upper * rows,
+                "column_lower": program.column_lower / columns,
+                "column_upper": program.column_upper / columns,
+            }
+        if not all(_is_intact(getattr(program, name), value) for name, value in changed.items()):
+            return None
+        return cls(replace(program, **changed), columns, rows, unit)
 
     def request(self, request: Request, control: Any) -> Request:
         """Return `request` in the units of the scaled program.
@@ -166,6 +167,14 @@ def _largest(lower: Vector, upper: Vector) -> Vector:
     return np.maximum(*sizes)
 
 
+def _is_intact(before: Any, after: Any) -> bool:
+    """Return True if no number of the data became infinite or 0."""
+    if sp.issparse(before):
+        return after.count_nonzero() == before.nnz and bool(np.isfinite(after.data).all())
+    same = (np.isfinite(before) == np.isfinite(after)) & ((before == 0) == (after == 0))
+    return bool(np.all(same))
+
+
 def _by_block(blocks: Iterable[Block], factors: Vector, counts: NDArray[np.bool_]) -> Vector:
     """Return one power of two per block: the median of the given factors, over the selected rows."""
     powers = np.ones(factors.size)
@@ -186,4 +195,4 @@ def common(magnitude: float) -> float:
     """
     if PLAIN[0] <= magnitude <= PLAIN[1]:
         return 1.0
-    return float(2.0 ** np.clip(np.round(np.log2(magnitude)), -500, 500))
+    return float(2.0 ** np.clip(np.round(np.log2(magnitude)), -1000, 1000))
