@@ -33,6 +33,8 @@ CANCELLED = 1e-12
 MARGIN = 4e-5
 #: Coefficients below this, relative to their row or cone, are no rounding errors of larger ones.
 NEGLIGIBLE = 1e-30
+#: Small multipliers of a ray, relative to the largest one.
+SMALL = 1e-6
 #: Largest number of alternating projections. A few suffice if the intersection has an interior;
 #: otherwise hundreds do not.
 ROUNDS = 50
@@ -40,6 +42,9 @@ ROUNDS = 50
 
 def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -> bool:
     """Return True if the multipliers `ray` prove that no point satisfies rows, bounds and cones.
+
+    The proof may also be `ray` without its small entries, which an interior-point method leaves on rows
+    and cones that the proof does not need.
 
     Parameters
     ----------
@@ -50,6 +55,12 @@ def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -
     center : ndarray, shape (columns,), optional
         Origin of distances, such as the least infeasible point. Default: 0.
     """
+    sizes = _shared(program, np.abs(unit(ray)))
+    candidates = ray, np.where(sizes > SMALL, ray, 0.0)
+    return any(_contradicts(program, candidate, center) for candidate in candidates)
+
+
+def _contradicts(program: ConicProgram, ray: Vector, center: Vector | None) -> bool:
     flat = _flat(program)
     y = _cancelled_ray(program, flat, ray)
     pull, terms = flat.matrix.T @ y, abs(flat.matrix).T @ np.abs(y)
