@@ -353,8 +353,9 @@ class _Standard:
 
     def values(self, plan: Vector) -> dict[str, Any]:
         """Return the values of the variables by name."""
-        solution = self._inverted(plan, None, 0.0)
-        return {v.name(): solution.primal_vars[v.id] for v in self.problem.variables()}
+        parts = self._inverted(plan, None, 0.0).primal_vars
+        dense = {k: part.toarray() if sp.issparse(part) else part for k, part in parts.items()}
+        return {variable.name(): dense[variable.id] for variable in self.problem.variables()}
 
     def assign(
         self, plan: Vector | None, duals: Vector | None, objective: float | None, termination: str
