@@ -449,9 +449,11 @@ class RowProgram(BlockProgram):
 
 def row_sizes(matrix: sp.csr_array, point: Vector, columns: Vector) -> Vector:
     """Return the largest term of each row, at least that of columns of size `columns`, capped at 1."""
-    smallest = _largest(abs(matrix) @ sp.diags_array(columns))
+    sizes = abs(matrix)
+    smallest = _largest(sizes if (columns == 1.0).all() else sizes @ sp.diags_array(columns))
     smallest = np.where(smallest > 0, np.minimum(smallest, 1.0), 1.0)
-    return np.maximum(_largest(abs(matrix * point[None, :])), smallest)
+    sizes.data *= np.abs(point)[sizes.indices]  # the terms
+    return np.maximum(_largest(sizes), smallest)
 
 
 def _largest(terms: sp.csr_array) -> Vector:

@@ -56,9 +56,11 @@ class Scaling:
         integral = np.zeros(program.size, bool) if program.integral is None else program.integral
         entries = abs(program.matrix)
         bounds = _largest(program.row_lower, program.row_upper)
-        whole = entries @ sp.diags_array(integral.astype(float))
         # Magnitude of the right-hand side for the continuous columns of each row.
-        constants = np.maximum(bounds, whole.max(axis=1).toarray().ravel() if whole.nnz else 0.0)
+        constants = bounds
+        if integral.any() and entries.nnz:
+            whole = entries @ sp.diags_array(integral.astype(float))
+            constants = np.maximum(bounds, whole.max(axis=1).toarray().ravel())
         # Bounds that are only rounding errors of 0 have no magnitude.
         constants[constants <= ROUNDING * constants.max(initial=0.0)] = 0.0
         row = np.repeat(np.arange(program.row_count), np.diff(entries.indptr))
