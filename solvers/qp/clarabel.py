@@ -26,8 +26,9 @@ from .settings import POLISH
 
 __all__ = ["Clarabel"]
 
-#: Number of entries above which Clarabel chooses the method of its factorisation.
-LARGE = 50_000
+#: Number of entries above which Clarabel chooses the method of its factorisation, and number above which
+#: the tolerance is ten times larger, which saves one of eleven iterations.
+LARGE, HUGE = 50_000, 500_000
 
 
 class Clarabel(ConvexBackend):
@@ -67,7 +68,8 @@ class Clarabel(ConvexBackend):
         # "auto" also considers supernodal factorisation, which is faster if the factors are dense.
         entries = form.matrix.nnz + program.hessian.nnz
         settings.direct_solve_method = "auto" if entries > LARGE else "qdldl"
-        tolerance = solver_tolerance(request, 1e-12, 1e-8, share=1e-3)
+        share = 1e-2 if entries > HUGE else 1e-3
+        tolerance = solver_tolerance(request, 1e-12, 1e-8, share=share)
         for name in ("tol_feas", "tol_gap_abs", "tol_gap_rel"):
             setattr(settings, name, tolerance)
         for name, value in solver_options(request).items():

@@ -19,7 +19,9 @@ def _x() -> Any:
     return cp.Variable(3, name="x")
 
 
-def _problem(goal: Callable[[Any], Any], rows: Callable[[Any], list[Any]], sense: str = "Minimize") -> Any:
+def _problem(
+    goal: Callable[[Any], Any], rows: Callable[[Any], list[Any]], sense: str = "Minimize"
+) -> Any:
     x = _x()
     return cp.Problem(getattr(cp, sense)(goal(x)), rows(x))
 
@@ -63,7 +65,10 @@ def test_diagnosis_uses_the_names_of_the_user() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: _problem(lambda x: np.nan * x[0], lambda x: [x >= 1]), r"cost\[0\] must be finite"),
+        (
+            lambda: _problem(lambda x: np.nan * x[0], lambda x: [x >= 1]),
+            r"cost\[0\] must be finite",
+        ),
         (lambda: _problem(lambda x: np.inf * x[0], lambda x: [x >= 1]), "finite|infinit|NaN|Inf"),
         (lambda: _problem(lambda x: x[0], lambda x: [np.nan * x >= 1]), "finite|NaN"),
         (lambda: _problem(lambda x: x[0], lambda x: [x >= np.nan]), "nan|NaN"),
@@ -73,7 +78,12 @@ def test_diagnosis_uses_the_names_of_the_user() -> None:
             "parameter q must have a value",
         ),
         (
-            lambda: {"P": np.diag([1.0, -1]), "q": np.zeros(2), "lb": -np.ones(2), "ub": np.ones(2)},
+            lambda: {
+                "P": np.diag([1.0, -1]),
+                "q": np.zeros(2),
+                "lb": -np.ones(2),
+                "ub": np.ones(2),
+            },
             r"hessian\[1, 1\] is -1",
         ),
         (lambda: [1, 2], r"model must be a Model, got \[1, 2\]"),
@@ -87,7 +97,12 @@ def test_names_bad_data(make: Callable[[], Any], message: str) -> None:
 
 def test_nonconvex_quadratic_programs_are_refused() -> None:
     # The 2 x 2 minors with a zero do not show it.
-    data = {"P": np.array([[1.0, 2], [2, 1]]), "q": np.zeros(2), "lb": -np.ones(2), "ub": np.ones(2)}
+    data = {
+        "P": np.array([[1.0, 2], [2, 1]]),
+        "q": np.zeros(2),
+        "lb": -np.ones(2),
+        "ub": np.ones(2),
+    }
     with pytest.raises(CrosstrackError, match="hessian must be positive semidefinite|nonconvex"):
         ct.solve(data)
 
