@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import UnsupportedOption
 from ...models.programs.linear import MixedIntegerProgram
+from ...models.verification import ROUNDING
 from ..contract.backend import Feature, Limit, Option, Request
 from ..programs.attempts import Clock, Ended, Ending
 from .base import ProgramBackend, with_cutoff_row, with_offset_column
@@ -44,6 +45,10 @@ class ScipyMilp(ProgramBackend):
                 f"which scipy.optimize.milp fixes; got {request.tolerance!r}"
             )
         posed = with_offset_column(with_cutoff_row(program, request.cutoff))
+        # With a lower bound of -2.5 of an integer column, the presolve of HiGHS cut off the optimum.
+        low, high, integral = posed.column_lower, posed.column_upper, posed.integral
+        low = np.where(integral, np.ceil(low - ROUNDING), low)
+        high = np.where(integral, np.floor(high + ROUNDING), high)
         options: dict[str, Any] = {
             "mip_rel_gap": request.gap,
             "disp": request.verbose,
@@ -56,7 +61,7 @@ class ScipyMilp(ProgramBackend):
         result = optimize.milp(
             posed.cost,
             integrality=posed.integral.astype(np.int8),
-            bounds=optimize.Bounds(posed.column_lower, posed.column_upper),
+            bounds=optimize.Bounds(low, high),
             constraints=optimize.LinearConstraint(posed.matrix, posed.row_lower, posed.row_upper)
             if posed.row_count
             else None,

@@ -167,6 +167,21 @@ def test_a_bound_far_away_is_no_rounding_error() -> None:
         assert ct.solve(problem, backend).termination not in ("unbounded", "optimal"), backend
 
 
+@pytest.mark.parametrize("backend", ["highs", "scipy", "scip"])
+def test_fractional_bounds_of_integer_columns(backend: str) -> None:
+    # The presolve of HiGHS 1.15 returned -1, 3 with the objective 0.096 for a lower bound of -2.5.
+    pytest.importorskip({"highs": "highspy", "scip": "pyscipopt"}.get(backend, backend))
+    x = cp.Variable(2, integer=True, bounds=[-2.5, 3], name="x")
+    rows = np.array([[0.43149417, -2.12627978], [0.90992122, 0.60596557], [0.83005665, 0.82769834]])
+    limits = np.array([-4.18870582, 1.66659731, 1.95684997])
+    goal = np.array([0.29851447, -0.53500141]) @ x + cp.norm1(x - np.array([0.25, 2.25]))
+    answer = ct.solve(cp.Problem(cp.Minimize(goal), [rows @ x <= limits, cp.sum(x) <= 2]), backend)
+    assert answer.value == pytest.approx(-0.57000282, abs=1e-8)
+    assert answer.values["x"].tolist() == [0, 2]
+    y = cp.Variable(integer=True, bounds=[0.4, 0.6], name="y")
+    assert ct.solve(cp.Problem(cp.Minimize(y)), backend).termination == "infeasible"
+
+
 def test_coefficients_of_one_row_that_no_scaling_reconciles() -> None:
     problem = _problem(lambda x: x[0] + x[1], lambda x: [1e300 * x[0] + 1e-300 * x[1] >= 1, x >= 0])
     answer = ct.solve(problem)
