@@ -24,6 +24,10 @@ __all__ = ["program_of_arrays", "program_of_qpsolvers"]
 
 Vector = NDArray[np.float64]
 
+#: Magnitude from which bounds in OSQP's convention are infinite. Files of the Maros-Meszaros set contain
+#: 9.99e19, because rows with infinite bounds of 1e20 were shifted by constants.
+OSQP_INFINITY = 9e19
+
 #: Names of arrays that identify each convention, all names it knows, and its objective vector.
 _CONVENTIONS: dict[str, tuple[frozenset[str], frozenset[str]]] = {
     "scipy.optimize.milp": (
@@ -56,7 +60,7 @@ def program_of_arrays(arrays: Any) -> RowProgram:
         - ``scipy.optimize.milp``: ``c``, ``constraints``, ``bounds``, ``integrality``, with
           ``LinearConstraint`` and ``Bounds``. Columns are non-negative without `bounds`.
         - OSQP: ``P``, ``q``, ``A``, ``l``, ``u``, and the constant ``r`` of the objective; bounds of
-          magnitude 1e20 or more are infinite.
+          magnitude 9e19 or more are infinite.
         - qpsolvers: ``P``, ``q``, ``G``, ``h``, ``A``, ``b``, ``lb``, ``ub``.
 
     Returns
@@ -269,7 +273,8 @@ def _of_osqp(content: Mapping[str, Any]) -> RowProgram:
     rows = _Rows(cost.size)
     low = _vector("l", content["l"], body.shape[0], infinity=-1)
     high = _vector("u", content["u"], body.shape[0], infinity=1)
-    rows.add("A", body, np.where(low <= -1e20, -np.inf, low), np.where(high >= 1e20, np.inf, high))
+    low = np.where(low <= -OSQP_INFINITY, -np.inf, low)
+    rows.add("A", body, low, np.where(high >= OSQP_INFINITY, np.inf, high))
     offset = float(_vector("r", np.ravel(content.get("r", 0.0)), 1)[0])
     return _quadratic(
         content, cost, rows, np.full(cost.size, -np.inf), np.full(cost.size, np.inf), offset
