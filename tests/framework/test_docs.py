@@ -32,7 +32,7 @@ SLOW = {
         "plot_messenger.py",
     ),
     *("plot_fleet_mission.py", "plot_own_control_problem.py", "plot_satellite_slew.py"),
-    *("plot_sideslip.py", "plot_times_by_black_box.py"),
+    *("plot_own_program.py", "plot_sideslip.py", "plot_times_by_black_box.py"),
     *(
         "attractor.md",
         "black-box.md",
