@@ -1,0 +1,56 @@
+"""Objectives of public programs: two independent solvers agree, and both equal the recorded value.
+
+``tests/benchmarks/programs/public_sets.py references`` wrote the values.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import crosstrack as ct
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT.parent / "shared" / "data" / "programs"
+REFERENCES = json.loads(Path(__file__).with_name("public_objectives.json").read_text("utf-8"))
+#: Relative difference up to which objectives are equal.
+EQUAL = 1e-6
+
+
+def path_of(name):
+    path = DATA / ("qp" if name.endswith(".mat") else "mps") / name
+    if not path.is_file():
+        pytest.skip(f"the public file {name} is not in ../shared/data")
+    return path
+
+
+def test_every_program_has_two_solvers_or_an_explanation():
+    assert len(REFERENCES) == 96
+    for name, entry in REFERENCES.items():
+        assert len(entry["solvers"]) > 1 or entry["note"], name
+
+
+def test_references_cover_the_public_files():
+    if not DATA.is_dir():
+        pytest.skip("the public programs are not in ../shared/data")
+    files = {path.name for path in [*DATA.glob("qp/*.mat"), *DATA.glob("mps/*.mps")]}
+    assert files == REFERENCES.keys()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REFERENCES)
+def test_two_solvers_return_the_recorded_objective(name):
+    entry = REFERENCES[name]
+    program = ct.load(path_of(name))
+    limits = {"time_limit": 120, "tolerance": 1e-9, "gap": 1e-9, "isolate": True}
+    for solver in entry["solvers"][:2]:
+        if solver == "scipy":  # its tolerance is fixed
+            limits |= {"tolerance": 1e-6, "gap": 1e-9}
+        answer = ct.solve(program, solver, **limits)
+        if entry.get("infeasible"):
+            assert answer.termination == "infeasible"
+            continue
+        assert answer.termination == "optimal"
+        size = max(1.0, abs(entry["value"]))
+        assert abs(answer.value - entry["value"]) <= EQUAL * size
+        assert answer.bound <= entry["value"] + EQUAL * size
