@@ -42,6 +42,7 @@ SLOW = {
         "guided-path.md",
     ),
     *("cluster.md", "messenger.md", "optimal-control.md", "satellite-slew.md", "sideslip.md"),
+    *("program-files.md", "pyomo-pulp.md"),
 }
 
 

@@ -24,7 +24,7 @@ __all__ = ["program_of_arrays", "program_of_qpsolvers"]
 
 Vector = NDArray[np.float64]
 
-#: Magnitude from which bounds in OSQP's convention are infinite. Files of the Maros-Meszaros set contain
+#: Smallest magnitude of infinite bounds in OSQP's convention. Files of the Maros-Meszaros set contain
 #: 9.99e19, because rows with infinite bounds of 1e20 were shifted by constants.
 OSQP_INFINITY = 9e19
 
