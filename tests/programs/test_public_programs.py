@@ -56,3 +56,11 @@ def test_two_solvers_return_the_recorded_objective(name):
         size = max(1.0, abs(entry["value"]))
         assert abs(answer.value - entry["value"]) <= EQUAL * size
         assert answer.bound <= entry["value"] + EQUAL * size
+
+
+def test_bounds_that_a_constant_shifted_from_1e20_are_infinite():
+    """Four of the Maros-Meszaros files contain such bounds, which solvers would take as finite."""
+    bounds = {"l": [-1e20, -9.999999999999662e19], "u": [9.999999999999997e19, 1.0]}
+    program = ct.load({"q": [1.0, 1.0], "A": [[1.0, 0.0], [0.0, 1.0]], **bounds})
+    assert program.row_lower.tolist() == [-float("inf")] * 2
+    assert program.row_upper.tolist() == [float("inf"), 1.0]
