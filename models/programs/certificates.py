@@ -39,7 +39,8 @@ __all__ = [
 
 Vector = NDArray[np.float64]
 
-#: Loss of a safe bound against a solver's bound that is accepted for its proof, relative.
+#: Loss of a safe bound against a solver's bound that is accepted for its proof, relative to the larger of
+#: the bound and the sum of the terms of the objective.
 CLOSE = 1e-9
 #: Distance of multipliers from the dual cones that is due to rounding, relative to the largest.
 IN_CONE = 1e-9
@@ -209,7 +210,8 @@ def proven(
     """
     if duals is not None and is_convex(program):
         safe = safe_bound(program, duals, plan, quick=True)
-        least = bound - CLOSE * max(1.0, abs(bound))
+        terms = 0.0 if plan is None else float(np.abs(program.cost) @ np.abs(plan))
+        least = bound - CLOSE * max(abs(bound), terms)
         if safe >= least:
             return safe, str(Proof.SAFE)
         exact = rational_bound(program, duals, plan) if program.matrix.nnz <= QUICK else None

@@ -84,7 +84,7 @@ def test_diagnosis_uses_the_names_of_the_user() -> None:
                 "lb": -np.ones(2),
                 "ub": np.ones(2),
             },
-            r"hessian\[1, 1\] is -1",
+            r"P\[1, 1\] is -1",
         ),
         (lambda: [1, 2], r"model must be a Model, got \[1, 2\]"),
     ],
@@ -103,7 +103,7 @@ def test_nonconvex_quadratic_programs_are_refused() -> None:
         "lb": -np.ones(2),
         "ub": np.ones(2),
     }
-    with pytest.raises(CrosstrackError, match="hessian must be positive semidefinite"):
+    with pytest.raises(CrosstrackError, match="P must be positive semidefinite"):
         ct.solve(data)
 
 

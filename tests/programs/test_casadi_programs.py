@@ -159,7 +159,7 @@ def test_opti_integers_and_assignment() -> None:
     assert program.integral is not None
     assert program.integral.tolist() == [False] * 4 + [True]
     assert program.source is not None and program.source.assign is not None
-    program.source.assign(np.array([5.0, 6, 7, 8, 9]), np.array([1.0, 2, 3]), 0.0)
+    program.source.assign(np.array([5.0, 6, 7, 8, 9]), np.array([1.0, 2, 3]), 0.0, "optimal")
     assert opti.value(x, opti.initial()).tolist() == [[5, 7], [6, 8]]
     assert opti.value(y, opti.initial()) == 9
     assert opti.value(opti.lam_g, opti.initial()).tolist() == [-1, -2, -3]

@@ -34,7 +34,7 @@ def test_random_programs_keep_their_optimum_and_names(library: str) -> None:
         values = program.values_of(plan)
         assert set(names) <= set(values)
         assert program.source is not None and program.source.assign is not None
-        program.source.assign(plan, None, optimum)
+        program.source.assign(plan, None, optimum, "optimal")
         point = read()
         given = np.concatenate([np.ravel(values[name]) for name in names])
         assert sorted(point) == sorted(given)
@@ -158,7 +158,7 @@ def _agree(pyo: Any, model: Any, objective: Any, rows: dict[str, Any]) -> Any:
     names = [program.row_name(k).removeprefix("row ") for k in range(program.row_count)]
     assert sorted(names) == sorted(rows)
     for point in np.random.default_rng(0).uniform(0.5, 3, (3, program.size)):
-        program.source.assign(point, None, 0.0)
+        program.source.assign(point, None, 0.0, "optimal")
         assert -program.objective(point) == pytest.approx(pyo.value(objective))
         values = (
             program.values(point)[1]
@@ -337,7 +337,7 @@ def test_linopy_arrays_masks_scaling_and_refusals() -> None:
     plan = np.array([1.0, 2.0, 3.0, 1.5])
     assert -program.objective(plan) == 4.5 - 2.25
     assert program.source is not None and program.source.assign is not None
-    program.source.assign(plan, None, 2.25)
+    program.source.assign(plan, None, 2.25, "optimal")
     assert np.array_equal(x.solution.values, [[1, np.nan], [2, 3]], equal_nan=True)
     assert y.solution.item() == 1.5 and model.objective.value == 2.25
     with pytest.raises(InvalidData, match=r"model must be a linopy.Model, got"):
