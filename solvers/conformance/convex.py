@@ -139,7 +139,7 @@ def quadratic_limit_cases() -> tuple[Case, ...]:
 
 def conic_limit_cases() -> tuple[Case, ...]:
     """Return the cases. Columns, cones and the rows of a cone are dense."""
-    return _cases("conic", _conic(160, 40, 16), _conic(24, 6, 8))
+    return _cases("conic", _conic(240, 60, 16), _conic(24, 6, 8))
 
 
 def _cases(kind: str, large: Posed, small: Posed) -> tuple[Case, ...]:

@@ -89,7 +89,7 @@ def test_reads_boxes_and_integers_of_mixed_files(tmp_path):
 def test_reads_the_example_of_the_cbf_specification(tmp_path):
     program = read(tmp_path, SDP, ".cbf")
     assert isinstance(program, ConicProgram)
-    assert program.describe() == "2 rows, 9 columns, 1 semidefinite, 1 second-order cones"
+    assert program.outline() == "2 rows, 9 columns, 1 semidefinite, 1 second-order cones"
     assert_same_cbf(program, SDP)
     matrix, x = cp.Variable((3, 3), PSD=True), cp.Variable(3)
     weights = np.array([[2, 1, 0], [1, 2, 1], [0, 1, 2]])
