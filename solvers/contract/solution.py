@@ -424,6 +424,8 @@ class Solution(Generic[PlanT]):
         from ..report.tables import solutions_table, values_parts, verification_table
 
         parts: list[Any] = [solutions_table([self], self.instance)]
+        if self.proof:
+            parts.append(f"proof: {self.proof}")
         if isinstance(self.plan, np.ndarray) and model_type(self.model).has_variables:
             parts += values_parts(self._planned("values").details(self.plan))
         elif self.plan is not None:
