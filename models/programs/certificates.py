@@ -11,13 +11,11 @@ import sys
 from dataclasses import replace
 from enum import StrEnum
 from fractions import Fraction
-from typing import TypeGuard
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .base import Program, row_sizes
 from .conic import ConicProgram
@@ -28,7 +26,6 @@ __all__ = [
     "Proof",
     "exact_products",
     "exact_verification",
-    "is_convex",
     "proven",
     "rational_bound",
     "rounded_down",
@@ -92,10 +89,12 @@ def rational_bound(
     Returns
     -------
     Fraction or None
-        The bound; None if a reduced cost has a sign that an infinite bound does not allow, if the
+        The bound; None if a Hessian is not proven to be positive semidefinite, if a reduced cost has a sign that an infinite bound does not allow, if the
         denominators are too different for fast arithmetic, or if the arrays have another shape or are
         not finite.
     """
+    if isinstance(program, QuadraticProgram) and not (program._least_curvature >= 0).all():
+        return None
     y = simple_fractions(duals, program.row_count, largest)
     p = simple_fractions(np.zeros(program.size) if point is None else point, program.size, largest)
     if y is None or p is None:
@@ -169,24 +168,6 @@ def exact_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fractio
     ]
 
 
-def is_convex(program: Program) -> TypeGuard[MixedIntegerProgram | QuadraticProgram]:
-    """Return True for a mixed-integer program, and for a quadratic one whose Hessian is convex.
-
-    A tangent of a nonconvex objective is no lower bound; see :meth:`.QuadraticProgram.require_convex`.
-
-    Parameters
-    ----------
-    program : Program
-        The program.
-    """
-    if isinstance(program, QuadraticProgram):
-        try:
-            program.require_convex()
-        except InvalidData:
-            return False
-    return isinstance(program, MixedIntegerProgram | QuadraticProgram)
-
-
 def proven(
     program: Program, bound: float, duals: Vector | None, plan: Vector | None
 ) -> tuple[float, str]:
@@ -208,7 +189,7 @@ def proven(
     float, str
         The bound and a value of :class:`Proof`.
     """
-    if duals is not None and is_convex(program):
+    if duals is not None and isinstance(program, MixedIntegerProgram | QuadraticProgram):
         safe = safe_bound(program, duals, plan, quick=True)
         terms = 0.0 if plan is None else float(np.abs(program.cost) @ np.abs(plan))
         least = bound - CLOSE * max(abs(bound), terms)

@@ -7,6 +7,7 @@ vector. Backends for programs therefore also solve programs without a paper.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from ..fields import Array, Optional, Real, declared
 from ..verification import TOLERANCE, Verification
 from .base import BlockProgram, Program, RowProgram
 from .blocks import Block, Blocks, Sparse
+from .curvature import CURVATURE, LARGEST_DENSE, least_curvature
 from .nonlinear import NonlinearProgram
 
 if TYPE_CHECKING:
@@ -34,11 +36,6 @@ __all__ = [
 ]
 
 Vector = NDArray[np.float64]
-
-#: Negative curvature, relative to the largest entry of the Hessian, that is due to rounding.
-CURVATURE = 1e-9
-#: Largest order of a Hessian whose eigenvalues are computed.
-LARGEST_DENSE = 2000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -273,6 +270,11 @@ class QuadraticProgram(RowProgram):
             "a nonlinear one, such as a mapping of CasADi expressions",
             field="hessian",
         )
+
+    @cached_property
+    def _least_curvature(self) -> Vector:
+        """Proven lower bounds on the curvature; see :func:`.least_curvature`."""
+        return least_curvature(self.hessian)
 
     def relaxed(self) -> QuadraticProgram:
         """Return the program without the condition of integers."""

@@ -53,8 +53,9 @@ def safe_bound(
     exactly 0: the multipliers of as many rows are enclosed in intervals that contain such multipliers.
 
     For a quadratic program the objective is first replaced by its tangent at `point`, which is below the
-    objective if the Hessian is positive semidefinite. The caller guarantees that, see
-    :meth:`.QuadraticProgram.require_convex`.
+    objective if the Hessian is positive semidefinite. If that is not proven, for example because the
+    Hessian was rounded, the largest possible negative curvature is subtracted, which needs bounds of the
+    columns.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ class _Lagrangian:
     constant : float
         Lower bound on the constant.
     point, curvature : ndarray, shape (n,)
-        The objective is above the linear function by at least ``curvature * (x - point)**2 / 2``.
+        The objective is above the linear function by at least ``curvature @ (x - point)**2 / 2``.
     effort : float
         Largest number of operations of a dense factorisation.
     """
@@ -126,8 +127,7 @@ class _Lagrangian:
             return cls(program, Interval(cost, cost), program.offset, p, flat, effort)
         hessian = program.hessian
         bent, error = sums(hessian, p)
-        skew = bool((hessian != hessian.T).nnz)
-        if skew:  # x H x contains the symmetric part only
+        if (hessian != hessian.T).nnz:  # x H x contains the symmetric part only
             other, more = sums(hessian.T, p)
             bent = 0.5 * (bent + other)
             error = np.maximum(error, more) + ROUNDOFF * np.abs(bent) + TINY
@@ -135,11 +135,7 @@ class _Lagrangian:
         spread = 0.5 * float(np.abs(p) @ error) + 2 * ROUNDOFF * float(np.abs(products).sum())
         spread = SLACK * spread + p.size * TINY
         constant = total(np.concatenate([[program.offset, -spread], -products]))
-        # A matrix with a dominant diagonal is at least the diagonal matrix of its excesses.
-        diagonal = hessian.diagonal()
-        excess = difference(2.0 * diagonal, *sums(abs(hessian), np.ones(p.size))).low
-        excess = np.where(np.diff(hessian.indptr) <= 1, diagonal, excess)
-        curvature = flat if skew or (excess < 0).any() else excess
+        curvature = program._least_curvature
         return cls(program, difference(cost, -bent, error), constant, p, curvature, effort)
 
     def bound(self, y: Vector) -> float:
@@ -155,6 +151,8 @@ class _Lagrangian:
         implied = _implied(program, limits, weak)
         trial = self.value(multipliers, reduced, implied)
         best = trial.bound
+        if np.isneginf(trial.columns[self.curvature < 0]).any():
+            return best
         for attempt in range(QUICK_ATTEMPTS if self.effort == QUICK else ATTEMPTS):
             if math.isfinite(best) and self.loss(trial, weak) <= LOSS * max(1.0, abs(best)):
                 break
@@ -193,6 +191,12 @@ class _Lagrangian:
             fall = 0.5 * SLACK * steepest * (steepest / self.curvature[curved]) + TINY
             lowest = np.nextafter(smallest(part, Interval(at, at)) - fall, -np.inf)
             columns[curved] = np.fmax(columns[curved], lowest)
+        concave = self.curvature < 0
+        if concave.any():
+            at, low, high = self.point[concave], limits.low[concave], limits.high[concave]
+            distance = SLACK * np.maximum(np.abs(low - at), np.abs(high - at))
+            loss = 0.5 * SLACK * distance * (distance * -self.curvature[concave]) + TINY
+            columns[concave] = np.nextafter(columns[concave] - loss, -np.inf)
         bound = total(np.concatenate([[self.constant], rows, columns]))
         return _Value(bound, reduced, columns)
 

@@ -11,7 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...models.programs.linear import CURVATURE, MixedIntegerProgram, QuadraticProgram
+from ...models.programs.curvature import CURVATURE
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..contract.backend import Feature, Limit, Option, Request
 from ..programs.attempts import (
     Clock,

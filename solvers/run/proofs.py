@@ -22,7 +22,6 @@ from ...models.programs.certificates import (
     Proof,
     exact_products,
     exact_verification,
-    is_convex,
     rational_bound,
     rounded_down,
     safe_bound,
@@ -144,9 +143,7 @@ def verify_exactly(model: Any, plan: Any, duals: Vector | None, tolerance: float
             "verified in rational arithmetic; pass exact=False"
         )
     verification = exact_verification(model, plan, tolerance)
-    result = None
-    if duals is not None and is_convex(model):
-        result = prove_bound(model, duals, plan)
+    result = None if duals is None else prove_bound(model, duals, plan)
     if result is None:
         return verification
     return replace(verification, bound=result[0], proof=result[1])

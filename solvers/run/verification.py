@@ -43,8 +43,7 @@ def verify(
     exact : bool
         Whether to evaluate the rows, bounds and objective of a mixed-integer or quadratic program in
         rational arithmetic. If the plan is a solution with multipliers, a bound on the objective is proven
-        as well, in rational arithmetic or with all rounding errors bounded; the Hessian must then be
-        positive semidefinite.
+        as well, in rational arithmetic or with all rounding errors bounded.
 
     Returns
     -------

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from small import INF, exact, linear, pairs, times
 
 import crosstrack as ct
-from crosstrack.models.programs import intervals, safe_bounds
+from crosstrack.models.programs import curvature, intervals, safe_bounds
 from crosstrack.models.programs.certificates import (
     Proof,
     exact_verification,
@@ -339,6 +339,59 @@ def test_a_nonconvex_program_has_no_safe_bound():
     )
     wrong = replace(solution, duals=np.zeros(1), plan=np.zeros(2))
     assert ct.verify(program, wrong, exact=True).bound is None
+
+
+@pytest.mark.parametrize("box", [1e3, 1e6, INF])
+def test_curvature_below_0_within_the_tolerance_of_conversions_enters_the_bound(box):
+    # The eigenvalue along (1, -1) is -9e-10: require_convex accepts it as rounding.
+    hessian = sp.csr_array(np.array([[1.0, 1 + 9e-10], [1 + 9e-10, 1.0]]))
+    fields = linear([0.0, 0.0], np.zeros((0, 2)), 0, 0, -box, box).shared()
+    program = QuadraticProgram(hessian=hessian, **fields)
+    program.require_convex()
+    bound = safe_bound(program, np.zeros(0), np.zeros(2))
+    point = np.array([1.0, -1.0]) * min(box, 1e9)
+    lowest = exact_verification(program, point).objective
+    assert bound <= lowest < 0
+    assert box == INF or bound >= 2 * lowest
+    assert rational_bound(program, np.zeros(0), np.zeros(2)) is None
+    assert program.proven(0.0, np.zeros(0), np.zeros(2)) == (0.0, "solver's bound")
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("lowest", [1e-3, 0.0, -1e-12, -1.0])
+def test_the_least_curvature_is_below_that_of_every_direction(monkeypatch, sparse, lowest):
+    if sparse:
+        monkeypatch.setattr(curvature, "LARGEST_DENSE", 0)
+    draw, proven = np.random.default_rng(9), Counter()
+    for _ in range(30):
+        size = int(draw.integers(2, 25))
+        turn = np.linalg.qr(draw.standard_normal((size, size)))[0]
+        values = np.append(lowest, draw.random(size - 1) + max(lowest, 0.0))
+        scales = 2.0 ** draw.integers(-20, 20, size)
+        matrix = scales[:, None] * (turn * values @ turn.T) * scales
+        matrix = 0.5 * (matrix + matrix.T)
+        least = curvature.least_curvature(sp.csr_array(matrix))
+        proven["convex"] += (least >= 0).all()
+        proven["none"] += np.isneginf(least).any()
+        if np.isneginf(least).any():
+            continue
+        for x in ((turn / scales[:, None]).T, draw.standard_normal((3, size))):
+            for entry in x:
+                values = exact(entry)
+                product = times(sp.csr_array(matrix), values)
+                excess = sum(v * w for v, w in zip(values, product, strict=True))
+                assert excess >= sum(
+                    Fraction(d) * v**2 for d, v in zip(least.tolist(), values, strict=True)
+                )
+    assert proven["convex"] == (30 if lowest > 0 else 0) or lowest == 0
+    assert proven["none"] == (30 if lowest == -1.0 else 0)
+
+
+def test_a_singular_hessian_of_integers_is_convex_exactly():
+    root = np.array([[1.0, 2.0], [3.0, -1.0], [2.0, 2.0], [0.0, 0.0]])
+    assert (curvature.least_curvature(sp.csr_array(root @ root.T)) >= 0).all()
+    assert (curvature.least_curvature(sp.csr_array([[1.0, 1.0], [1.0, 1 - 2**-53]])) < 0).any()
+    assert np.isneginf(curvature.least_curvature(sp.csr_array([[0.0, 1.0], [1.0, 9.0]]))).all()
 
 
 def test_simple_fractions_refuse_long_denominators_and_what_is_not_finite():
