@@ -85,7 +85,8 @@ def _deficit(matrix: sp.csr_array) -> float:
         # Adding the shift rounds the diagonal once more.
         error += rounding + 2.0 * ROUNDOFF * float(np.abs(shifted.diagonal()).max())
         if error < np.inf:
-            return max(0.0, SLACK * (shift + error) if shift > 0 else shift + SLACK * error)
+            least = shift + SLACK * error
+            return float(max(0.0, least + ROUNDOFF * abs(least)))
     return np.inf
 
 
@@ -104,7 +105,8 @@ def _factor_error(matrix: sp.csr_array) -> float | None:
             return np.inf
         # Rump 2006, theorem 2.3, with the trace of the matrix.
         share = (size + 2) * ROUNDOFF
-        return SLACK * share / (1.0 - 2.0 * share) * float(matrix.trace()) + size**2 * TINY
+        error = SLACK * share / (1.0 - 2.0 * share) * float(matrix.trace()) + size * size * TINY
+        return float(error)
     try:
         factors = splu(
             sp.csc_array(matrix), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
