@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..verification import TOLERANCE, Check, Verification, check_tolerance
+from ..verification import TOLERANCE, Verification, check_tolerance
 from .base import Program, row_sizes
 from .conic import ConicProgram
 from .linear import MixedIntegerProgram, QuadraticProgram
@@ -31,13 +31,14 @@ __all__ = [
     "rounded_down",
     "safe_bound",
     "simple_fractions",
+    "symmetric_products",
     "tightened",
 ]
 
 Vector = NDArray[np.float64]
 
 #: Loss of a safe bound against a solver's bound that is accepted for its proof, relative to the larger of
-#: the bound and the sum of the terms of the objective.
+#: the bound and the sum of the terms of the objective, which counts up to 1.
 CLOSE = 1e-9
 #: Distance of multipliers from the dual cones that is due to rounding, relative to the largest.
 IN_CONE = 1e-9
@@ -102,9 +103,7 @@ def rational_bound(
     cost = [Fraction(entry) for entry in program.cost.tolist()]
     constant = Fraction(program.offset)
     if isinstance(program, QuadraticProgram) and any(p):
-        bent = exact_products(program.hessian, p)
-        other = exact_products(sp.csr_array(program.hessian.T), p)
-        bent = [(left + right) / 2 for left, right in zip(bent, other, strict=True)]
+        bent = symmetric_products(program.hessian, p)
         constant -= sum((x * v for x, v in zip(p, bent, strict=True) if x), Fraction(0)) / 2
         cost = [c + v for c, v in zip(cost, bent, strict=True)]
     pull = exact_products(sp.csr_array(program.matrix.T), y)
@@ -168,6 +167,20 @@ def exact_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fractio
     ]
 
 
+def symmetric_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fraction]:
+    """Return the products of the symmetric part of a matrix, which alone enters ``x @ matrix @ x``.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (n, n)
+        The matrix, in compressed rows.
+    values : list of Fraction
+        The vector, of n entries.
+    """
+    products = exact_products(matrix, values), exact_products(sp.csr_array(matrix.T), values)
+    return [(left + right) / 2 for left, right in zip(*products, strict=True)]
+
+
 def proven(
     program: Program, bound: float, duals: Vector | None, plan: Vector | None
 ) -> tuple[float, str]:
@@ -192,7 +205,7 @@ def proven(
     if duals is not None and isinstance(program, MixedIntegerProgram | QuadraticProgram):
         safe = safe_bound(program, duals, plan, quick=True)
         terms = 0.0 if plan is None else float(np.abs(program.cost) @ np.abs(plan))
-        least = bound - CLOSE * max(abs(bound), terms)
+        least = bound - CLOSE * max(abs(bound), min(terms, 1.0))
         if safe >= least:
             return safe, str(Proof.SAFE)
         exact = rational_bound(program, duals, plan) if program.matrix.nnz <= QUICK else None
@@ -228,6 +241,7 @@ def tightened(program: MixedIntegerProgram, share: float = 1e-9) -> MixedInteger
     return replace(program.relaxed(), cost=program.cost + moved)
 
 
+@np.errstate(all="ignore")  # sizes of terms may overflow
 def exact_verification(
     program: MixedIntegerProgram | QuadraticProgram, plan: Vector, tolerance: float = TOLERANCE
 ) -> Verification:
@@ -275,15 +289,13 @@ def exact_verification(
     ]
     columns = program._column_sizes
     checks = program._checks(
-        point, np.array(rows, float), row_sizes(matrix, point, columns), columns, tolerance,
+        point, np.array([_nearest(row) for row in rows]), row_sizes(matrix, point, columns), columns, tolerance,
         (violations[0].astype(float), violations[1].astype(float)),
     )  # fmt: skip
     if program.integral is not None and program.integral.any():
-        apart = np.array([_up(abs(value - round(value))) for value in values])
-        apart = np.where(program.integral, apart, 0.0)
-        whole = Check.largest("integrality", apart, 1.0, "", program.column_name, tolerance)
-        checks = (*checks, whole)
-    return Verification(float(objective), checks, maximise=program.maximise)
+        # The difference of a float and the nearest integer is exact.
+        checks = (*checks, program._integrality(point, program.integral, tolerance))
+    return Verification(_nearest(objective), checks, maximise=program.maximise)
 
 
 def _excess(number: Fraction, low: float, high: float) -> float:
@@ -291,6 +303,14 @@ def _excess(number: Fraction, low: float, high: float) -> float:
     below = Fraction(low) - number if math.isfinite(low) else Fraction(0)
     above = number - Fraction(high) if math.isfinite(high) else Fraction(0)
     return _up(max(below, above, Fraction(0)))
+
+
+def _nearest(number: Fraction) -> float:
+    """Return the nearest float; an infinite one beyond all floats."""
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf if number > 0 else -math.inf
 
 
 def rounded_down(number: Fraction) -> float:
@@ -301,9 +321,8 @@ def rounded_down(number: Fraction) -> float:
     number : Fraction
         The number.
     """
-    try:
-        result = float(number)
-    except OverflowError:
+    result = _nearest(number)
+    if math.isinf(result):
         return sys.float_info.max if number > 0 else -math.inf
     return result if Fraction(result) <= number else math.nextafter(result, -math.inf)
 

@@ -26,6 +26,7 @@ from ...models.programs.certificates import (
     rounded_down,
     safe_bound,
     simple_fractions,
+    symmetric_products,
     tightened,
 )
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
@@ -330,7 +331,7 @@ def _recedes(program: QuadraticProgram, direction: list[Fraction]) -> bool:
     return (
         _between(direction, *columns)
         and _between(exact_products(program.matrix, direction), *rows)
-        and not any(exact_products(program.hessian, direction))
+        and not any(symmetric_products(program.hessian, direction))
     )
 
 

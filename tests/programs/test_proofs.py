@@ -54,6 +54,13 @@ def test_each_inequality_is_checked_to_the_last_digit(field, entry):
     assert sum(value > 0 for value in worst.values()) == 1
 
 
+def test_exact_verification_of_numbers_beyond_floats():
+    program = linear([1e200], [[1e200]], 0.0, 1.0, -INF, INF)
+    result = ct.verify(program, np.array([1e200]), exact=True)
+    assert not result.ok
+    assert result.checks[0].worst == INF
+
+
 def test_exact_verification_of_integers():
     program = linear([1.0], [[1.0]], 0, 5, 0, 5, integral=True)
     checks = {
@@ -156,6 +163,15 @@ def test_curvature_bounds_a_quadratic_program():
     assert prove_unbounded(curved) is None
 
 
+def test_curvature_of_the_symmetric_part_bounds_a_quadratic_program():
+    # H @ (1, 1) is 0 and (1, 1) @ H is not: from x[0] >= 2 / e the objective rises along (1, 1).
+    e = 2.0**-42
+    hessian = sp.csr_array(np.array([[1 + e, -1 - e], [-1.0, 1.0]]))
+    assert not (hessian @ np.ones(2)).any()
+    rows = linear([-1.0, -1.0], [[1.0, -1.0]], -1.0, 1.0, [8.0 / e, -INF], INF)
+    assert prove_unbounded(QuadraticProgram(hessian=hessian, **rows.shared())) is None
+
+
 @pytest.mark.parametrize(("upper", "termination"), [(2.0, "infeasible"), (INF, "unbounded")])
 def test_solve_states_the_proof(upper, termination):
     program = linear([-1.0, 0.0], [[1, 1], [1, 1]], [3.0, -INF], [INF, upper], 0.0, INF)
@@ -174,6 +190,14 @@ def test_solve_states_a_safe_bound_or_the_solvers():
     assert proof == "safe bound"
     assert program.proven(1.0, np.array([0.5]), np.array([1.0, 0.0])) == (1.0, "solver's bound")
     assert program.proven(1.0, None, None) == (1.0, "solver's bound")
+
+
+def test_terms_that_cancel_do_not_excuse_a_weak_bound():
+    rows = [[1.0, -1.0, 0.0]]
+    program = linear([1e12, -1e12, 1.0], rows, 0.0, 0.0, [1e6, 0, 1], [1e6, INF, INF])
+    y, plan = np.array([1e12]), np.array([1e6, 1e6, 1.0])
+    assert program.proven(1.0, y * (1 + 1e-15), plan) in ((1.0, "solver's bound"), (1.0, "exact"))
+    assert ct.solve(program, "highs", isolate=False).gap == pytest.approx(0.0, abs=1e-9)
 
 
 def _cone():
