@@ -13,8 +13,9 @@ __all__ = ["kind_of_proof", "strongest"]
 RIGOROUS = ("exact", "safe bound")
 #: Solver's bound, and one with which that of another solver agrees.
 CLAIMED, CHECKED = "solver's bound", "solver's bound, cross-checked"
-#: Solvers that backends of other names call by default.
-CALLED = {"ortools": "scip", "qpsolvers": "clarabel", "scipy": "highs"}
+#: Solvers that backends of other names call. Backends with several solvers record theirs in the
+#: statistics or have an option for it.
+CALLED = {"ortools": "scip", "scipy": "highs"}
 
 
 def strongest(proofs: Iterable[str]) -> str:
@@ -49,7 +50,5 @@ def kind_of_proof(best: Solution[Any], near: Sequence[Solution[Any]]) -> str:
 def _solver(solution: Solution[Any]) -> str:
     """Return the name of the solver that a backend calls, which another library may contain."""
     options = solution.options.get("backend_options") or {}
-    default = CALLED.get(solution.backend, solution.backend)
-    if solution.backend == "cvxpy":
-        default = "highs" if solution.model == "mixed-integer-program" else "clarabel"
-    return str(options.get("solver") or options.get("plugin") or default).lower()
+    name = solution.statistics.get("solver") or options.get("solver") or options.get("plugin")
+    return str(name or CALLED.get(solution.backend, solution.backend)).lower()

@@ -215,6 +215,15 @@ def test_multipliers_outside_of_the_dual_cones_are_stated():
     assert program.proven(1.0, np.array([1.0, -1.1]), plan)[1] == str(Proof.MOVED)
 
 
+def test_one_solver_behind_two_backends_is_no_cross_check():
+    program = linear([1.0, 2.0], [[1.0, 1 / 3]], 1.0, INF, 0.0, INF)
+    solution = replace(ct.solve(program, "scipy", isolate=False), proof="solver's bound")
+    scip = replace(solution, backend="scip")
+    for solver, expected in (("SCIP", "solver's bound"), ("HIGHS", str(Proof.CHECKED))):
+        other = replace(solution, backend="cvxpy", statistics={"solver": solver})
+        assert judge("lp", [scip, other], program).proof == expected
+
+
 @pytest.mark.parametrize(
     ("backends", "proofs", "expected"),
     [
