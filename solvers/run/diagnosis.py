@@ -35,6 +35,9 @@ _SHOWN = 12
 _SEARCH = ("time_limit", "memory_limit")
 _FILTER = (*_SEARCH, "tolerance", "gap", "seed", "threads", "verbose", "on_event")
 
+#: Terminations that state whether a program without an objective has a point.
+SETTLED = (Termination.OPTIMAL, Termination.FEASIBLE, Termination.INFEASIBLE)
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -278,7 +281,7 @@ def filtered(
         outcome = solved(candidate.without_rows(dropped)).termination
         if outcome is Termination.INFEASIBLE:
             needed = remaining
-        elif outcome not in (Termination.OPTIMAL, Termination.FEASIBLE):
+        elif outcome not in SETTLED:
             unsure.append(name)
     blocks = [block for block in candidate.conditions if block.name in needed]
     if written is None:
@@ -326,10 +329,16 @@ def _explained(
     """Return the diagnosis of a program whose blocks `needed` exclude every point."""
     dropped = [block.name for block in candidate.conditions if block.name not in needed]
     deadline = time.monotonic() + (math.inf if limits.time_limit is None else limits.time_limit)
+    settled = not unsure
+
+    def infeasible(part: RowProgram) -> bool:
+        nonlocal settled
+        ending = solved(part).termination
+        settled &= ending in SETTLED
+        return ending is Termination.INFEASIBLE
+
     conflict = find_conflict(
-        candidate.without_rows(dropped),
-        lambda part: solved(part).termination is Termination.INFEASIBLE,
-        lambda: time.monotonic() < deadline,
+        candidate.without_rows(dropped), infeasible, lambda: time.monotonic() < deadline
     )
     what = [
         *(["rows"] if conflict.rows else []),
@@ -340,8 +349,8 @@ def _explained(
     summary = f"no plan: no point{whole} satisfies these {' and '.join(what)}"
     summary += (
         ", and without any one of them there is a point"
-        if conflict.irreducible and not unsure
-        else "; a limit ended the reduction, so that some may not be needed"
+        if conflict.irreducible and settled
+        else "; a limit or a failure ended the reduction, so that some may not be needed"
     )
     return Diagnosis(model.name, False, method, summary, tuple(_findings(conflict, unsure)))
 

@@ -322,11 +322,29 @@ def test_a_conflict_that_a_limit_ends_still_excludes_every_point(monkeypatch):
     model = program(matrix, [*[0.5] * 6, -INF], [*[1.0] * 6, 1.0])
     monkeypatch.setattr(conflicts, "MOST", 2)
     diagnosis = ct.diagnose(model)
-    assert "a limit ended the reduction" in diagnosis.summary
+    assert "a limit or a failure ended the reduction" in diagnosis.summary
     assert not feasible(model, *parts_of(diagnosis, model))
     monkeypatch.undo()
     rows = parts_of(ct.diagnose(model), model)[0]
     assert len(rows) == 4 and rows[-1] == 6
+
+
+def test_a_conflict_of_programs_that_a_solver_does_not_settle_is_not_irreducible(monkeypatch):
+    from crosstrack.solvers.contract.enums import Termination
+    from crosstrack.solvers.run import diagnosis as module
+
+    model = program(np.vstack([np.eye(2), np.ones((1, 2))]), [0.5, 0.5, -INF], [9.0, 9.0, 0.5])
+    solve = module.solve
+
+    def unreliable(part, *arguments, **options):
+        answer = solve(part, *arguments, **options)
+        if answer.plan is None or part.row_count == model.row_count:
+            return answer
+        return replace(answer, plan=None, stored_plan=None, termination=Termination.FAILED)
+
+    assert "without any one of them" in ct.diagnose(model).summary
+    monkeypatch.setattr(module, "solve", unreliable)
+    assert "a limit or a failure ended the reduction" in ct.diagnose(model).summary
 
 
 def test_conflicts_name_constraints_of_cvxpy_first():
