@@ -375,6 +375,12 @@ class RowProgram(BlockProgram):
         size = np.maximum(low, high)
         return np.where(size > 0, np.minimum(size, 1.0), 1.0)
 
+    def signed(self, duals: Vector) -> Vector:
+        """Return `duals` with 0 for multipliers of a row bound that does not exist."""
+        y = np.asarray(duals, float)
+        loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
+        return np.where(loose, 0.0, y)
+
     def sides(self) -> Iterator[tuple[str, NDArray[np.intp], Vector]]:
         """Yield the equality rows, the rows with lower bounds and the rows with upper bounds.
 

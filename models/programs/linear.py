@@ -308,12 +308,6 @@ class QuadraticProgram(RowProgram):
         )
         return float(np.abs(reduced[loose]).max(initial=0.0))
 
-    def signed(self, duals: Vector) -> Vector:
-        """Return `duals` with 0 for multipliers of a row bound that does not exist."""
-        y = np.asarray(duals, float)
-        loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
-        return np.where(loose, 0.0, y)
-
     def dual_bound(self, duals: Vector, point: Vector) -> float:
         """Return the lower bound that row multipliers prove (Dorn's dual at `point`).
 

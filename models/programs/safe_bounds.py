@@ -83,13 +83,7 @@ def safe_bound(
         return -math.inf
     with np.errstate(all="ignore"):
         lagrangian = _Lagrangian.of(program, p, QUICK if quick else THOROUGH)
-        return lagrangian.bound(_signed(program, y))
-
-
-def _signed(program: RowProgram, y: Vector) -> Vector:
-    """Return `y` with 0 for the multipliers of row bounds that do not exist."""
-    loose = np.where(y > 0, ~np.isfinite(program.row_lower), ~np.isfinite(program.row_upper))
-    return np.where(loose, 0.0, y)
+        return lagrangian.bound(program.signed(y))
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +234,7 @@ class _Lagrangian:
         else:
             change = lsqr(scaled, right, atol=0.0, btol=1e-4, conlim=0.0, iter_lim=ITERATIONS)[0]
         result[usable] += weights * change
-        return _signed(program, result) if np.isfinite(result).all() else y
+        return program.signed(result) if np.isfinite(result).all() else y
 
 
 class _Value(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
 
 __all__ = ["Conflict", "feasibility", "find_conflict", "quick_explanation", "with_blocks"]
+
+ProgramT = TypeVar("ProgramT", bound=RowProgram)
 
 #: Largest number of programs that :func:`find_conflict` solves. A conflict of k among n entries needs at
 #: most ``2 k log2(n / k) + 2 k``: 400 suffice for 25 rows of 1,000.
@@ -199,7 +201,7 @@ def with_blocks(program: RowProgram) -> RowProgram:
     return replace(program, **changed)
 
 
-def feasibility(program: RowProgram) -> RowProgram:
+def feasibility(program: ProgramT) -> ProgramT:
     """Return `program` with a zero objective, because any feasible point is sufficient."""
     objective: dict[str, Any] = {"cost": program.cost * 0.0, "offset": 0.0}
     if isinstance(program, QuadraticProgram | ConicProgram):

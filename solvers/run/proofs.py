@@ -32,7 +32,8 @@ from ...models.programs.certificates import (
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ...models.verification import Verification
 from ..contract.enums import Termination
-from ..qp.proofs import linear, phase_one, steepest
+from ..qp.proofs import linear, phase_one, receding, steepest
+from .conflicts import feasibility
 
 __all__ = [
     "Certificate",
@@ -194,8 +195,7 @@ def prove_infeasible(program: LinearRows, seconds: float | None = None) -> Certi
         None if nothing is proven.
     """
     begin = time.perf_counter()
-    flat = replace(_quadratic(program), hessian=_empty(program.size), cost=np.zeros(program.size))
-    flat = replace(flat, offset=0.0)
+    flat = _quadratic(feasibility(program))
     crossed = (flat.row_lower > flat.row_upper).any() or (
         flat.column_lower > flat.column_upper
     ).any()
@@ -288,11 +288,8 @@ def _quadratic(program: LinearRows) -> QuadraticProgram:
     """Return the continuous relaxation as a quadratic program."""
     if isinstance(program, QuadraticProgram):
         return program.relaxed()
-    return QuadraticProgram(hessian=_empty(program.size), **program.shared())
-
-
-def _empty(size: int) -> sp.csr_array:
-    return sp.csr_array((size, size))
+    empty = sp.csr_array((program.size, program.size))
+    return QuadraticProgram(hessian=empty, **program.shared())
 
 
 def _affordable(program: LinearRows, seconds: float | None, begin: float) -> bool:
@@ -326,17 +323,15 @@ def _is_feasible(program: LinearRows, point: list[Fraction]) -> bool:
 
 def _recedes(program: QuadraticProgram, direction: list[Fraction]) -> bool:
     """Return True if a direction leaves no row, no bound and has no curvature, exactly."""
-    columns = np.where(np.isfinite([program.column_lower, program.column_upper]), 0.0, _ENDS)
-    rows = np.where(np.isfinite([program.row_lower, program.row_upper]), 0.0, _ENDS)
+
+    def within(values: list[Fraction], low: Vector, high: Vector) -> bool:
+        return _between(values, receding(low, -math.inf), receding(high, math.inf))
+
     return (
-        _between(direction, *columns)
-        and _between(exact_products(program.matrix, direction), *rows)
+        within(direction, program.column_lower, program.column_upper)
+        and within(exact_products(program.matrix, direction), program.row_lower, program.row_upper)
         and not any(symmetric_products(program.hessian, direction))
     )
-
-
-#: Bounds of a direction in place of infinite bounds of points.
-_ENDS = np.array([[-math.inf], [math.inf]])
 
 
 def _between(values: list[Fraction], low: Vector, high: Vector) -> bool:
