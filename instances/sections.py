@@ -34,7 +34,8 @@ class KeywordFile(NamedTuple):
 
         A keyword maps to the allowed first words of its value; without any, every value is allowed.
         """
-        head, sections = dict[str, str](), dict[str, list[list[str]]]()
+        content = cls(path, {}, {})
+        head, sections = content.head, content.sections
         rows: list[list[str]] | None = None
         ended = False
         for line in read_text(path).splitlines():
@@ -72,10 +73,8 @@ class KeywordFile(NamedTuple):
                 raise InvalidData(f"{path}: {word} must be before the sections", field=word.lower())
             else:
                 head[word] = value
-        content = cls(path, head, sections)
-        for word in head:
-            if known[word]:
-                content.require(word, known[word])
+                if known[word]:
+                    content.require(word, known[word])
         return content
 
     def size(self, least: int, most: int) -> int:
