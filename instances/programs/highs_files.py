@@ -52,8 +52,8 @@ def read_mps(path: Path) -> RowProgram:
 def read_lp(path: Path) -> RowProgram:
     """Return the program in a file in LP format; see :func:`read_mps`.
 
-    Refused are ambiguous parts such as constants in rows, ranges of rows, columns that occur only in
-    bounds, and names that start with ``inf`` or ``nan``, which HiGHS reads as numbers.
+    Refused are ambiguous parts such as constants in rows, ranges of rows, names with brackets as
+    Gurobi writes them, and names that start with ``inf`` or ``nan``, which HiGHS reads as numbers.
     """
     from .lp_sections import check_lp
 

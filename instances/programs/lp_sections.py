@@ -3,7 +3,7 @@ r"""Strict check of files in LP format before HiGHS reads them.
 The check allows this grammar, which CPLEX, Gurobi, HiGHS and SCIP read alike::
 
     Minimize | Maximize      [name:] terms, constants and "+ [ quadratic terms ] / 2"
-    Subject To               [name:] terms (<= | >= | =) number
+    Subject To               [name:] terms (<= | >= | =) number; the section may be missing
     Bounds                   number <= x <= number | x (<= | >= | =) number | number <= x | x free
     General, Binary          names
     End
@@ -138,9 +138,8 @@ class _Lp(Scan):
                 require(not self.rest(), f"{contents} are not supported")
                 continue
             require(self.section not in past, "the section occurs twice")
-            first = not past, self.section == "objective"
-            second = len(past) == 1, self.section in ("Subject To", "End")
-            require(first[0] == first[1] and second[0] <= second[1], "the section is out of order")
+            order = {"objective": 0, "Subject To": 1}.get(self.section, max(len(past), 1))
+            require(len(past) == order, "the section is out of order")
             past.add(self.section)
             while self.section != "End" and self.rest():
                 parts[self.section]()
@@ -186,7 +185,11 @@ class _Lp(Scan):
             bracket = self.take(_BRACKET)
             found = bracket or self.expect(_TERM, "a term")
             signs, number, name = (bracket[1], b"", b"") if bracket else found.groups()
-            require(first or signs.strip(), f"expected + or - before {words(word)!r}")
+            if not first and not signs.strip():
+                raise Unread(
+                    f"{words(word)!r} is a part of a name that HiGHS and SCIP cannot read: rename it or use MPS"
+                    if word[:1] == b"[" else f"expected + or - before {words(word)!r}"
+                )  # fmt: skip
             first = False
             if bracket:
                 require(objective, "quadratic constraints are not supported")
@@ -244,7 +247,7 @@ class _Lp(Scan):
         sides += [(second, right)] if right else []
         if len(sides) + bool(free) != 1 and not first == second == b"<=":
             raise Unread("expected a bound such as 0 <= x <= 4, x >= -1 or x free")
-        require(name in self.columns, f"column {words(name)} is in no row and not in the objective")
+        self.columns.add(name)
         for relation, value in [(b">=", b"-inf"), (b"<=", b"inf")] if free else sides:
             number = self.value(value)
             for bounds, other, sign in ((self.lower, b"<=", 1), (self.upper, b">=", -1)):

@@ -166,7 +166,7 @@ class _Mps(Scan):
 
     def row(self, fields: list[bytes]) -> None:
         valid = len(fields) == 2 and fields[0] in (b"N", b"G", b"L", b"E")
-        require(valid, "a row must consist of its type N, G, L or E and its name")
+        require(valid, "a row must consist of its type N, G, L or E and its name without blanks")
         sense, name = fields
         require(name not in self.rows, f"row {words(name)} is defined twice")
         if sense == b"N" and not self.objective:
@@ -176,7 +176,7 @@ class _Mps(Scan):
     def pairs(self, fields: list[bytes], what: str = "row") -> Iterator[tuple[bytes, float]]:
         """Return the one or two pairs of a name and a number."""
         if len(fields) not in (2, 4):
-            raise Unread(f"expected one or two pairs of a {what} and a number")
+            raise Unread(f"expected one or two pairs of a {what} without blanks and a number")
         return zip(fields[::2], map(real, fields[1::2]), strict=True)
 
     def once(self, row: bytes) -> None:

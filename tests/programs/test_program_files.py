@@ -68,6 +68,24 @@ def test_every_feature_equals_a_second_reader(suffix, text, in_process, tmp_path
     assert program == second_readers.of_gurobi(tmp_path / f"program.{suffix}")
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        # HiGHS and SCIP write a column without coefficients in the bounds alone.
+        ("z = 2.5", "z = 2.5\n unused <= 3\n other free"),
+        ("Subject To\n c1: x + y - z >= 1\n c2: x - z <= 4\n", ""),
+    ],
+    ids=["column in bounds alone", "no rows"],
+)
+def test_lp_files_that_all_readers_read_alike(old, new, in_process, tmp_path):
+    pytest.importorskip("gurobipy")
+    pytest.importorskip("pyscipopt")
+    text = changed(QUADRATIC_LP, "[ 4 x ^ 2 + 2 x * y + 3 y ^ 2 - x * z + 5 z ^ 2 ] / 2", "3 z")
+    program = second_readers.of_program(load(tmp_path, "lp", changed(text, old, new)))
+    assert program == second_readers.of_gurobi(tmp_path / "program.lp")
+    assert program == second_readers.of_scip(tmp_path / "program.lp")
+
+
 def test_an_mps_file_has_the_documented_meaning(tmp_path):
     program = load(tmp_path, "mps", MPS)
     assert program.name == "program"
@@ -219,7 +237,10 @@ def damaged(suffix, base, *pairs):
             ("Binary", "General", "the section occurs twice"),
             (" y <= 8", " y <= -8", "column y has the negative upper bound -8"),
             (" y <= 8", " y <= 8\n y <= 9", "y is infinite or defined twice"),
-            (" y <= 8", " u <= 8", "column u is in no row"),
+            (" x + v = 3", " x + y[1] = 3", "'[1]' is a part of a name that HiGHS and SCIP"),
+            ("Subject To", "Bounds", "expected a bound"),
+            ("Maximize\n", "Bounds\n", "the section is out of order"),
+            ("Subject To", "Bounds\n x <= 1\nSubject To", "the section is out of order"),
             (" y <= 8", " 9 <= y <= 8", "the bounds of column y contradict"),
             (" y <= 8", " v <= 8", "binary column v has other bounds"),
             (" z y", " z y u", "column u is in no row"),
