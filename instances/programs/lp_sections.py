@@ -68,7 +68,7 @@ _PRODUCT = _pattern(
     rb"(%s)(?:(%s)\s*)?(%s)\s*(?:\^\s*2(?=[\s+\-\]])|\*\s*(%s))" % (_SIGNS, _PLAIN, _NAME, _NAME)
 )
 _CLOSE = _pattern(rb"\]\s*/\s*2(?=\s|[+-]|\Z)")
-_SIDE = _pattern(rb"(?:<=|>=|=)\s*(%s)%s" % (_VALUE, _END))
+_SIDE = _pattern(rb"(<=|>=|=)\s*(%s)%s" % (_VALUE, _END))
 _BOUND = _pattern(
     rb"(?:(%s)[ \t]*(<=|>=|=)[ \t]*)?(%s)(?:[ \t]*(<=|>=|=)[ \t]*(%s)|[ \t]+((?i:free)))?%s"
     % (_VALUE, _NAME, _VALUE, _END)
@@ -229,10 +229,15 @@ class _Lp(Scan):
         name = self.label()
         require(not name or name not in self.rows, f"row {words(name)} is defined twice")
         self.rows.add(name)
-        require(self.rest()[:1] not in b"<>=", "a row without columns")
         self.terms(objective=False)
-        side = self.expect(_SIDE, "<=, >= or =, and a number at the end of a line")[1]
-        require(abs(self.value(side)) < INFINITY, "an infinite right-hand side")
+        relation, side = self.expect(
+            _SIDE, "<=, >= or =, and a number at the end of a line"
+        ).groups()
+        # Gurobi writes a row without an upper side as "<= 1e+100".
+        sign = {b"<=": 1, b">=": -1}.get(relation)
+        number = self.value(side)
+        free = sign and sign * number >= INFINITY
+        require(free or abs(number) < INFINITY, "an infinite right-hand side")
 
     def value(self, text: bytes) -> float:
         signs = text.count(b"-", 0, len(text) - len(text.lstrip(b"+- \t\r\n")))

@@ -60,6 +60,8 @@ _BOUNDS: dict[bytes, tuple[float | None, float | None]] = {
     b"FR": (-math.inf, math.inf),
     b"BV": (0.0, 1.0),
 }
+#: Sign of an infinite side that removes a row, by type.
+_FREE = {b"L": 1, b"G": -1}
 
 
 def check_mps(path: Path, raw: bytes) -> None:
@@ -108,6 +110,8 @@ class _Mps(Scan):
         #: Name of the vector of the section, and rows with an entry in the column or section.
         self.vector: bytes | None = None
         self.entries: set[bytes] = set()
+        #: Rows with an infinite side.
+        self.free: set[bytes] = set()
         self.lower: dict[bytes, float] = {}
         self.upper: dict[bytes, float] = {}
         self.hessian: dict[tuple[bytes, bytes], float] = {}
@@ -212,7 +216,11 @@ class _Mps(Scan):
             self.once(row)
             sided = self.rows[row] != b"N" or (row == self.objective and self.section == "RHS")
             require(sided, f"row {words(row)} has type N and no side")
-            require(abs(number) < INFINITY, f"the side {number:g} counts as infinite")
+            # Gurobi writes a row of type L without a side as 1e+100.
+            if self.section == "RHS" and number * _FREE.get(self.rows[row], 0) >= INFINITY:
+                self.free.add(row)
+            elif abs(number) >= INFINITY or row in self.free:
+                raise Unread(f"the side of row {words(row)} is infinite")
 
     def bound(self, fields: list[bytes]) -> None:
         kind = fields[0]

@@ -74,8 +74,10 @@ def test_every_feature_equals_a_second_reader(suffix, text, in_process, tmp_path
         # HiGHS and SCIP write a column without coefficients in the bounds alone.
         ("z = 2.5", "z = 2.5\n unused <= 3\n other free"),
         ("Subject To\n c1: x + y - z >= 1\n c2: x - z <= 4\n", ""),
+        ("x - z <= 4", "<= 4"),
+        ("x - z <= 4", "x - z <= 1e+100"),
     ],
-    ids=["column in bounds alone", "no rows"],
+    ids=["column in bounds alone", "no rows", "empty row", "infinite side"],
 )
 def test_lp_files_that_all_readers_read_alike(old, new, in_process, tmp_path):
     pytest.importorskip("gurobipy")
@@ -84,6 +86,17 @@ def test_lp_files_that_all_readers_read_alike(old, new, in_process, tmp_path):
     program = second_readers.of_program(load(tmp_path, "lp", changed(text, old, new)))
     assert program == second_readers.of_gurobi(tmp_path / "program.lp")
     assert program == second_readers.of_scip(tmp_path / "program.lp")
+
+
+def test_mps_files_with_an_infinite_side(in_process, tmp_path):
+    """Gurobi writes it for a row without a side; the row has no range then."""
+    pytest.importorskip("gurobipy")
+    text = changed(MPS, "rhs cost 12 limit 4", "rhs cost 12 limit 1e+100")
+    with pytest.raises(InvalidData, match=r"line 25, .*the side of row limit is infinite"):
+        load(tmp_path, "mps", text)
+    text = changed(text, "range limit 2.5 demand 3", "range demand 3")
+    program = second_readers.of_program(load(tmp_path, "mps", text))
+    assert program == second_readers.of_gurobi(tmp_path / "program.mps")
 
 
 def test_an_mps_file_has_the_documented_meaning(tmp_path):
@@ -190,6 +203,7 @@ def damaged(suffix, base, *pairs):
             (" range span -4", " range cost -4", "row cost has type N"),
             (" range span -4", " span -4", "must start with the name of the vector"),
             (" rhs demand -2", " rhs demnd -2", "line 23, section RHS: row demnd is not defined"),
+            (" rhs demand -2", " rhs demand 1e20", "the side of row demand is infinite"),
             (" rhs demand -2", " rhs limit -2", "row limit is not defined, or has two entries"),
             (" rhs demand -2", " rhs other -2", "row other has type N"),
             (" z limit 1 other 4", " z limit 1 other", "one or two pairs"),
@@ -218,6 +232,8 @@ def damaged(suffix, base, *pairs):
             ("Bounds", "General Constraints\n z = MAX(x, y)\nBounds", "general constraints"),
             (" x + v = 3", " v = 1 -> x = 3", "line 9: indicator constraints"),
             (" x + v = 3", " [ x ^ 2 ] <= 3", "quadratic constraints are not supported"),
+            (" x + v = 3", " x + v = 1e20", "an infinite right-hand side"),
+            (" x + v = 3", " x + v >= 1e20", "an infinite right-hand side"),
             (" x + v = 3", " x + v + 1 = 3", "expected a term such as"),
             (" x + v = 3", " 1 <= x + v <= 3", "expected a term such as"),
             (" x + v = 3", " x + v < 3", "expected <=, >= or ="),
