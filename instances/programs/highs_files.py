@@ -15,6 +15,8 @@ from ...models.programs.blocks import Block
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from .apart import read_apart
 from .compressed import read_raw
+from .lp_sections import LpScan
+from .mps_sections import MpsScan
 
 __all__ = ["arrays_of_file", "read_lp", "read_mps"]
 
@@ -42,10 +44,8 @@ def read_mps(path: Path) -> RowProgram:
     InvalidData
         The file is damaged, or has a section that no program can express, such as SOS or INDICATORS.
     """
-    from .mps_sections import check_mps
-
     raw = read_raw(path)
-    check_mps(path, raw)
+    MpsScan.check(path, raw)
     return _program(path, raw, ".mps")
 
 
@@ -55,10 +55,8 @@ def read_lp(path: Path) -> RowProgram:
     Refused are ambiguous parts such as constants in rows, ranges of rows, names with brackets as
     Gurobi writes them, and names that start with ``inf`` or ``nan``, which HiGHS reads as numbers.
     """
-    from .lp_sections import check_lp
-
     raw = read_raw(path)
-    check_lp(path, raw)
+    LpScan.check(path, raw)
     return _program(path, raw, ".lp")
 
 

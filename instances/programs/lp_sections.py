@@ -22,7 +22,7 @@ from pathlib import Path
 
 from .scan import INFINITY, NUMBER, Scan, Unread, check_bounds, real, require, words
 
-__all__ = ["check_lp"]
+__all__ = ["LpScan"]
 
 #: Keywords at the start of a line: the section, and what an unsupported section contains.
 _KEYWORDS = {
@@ -77,30 +77,7 @@ _REST = _pattern(rb"(\S{0,40})")
 _WORD = _pattern(rb"(%s)(?=\s|\Z)" % _NAME)
 
 
-def check_lp(path: Path, raw: bytes) -> None:
-    """Raise if the text of an LP file is damaged, ambiguous, or beyond linear and quadratic programs.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    raw : bytes
-        Its content after decompression.
-
-    Raises
-    ------
-    InvalidData
-        HiGHS would misread or ignore a part of the file; the message names line and section.
-    """
-    scan = _Lp(path, raw)
-    try:
-        scan.read()
-    except Unread as error:
-        scan.line = scan.text.count(b"\n", 0, scan.mark) + 1
-        raise scan.refusal(error) from None
-
-
-class _Lp(Scan):
+class LpScan(Scan):
     """Text of an LP file without comments, and the names in it up to a position."""
 
     def __init__(self, path: Path, raw: bytes) -> None:
@@ -115,6 +92,12 @@ class _Lp(Scan):
         self.integral: dict[bytes, str] = {}
 
     def read(self) -> None:
+        try:
+            self.sections()
+        finally:
+            self.line = self.text.count(b"\n", 0, self.mark) + 1
+
+    def sections(self) -> None:
         parts: dict[str, Callable[[], None]] = {
             "objective": self.objective,
             "Subject To": self.row,

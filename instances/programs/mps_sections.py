@@ -23,7 +23,7 @@ from pathlib import Path
 
 from .scan import INFINITY, Scan, Unread, check_bounds, real, require, words
 
-__all__ = ["check_mps"]
+__all__ = ["MpsScan"]
 
 #: Sections that no program can express, by name.
 _UNSUPPORTED = {
@@ -64,37 +64,7 @@ _BOUNDS: dict[bytes, tuple[float | None, float | None]] = {
 _FREE = {b"L": 1, b"G": -1}
 
 
-def check_mps(path: Path, raw: bytes) -> None:
-    """Raise if the text of an MPS file is damaged, ambiguous, or beyond linear and quadratic programs.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    raw : bytes
-        Its content after decompression.
-
-    Raises
-    ------
-    InvalidData
-        HiGHS would misread or ignore a part of the file; the message names line and section.
-    """
-    scan = _Mps(path, raw)
-    try:
-        for scan.line, line in enumerate(raw.split(b"\n"), 1):
-            fields = line.split()
-            if line[:1] == b"*":
-                scan.commented |= line.lower().startswith(b"*sense:max")
-            elif fields:
-                scan.read(fields, line[:1] in b" \t")
-            if scan.section == "ENDATA":
-                return
-        raise Unread("ENDATA is missing: the file is not complete")
-    except Unread as error:
-        raise scan.refusal(error) from None
-
-
-class _Mps(Scan):
+class MpsScan(Scan):
     """Names and entries of an MPS file up to the current line."""
 
     def __init__(self, path: Path, raw: bytes) -> None:
@@ -123,7 +93,19 @@ class _Mps(Scan):
         }
         self.lines |= {"BOUNDS": self.bound} | dict.fromkeys(_QUADRATIC, self.quadratic)
 
-    def read(self, fields: list[bytes], indented: bool) -> None:
+    def read(self) -> None:
+        for line in self.raw.split(b"\n"):
+            self.line += 1
+            fields = line.split()
+            if line[:1] == b"*":
+                self.commented |= line.lower().startswith(b"*sense:max")
+            elif fields:
+                self.fields(fields, line[:1] in b" \t")
+            if self.section == "ENDATA":
+                return
+        raise Unread("ENDATA is missing: the file is not complete")
+
+    def fields(self, fields: list[bytes], indented: bool) -> None:
         word = fields[0].upper()
         if self.section == "OBJSENSE" and len(fields) == 1 and word in _SENSES:
             self.senses += 1

@@ -14,6 +14,7 @@ from ...models.programs.interpreter import read, readable
 from ...models.programs.nonlinear import NonlinearProgram
 from .apart import read_apart
 from .compressed import read_raw
+from .nl_sections import NlScan
 
 __all__ = ["arrays_of_file", "read_nl"]
 
@@ -34,10 +35,8 @@ def read_nl(path: Path) -> NonlinearProgram:
     InvalidData
         The file is damaged or binary, or CasADi does not support a part of it.
     """
-    from .nl_sections import check_nl
-
     raw = read_raw(path)
-    check_nl(path, raw)
+    NlScan.check(path, raw)
     # CasADi does not support the comments that some writers add.
     raw = re.sub(rb"[ \t]*#[^\n]*", b"", raw)
     # CasADi negates the objective of a maximisation.

@@ -11,9 +11,9 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from .scan import Scan, Unread, real, require, whole, words
+from .scan import Scan, real, require, whole, words
 
-__all__ = ["check_nl"]
+__all__ = ["NlScan"]
 
 #: Operators that CasADi reads, by number of arguments; operator 54 is the sum with its own count.
 _UNARY = {13, 14, 15, 16, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 49, 51, 53}
@@ -48,38 +48,12 @@ _BOUNDS = {b"0": 3, b"1": 2, b"2": 2, b"3": 1, b"4": 2}
 _MOST = 2**31 - 1
 
 
-def check_nl(path: Path, raw: bytes) -> None:
-    """Raise if an NL file is damaged, binary, or contains a part that CasADi misreads.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    raw : bytes
-        Its content after decompression.
-
-    Raises
-    ------
-    InvalidData
-        CasADi would misread or ignore a part of the file; the message names line and segment.
-    """
-    if raw[:1] == b"b":
-        raise Scan(path, b"").refusal("the file is binary: write it as text, with option g")
-    scan = _Nl(path, raw)
-    try:
-        scan.header()
-        while scan.line < len(scan.lines):
-            scan.segment()
-        scan.finish()
-    except Unread as error:
-        raise scan.refusal(error) from None
-
-
-class _Nl(Scan):
+class NlScan(Scan):
     """Lines and counts of an NL file."""
 
     def __init__(self, path: Path, raw: bytes) -> None:
-        super().__init__(path, raw)
+        # The content of a binary file is not text.
+        super().__init__(path, b"" if raw[:1] == b"b" else raw)
         self.lines = raw.rstrip().split(b"\n")
         self.counts: Counter[str] = Counter()
         self.past: set[tuple[bytes, int]] = set()
@@ -88,6 +62,13 @@ class _Nl(Scan):
         self.starts: list[int] = []
         self.gradient = 0
         self.defined: set[int] = set()
+
+    def read(self) -> None:
+        require(self.raw, "the file is binary or empty: write it as text, with option g")
+        self.header()
+        while self.line < len(self.lines):
+            self.segment()
+        self.finish()
 
     def fields(self, count: int = 0) -> list[bytes]:
         """Return the fields of the next line without its comment."""

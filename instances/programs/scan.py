@@ -40,7 +40,7 @@ class Unread(ValueError):
 
 
 class Scan:
-    """Position in a text file, for messages.
+    """Strict reading of a text file, and its position for messages.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Scan:
     """
 
     def __init__(self, path: Path, raw: bytes) -> None:
-        self.path, self.line, self.section = path, 0, ""
+        self.path, self.raw, self.line, self.section = path, raw, 0, ""
         found = _CONTROL.search(raw)
         place, fault = found.start() if found else 0, "a control character" if found else ""
         try:
@@ -66,6 +66,23 @@ class Scan:
         if fault:
             self.line = raw.count(b"\n", 0, place) + 1
             raise self.refusal(f"byte 0x{raw[place]:02x} is {fault}")
+
+    @classmethod
+    def check(cls, path: Path, raw: bytes) -> None:
+        """Raise ``InvalidData`` if the content of a file is damaged, ambiguous or not supported.
+
+        The library that reads the file afterwards would misread or ignore a part of it. The message names
+        the line and the section.
+        """
+        scan = cls(path, raw)
+        try:
+            scan.read()
+        except Unread as error:
+            raise scan.refusal(error) from None
+
+    def read(self) -> None:
+        """Read the whole file; raise :class:`Unread` at the first fault."""
+        raise NotImplementedError
 
     def refusal(self, message: object) -> InvalidData:
         """Return the exception that names file, line and section."""
