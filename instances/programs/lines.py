@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from array import array
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, show
 from ...files import decoded
 from .compressed import read_raw
+from .scan import Unread, real, whole
 
 __all__ = ["Entries", "Lines"]
 
@@ -101,24 +101,18 @@ class Lines:
 
     def whole(self, what: str, text: str, low: int, high: int) -> int:
         """Return the integer in a field, which must be in ``low … high``."""
-        digits = text.isascii() and text.isdigit() and len(text) <= 18
-        if digits and low <= int(text) <= high:
-            return int(text)
-        raise self.error(f"{what} must be an integer from {low} to {high}, got {show(text)}")
+        try:
+            return whole(text.encode(), low, high, what)
+        except Unread as error:
+            raise self.error(str(error)) from None
 
     def real(self, what: str, text: str, infinite: bool = False) -> float:
         """Return the number in a field, which must be finite unless `infinite`, and never NaN."""
         try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        # Python also reads digits of other alphabets and underscores.
-        valid = not math.isnan(value) if infinite else math.isfinite(value)
-        if valid and text.isascii() and "_" not in text:
-            return value
-        raise self.error(
-            f"{what} must be a {'' if infinite else 'finite '}number, got {show(text)}"
-        )
+            return real(text.encode(), infinite)
+        except Unread as error:
+            finite = "" if infinite else "finite "
+            raise self.error(f"{what} must be a {finite}number: {error}") from None
 
     def integer(self, what: str, low: int, high: int) -> int:
         """Return the integer on the next line; see :meth:`whole`."""

@@ -122,7 +122,7 @@ def real(token: bytes, infinite: bool = False) -> float:
 
 def whole(token: bytes, least: int, most: int, what: str) -> int:
     """Return the integer that a whole token denotes; `what` names it in messages."""
-    if not re.fullmatch(rb"[+-]?\d{1,18}", token) or not least <= int(token) <= most:
+    if not re.fullmatch(rb"-?\d{1,18}", token) or not least <= int(token) <= most:
         raise Unread(f"{what} must be an integer from {least} to {most}, got {words(token)!r}")
     return int(token)
 
