@@ -32,7 +32,7 @@ def read_mat(path: Path) -> RowProgram:
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     for name in ("n", "m"):  # the sizes, in some files
         content.pop(name, None)
-    return _of_file(path, content)
+    return program_of_arrays(content)
 
 
 def read_npz(path: Path) -> RowProgram:
@@ -54,11 +54,4 @@ def read_npz(path: Path) -> RowProgram:
         raise
     except Exception as error:  # NumPy and SciPy raise many types for damaged files
         raise InvalidData(f"{path}: not an archive of arrays: {error}") from None
-    return _of_file(path, content)
-
-
-def _of_file(path: Path, content: dict[str, Any]) -> RowProgram:
-    try:
-        return program_of_arrays(content)
-    except InvalidData as error:
-        raise InvalidData(f"{path}: {error}", field=error.field) from None
+    return program_of_arrays(content)

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedFormulation, show, suggestion
+from ...errors import UnsupportedFormulation, show, suggestion
 from ...models.programs.base import RowProgram
 from ...models.programs.blocks import Block
 from ...models.programs.cones import ConeBlock, ConeKind
@@ -84,11 +84,7 @@ def read_cbf(path: Path) -> RowProgram:
         The file has power cones, dual exponential cones, geometric means, changes, or integers together
         with cones.
     """
-    content = _File(Lines(path, "#"))
-    try:
-        return content.program()
-    except InvalidData as error:
-        raise InvalidData(f"{path}: {error}", field=error.field) from None
+    return _File(Lines(path, "#")).program()
 
 
 class _File:

@@ -12,13 +12,16 @@ import scipy.sparse as sp
 from ...errors import InvalidData
 from ...models.programs.base import RowProgram
 from ...models.programs.blocks import Block
-from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from .apart import read_apart
 from .compressed import read_raw
 from .lp_sections import LpScan
 from .mps_sections import MpsScan
+from .reading import stated_program
 
 __all__ = ["arrays_of_file", "read_lp", "read_mps"]
+
+#: Parts of a sparse matrix.
+_PARTS = ("data", "indices", "indptr")
 
 
 def read_mps(path: Path) -> RowProgram:
@@ -64,29 +67,20 @@ def _program(path: Path, raw: bytes, suffix: str) -> RowProgram:
     arrays, texts = read_apart("highs", path, raw, suffix)
     rows, columns = arrays["row_lower"].size, arrays["cost"].size
     shape = rows, columns
-    matrix = sp.csc_array((arrays["data"], arrays["indices"], arrays["indptr"]), shape=shape)
-    sign = -1.0 if texts["maximise"] else 1.0
-    shared: dict[str, Any] = {
-        **{key: arrays[key] for key in ("row_lower", "row_upper", "column_lower", "column_upper")},
-        "matrix": sp.csr_array(matrix),
-        "cost": sign * arrays["cost"],
-        "offset": sign * texts["offset"],
-        "integral": arrays["integral"],
-        "maximise": texts["maximise"],
-        "columns": _named("column", texts["columns"]),
-        "rows": _named("row", texts["rows"]),
-    }
-    try:
-        if "hessian_data" not in arrays:
-            return MixedIntegerProgram(**shared)
-        parts = (arrays["hessian_data"], arrays["hessian_indices"], arrays["hessian_indptr"])
+    parts = tuple(arrays.pop(f"matrix_{part}") for part in _PARTS)
+    matrix = sp.csc_array(parts, shape=shape)
+    if "hessian_data" in arrays:
+        parts = tuple(arrays.pop(f"hessian_{part}") for part in _PARTS)
         lower = sp.csc_array(parts, shape=(columns, columns))
-        hessian = lower + sp.tril(lower, -1).T
-        program = QuadraticProgram(**shared, hessian=sign * hessian)
-        program.require_convex()
-        return program
-    except InvalidData as error:
-        raise InvalidData(f"{path}: {error}", field=error.field) from None
+        arrays["hessian"] = lower + sp.tril(lower, -1).T
+    return stated_program(
+        **arrays,
+        matrix=sp.csr_array(matrix),
+        offset=texts["offset"],
+        maximise=texts["maximise"],
+        columns=_named("column", texts["columns"]),
+        rows=_named("row", texts["rows"]),
+    )
 
 
 def _named(what: str, names: list[str]) -> tuple[Block, ...]:
@@ -133,9 +127,6 @@ def arrays_of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     infinity = highspy.kHighsInf
     arrays: dict[str, Any] = {
         "cost": np.array(lp.col_cost_, float),
-        "data": np.array(matrix.value_, float),
-        "indices": np.array(matrix.index_, np.int64),
-        "indptr": np.array(matrix.start_, np.int64),
         "integral": np.array(kinds, int) == 1,
     }
     for key, values in (
@@ -146,10 +137,11 @@ def arrays_of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     ):
         bounds = np.array(values, float)
         arrays[key] = np.where(np.abs(bounds) >= infinity, np.copysign(np.inf, bounds), bounds)
-    if hessian.dim_:
-        arrays["hessian_data"] = np.array(hessian.value_, float)
-        arrays["hessian_indices"] = np.array(hessian.index_, np.int64)
-        arrays["hessian_indptr"] = np.array(hessian.start_, np.int64)
+    for key, part in {"matrix": matrix, "hessian": hessian}.items():
+        if key == "matrix" or hessian.dim_:
+            arrays[f"{key}_data"] = np.array(part.value_, float)
+            arrays[f"{key}_indices"] = np.array(part.index_, np.int64)
+            arrays[f"{key}_indptr"] = np.array(part.start_, np.int64)
     texts = {
         "maximise": lp.sense_ == highspy.ObjSense.kMaximize,
         "offset": lp.offset_,

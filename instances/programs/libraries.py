@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from ...errors import CrosstrackError, InvalidData, UnsupportedFormulation, show
 from ...models.programs.base import BlockProgram, RowProgram
 from ...models.programs.blocks import Block
-from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ...models.programs.sources.link import Source
 from .nl_file import read_nl
+from .reading import stated_program
 
 __all__ = ["program_of_gurobi", "program_of_linopy", "program_of_mathopt", "program_of_pulp"]
 __all__ += ["program_of_pyomo"]
@@ -384,17 +384,9 @@ def _program(
     """Return the program of a model with the objective ``x @ quadratic @ x + cost @ x + offset``."""
     if not len(cost):
         raise InvalidData("model must have a variable, but it has none", field="model")
-    sign, names = (-1.0 if maximise else 1.0), _unique("column", names)
-    shared: dict[str, Any] = {
-        "cost": sign * np.array(cost, float), "offset": sign * offset, "maximise": bool(maximise),
-        "columns": _block("column", names), **fields,
-    }  # fmt: skip
-    half = sp.csr_array((len(cost), len(cost)) if quadratic is None else sign * quadratic)
-    half.eliminate_zeros()
-    program: RowProgram
-    if half.nnz:
-        program = QuadraticProgram(hessian=half + half.T, **shared)
-        program.require_convex()
-    else:
-        program = MixedIntegerProgram(**shared)
+    fields = {"columns": _block("column", names), **fields}
+    program = stated_program(
+        maximise=bool(maximise), cost=cost, offset=offset,
+        hessian=None if quadratic is None else sp.csr_array(quadratic + quadratic.T), **fields,
+    )  # fmt: skip
     return program.with_source(Source(model, program.values_of, assign))

@@ -42,21 +42,13 @@ def read_nl(path: Path) -> NonlinearProgram:
     # CasADi negates the objective of a maximisation.
     maximise = re.search(rb"^O0 1\b", raw, re.MULTILINE) is not None
     arrays, texts = read_apart("nl", path, raw, ".nl")
-    try:
-        return NonlinearProgram(
-            function=read(texts["function"]),
-            **{
-                key: arrays[key]
-                for key in ("row_lower", "row_upper", "column_lower", "column_upper")
-            },
-            guess=arrays["guess"],
-            integral=arrays["integral"],
-            columns=_blocks(path, "column", ".col", arrays["guess"].size),
-            rows=_blocks(path, "row", ".row", arrays["row_lower"].size),
-            maximise=maximise,
-        )
-    except InvalidData as error:
-        raise InvalidData(f"{path}: {error}", field=error.field) from None
+    return NonlinearProgram(
+        function=read(texts["function"]),
+        columns=_blocks(path, "column", ".col", arrays["guess"].size),
+        rows=_blocks(path, "row", ".row", arrays["row_lower"].size),
+        maximise=maximise,
+        **arrays,
+    )
 
 
 def _blocks(path: Path, what: str, suffix: str, count: int) -> tuple[Block, ...]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnsupportedFormulation, show
 from ...models.programs.base import RowProgram
 from ...models.programs.blocks import Block
-from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from .lines import Lines
+from .reading import stated_program
 
 __all__ = ["read_qplib"]
 
@@ -49,13 +49,12 @@ def read_qplib(path: Path) -> RowProgram:
     sense = lines.fields("sense", 1)[0].casefold()
     if sense not in ("minimize", "maximize"):
         raise lines.error(f"sense must be minimize or maximize, got {show(sense)}")
-    sign = -1.0 if sense == "maximize" else 1.0
     size = lines.count("variables", 1)
     rows = lines.count("constraints") if constraints == "L" else 0
     hessian = sp.csr_array((size, size)) if objective == "L" else _hessian(lines, objective, size)
     shared: dict[str, Any] = {
-        "cost": sign * _vector(lines, "linear coefficient", size),
-        "offset": sign * lines.number("constant of the objective"),
+        "cost": _vector(lines, "linear coefficient", size),
+        "offset": lines.number("constant of the objective"),
         "maximise": sense == "maximize",
         "name": name,
     }
@@ -88,17 +87,12 @@ def read_qplib(path: Path) -> RowProgram:
         "columns": columns, "rows": names,
     }  # fmt: skip
     try:
-        if not hessian.nnz:
-            return MixedIntegerProgram(**shared)
-        program = QuadraticProgram(hessian=sign * hessian, **shared)
-        program.require_convex()
-        return program
+        return stated_program(hessian=hessian, **shared)
     except InvalidData as error:
-        if error.field == "hessian":
-            raise UnsupportedFormulation(
-                f"{path}: the objective is not {'concave' if sign < 0 else 'convex'}: {error}"
-            ) from None
-        raise InvalidData(f"{path}: {error}", field=error.field) from None
+        if error.field != "hessian":
+            raise
+        kind = "concave" if shared["maximise"] else "convex"
+        raise UnsupportedFormulation(f"{path}: the objective is not {kind}: {error}") from None
 
 
 def _kind(lines: Lines) -> str:

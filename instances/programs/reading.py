@@ -6,11 +6,15 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import scipy.sparse as sp
+
 from ...errors import InvalidData
 from ...models.problems import resolve, table
-from ...models.programs.base import Program
+from ...models.programs.base import Program, RowProgram
+from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 
-__all__ = ["files", "read_program", "suffix_of"]
+__all__ = ["files", "read_program", "stated_program", "suffix_of"]
 
 #: Formats that no reader supports, with the way around.
 _UNREAD = {
@@ -52,5 +56,42 @@ def read_program(path: str | os.PathLike[str]) -> Program:
     if suffix not in files():
         raise InvalidData(_UNREAD.get(suffix, f"{path}: unknown format of programs"), field="path")
     file = Path(path)
-    program: Program = resolve(files()[suffix])(file)
+    try:
+        program: Program = resolve(files()[suffix])(file)
+    except InvalidData as error:  # messages of a program's own checks do not name the file
+        if str(error).startswith(str(file)):
+            raise
+        raise InvalidData(f"{file}: {error}", field=error.field) from None
     return program if program.name else program.renamed(file.name.partition(".")[0])
+
+
+def stated_program(
+    *, maximise: bool, cost: Any, offset: float, hessian: Any = None, **fields: Any
+) -> RowProgram:
+    """Return the linear or convex quadratic program with an objective in the direction of its author.
+
+    Parameters
+    ----------
+    maximise : bool
+        Whether the author maximises ``x @ hessian @ x / 2 + cost @ x + offset``.
+    cost : array_like
+        Linear coefficients, shape (n,).
+    offset : float
+        Constant.
+    hessian : sparse array, optional
+        Symmetric matrix, shape (n, n). The program is linear if all its entries are 0.
+    **fields
+        Other fields of both classes of programs.
+
+    Raises
+    ------
+    InvalidData
+        A field is invalid, or the objective is not convex in a minimisation; the field is then "hessian".
+    """
+    sign = -1.0 if maximise else 1.0
+    fields |= {"cost": sign * np.array(cost, float), "offset": sign * offset, "maximise": maximise}
+    if hessian is None or not hessian.count_nonzero():
+        return MixedIntegerProgram(**fields)
+    program = QuadraticProgram(hessian=sign * sp.csr_array(hessian), **fields)
+    program.require_convex()
+    return program

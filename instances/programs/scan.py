@@ -30,6 +30,7 @@ NUMBER = rb"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 INFINITY = 1e20
 
 _REAL = re.compile(rb"[+-]?" + NUMBER)
+_WHOLE = re.compile(rb"-?\d{1,18}")
 _INFINITE = re.compile(rb"[+-]?inf(?:inity)?", re.IGNORECASE)
 #: Bytes that readers treat in different ways, as white space or as a part of a name.
 _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\r(?!\n|\Z)")
@@ -122,7 +123,7 @@ def real(token: bytes, infinite: bool = False) -> float:
 
 def whole(token: bytes, least: int, most: int, what: str) -> int:
     """Return the integer that a whole token denotes; `what` names it in messages."""
-    if not re.fullmatch(rb"-?\d{1,18}", token) or not least <= int(token) <= most:
+    if not _WHOLE.fullmatch(token) or not least <= int(token) <= most:
         raise Unread(f"{what} must be an integer from {least} to {most}, got {words(token)!r}")
     return int(token)
 
