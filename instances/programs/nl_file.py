@@ -36,11 +36,10 @@ def read_nl(path: Path) -> NonlinearProgram:
         The file is damaged or binary, or CasADi does not support a part of it.
     """
     raw = read_raw(path)
-    NlScan.check(path, raw)
+    # CasADi negates the objective of a maximisation.
+    maximise = NlScan.check(path, raw).maximise
     # CasADi does not support the comments that some writers add.
     raw = re.sub(rb"[ \t]*#[^\n]*", b"", raw)
-    # CasADi negates the objective of a maximisation.
-    maximise = re.search(rb"^O0 1\b", raw, re.MULTILINE) is not None
     arrays, texts = read_apart("nl", path, raw, ".nl")
     return NonlinearProgram(
         function=read(texts["function"]),

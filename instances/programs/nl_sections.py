@@ -60,7 +60,7 @@ class NlScan(Scan):
         #: Number of entries of the Jacobian in each column, and starts of the columns in segment k.
         self.jacobian: Counter[int] = Counter()
         self.starts: list[int] = []
-        self.gradient = 0
+        self.gradient, self.maximise = 0, False
         self.defined: set[int] = set()
 
     def read(self) -> None:
@@ -139,7 +139,7 @@ class NlScan(Scan):
         )
         self.past.add(key)
         if letter == b"O":
-            whole(fields[1], 0, 1, "the direction of the objective")
+            self.maximise = bool(whole(fields[1], 0, 1, "the direction of the objective"))
         elif letter == b"V":
             require(number >= columns, "the number of the expression is that of a column")
             whole(fields[2], 0, _MOST, "the use of the expression")

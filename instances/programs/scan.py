@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from typing import Self
 
 from ...errors import InvalidData
 
@@ -69,17 +70,21 @@ class Scan:
             raise self.refusal(f"byte 0x{raw[place]:02x} is {fault}")
 
     @classmethod
-    def check(cls, path: Path, raw: bytes) -> None:
-        """Raise ``InvalidData`` if the content of a file is damaged, ambiguous or not supported.
+    def check(cls, path: Path, raw: bytes) -> Self:
+        """Return the scan of a file after reading its whole content.
 
-        The library that reads the file afterwards would misread or ignore a part of it. The message names
-        the line and the section.
+        Raises
+        ------
+        InvalidData
+            The content is damaged, ambiguous or not supported: the library that reads the file afterwards
+            would misread or ignore a part of it. The message names the line and the section.
         """
         scan = cls(path, raw)
         try:
             scan.read()
         except Unread as error:
             raise scan.refusal(error) from None
+        return scan
 
     def read(self) -> None:
         """Read the whole file; raise :class:`Unread` at the first fault."""
