@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +28,30 @@ def read_mat(path: Path) -> RowProgram:
 
     raw = read_raw(path)
     try:
+        _check_compressed(path, raw)
         content = loadmat(io.BytesIO(raw), squeeze_me=False)
+    except InvalidData:
+        raise
     except Exception as error:  # SciPy raises many types for damaged files
         raise InvalidData(f"{path}: not a MATLAB file up to version 7: {error}") from None
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     for name in ("n", "m"):  # the sizes, in some files
         content.pop(name, None)
     return program_of_arrays(content)
+
+
+def _check_compressed(path: Path, raw: bytes) -> None:
+    """Raise if the compressed elements of a MATLAB file, of type 15, are too large for SciPy's reader."""
+    size, place, form = 0, 128, "<II" if raw[126:128] == b"IM" else ">II"
+    while place + 8 <= len(raw):
+        kind, count = struct.unpack_from(form, raw, place)
+        place += 8 + count
+        stream, rest = zlib.decompressobj(), raw[place - count : place] if kind == 15 else b""
+        while rest:
+            size += len(stream.decompress(rest, 1 << 20))
+            rest = stream.unconsumed_tail
+            if size > _LARGEST:
+                raise InvalidData(f"{path}: more than {_LARGEST} bytes after decompression")
 
 
 def read_npz(path: Path) -> RowProgram:

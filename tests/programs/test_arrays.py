@@ -251,6 +251,24 @@ def _parts(name: str, matrix: Any) -> dict[str, Any]:
     return {f"{name}_{part}": getattr(csr, part) for part in names}
 
 
+def test_refuses_files_that_are_large_after_decompression(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("crosstrack.instances.programs.array_files._LARGEST", 1 << 22)
+    arrays = {"P": np.eye(2), "q": np.zeros(2), "A": np.eye(2), "l": np.zeros(2), "u": np.ones(2)}
+    large = {**arrays, "other": np.zeros(1 << 19)}  # as many bytes as allowed, beside the others
+    for name, write in (
+        ("small.mat", lambda path, content: savemat(path, content, do_compression=True)),
+        ("small.npz", lambda path, content: np.savez_compressed(path, **content)),
+    ):
+        write(tmp_path / name, arrays)
+        assert ct.load(tmp_path / name).size == 2
+        write(tmp_path / name, large)
+        assert (tmp_path / name).stat().st_size < 10_000
+        with pytest.raises(InvalidData, match=f"{name}: more than 4194304 bytes after"):
+            ct.load(tmp_path / name)
+
+
 def test_npz_files_with_sparse_matrices_in_parts(tmp_path: Path) -> None:
     path = tmp_path / "small.npz"
     rows = np.array([[0.0, 2.0], [1.0, 0.0], [0.0, 0.0]])
