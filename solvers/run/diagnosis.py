@@ -249,7 +249,7 @@ def filtered(
             f"{solver.name!r} is not"
         )
 
-    def solved(candidate: RowProgram) -> Solution[Any]:
+    def solved(candidate: RowProgram, limits: Limits = limits) -> Solution[Any]:
         return solve(candidate, solver, limits=limits)
 
     method = f"deletion filter over the rows of {program.name or 'the program'} with {solver.name}"
@@ -324,17 +324,22 @@ def _linear_part(program: RowProgram, limits: Limits) -> RowProgram:
 
 def _explained(
     model: Model[Any], candidate: RowProgram, needed: Sequence[str], unsure: Sequence[str],
-    method: str, solved: Callable[[RowProgram], Solution[Any]], limits: Limits,
+    method: str, solved: Callable[[RowProgram, Limits], Solution[Any]], limits: Limits,
 ) -> Diagnosis:  # fmt: skip
     """Return the diagnosis of a program whose blocks `needed` exclude every point."""
     dropped = [block.name for block in candidate.conditions if block.name not in needed]
     deadline = time.monotonic() + (math.inf if limits.time_limit is None else limits.time_limit)
-    settled = not unsure
+    open_parts = len(unsure)
 
     def infeasible(part: RowProgram) -> bool:
-        nonlocal settled
-        ending = solved(part).termination
-        settled &= ending in SETTLED
+        nonlocal open_parts
+        left = max(deadline - time.monotonic(), 1e-3)
+        try:
+            within = replace(limits, time_limit=None if math.isinf(left) else left)
+            ending = solved(part, within).termination
+        except UnsupportedFormulation:  # CP-SAT solves no relaxation and no column without bounds
+            ending = Termination.NO_SOLUTION
+        open_parts += ending not in SETTLED
         return ending is Termination.INFEASIBLE
 
     conflict = find_conflict(
@@ -349,8 +354,8 @@ def _explained(
     summary = f"no plan: no point{whole} satisfies these {' and '.join(what)}"
     summary += (
         ", and without any one of them there is a point"
-        if conflict.irreducible and settled
-        else "; a limit or a failure ended the reduction, so that some may not be needed"
+        if conflict.irreducible and not open_parts
+        else "; the reduction was not completed, so that some may not be needed"
     )
     return Diagnosis(model.name, False, method, summary, tuple(_findings(conflict, unsure)))
 

@@ -22,6 +22,7 @@ from crosstrack.models.programs import (
     QuadraticProgram,
 )
 from crosstrack.solvers.bench import Campaign
+from crosstrack.solvers.contract.enums import Termination
 from crosstrack.solvers.contract.selection import fitting
 from crosstrack.solvers.contract.solution import Solution
 from crosstrack.solvers.contract.verdict import Outcome, judge
@@ -322,29 +323,49 @@ def test_a_conflict_that_a_limit_ends_still_excludes_every_point(monkeypatch):
     model = program(matrix, [*[0.5] * 6, -INF], [*[1.0] * 6, 1.0])
     monkeypatch.setattr(conflicts, "MOST", 2)
     diagnosis = ct.diagnose(model)
-    assert "a limit or a failure ended the reduction" in diagnosis.summary
+    assert "the reduction was not completed" in diagnosis.summary
     assert not feasible(model, *parts_of(diagnosis, model))
     monkeypatch.undo()
     rows = parts_of(ct.diagnose(model), model)[0]
     assert len(rows) == 4 and rows[-1] == 6
 
 
-def test_a_conflict_of_programs_that_a_solver_does_not_settle_is_not_irreducible(monkeypatch):
-    from crosstrack.solvers.contract.enums import Termination
-    from crosstrack.solvers.run import diagnosis as module
+def test_the_time_limit_holds_for_all_programs_of_a_reduction(monkeypatch):
+    limits = []
 
-    model = program(np.vstack([np.eye(2), np.ones((1, 2))]), [0.5, 0.5, -INF], [9.0, 9.0, 0.5])
-    solve = module.solve
+    def solve(*arguments, **options):
+        limits.append(options["limits"].time_limit)
+        return ct.solve(*arguments, **options)
 
-    def unreliable(part, *arguments, **options):
-        answer = solve(part, *arguments, **options)
-        if answer.plan is None or part.row_count == model.row_count:
-            return answer
-        return replace(answer, plan=None, stored_plan=None, termination=Termination.FAILED)
+    monkeypatch.setattr("crosstrack.solvers.run.diagnosis.solve", solve)
+    model = program([[1, 1], [1, 0], [0, 1]], [-INF, 0.5, 0.5], [0.5, 1, 1])
+    ct.diagnose(model, time_limit=30.0)
+    reduction = [limit for limit in limits if limit < 30.0]
+    assert len(reduction) > 3 and sorted(reduction, reverse=True) == reduction
+    limits.clear()
+    ct.diagnose(model, time_limit=None)
+    assert set(limits) == {None}
 
+
+def test_a_reduction_is_incomplete_if_a_program_of_it_is_not_settled(monkeypatch):
+    model = program([[1, 1], [1, 0], [0, 1]], [-INF, 0.5, 0.5], [0.5, 1, 1])
     assert "without any one of them" in ct.diagnose(model).summary
-    monkeypatch.setattr(module, "solve", unreliable)
-    assert "a limit or a failure ended the reduction" in ct.diagnose(model).summary
+
+    def solve(part, *arguments, **options):
+        answer = ct.solve(part, *arguments, **options)
+        fails = part.row_count < model.row_count and answer.plan is not None
+        return replace(answer, termination=Termination.FAILED) if fails else answer
+
+    monkeypatch.setattr("crosstrack.solvers.run.diagnosis.solve", solve)
+    assert "the reduction was not completed" in ct.diagnose(model).summary
+
+
+def test_conflicts_of_a_backend_without_continuous_columns():
+    pytest.importorskip("ortools")
+    model = program([[1, 1, 0], [0, 1, 1]], [2, -INF], [INF, 0], integral=range(3), high=1.0)
+    diagnosis = ct.diagnose(model, "cp-sat")
+    assert diagnosis.feasible is False and "the reduction was not completed" in diagnosis.summary
+    assert not feasible(model, *parts_of(diagnosis, model))
 
 
 def test_conflicts_name_constraints_of_cvxpy_first():
