@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib.metadata
 import logging
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -88,6 +89,12 @@ class Declaration:
     name: str
     problem: str
     target: Any
+
+    @property
+    def is_imported(self) -> bool:
+        """Whether the module of the backend is imported, or the backend is an object."""
+        target = self.target
+        return not isinstance(target, str) or target.partition(":")[0] in sys.modules
 
     def load(self) -> Backend:
         """Return the backend; raise ``BackendBroken`` with the cause if it cannot be loaded."""
@@ -204,10 +211,16 @@ def is_ours(backend: Backend) -> bool:
 
 
 def rivals(backend: Backend) -> frozenset[str]:
-    """Return the native modules that conflict with `backend` in one process."""
+    """Return the native modules that conflict with `backend` in one process.
+
+    Native algorithms that are not imported are skipped: they have loaded no library, and importing those
+    of all problems takes most of the time of a first run.
+    """
     modules: set[str] = set()
     if backend.conflict_group:
         for declared in declarations():
+            if declared.problem and not declared.is_imported:
+                continue
             with contextlib.suppress(BackendBroken):  # one that cannot be loaded cannot conflict
                 other = declared.load()
                 if other.conflict_group == backend.conflict_group:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...models.fleet import FleetRouting, Objective
 from ..contract.backend import Feature, Option, Request
+from ..programs.highs_library import ORTOOLS_MARKS
 from .rivals import Best, FleetHeuristic, whole_demands, whole_distances
 
 __all__ = ["OrToolsRouting"]
@@ -42,11 +43,7 @@ class OrToolsRouting(FleetHeuristic):
     extra = "ortools"
     # OR-Tools loads its bundled libhighs.so.1: see MathOpt.
     conflict_group = "highs"
-    natives = (
-        "ortools.constraint_solver._pywrapcp",
-        "ortools.math_opt.core.python.solver",
-        "ortools.sat.python.cp_model_helper",
-    )
+    natives = ORTOOLS_MARKS
     options: ClassVar[Mapping[str, Option]] = {
         "seconds": Option(10.0, "Search time without a time limit, s.", lower=0.01),
         "solutions": Option(None, "Number of solutions after which the search ends.", int, lower=1),

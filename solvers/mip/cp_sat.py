@@ -14,6 +14,7 @@ from ...errors import UnsupportedFormulation
 from ...models.programs.linear import MixedIntegerProgram
 from ..contract.backend import Feature, Limit, Request
 from ..programs.attempts import Clock, Ended, Ending, forward_stop, loosened_cutoff, stop_reason
+from ..programs.highs_library import ORTOOLS_MARKS
 from .base import CALLED_BACK, Incumbents, ProgramBackend
 
 __all__ = ["CpSat"]
@@ -38,7 +39,7 @@ class CpSat(ProgramBackend):
     extra = "ortools"
     # See Highs: ortools and highspy exclude one another.
     conflict_group = "highs"
-    natives = ("ortools.math_opt.core.python.solver", "ortools.sat.python.cp_model_helper")
+    natives = ORTOOLS_MARKS
     summary = "OR-Tools CP-SAT: exact, for all-integer programs"
 
     def refuses(self, problem: MixedIntegerProgram) -> str:

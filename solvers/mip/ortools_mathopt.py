@@ -18,6 +18,7 @@ from ..programs.attempts import (
     solver_tolerance,
     stop_reason,
 )
+from ..programs.highs_library import ORTOOLS_MARKS
 from .base import CALLED_BACK, Incumbents, ProgramBackend, with_cutoff_row
 
 __all__ = ["MathOpt"]
@@ -38,7 +39,7 @@ class MathOpt(ProgramBackend):
     extra = "ortools"
     # See Highs: the libhighs.so.1 of the two packages conflict.
     conflict_group = "highs"
-    natives = ("ortools.math_opt.core.python.solver", "ortools.sat.python.cp_model_helper")
+    natives = ORTOOLS_MARKS
     summary = "OR-Tools MathOpt: SCIP for mixed-integer, GLOP for linear programs"
 
     def attempt(self, program: MixedIntegerProgram, request: Request, clock: Clock) -> Ending:

@@ -13,7 +13,14 @@ from ...models.verification import ROUNDING
 from ..contract.backend import Limit, Request
 from .attempts import Clock, Ended, Meaning, stop_reason
 
-__all__ = ["meanings", "run_highs"]
+__all__ = ["ORTOOLS_MARKS", "meanings", "run_highs"]
+
+#: Modules whose presence shows that the HiGHS library of OR-Tools is loaded.
+ORTOOLS_MARKS = (
+    "ortools.constraint_solver._pywrapcp",
+    "ortools.math_opt.core.python.solver",
+    "ortools.sat.python.cp_model_helper",
+)
 
 
 def run_highs(

@@ -167,6 +167,30 @@ def test_models_without_programs_load_no_solver_of_programs(run_python, tmp_path
     assert said.splitlines() == ["portfolio", "tour-search", "full-analysis", "[]"]
 
 
+def test_a_solver_of_programs_loads_no_native_algorithm(run_python, tmp_path):
+    """Importing those of all problems, to find rival libraries, took 70 % of a first run."""
+    pytest.importorskip("highspy")
+    code = (
+        "import sys, crosstrack as ct\n"
+        "from crosstrack.models.problems import PROBLEMS\n"
+        "ct.solve(ct.load('error-correction/example-1').formulate('paper').program, 'highs')\n"
+        "rooms = tuple(f'crosstrack.solvers.{name}.' for name in PROBLEMS)\n"
+        "print([name for name in sys.modules if name.startswith(rooms)])\n"
+    )
+    assert run_python("-c", code, cwd=tmp_path).strip() == "[]"
+
+
+def test_libraries_of_native_algorithms_are_rivals_before_they_are_imported(run_python, tmp_path):
+    code = (
+        "from crosstrack.solvers.contract.registry import find_backend, rivals\n"
+        "rivals_of_highs = rivals(find_backend('highs'))\n"
+        "from crosstrack.solvers.fleet.ortools_routing import OrToolsRouting\n"
+        "natives = set(OrToolsRouting.natives)\n"
+        "print(natives <= rivals_of_highs, natives.isdisjoint(rivals(find_backend('ortools'))))\n"
+    )
+    assert run_python("-c", code, cwd=tmp_path).split() == ["True", "True"]
+
+
 CACHED = """
 import sys
 from counted import count
