@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from ...errors import UnsupportedOption
 from ...models.model import Model
 from ...models.programs.base import RowProgram
+from ...models.programs.certificates import is_convex
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..conic.base import ConicRun
@@ -89,10 +90,15 @@ class CvxpyMip(ProgramBackend):
         return super().run(problem, request)
 
     def refuses(self, problem: RowProgram) -> str:
-        """Return a reason for a quadratic program with integral columns if SCIP is not installed."""
-        integral = isinstance(problem, QuadraticProgram) and not problem.continuous
-        if integral and importlib.util.find_spec("pyscipopt") is None:
+        """Return a reason for a quadratic program with integral columns if SCIP is missing or it is not convex."""
+        if not isinstance(problem, QuadraticProgram) or problem.continuous:
+            return ""
+        if importlib.util.find_spec("pyscipopt") is None:
             return "backend 'cvxpy': integer quadratic programs need SCIP: pip install 'crosstrack[scip]'"
+        if not is_convex(problem):
+            return (
+                "backend 'cvxpy': integer quadratic programs must be convex; 'scip' accepts others"
+            )
         return ""
 
     def attempt(self, program: IntegerProgram, request: Request, clock: Clock) -> Ending:

@@ -161,6 +161,10 @@ def test_a_nonconvex_hessian_is_searched_globally() -> None:
     )
     assert scip._factor(program) is None
     assert_proven(run("scip", program), program)
+    assert "cvxpy" not in fitting(program)
+    needed("cvxpy")
+    with pytest.raises(UnsupportedFormulation, match="must be convex"):
+        ct.solve(program, "cvxpy")
 
 
 # Refusals.
