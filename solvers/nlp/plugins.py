@@ -22,8 +22,6 @@ Vector = NDArray[np.float64]
 
 #: Largest block of the Hessian, in columns, whose eigenvalues are computed.
 LARGE = 50
-#: Option of a second attempt: the method that makes the Hessian convex.
-_CONVEXIFY = "convexify"
 #: Options that silence each quadratic solver.
 _QUIET: Mapping[str, Mapping[str, Any]] = {
     "qrqp": {"print_iter": False, "print_header": False, "print_info": False},
@@ -185,6 +183,13 @@ class SqpMethod(CasadiNlp):
         "qp": Option("qrqp", "Name of the quadratic solver in CasADi.", str, tuple(_QUIET)),
         "max_iter": most_iterations(500),
         "hessian": HESSIAN,
+        "convexify": Option(
+            "auto",
+            "Method that makes the Hessian convex: a multiple of the identity, or its eigenvalues, block "
+            "by block; auto uses the eigenvalues if no block is large.",
+            str,
+            ("auto", "regularize", "eigen-reflect", "eigen-clip"),
+        ),
     }
     summary = "CasADi's SQP method on qrqp, qpOASES, OSQP or DAQP, by option"
 
@@ -211,7 +216,8 @@ class SqpMethod(CasadiNlp):
             "hessian_approximation": exact,
         }
         if exact == "exact":
-            options["convexify_strategy"] = given.get(_CONVEXIFY) or _strategy(program)
+            strategy = str(given["convexify"])
+            options["convexify_strategy"] = _strategy(program) if strategy == "auto" else strategy
         return options
 
     def attempt(
@@ -223,9 +229,10 @@ class SqpMethod(CasadiNlp):
         zero multipliers, the Hessian for a linear objective is zero, so the multipliers are estimated.
         """
         first = super().attempt(program, request, clock, start)
-        if first.ended is not Ended.FAILED or request.control.stopped:
+        is_fixed = request.options["convexify"] != "auto"
+        if first.ended is not Ended.FAILED or is_fixed or request.control.stopped:
             return first
-        options = {**request.options, _CONVEXIFY: "regularize"}
+        options = {**request.options, "convexify": "regularize"}
         safer = replace(request, options=options, warm_start=start)
         second = super().attempt(program, safer, clock, start)
         return second if second.ended is Ended.PROVEN else first
