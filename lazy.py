@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-__all__ = ["attach", "redirect"]
+__all__ = ["attach", "moved", "redirect"]
 
 
 def attach(
@@ -56,6 +56,31 @@ def attach(
         return getattr(importlib.import_module(module, package), original)
 
     return get, lambda: names, names
+
+
+def moved(module: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+    """Return ``__getattr__`` of a module that keeps names importable, with a ``DeprecationWarning``.
+
+    Parameters
+    ----------
+    module : str
+        The module's ``__name__``.
+    homes : mapping of str to str
+        Names separated by spaces, by the module that now defines them, relative to the package of
+        `module`, such as ``".states"``.
+    """
+    package = module.rpartition(".")[0]
+    home_of = {name: home for home, names in homes.items() for name in names.split()}
+
+    def get(name: str) -> Any:
+        if name not in home_of:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        home = importlib.import_module(home_of[name], package)
+        message = f"{module}.{name} is now {home.__name__}.{name}; the former name will be removed"
+        warnings.warn(message, DeprecationWarning, stacklevel=2)
+        return getattr(home, name)
+
+    return get
 
 
 def redirect(package: str, homes: Mapping[str, str]) -> None:

@@ -19,12 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import HiddenData, InvalidData, UnknownName, UnsupportedFormulation
+from ..lazy import moved
 from .declaration import Declared, Plan
 from .problems import model_type, resolve
 from .specs import TRUSTED, Text, required, show
 from .verification import TOLERANCE, Verification
 
 __all__ = ["Model", "as_model"]
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__ = moved(__name__, {".json_text": "parse_json"})
 
 PlanT = TypeVar("PlanT")
 

@@ -6,12 +6,16 @@ from collections import abc
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InvalidData
+from ..lazy import moved
 from .specs import Spec, count_rows, show
 
 __all__ = ["Anything", "Member", "Sequence", "Several", "Table", "given"]
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__ = moved(__name__, {".stored": "recorded"})
 
 
 @dataclass(frozen=True)

@@ -70,6 +70,8 @@ redirect(
     {
         "campaign": "run.recording",
         "looking": "run.starts",
+        "nlp.curvature": "nlp.quality",
+        "nlp.sqpmethod": "nlp.plugins",
         "restarts": "run.starts",
         **{name: f"{room}.{name}" for room, names in _ROOMS.items() for name in names.split()},
     },

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 from ...errors import UnsupportedOption, suggestion
+from ...lazy import moved
 from ...models.fields import show
 from ...models.verification import TOLERANCE, check_number
 
@@ -26,6 +27,9 @@ __all__ = [
     "merge_limits",
     "takes_limits",
 ]
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__ = moved(__name__, {".events": "Event EventKind Listener listener_of"})
 
 #: Smallest memory limit in MiB, below which Python with NumPy cannot run.
 LEAST_MEMORY = 64.0

@@ -9,9 +9,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendBroken, InvalidData, UnknownName
+from ...lazy import moved
 from ...models.fields import show
 from ...models.model import Model
 from ...models.problems import declared_in, resolve
@@ -35,6 +36,16 @@ __all__ = [
     "rivals",
     "session",
 ]
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__ = moved(
+        __name__,
+        {
+            ".registration": "register_backend",
+            ".selection": "fitting guaranteed recommended",
+            ".states": "BackendState backend_states",
+        },
+    )
 
 #: Entry-point group in which other distributions announce backends.
 GROUP = "crosstrack.backends"

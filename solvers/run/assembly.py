@@ -8,12 +8,13 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...lazy import moved
 from ...models.fields import frozen
 from ...models.verification import Verification
 from ...version import __version__
@@ -23,6 +24,9 @@ from ..contract.registry import find_backend
 from ..contract.solution import NOTHING, Incumbent, Solution, relative_gap, without_rounding
 
 __all__ = ["Claim", "assemble"]
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__ = moved(__name__, {"..processes.claims": "claim_from_data claim_to_data"})
 
 log = logging.getLogger("crosstrack")
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
 from ...errors import UnsupportedOption
+from ...lazy import moved
 from ...models.fields import Flag, Optional
 from ...models.model import Model, as_model
 from ...models.records import given
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from ..contract.events import Listener
 
 __all__ = ["run_job", "solve"]
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__ = moved(__name__, {".verification": "verify"})
 
 PlanT = TypeVar("PlanT")
 

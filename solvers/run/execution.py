@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ... import timing
 from ...errors import InvalidData, UnsupportedFormulation
+from ...lazy import moved
 from ...models.verification import Verification
 from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.enums import CLAIMS_NONE, Feature, Limit, Termination
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 log = logging.getLogger("crosstrack")
 
 __all__ = ["GRACE", "claim", "execute", "warm_objective"]
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__ = moved(__name__, {".multistart": "multistart"})
 
 #: Share of the time limit that interpreted kernels may use if another backend can go on. With an empty cache,
 #: `minimum-snap/corridor-10` at 2 s has a plan in 4 of 4 runs with 0.35 and in 2 of 4 with 0.5, and `gate-2d` at

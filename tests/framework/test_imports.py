@@ -3,6 +3,7 @@
 import ast
 import importlib
 import re
+import sys
 
 import pytest
 from imports import circles, graph, imported, modules
@@ -114,6 +115,47 @@ def test_former_modules_of_solvers_are_importable_with_a_warning():
     assert former.find_backend is registry.find_backend
     with pytest.raises(AttributeError):
         former.missing  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("former", "now", "name"),
+    [
+        ("nlp.curvature", "nlp.quality", "descent_by_curvature"),
+        ("nlp.sqpmethod", "nlp.plugins", "SqpMethod"),
+    ],
+)
+def test_former_modules_of_nonlinear_solvers_are_importable_with_a_warning(former, now, name):
+    sys.modules.pop(f"crosstrack.solvers.{former}", None)
+    with pytest.warns(DeprecationWarning, match=f"is now crosstrack.solvers.{now}"):
+        module = importlib.import_module(f"crosstrack.solvers.{former}")
+    assert getattr(module, name) is getattr(
+        importlib.import_module(f"crosstrack.solvers.{now}"), name
+    )
+
+
+@pytest.mark.parametrize(
+    ("former", "name", "now"),
+    [
+        ("solvers.contract.limits", "Event", "solvers.contract.events"),
+        ("solvers.contract.registry", "BackendState", "solvers.contract.states"),
+        ("solvers.contract.registry", "recommended", "solvers.contract.selection"),
+        ("solvers.contract.registry", "register_backend", "solvers.contract.registration"),
+        ("solvers.registry", "backend_states", "solvers.contract.states"),
+        ("solvers.run.assembly", "claim_to_data", "solvers.processes.claims"),
+        ("solvers.run.dispatch", "verify", "solvers.run.verification"),
+        ("solvers.run.execution", "multistart", "solvers.run.multistart"),
+        ("models.model", "parse_json", "models.json_text"),
+        ("models.records", "recorded", "models.stored"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:crosstrack.solvers.registry is now:DeprecationWarning")
+def test_former_places_of_names_are_importable_with_a_warning(former, name, now):
+    module = importlib.import_module(f"crosstrack.{former}")
+    home = importlib.import_module(f"crosstrack.{now}")
+    with pytest.warns(DeprecationWarning, match=f"{name} is now crosstrack.{now}.{name}"):
+        assert getattr(module, name) is getattr(home, name)
+    with pytest.raises(AttributeError):
+        module.missing  # noqa: B018
 
 
 def test_the_root_of_solvers_has_at_most_twelve_names_besides_the_problems(checkout):
