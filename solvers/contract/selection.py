@@ -54,8 +54,8 @@ def _candidates(model: Model[Any]) -> Iterator[Declaration]:
 def refusals(model: Model[Any]) -> Iterator[tuple[Declaration, str]]:
     """Yield the backends that may accept `model`, each with the reason why it cannot solve it.
 
-    The reason is empty if the backend can solve the model by default. Missing backends are included and
-    tested like installed ones; backends that cannot be loaded are omitted.
+    The reason is empty if the backend can solve the model by default, or cannot be loaded. Missing backends
+    are tested like installed ones.
 
     Parameters
     ----------
@@ -67,6 +67,7 @@ def refusals(model: Model[Any]) -> Iterator[tuple[Declaration, str]]:
         try:
             backend = declared.load()
         except BackendBroken:
+            yield declared, ""
             continue
         yield declared, _refusal(model, backend, programs)
 

@@ -39,6 +39,7 @@ def test_external_entry_points_are_found_and_broken_ones_listed(tmp_path):
         assert states["nothing"].state == "installed"
         assert states["broken"].state == "broken" and "no_such_module" in states["broken"].cause
         model = ct.load("error-correction/example-1")
+        assert {s.name: s.state for s in ct.backends(model)}["broken"] == "broken"
         assert ct.solve(model, "nothing").termination == "no_solution"
         verdict = ct.compare(model, ["label-setting", "nothing"], time_limit=20)
         assert [str(s.termination) for s in verdict.solutions] == ["optimal", "no_solution"], verdict
