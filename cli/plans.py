@@ -51,16 +51,19 @@ def check(
 ) -> int:
     """Verify a plan from any source for INSTANCE: exit code 0 if it is valid, 6 if it is not."""
     from ..instances.catalogue import load
-    from ..instances.storage import read_plan
+    from ..instances.storage import plan_in, read_content
     from ..models.verification import stated
+    from ..solvers.contract.solution import Solution
     from ..solvers.report.tables import details_table, verification_table
     from ..solvers.report.terminal import emit, show
     from ..solvers.run.verification import verify
 
     picture = picture_path(plot)
     model = load(instance, **reading)
-    loaded = read_plan(model, plan)
-    source = _solution(model, plan) or loaded if exact else loaded
+    content = read_content(plan)
+    loaded = plan_in(model, content, plan)
+    has_duals = isinstance(content, dict) and bool(content.get("duals"))
+    source = Solution.from_dict(content, model) if exact and has_duals else loaded
     verification = verify(
         model, source, formulation=formulation, exact=exact, **only(tolerance=tolerance)
     )
@@ -80,16 +83,6 @@ def check(
         show(f"{model.name}: {'verified' if verification.ok else 'NOT verified'}{objective}")
         show(verification_table(verification), *([details_table(rows)] if rows else []))
     return VERIFIED if verification.ok else VIOLATED
-
-
-def _solution(model: Any, path: str) -> Any:
-    """Return the solution with multipliers in a file; None if the file contains a plan only."""
-    from ..files import read_text
-    from ..models.json_text import parse_json
-    from ..solvers.contract.solution import Solution
-
-    data = None if path == "-" else parse_json(read_text(path))
-    return Solution.from_dict(data, model) if isinstance(data, dict) and data.get("duals") else None
 
 
 @click.command(short_help="Write a plan for other software.")

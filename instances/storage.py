@@ -28,6 +28,8 @@ __all__ = [
     "Assumed",
     "Find",
     "model_of_table",
+    "plan_in",
+    "read_content",
     "read_model",
     "read_plan",
     "reference",
@@ -338,10 +340,17 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
     InvalidData
         The file cannot be read, or contains no plan of this model.
     """
-    model = as_model(model)
+    return plan_in(as_model(model), read_content(source), source)
+
+
+def read_content(source: str | os.PathLike[str]) -> Any:
+    """Return the JSON data in a file, or in standard input for ``"-"``."""
     standard = isinstance(source, str) and source == "-"
-    text = read_input() if standard else read_text(source)
-    data = parse_json(text)
+    return parse_json(read_input() if standard else read_text(source))
+
+
+def plan_in(model: Model[Any], data: Any, source: str | os.PathLike[str]) -> Any:
+    """Return the plan in the content of a file, whose name `source` is for messages; see :func:`read_plan`."""
     if isinstance(data, Mapping) and "plan" in data:
         if data["plan"] is None:
             state = data.get("termination", "without a plan")

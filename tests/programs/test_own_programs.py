@@ -1,6 +1,7 @@
 """The verbs around a user's own program: reports, backends, printed results, campaigns, conflicts."""
 
 import functools
+import io
 import json
 from dataclasses import replace
 
@@ -232,6 +233,12 @@ def test_every_command_takes_a_file_of_a_program(workshop, tmp_path):
     text = run("diagnose", workshop, "--in-process", code=3).stdout
     assert "row labour: 2 table + 4 chair >= 60" in text and "wood" not in text
     assert "bound table <= 9" in text and "bound chair <= 9" in text
+
+
+def test_an_exact_check_reads_multipliers_from_standard_input(workshop, monkeypatch):
+    answer = run("solve", workshop, "--backend", "highs", "--in-process", "--json").stdout
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(answer.encode())))
+    assert "bound 86 (exact)" in run("check", workshop, "-", "--exact").stdout
 
 
 def test_commands_take_matrices(matrices, tmp_path):
