@@ -43,6 +43,8 @@ def draw_front(
     ----------
     front : Front or mapping of str to Front
         Front of a model, or fronts of several algorithms by name.
+    title : str, optional
+        Title; by default the name and the size of the model.
     labels : bool, optional
         Whether to write both objectives beside each point, or the value of the field in a sweep. By
         default only for a single front with few points.

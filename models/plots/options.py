@@ -21,13 +21,15 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 #: Descriptions of the parameters that all pictures or all animations share.
 _SHARED = {
-    "plan": "plan or Solution\n    Plan of the model, valid or not.",
     "frames": "int\n    Number of frames, at least 2.",
     "interval": "float\n    Duration of a frame, ms.",
     "tolerance": "float\n    Largest accepted relative violation, for the title and the red marks.",
-    "title": "str, optional\n    Title; by default the name of the model, in a picture with the main figures of the plan.",
+    "title": "str, optional\n    Title; by default the name of the model and the main figures of the plan.",
     "size": "(float, float), optional\n    Width and height (inch).",
 }
+_PLAN = "Plan of the model, valid or not."
+#: Description of the title of an animation, which :class:`.scene.Stage` writes.
+_STAGE_TITLE = "str, optional\n    Title; by default the name of the model, or its size."
 _PARAMETERS = "\n\nParameters\n----------\n"
 #: Sections of docstrings after the parameters, of pictures, of animations and of both.
 _FIGURE = """
@@ -54,13 +56,24 @@ UnsupportedOption
 def documented(function: _Function) -> _Function:
     """Complete the docstring of a picture: shared parameters, result and exceptions.
 
-    The docstring ends with its section Parameters, which describes the others in any order.
+    The docstring ends with its section Parameters, which describes the others in any order. Without
+    docstrings (``python -OO``), the function is unchanged.
     """
-    summary, _, section = (inspect.getdoc(function) or "").partition(_PARAMETERS)
+    if function.__doc__ is None:
+        return function
+    summary, _, section = inspect.cleandoc(function.__doc__).partition(_PARAMETERS)
     entries = [entry.partition(" : ") for entry in re.split(r"\n(?=\w)", section) if entry]
-    described = {"model": f"{function.__annotations__.get('model')}\n    Model to draw.", **_SHARED}
-    described |= {name: text for name, _, text in entries}
     names = inspect.signature(function).parameters
+    model, plan = (str(function.__annotations__.get(name)) for name in ("model", "plan"))
+    kind, _, other = plan.partition(" | ")
+    described = {
+        **_SHARED,
+        "model": f"{model}\n    Model to draw.",
+        "plan": f"{kind}{', optional' if other == 'None' else ' or Solution'}\n    {_PLAN}",
+    }
+    if "frames" in names:
+        described["title"] = _STAGE_TITLE
+    described |= {name: text for name, _, text in entries}
     parameters = "\n".join(f"{name} : {described[name]}" for name in names)
     result = _ANIMATION.format(name=function.__name__) if "frames" in names else _FIGURE
     function.__doc__ = f"{summary}{_PARAMETERS}{parameters}\n{result}{_RAISES}"

@@ -36,6 +36,8 @@ def draw_progress(
         solutions, it is a bound on the minimised objective. The picture shows the author's numbers.
     unit : str
         Unit of the objective.
+    title : str, optional
+        Title; by default the name of the instance.
     """
     allowed = bound is None or (kit.is_number(bound) and np.isfinite(bound))
     kit.check_option("bound", bound, bool(allowed), "be a finite number")

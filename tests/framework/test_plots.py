@@ -245,3 +245,34 @@ def test_labels_beside_panels_do_not_overlap():
     figure.draw_without_rendering()
     boxes = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
     assert all(lower.y1 <= upper.y0 for upper, lower in itertools.pairwise(boxes))
+
+
+def test_the_docstring_of_a_picture_describes_every_parameter():
+    def draw(model, plan=None, *, width=1, title=None):
+        """Draw it.
+
+        Parameters
+        ----------
+        width : int
+            Points.
+        """
+
+    def animate(model, plan, *, frames=2, title=None):
+        """Animate it."""
+
+    def unclear(model, *, width=1):
+        """Draw it."""
+
+    draw.__annotations__ = {"model": "GridPath", "plan": "Route | None"}
+    text = options.documented(draw).__doc__
+    assert text.startswith("Draw it.\n\nParameters\n----------\nmodel : GridPath\n")
+    assert "\nplan : Route, optional\n" in text
+    assert "\nwidth : int\n    Points.\ntitle : str, optional\n" in text
+    assert "\nReturns\n-------\nmatplotlib.figure.Figure\n" in text
+    animate.__annotations__ = {"model": "GridPath", "plan": "Route | Any"}
+    text = options.documented(animate).__doc__
+    assert "\nplan : Route or Solution\n" in text and '.save("animate.gif"' in text
+    with pytest.raises(KeyError, match="width"):
+        options.documented(unclear)
+    unclear.__doc__ = None  # as of ``python -OO``
+    assert options.documented(unclear) is unclear and unclear.__doc__ is None
