@@ -295,6 +295,11 @@ class PathData(Model[Trajectory]):
 
         It is the peak of the derivative if the path covers :attr:`position_scale` in equal segments
         of the whole duration, each segment as half a sine wave.
+
+        Parameters
+        ----------
+        order : int
+            Order of the derivative.
         """
         if order == 0:
             return self.position_scale
@@ -325,10 +330,18 @@ class PathData(Model[Trajectory]):
         return float(whole * sum(parts))
 
     def bound_scale(self, bound: Bound) -> tuple[Floats, Floats]:
-        """Return the scales of violations from below and from above, shape (segments, dimensions).
+        """Return the scales of violations of `bound` from below and from above.
 
-        They are the magnitude of the bound, or :meth:`derivative_scale` if the bound is 0 or
-        infinite, and :attr:`position_scale` for positions.
+        Parameters
+        ----------
+        bound : Bound
+            Bound of this model.
+
+        Returns
+        -------
+        tuple of ndarray, shape (segments, dimensions)
+            Magnitude of the bound, or :meth:`derivative_scale` if the bound is 0 or infinite. For
+            positions, :attr:`position_scale`.
         """
         fallback = np.broadcast_to(self.derivative_scale(bound.derivative), bound.lower.shape)
         if bound.derivative == 0:

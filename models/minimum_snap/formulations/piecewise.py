@@ -107,9 +107,21 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     @abstractmethod
     def basis_rows(self, segments: Ints, s: Floats, derivative: int) -> Floats:
-        """Return the derivatives of the basis functions in time, shape (instants, degree + 1).
+        """Return the derivatives of the basis functions in time, one row per instant.
 
-        An instant is given by its segment and its scaled time `s` in [0, 1].
+        Parameters
+        ----------
+        segments : ndarray of int, shape (instants,)
+            Segment of each instant.
+        s : ndarray, shape (instants,)
+            Scaled time of each instant, in [0, 1].
+        derivative : int
+            Order of the derivative.
+
+        Returns
+        -------
+        ndarray, shape (instants, degree + 1)
+            Derivatives, 1/s^derivative.
         """
 
     @abstractmethod
@@ -308,7 +320,19 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     ) -> Self | None:
         """Return the formulation with the instants at which `point` violates bounds.
 
-        The result is None if no instant is missing or after the last round.
+        Parameters
+        ----------
+        point : ndarray, shape (columns,)
+            Solution of the current program.
+        tolerance : float
+            Tolerance of the verification.
+        duals : ndarray, optional
+            Not used.
+
+        Returns
+        -------
+        PiecewiseFormulation or None
+            None if no instant is missing or after the last round.
         """
         if not self.model.bounded or self.rounds >= ROUNDS:
             return None
