@@ -68,7 +68,7 @@ def bound_gradient(rows: Floats, start: Ints, value: Floats, knots: Floats, inne
 
 
 @kernel
-def _flat(rows: Floats) -> tuple[Floats, Ints]:
+def _flatten(rows: Floats) -> tuple[Floats, Ints]:
     """Return dense rows of every segment, shape (segments, c, width), as bound rows."""
     count, c, width = rows.shape
     return rows.reshape(count * c, width), np.arange(count + 1) * c
@@ -77,14 +77,14 @@ def _flat(rows: Floats) -> tuple[Floats, Ints]:
 @kernel
 def multiply(rows: Floats, knots: Floats, inner: Floats) -> Floats:
     """Return ``rows[k] @ local[k]`` for dense rows of every segment, shape (segments, c)."""
-    flat, start = _flat(rows)
+    flat, start = _flatten(rows)
     return row_values(flat, start, knots, inner).reshape(rows.shape[0], rows.shape[1])
 
 
 @kernel
 def transposed(rows: Floats, value: Floats, knots: Floats, inner: Floats) -> None:
     """Add ``rows[k]' @ value[k]`` to the gradients `knots` and `inner`."""
-    flat, start = _flat(rows)
+    flat, start = _flatten(rows)
     bound_gradient(flat, start, value.reshape(value.size), knots, inner)
 
 

@@ -124,7 +124,7 @@ class _Work(NamedTuple):
 
 
 @kernel
-def _allocated(posed: Posed) -> _Work:
+def _allocate(posed: Posed) -> _Work:
     count, _, width = posed.cost.shape
     n, size = posed.fixed.shape[1], posed.rows.shape[0]
     return _Work(
@@ -199,7 +199,7 @@ def interior_point(
     Gaps are relative to the objective, or to `nothing` if that is larger. Return status, iterations
     and the largest primal residual.
     """
-    work = _allocated(posed)
+    work = _allocate(posed)
     rest, excess, d_slack, d_z = work.rest, work.excess, work.d_slack, work.d_z
     pairs, size = 0, posed.rows.shape[0]
     for q in range(size):
@@ -260,7 +260,7 @@ def centre(
     relative error of slack times multiplier and of the gradient. Without convergence after `most`
     steps, the bounds are treated as infeasible. Return status and number of steps.
     """
-    work = _allocated(posed)
+    work = _allocate(posed)
     rest, excess, size = work.rest, work.excess, posed.rows.shape[0]
     best, idle, before = np.inf, 0, np.inf
     for iteration in range(most):

@@ -118,11 +118,11 @@ class HermiteFormulation(UnitBasisFormulation):
         apart = begin[1:, model.continuity + 1 :]
         apart[apart >= 0] += free.size
         bubbles = 2 * free.size + np.arange(np.prod(inner)).reshape(inner)
-        number = self._flat(begin, end[1:], bubbles)
+        number = self._flatten(begin, end[1:], bubbles)
         values = np.where(free, 0.0, model.jets)
         times = knot_times(model.durations)
         units = np.stack([times**-order for order in range(r)], axis=1)[:, :, None] + 0.0 * values
-        scale = self._flat(units[:-1], units[1:], np.ones(inner))
+        scale = self._flatten(units[:-1], units[1:], np.ones(inner))
         # Columns in the order of their first local entries keep the Hessian's band narrow.
         entries = np.flatnonzero(number >= 0)
         _, first, column = np.unique(number[entries], return_index=True, return_inverse=True)
@@ -132,13 +132,13 @@ class HermiteFormulation(UnitBasisFormulation):
         shape = number.size, source.size
         matrix = sp.csr_array((scale[entries], (entries, place[column])), shape=shape)
         local = model.segments, model.dimensions, model.degree + 1
-        constant = self._flat(values[:-1], values[1:], np.zeros(inner))
+        constant = self._flatten(values[:-1], values[1:], np.zeros(inner))
         return _Reduction(
             matrix, constant, source, np.column_stack(np.unravel_index(source, local))
         )
 
     @staticmethod
-    def _flat(begin: NDArray[Any], end: NDArray[Any], inner: NDArray[Any]) -> NDArray[Any]:
+    def _flatten(begin: NDArray[Any], end: NDArray[Any], inner: NDArray[Any]) -> NDArray[Any]:
         """Return all local entries from tables of shape (segments, functions, dimensions)."""
         return np.concatenate([begin, end, inner], axis=1).swapaxes(1, 2).ravel()
 
