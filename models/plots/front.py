@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InvalidData
+from ..verification import stated
 from . import kit
 
 __all__ = ["draw_front"]
@@ -32,7 +33,8 @@ def draw_front(
 ) -> kit.Figure:
     """Draw the points of a front, the second objective to the right and the objective upward.
 
-    Steps connect the points: the region above and to the right of them is dominated. A filled marker
+    Steps connect the points: the region above and to the right of them is dominated, or below and to
+    the right if the objective is maximised. A filled marker
     is proven to be the smallest objective within its limit, a hollow marker is not proven. A short
     line below a point is its proven bound. In a sweep, markers are filled if the answer for the
     value of the field is proven; bounds are omitted, because they apply to another objective.
@@ -64,12 +66,14 @@ def draw_front(
     removed = np.concatenate([_rows(front_of, front_of.dominated) for front_of in fronts.values()])
     bounds = np.concatenate([rows[:, 2] for rows in drawn.values()])
     low, high = _box(np.concatenate([places, removed[:, :2]]), bounds)
+    # Rows and box are of the minimised objective, the picture shows the author's.
+    sign = stated(1.0, getattr(model, "maximise", False) and not _is_sweep(first))
 
     extent = f"a sweep of {first.field}" if _is_sweep(first) else model.outline()
     scene = kit.Scene(kit.title_of(model, [extent], None, title), None, size, (6.6, 4.8))
     axes = scene.axes(0.9, 0.98, 0.16, scene.head)
     axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
+    axes.set_ylim(*sorted((sign * low[1], sign * high[1])))
     kit.bare(axes)
     unit_of, quantity = model.objective_unit, getattr(model, "objective", None)
     if _is_sweep(first):
@@ -77,16 +81,17 @@ def draw_front(
     quantity = str(quantity) if isinstance(quantity, str) and quantity else "objective"
     across = kit.with_unit(first.second, unit_of if unit is None else unit)
     kit.label_axes(axes, across, kit.with_unit(quantity, unit_of))
-    axes.plot(*removed[:, :2].T, ls="", marker="x", ms=5, color=kit.GREY, zorder=6, gid="dominated")
+    crosses: dict[str, Any] = {"marker": "x", "ms": 5, "color": kit.GREY}
+    axes.plot(removed[:, 0], sign * removed[:, 1], ls="", zorder=6, gid="dominated", **crosses)
     colours = [kit.colour_of(k) if len(drawn) > 1 else kit.BLACK for k in range(len(drawn))]
     for k, rows in enumerate(drawn.values()):
         # The first fronts have wider lines, so that identical fronts remain visible.
-        _draw_one(axes, rows, colours[k], high, 1.2 + 1.3 * (len(drawn) - 1 - k))
+        _draw_one(axes, rows, colours[k], low[1], high, 1.2 + 1.3 * (len(drawn) - 1 - k), sign)
     if labels if labels is not None else len(drawn) == 1 and len(places) <= _MOST_NUMBERS:
         for front_of, rows in zip(fronts.values(), drawn.values(), strict=True):
-            _label_points(axes, front_of, rows)
+            _label_points(axes, front_of, rows, sign)
     every = np.concatenate(list(drawn.values()))
-    keys = _keys(drawn, colours, every, len(removed), float(low[1]))
+    keys = _keys(drawn, colours, every, len(removed), float(low[1]), sign)
     if _is_sweep(first) and every[:, 3].any():
         keys[len(drawn) if len(drawn) > 1 else 0].set_label(f"proven for its {first.field}")
     scene.legend(keys, 1 + (len(keys) > 5))
@@ -119,22 +124,22 @@ def _rows(front: Any, points: Sequence[Any]) -> kit.Floats:
     return np.asarray(result[np.lexsort((result[:, 1], result[:, 0]))])
 
 
-def _label_points(axes: Any, front: Any, rows: kit.Floats) -> None:
+def _label_points(axes: Any, front: Any, rows: kit.Floats, sign: float) -> None:
     """Label the points, in a sweep also the dominated ones."""
     if _is_sweep(front):
         rows = np.concatenate([rows, _rows(front, front.dominated)])
     places: dict[tuple[str, str], list[float]] = {}
     for x, y, *_ in rows.tolist():
-        places.setdefault((kit.number(x, 5), kit.number(y, 5)), [x, y])
+        places.setdefault((kit.number(x, 5), kit.number(sign * y, 5)), [x, sign * y])
     for pair, (x, y) in places.items():
         text = f"({', '.join(pair)})"
         if _is_sweep(front):
             same = [row for row in rows if (kit.number(row[0], 5), kit.number(row[1], 5)) == pair]
             text = f"{front.field} = {', '.join(kit.number(row[4], 5) for row in same)}"
-        # The steps never pass to the left of and below a point.
+        # The steps never pass to the left of and below a point, or above it if the objective is maximised.
         axes.annotate(
-            text, (x, y), (-5, -5), textcoords="offset points", ha="right", va="top", fontsize=7,
-            color=kit.DARK, zorder=6, annotation_clip=False,
+            text, (x, y), (-5, -5 * sign), textcoords="offset points", ha="right", fontsize=7,
+            va="top" if sign > 0 else "bottom", color=kit.DARK, zorder=6, annotation_clip=False,
         )  # fmt: skip
 
 
@@ -151,30 +156,38 @@ def _box(places: kit.Floats, bounds: kit.Floats) -> tuple[kit.Floats, kit.Floats
     return low - [_LEFT, _MARGIN] * span, high + _MARGIN * span
 
 
-def _draw_one(axes: Any, rows: kit.Floats, colour: str, high: kit.Floats, width: float) -> None:
-    """Draw steps, markers and bounds of one front."""
+def _draw_one(
+    axes: Any,
+    rows: kit.Floats,
+    colour: str,
+    foot: float,
+    high: kit.Floats,
+    width: float,
+    sign: float,
+) -> None:
+    """Draw steps, markers and bounds of one front; bounds below `foot` are at the edge."""
     if not len(rows):
         return
     x, y, bound, proven, _ = rows.T
-    # The first point is reached from above, and the last one is left to the right.
-    steps = np.concatenate([[[x[0], high[1]]], rows[:, :2], [[high[0], y[-1]]]])
-    axes.plot(*steps.T, drawstyle="steps-post", color=colour, lw=width, zorder=3, gid="steps")
-    for solid, face, across in ((True, colour, 6.0), (False, "white", 7.0)):
+    visible = np.isfinite(bound) & (bound >= foot)
+    far = np.isfinite(bound) & ~visible
+    y, bound = sign * y, sign * bound
+    # The first point is reached from the worst objective, and the last one is left to the right.
+    across, upward = [x[0], *x, high[0]], [sign * high[1], *y, y[-1]]
+    axes.plot(across, upward, drawstyle="steps-post", color=colour, lw=width, zorder=3, gid="steps")
+    for solid, face, wide in ((True, colour, 6.0), (False, "white", 7.0)):
         selected = proven.astype(bool) == solid
         axes.plot(
-            x[selected], y[selected], ls="", marker="o", ms=across, mfc=face, mec=colour, mew=1.3,
+            x[selected], y[selected], ls="", marker="o", ms=wide, mfc=face, mec=colour, mew=1.3,
             zorder=5.0 + 0.5 * solid, gid="proven" if solid else "not proven",
         )  # fmt: skip
-    foot = axes.get_ylim()[0]
-    visible = np.isfinite(bound) & (bound >= foot)
     axes.plot(
         x[visible], bound[visible], ls="", marker="_", ms=11, mew=1.6, color=colour, zorder=4, gid="bound",
     )  # fmt: skip
     rods = np.stack([x, bound, x, y], axis=1)[visible].reshape(-1, 2, 2)
     kit.draw_lines(axes, rods, color=colour, lw=0.7, ls=":", zorder=2.5, gid="gap")
-    far = np.isfinite(bound) & ~visible
     axes.plot(
-        x[far], np.zeros(int(far.sum())), ls="", marker="v", ms=5, color=colour, zorder=4,
+        x[far], np.full(int(far.sum()), float(sign < 0)), ls="", marker=_edge(sign), ms=5, color=colour, zorder=4,
         transform=axes.get_xaxis_transform(), clip_on=False, gid="bound out of sight",
     )  # fmt: skip
 
@@ -185,6 +198,7 @@ def _keys(
     every: kit.Floats,
     removed: int,
     least: float,
+    sign: float,
 ) -> list[Any]:
     """Return the entries of the legend: names of fronts, and the kinds of marks."""
     named = list(zip(drawn, colours, strict=True)) if len(drawn) > 1 else []
@@ -196,6 +210,11 @@ def _keys(
     if (bound >= least).any():
         keys.append(kit.key("proven bound", marker="_", ms=11, mew=1.6, color=kit.BLACK))
     if (bound < least).any():
-        keys.append(kit.key("bound out of sight", marker="v", ms=5, color=kit.BLACK))
+        keys.append(kit.key("bound out of sight", marker=_edge(sign), ms=5, color=kit.BLACK))
     keys += [kit.key("dominated", marker="x", ms=5, color=kit.GREY)] * bool(removed)
     return keys
+
+
+def _edge(sign: float) -> str:
+    """Return the marker of a bound beyond the foot, or beyond the head of a maximised objective."""
+    return "v" if sign > 0 else "^"

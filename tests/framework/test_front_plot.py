@@ -9,7 +9,7 @@ from pictures import artists, legend, render, words
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
-from crosstrack.models import FleetRouting
+from crosstrack.models import FleetRouting, MixedIntegerProgram
 from crosstrack.models.plots.front import draw_front
 
 MODEL = FleetRouting(2, points=[[0, 0], [3, 0], [0, 4], [5, 5]], objective="sum", name="four")
@@ -26,6 +26,14 @@ def front(*points, dominated=(), second="max", field="battery"):
     return SimpleNamespace(
         model=MODEL, second=second, points=points, dominated=dominated, field=field
     )
+
+
+def linear_program():
+    """Return a linear program with a maximised objective and one row to trade it with."""
+    return MixedIntegerProgram(
+        cost=[-1.0, -2.0], matrix=[[1.0, 1.0]], row_lower=[-np.inf], row_upper=[4.0],
+        column_lower=[0.0, 0.0], column_upper=[3.0, 3.0], integral=[False, False], maximise=True,
+    )  # fmt: skip
 
 
 def xy(axes, gid):
@@ -164,3 +172,18 @@ def test_strange_fronts_are_drawn(points, tmp_path):
 def test_fronts_that_cannot_be_drawn(fronts, options, error, message):
     with pytest.raises(error, match=message):
         draw_front(fronts, **options)
+
+
+def test_a_maximised_objective_is_drawn_as_the_author_states_it(tmp_path):
+    points = point(1, -2, -3), point(3, -6, -6, True), point(2, -4, -900)
+    trade = front(*points, second="row", field="row_upper")
+    trade.model = linear_program()
+    figure = draw_front(trade)
+    figure.savefig(tmp_path / "front.png", dpi=30)
+    (axes,) = figure.axes
+    assert xy(axes, "proven") == [[3, 6]] and xy(axes, "not proven") == [[1, 2], [2, 4]]
+    assert xy(axes, "bound") == [[1, 3], [3, 6]] and xy(axes, "bound out of sight") == [[2, 1]]
+    low, high = axes.get_ylim()
+    assert low < 2 and high > 6
+    assert xy(axes, "steps")[0] == [1, low]
+    assert {"(1, 2)", "(2, 4)", "(3, 6)"} <= set(words(figure))
