@@ -367,7 +367,18 @@ class PathData(Model[Trajectory]):
         return bool(self.bounds) or self.halfspaces is not None
 
     def require_shape(self, plan: Trajectory) -> None:
-        """Raise :class:`InvalidData` unless `plan` has the model's segments and dimensions."""
+        """Check the shape of a plan.
+
+        Parameters
+        ----------
+        plan : Trajectory
+            Trajectory to check.
+
+        Raises
+        ------
+        InvalidData
+            `plan` has another number of segments or dimensions.
+        """
         if plan.segments != self.segments or plan.dimensions != self.dimensions:
             raise InvalidData(
                 f"plan has {plan.segments} segments in {plan.dimensions}-D, the model "

@@ -215,7 +215,20 @@ continuity
     # -- plans -----------------------------------------------------------------------------------
 
     def stretch(self, plan: Trajectory) -> float:
-        """Return the factor of the durations of `plan` that reduces its peaks to the limits."""
+        """Return the factor of the durations of `plan` that reduces its peaks to the limits.
+
+        A path that is stretched in time by a factor s has derivatives of order j smaller by s^j.
+
+        Parameters
+        ----------
+        plan : Trajectory
+            Trajectory with the model's segments and dimensions.
+
+        Returns
+        -------
+        float
+            Factor; below 1 if the plan is slower than the limits allow, and 0 without limits.
+        """
         factor = 0.0
         for bound in self.bounds:
             if bound.derivative:
