@@ -210,17 +210,20 @@ def _distances(content: KeywordFile, rounded: bool, display: bool) -> dict[str, 
     whole = Flag().coerce("rounded", rounded, {})
     size = content.size(1, MOST)
     kind = content.require("EDGE_WEIGHT_TYPE", ("EUC_2D", *_ROUNDED, "EXPLICIT"))
-    if kind == "EXPLICIT" and not Flag().coerce("display", display, {}):
-        return {"costs": _matrix(content, size)}
-    if kind in _ROUNDED:
-        costs = _ROUNDED[kind](_column(content, "NODE_COORD_SECTION", (size, 2)))
-        np.fill_diagonal(costs, 0.0)
-        return {"costs": costs}
     section = "NODE_COORD_SECTION"
     if kind == "EXPLICIT" and section not in content.sections:
         section = "DISPLAY_DATA_SECTION"
-    metric = Metric.ROUNDED if whole else Metric.EUCLIDEAN
-    return {"points": _column(content, section, (size, 2)), "metric": metric}
+    if kind == "EXPLICIT" and not Flag().coerce("display", display, {}):
+        # Damage to unused coordinates can mean damage to the matrix.
+        if section in content.sections:
+            _column(content, section, (size, 2))
+        return {"costs": _matrix(content, size)}
+    points = _column(content, section, (size, 2))
+    if kind in _ROUNDED:
+        costs = _ROUNDED[kind](points)
+        np.fill_diagonal(costs, 0.0)
+        return {"costs": costs}
+    return {"points": points, "metric": Metric.ROUNDED if whole else Metric.EUCLIDEAN}
 
 
 def _ceiled(points: Floats) -> Floats:

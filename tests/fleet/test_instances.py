@@ -243,6 +243,23 @@ def test_bad_files_of_tsplib(old, new, message, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("2 1 0\n", "", "row 2 of DISPLAY_DATA_SECTION must begin with 2, got '3'"),
+        ("2 1 0\n", "2 1 0\n2 1 0\n", "row 3 of DISPLAY_DATA_SECTION must begin with 3, got '2'"),
+        ("1 2 3\n", "2 1 0\n", "row 2 of DISPLAY_DATA_SECTION must begin with 2, got '1'"),
+        ("3 0 2\n", "", "DISPLAY_DATA_SECTION must hold 3 × 2 finite numbers"),
+    ],
+)
+def test_rejects_damaged_coordinates_beside_a_matrix(old, new, message, tmp_path):
+    text = MATRIX.format(form="UPPER_ROW", numbers="1 2 3")
+    swapped = {old: new, new: old} if new == "2 1 0\n" else {old: new}
+    path = written(tmp_path, "".join(swapped.get(row, row) for row in text.splitlines(True)))
+    with pytest.raises(InvalidData, match=message):
+        read_tsplib(path, 2)
+
+
+@pytest.mark.parametrize(
     ("form", "numbers", "message"),
     [
         ("UPPER_COL", "1 2 3", "EDGE_WEIGHT_FORMAT must be one of FULL_MATRIX"),
