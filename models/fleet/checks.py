@@ -133,12 +133,15 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
         assert model.demands is not None
         carried = np.array([model.demands[list(route)].sum() for route in plan.routes])
         checks.append(check_each("demands within capacity", carried, model.capacity, ""))
-    if model.battery is not None:
-        checks.append(check_each("route within battery", loads, model.battery, unit))
     noise = 1e-12 * float(loads.max(initial=0.0))  # rounding in the lengths
-    for rule in LIMITS[1:]:
+    for rule in LIMITS:
         limit = getattr(model, rule.field)
-        if limit is not None:
+        if limit is None:
+            continue
+        if rule.field == "battery":
+            # Each vehicle has its own.
+            checks.append(check_each(rule.name, loads, limit, unit))
+        else:
             value = measure_of(model, rule.measure, loads)
             checks.append(Check.within(rule.name, value, limit, unit, "", tolerance, noise=noise))
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.

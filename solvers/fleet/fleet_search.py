@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
-from ...models.fleet.checks import LIMITS, loads_of, objective_of
+from ...models.fleet.checks import loads_of, objective_of
 from ..contract.backend import (
     Answer,
     Backend,
@@ -81,7 +81,8 @@ def _scaled(model: FleetRouting) -> Fleet:
     scale = unit if model.objective is Objective.VARIANCE else 1.0
     weight = 1e-6 if model.objective is Objective.LEXICOGRAPHIC else model.q * scale
     flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
-    limits = [getattr(model, rule.field) for rule in LIMITS[1:]]
+    # In the order of the kernels.
+    limits = (model.budget, model.deviation_limit, model.range_limit)
     rules = [
         float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
         *(none if limit is None else limit / unit for limit in limits), PENALTY, -none,
