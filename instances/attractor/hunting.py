@@ -140,9 +140,17 @@ class Hunt(Declared):
         return Motion(HUNT, constants, self._start(), self.step, _TRANSIENT / self.thrust)
 
     def gaps(self, places: Floats) -> Floats:
-        """Return the smallest gap around any body at each time, m; negative if bodies overlap.
+        """Return the smallest gap around any body at each time, m.
 
-        `places`, shape (n, bodies, 2), are those of the bodies. Walls and obstacles are bodies, too.
+        Parameters
+        ----------
+        places : ndarray, shape (n, bodies, 2)
+            Places of the bodies, m.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Smallest gap between bodies, and between bodies and walls or obstacles; negative if they overlap.
         """
         smallest: Floats = np.minimum(places, self.arena - places).min(axis=(1, 2)) - self.radius
         for x, y, radius in self.obstacles.tolist():

@@ -48,8 +48,11 @@ class Policy(Protocol):
     def decide(self, looks: Looks) -> Ints:
         """Return an action 0 … 3, :data:`NO_WAY` or :data:`GIVE_UP` for each active scene.
 
-        The observations are in ascending order of the scenes, and ``looks.view`` holds cells, shape (n,
-        m, n').
+        Parameters
+        ----------
+        looks : Looks
+            Observations of the active scenes, in ascending order. ``looks.view`` holds cells, shape (n, m,
+            n').
         """
 
 
