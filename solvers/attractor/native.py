@@ -19,7 +19,7 @@ from ..contract.option import Option
 
 __all__ = [
     "EMBEDDING", "AttractorBackend", "Embedding", "Finding", "Poll", "RunStopped", "embed", "poll_of",
-    "theiler_window",
+    "run_stage", "theiler_window",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -39,6 +39,19 @@ def poll_of(request: Request) -> Poll:
             raise RunStopped
 
     return poll
+
+
+def run_stage(
+    backend: AttractorBackend,
+    problem: AttractorAnalysis,
+    request: Request,
+    options: Mapping[str, Any] | None = None,
+) -> Answer:
+    """Return the answer of another backend; raise :class:`RunStopped` if it was stopped without a plan."""
+    answer = request.within(backend, problem, options=options)
+    if answer.point is None:
+        raise RunStopped
+    return answer
 
 
 #: Options for the embedding.

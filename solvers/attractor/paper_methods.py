@@ -15,22 +15,13 @@ from numpy.typing import NDArray
 from ...models.attractor.checks import RADII
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate, Method, Slope
-from ..contract.backend import Answer, Request
+from ..contract.backend import Request
 from ..contract.option import Option
 from .correlation import Counts, correlation_counts
 from .delays import ImprovedCorrelationIntegral
 from .embedding import LARGEST, decorrelation, largest_dimension, mean_period
 from .exponents import FIRST, LEAST, SHARE, STEPS, Rosenstein, mean_level
-from .native import (
-    EMBEDDING,
-    AttractorBackend,
-    Embedding,
-    Finding,
-    Poll,
-    RunStopped,
-    embed,
-    poll_of,
-)
+from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of, run_stage
 from .partings import rosenstein_curve
 
 __all__ = ["GrassbergerProcaccia", "SmallDataSets"]
@@ -100,10 +91,7 @@ class GrassbergerProcaccia(AttractorBackend):
         options = request.options
         delay = options["delay"]
         if delay is None:
-            answer: Answer = request.within(ImprovedCorrelationIntegral(), problem)
-            if answer.point is None:
-                raise RunStopped
-            delay = answer.point.delay
+            delay = run_stage(ImprovedCorrelationIntegral(), problem, request).point.delay
         most = max(largest_dimension(len(problem.series), delay, options["largest"]), 2)
         figures: dict[str, Any] = {}
         best, dimension, message = None, 2, ""

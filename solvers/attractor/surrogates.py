@@ -23,16 +23,7 @@ from ..contract.backend import Feature, Request
 from ..contract.option import Option
 from .embedding import thin_out
 from .exponents import Rosenstein
-from .native import (
-    EMBEDDING,
-    AttractorBackend,
-    Embedding,
-    Finding,
-    Poll,
-    RunStopped,
-    embed,
-    poll_of,
-)
+from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of, run_stage
 from .neighbour_kernels import nearest_states, order_states
 
 __all__ = [
@@ -310,9 +301,7 @@ class Surrogates(AttractorBackend):
         result = ranks(problem.series, embedding, options, seed, poll_of(request))
         exponent, messages = None, []
         if result.rejected:
-            answer = request.within(Rosenstein(), problem, options=asdict(embedding))
-            if answer.point is None:
-                raise RunStopped
+            answer = run_stage(Rosenstein(), problem, request, asdict(embedding))
             exponent = answer.point.exponent
             messages.append(answer.message)
         test, said = judge(result, exponent, len(problem.series) * problem.period)
