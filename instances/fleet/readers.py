@@ -187,10 +187,15 @@ def _column(content: KeywordFile, section: str, shape: tuple[int, ...]) -> Float
                 f"{file}: row {row} of {section} must begin with {row}, got {show(words[0])}",
                 field=field,
             )
+    entries = [words[first:] for words in rows]
+    bad = next((word for words in entries for word in words if not NUMBER.fullmatch(word)), None)
+    if bad is not None:
+        raise InvalidData(f"{file}: {section} must hold numbers, got {show(bad)}", field=field)
     try:
-        numbers = np.array([row[first:] for row in rows], float)
-    except ValueError as error:
-        raise InvalidData(f"{file}: {section} must hold numbers: {error}", field=field) from None
+        numbers = np.array(entries, float)
+    except ValueError:
+        text = f"{file}: {section} must hold rows of equal length"
+        raise InvalidData(text, field=field) from None
     if len(shape) == 1 and numbers.shape[-1:] == (1,):
         numbers = numbers[:, 0]
     if not first:
