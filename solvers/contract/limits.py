@@ -101,7 +101,8 @@ class Limits:
     evaluations : int, optional
         Limit on the evaluations of the objective, for backends that count them.
     target : float, optional
-        Objective at which the run stops, for backends that report incumbents.
+        Objective at which the run stops, in the sense of the model's author, for backends that report
+        incumbents.
     gap : float, optional
         Relative gap at which an exact backend may stop (default 1e-6).
     tolerance : float, optional

@@ -63,6 +63,10 @@ class Criterion(ABC):
             Progress of the run.
         """
 
+    def maximising(self) -> Criterion:
+        """Return the criterion for a run that minimises the negated objective."""
+        return self
+
     def __or__(self, other: Criterion) -> AnyOf:
         return AnyOf((self, other))
 
@@ -125,12 +129,12 @@ class Evaluations(Criterion):
 
 @dataclass(frozen=True)
 class Target(Criterion):
-    """Criterion that stops a run at a plan with an objective of at most `value`.
+    """Criterion that stops a run at a plan with an objective of at most `value`, or at least for a maximisation.
 
     Parameters
     ----------
     value : float
-        Objective that is good enough.
+        Objective that is good enough, in the sense of the model's author.
     """
 
     value: float
@@ -140,6 +144,9 @@ class Target(Criterion):
 
     def reached(self, progress: Progress) -> Limit | None:
         return Limit.TARGET if progress.best <= self.value else None
+
+    def maximising(self) -> Criterion:
+        return Target(-self.value)
 
 
 @dataclass(frozen=True)
@@ -180,6 +187,9 @@ class AnyOf(Criterion):
         limits = (criterion.reached(progress) for criterion in self.criteria)
         return next((limit for limit in limits if limit is not None), None)
 
+    def maximising(self) -> Criterion:
+        return AnyOf(tuple(criterion.maximising() for criterion in self.criteria))
+
 
 @dataclass(frozen=True)
 class AllOf(Criterion):
@@ -199,3 +209,6 @@ class AllOf(Criterion):
     def reached(self, progress: Progress) -> Limit | None:
         limits = [criterion.reached(progress) for criterion in self.criteria]
         return limits[-1] if limits and None not in limits else None
+
+    def maximising(self) -> Criterion:
+        return AllOf(tuple(criterion.maximising() for criterion in self.criteria))

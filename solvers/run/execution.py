@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ... import timing
 from ...errors import InvalidData, UnsupportedFormulation
 from ...lazy import moved
-from ...models.verification import Verification
+from ...models.verification import Verification, stated
 from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.enums import CLAIMS_NONE, Feature, Limit, Termination
 from ..contract.job import GAP, Job
@@ -96,6 +96,8 @@ def claim(
     run = Run(job, job.find_target(), listener, limit)
     control = control or Control()
     control.criterion = job.criterion
+    if control.criterion is not None and job.model.maximise:
+        control.criterion = control.criterion.maximising()
     backend = run.target.backend
 
     @contextmanager
@@ -224,7 +226,7 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
         warm_start=warm if Feature.WARM_START in features else None,
         cutoff=cutoff if Feature.CUTOFF in features else None,
         evaluations=job.evaluations,
-        target=job.target,
+        target=stated(job.target, job.model.maximise),
         verbose=job.verbose,
         options=run.target.backend.checked_options(job.backend_options),
         control=control,
