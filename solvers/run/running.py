@@ -17,6 +17,7 @@ import numpy as np
 
 from ... import timing
 from ...errors import CrosstrackError, InvalidData, show
+from ...models.verification import TOLERANCE
 from ...timing import clock
 from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.control import GRACE
@@ -63,17 +64,27 @@ def proven_bound(problem: Any, answer: Answer) -> float | None:
     Returns
     -------
     float or None
-        The bound; None if the answer has none.
+        The bound; None if the answer has none, or only one that holds near its point.
     """
     if answer.duals is not None and answer.point is not None:
         # Imported here because it loads SciPy, which native algorithms may not need.
         from ...models.programs.base import Program
 
         if isinstance(problem, Program):
+            if answer.termination is not Termination.OPTIMAL and _is_local(problem, answer):
+                return None
             bound = problem.dual_bound(answer.duals, answer.point)
             if np.isfinite(bound):
                 return bound
     return answer.dual_bound
+
+
+def _is_local(problem: Any, answer: Answer) -> bool:
+    """Return True if the bound holds only near the point; see :meth:`.QuadraticProgram.dual_bound`."""
+    if not hasattr(problem, "dual_residual"):
+        return False
+    largest = float(np.abs(problem.cost).max(initial=0.0))
+    return bool(problem.dual_residual(answer.point, answer.duals) > TOLERANCE * max(1.0, largest))
 
 
 def _captured(request: Request, backend: Backend) -> AbstractContextManager[Printed | None]:
