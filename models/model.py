@@ -493,6 +493,9 @@ def as_model(value: Any) -> Model[Any]:
         return program
     result = value.build() if callable(getattr(value, "build", None)) else value
     if not isinstance(result, Model):
-        hint = "; load it first: crosstrack.load(…)" if isinstance(value, str) else ""
+        hint = "; load it first: crosstrack.load(…)"
+        if not isinstance(value, str):
+            libraries = resolve(".models.programs.sources.conversion:objects")()
+            hint = f"; also accepted: objects of {', '.join(sorted(libraries))}, and arrays by name"
         raise InvalidData(f"model must be a Model, got {show(value)}{hint}", field="model")
     return result

@@ -271,7 +271,7 @@ class Solution(Generic[PlanT]):
 
     def _planned(self, what: str) -> Any:
         """Return the model of the plan, or raise."""
-        if self.plan is None:
+        if self.plan is None and self.stored_plan is None:
             raise InvalidData(f"{what}: there is no plan ({self.termination})", field="plan")
         if self.source is None:
             raise InvalidData(
@@ -400,6 +400,7 @@ class Solution(Generic[PlanT]):
         from ...files import read_text
         from ...models.json_text import parse_json
 
+        model = None if model is None else as_model(model)
         solution = cls.from_dict(parse_json(read_text(path)), model)
         if model is None or solution.plan is None:
             return solution
