@@ -56,7 +56,7 @@ def solve(
     from ..models.verification import stated
     from ..solvers.contract.registry import find_backend, is_plain
     from ..solvers.contract.selection import recommended
-    from ..solvers.report.tables import details_table
+    from ..solvers.report.tables import SHOWN, details_table
     from ..solvers.report.terminal import emit, progress, say, show
     from ..solvers.run import dispatch
 
@@ -95,7 +95,8 @@ def solve(
     if as_json:
         emit(solution.to_dict() | ({"details": rows} if details else {}))
     else:
-        show(*solution.parts(), *([details_table(rows)] if rows else []))
+        is_listed = model.has_variables and len(rows) <= SHOWN  # by the parts of the solution
+        show(*solution.parts(), *([details_table(rows)] if rows and not is_listed else []))
         if details and solution.history:
             show(
                 details_table(solution.history, "refinement", short=("error", "change", "seconds"))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = [
+    "SHOWN",
     "Printable",
     "details_table",
     "frame",

@@ -5,6 +5,7 @@ import io
 import json
 from dataclasses import replace
 
+import cvxpy as cp
 import numpy as np
 import pytest
 import scipy.io
@@ -13,6 +14,7 @@ from commands import run
 from scipy.optimize import linprog
 
 import crosstrack as ct
+from crosstrack.errors import InvalidData
 from crosstrack.instances.programs import highs_files
 from crosstrack.models.programs import (
     Block,
@@ -26,6 +28,7 @@ from crosstrack.solvers.bench import Campaign
 from crosstrack.solvers.contract.enums import Termination
 from crosstrack.solvers.contract.selection import fitting
 from crosstrack.solvers.contract.solution import Solution
+from crosstrack.solvers.contract.stopping import Seconds, Target
 from crosstrack.solvers.contract.verdict import Outcome, judge
 from crosstrack.solvers.mip.scip import Scip
 from crosstrack.solvers.run import conflicts
@@ -218,6 +221,7 @@ def test_every_command_takes_a_file_of_a_program(workshop, tmp_path):
     plan.write_text(done.stdout)
     text = run("solve", workshop, "--in-process", "--details").stdout
     assert "table" in text and "86.0000" in text and "-86" not in text
+    assert text.count("variable") == 1
     text = run("compare", workshop, "--backend", "highs", "--backend", "scipy").stdout
     assert "optimum 86: plan by highs, scipy" in text
     run("compare", workshop, "--backend", "highs", "--backends", "scipy", code=2)
@@ -398,3 +402,46 @@ def test_conflicts_state_that_integers_take_part():
     assert [finding.data["row"] for finding in diagnosis.findings] == ["row[0]"]
     relaxed = replace(model, integral=[False, False])
     assert ct.diagnose(relaxed).feasible is True
+
+
+def test_a_target_has_the_sense_of_the_author():
+    draw = np.random.default_rng(1)
+    weights = draw.integers(5, 100, (8, 120))
+    hard = MixedIntegerProgram(
+        cost=-(weights.mean(axis=0) + draw.integers(0, 15, 120)),
+        matrix=sp.csr_array(weights.astype(float)),
+        row_lower=np.full(8, -INF),
+        row_upper=weights.sum(axis=1) / 3,
+        column_lower=np.zeros(120),
+        column_upper=np.ones(120),
+        integral=np.ones(120, bool),
+        maximise=True,
+    )
+    early = ct.solve(hard, "scip", time_limit=30, target=10)
+    assert early.limit == "target" and early.value >= 10
+    late = ct.solve(hard, "scip", time_limit=1, target=1e6)
+    assert late.limit == "time" and late.value >= early.value
+    late = ct.solve(hard, "scip", stop=Seconds(1) | (Target(1e6) & Seconds(0.1)))
+    assert late.limit == "time"
+
+
+def test_a_saved_solution_is_loaded_with_the_object_of_another_library(tmp_path):
+    x = cp.Variable((2, 2), name="x")
+    problem = cp.Problem(cp.Maximize(3 - cp.sum(x)), [x >= np.arange(4).reshape(2, 2)])
+    path = ct.solve(problem).save(tmp_path / "answer.json")
+    alone = Solution.load(path)
+    assert alone.value == pytest.approx(-3) and alone.maximise
+    with pytest.raises(InvalidData, match="loaded without its model"):
+        _ = alone.values
+    loaded = Solution.load(path, problem)
+    assert loaded.values["x"] == pytest.approx(np.arange(4.0).reshape(2, 2))
+    x.value = None
+    loaded.assign()
+    assert x.value == pytest.approx(np.arange(4.0).reshape(2, 2))
+
+
+@pytest.mark.parametrize("backend", ["clarabel", "scs"])
+def test_an_unbounded_objective_without_a_ray_has_no_bound(backend):
+    x = cp.Variable(2)
+    answer = ct.solve(cp.Problem(cp.Maximize(cp.log(x[0])), [x[1] >= 0]), backend)
+    assert answer.termination == "feasible" and answer.bound is None and answer.proof == ""
