@@ -107,7 +107,7 @@ def program_of_pulp(model: Any) -> RowProgram:
 
 @_export("Pyomo")
 def program_of_pyomo(model: Any) -> BlockProgram:
-    """Return the program of a Pyomo model with the present values of parameters; see :func:`program_of_pulp`.
+    """Return the program of a Pyomo model with the current values of parameters; see :func:`program_of_pulp`.
 
     It contains the active constraints, and the variables in them or in the objective that are not fixed. It is
     a ``NonlinearProgram`` unless the constraints are linear and the objective is convex and quadratic.

@@ -58,7 +58,7 @@ class Lines:
         self.most = max(_MOST, len(self._text))
 
     def place(self, line: int | None = None) -> str:
-        """Return the file and the line, the present one by default, for a message."""
+        """Return the file and the line, the current one by default, for a message."""
         return f"{self._path}, line {line or self._line}"
 
     def error(self, message: str, line: int | None = None) -> InvalidData:

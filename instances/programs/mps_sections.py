@@ -197,7 +197,7 @@ class MpsScan(Scan):
         for row, number in self.pairs(fields[named:]):
             self.once(row)
             sided = self.rows[row] != b"N" or (row == self.objective and self.section == "RHS")
-            require(sided, f"row {words(row)} has type N and no side")
+            require(sided, f"row {words(row)} has type N and takes no right-hand side or range")
             # Gurobi writes a row of type L without a side as 1e+100.
             if self.section == "RHS" and number * _FREE.get(self.rows[row], 0) >= INFINITY:
                 self.free.add(row)

@@ -99,7 +99,7 @@ class NlScan(Scan):
         largest = max(columns, counts["rows"], counts["expressions"])
         require(
             columns > 0 and largest <= len(self.lines),
-            "the numbers and the length of the file contradict",
+            "the numbers of the header exceed the length of the file",
         )
         # CasADi derives the integer columns from these numbers.
         last = max(rows, counts["in_objective"])
@@ -151,9 +151,7 @@ class NlScan(Scan):
         elif letter in b"rb":
             self.bounds(columns if letter == b"b" else rows)
         elif letter == b"k":
-            require(
-                number == columns - 1, "segment k must have one number less than there are columns"
-            )
+            require(number == columns - 1, "segment k must have one number fewer than the columns")
             self.starts = [whole(self.fields(1)[0], 0, _MOST, "a start") for _ in range(number)]
         elif letter in b"JG":
             terms = self.terms(whole(fields[1], 1, columns, "the number of terms"), columns)

@@ -55,12 +55,12 @@ class Program(Model[Vector]):
 
     @property
     def source(self) -> Source | None:
-        """Object from which the program was made, to which plans can be assigned; None without one."""
+        """Object that was converted to this program and that receives plans; None for other programs."""
         result: Source | None = self.__dict__.get("_source")
         return result
 
     def with_source(self, source: Source) -> Self:
-        """Return the program with a link to the object from which it was made.
+        """Return the program with a link to the object that was converted to it.
 
         The link is neither part of the content nor of files, and worker processes do not receive it.
 

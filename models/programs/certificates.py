@@ -42,7 +42,7 @@ Vector = NDArray[np.float64]
 CLOSE = 1e-9
 #: Distance of multipliers from the dual cones that is due to rounding, relative to the largest.
 IN_CONE = 1e-9
-#: Largest number of nonzeros for which a bound is computed in rational arithmetic unasked, in about 5 ms.
+#: Largest number of nonzeros for which a bound is always tried in rational arithmetic, in about 5 ms.
 QUICK = 1000
 #: Largest number of bits of a common denominator.
 LONGEST = 4096
@@ -51,7 +51,7 @@ LONGEST = 4096
 class Proof(StrEnum):
     """Kinds of evidence for a lower bound on the objective, from the strongest to the weakest."""
 
-    #: Computed in rational arithmetic: no rounding at all.
+    #: Computed in rational arithmetic, without rounding.
     EXACT = "exact"
     #: Computed from multipliers in floating-point arithmetic with all rounding errors bounded.
     SAFE = "safe bound"
@@ -74,7 +74,7 @@ def rational_bound(
     """Return a bound in rational arithmetic, from multipliers rounded to simple fractions.
 
     Multipliers of programs with small integers are simple fractions, which floating-point multipliers
-    approximate. The bound is exact for the rounded multipliers, whatever the rounding was.
+    approximate. The bound is exact for the rounded multipliers.
 
     Parameters
     ----------

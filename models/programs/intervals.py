@@ -2,7 +2,7 @@
 
 Instead of switching the rounding mode, every sum is widened by its a-priori error bound (Higham,
 "Accuracy and Stability of Numerical Algorithms", 2002, section 3.1), and every product is rounded
-outwards. Callers suppress the warnings of NumPy: an overflow gives intervals without an end.
+outwards. Callers suppress the warnings of NumPy: an overflow gives unbounded intervals.
 """
 
 from __future__ import annotations

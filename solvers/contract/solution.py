@@ -246,7 +246,7 @@ class Solution(Generic[PlanT]):
         return result
 
     def assign(self) -> None:
-        """Set the values of the plan in the object from which the model was made.
+        """Set the values of the plan in the object that was converted to the model.
 
         The variables, the multipliers of the constraints, the value and the status of a
         ``cvxpy.Problem`` are set as by its own ``solve``, also if it is infeasible or unbounded. Variables
@@ -255,8 +255,8 @@ class Solution(Generic[PlanT]):
         Raises
         ------
         InvalidData
-            There is no plan, unless a ``cvxpy.Problem`` is infeasible or unbounded, or the model was not
-            made from an object that stores values.
+            The solution has no plan and is not that of an infeasible or unbounded ``cvxpy.Problem``, or the
+            model was not made from an object that stores values.
         """
         source = getattr(self.source, "source", None)
         if self.termination not in CLAIMS_NONE or not getattr(source, "ends", False):

@@ -28,7 +28,7 @@ TERMS = 6
 
 @dataclass(frozen=True)
 class Conflict:
-    """Rows and column bounds that exclude every point together.
+    """Rows and column bounds that no point satisfies together.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Conflict:
     integral : bool
         Whether the conflict also needs the condition of integers.
     irreducible : bool
-        Whether the conflict ends without any one of its rows and bounds; False if a limit ended the search.
+        Whether removing any of its rows or bounds ends the conflict; False if a limit ended the search.
     """
 
     program: RowProgram

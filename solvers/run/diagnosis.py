@@ -353,7 +353,7 @@ def _explained(
     whole = " with integer columns" if conflict.integral else ""
     summary = f"no plan: no point{whole} satisfies these {' and '.join(what)}"
     summary += (
-        ", and without any one of them there is a point"
+        ", but removing any one of them makes a point possible"
         if conflict.irreducible and not open_parts
         else "; the reduction was not completed, so that some may not be needed"
     )

@@ -47,7 +47,7 @@ __all__ = [
 Vector = NDArray[np.float64]
 LinearRows = MixedIntegerProgram | QuadraticProgram
 
-#: Largest number of nonzeros for rational arithmetic on request, and whatever the time limit.
+#: Largest number of nonzeros for rational arithmetic without a time limit, and with any time limit.
 LARGEST, SMALL = 200_000, 1000
 #: Seconds of rational arithmetic per nonzero.
 SECONDS_PER_ENTRY = 5e-6
@@ -322,7 +322,7 @@ def _is_feasible(program: LinearRows, point: list[Fraction]) -> bool:
 
 
 def _recedes(program: QuadraticProgram, direction: list[Fraction]) -> bool:
-    """Return True if a direction leaves no row, no bound and has no curvature, exactly."""
+    """Return True if a direction satisfies all rows and bounds and has no curvature, exactly."""
 
     def within(values: list[Fraction], low: Vector, high: Vector) -> bool:
         return _between(values, receding(low, -math.inf), receding(high, math.inf))

@@ -11,7 +11,7 @@ import pytest
 import crosstrack as ct
 from crosstrack.errors import CrosstrackError, InvalidData, UnsupportedFormulation
 
-cp: Any = pytest.importorskip("cvxpy")
+cp: Any = pytest.importorskip("cvxpy", reason="CVXPY is not installed")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 
@@ -116,7 +116,8 @@ def test_nonconvex_quadratic_programs_are_refused() -> None:
     ],
 )
 def test_backends_without_semidefinite_cones_refuse_them(backend: str, message: str) -> None:
-    pytest.importorskip("highspy" if backend == "highs" else backend)
+    module = "highspy" if backend == "highs" else backend
+    pytest.importorskip(module, reason=f"{backend} is not installed")
     with pytest.raises(UnsupportedFormulation, match=message):
         ct.solve(_semidefinite(), backend)
 
@@ -170,7 +171,8 @@ def test_a_bound_far_away_is_no_rounding_error() -> None:
 @pytest.mark.parametrize("backend", ["highs", "scipy", "scip"])
 def test_fractional_bounds_of_integer_columns(backend: str) -> None:
     # The presolve of HiGHS 1.15 returned -1, 3 with the objective 0.096 for a lower bound of -2.5.
-    pytest.importorskip({"highs": "highspy", "scip": "pyscipopt"}.get(backend, backend))
+    module = {"highs": "highspy", "scip": "pyscipopt"}.get(backend, backend)
+    pytest.importorskip(module, reason=f"{backend} is not installed")
     x = cp.Variable(2, integer=True, bounds=[-2.5, 3], name="x")
     rows = np.array([[0.43149417, -2.12627978], [0.90992122, 0.60596557], [0.83005665, 0.82769834]])
     limits = np.array([-4.18870582, 1.66659731, 1.95684997])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models.programs.conic import ConicProgram
 from crosstrack.models.programs.linear import MixedIntegerProgram, QuadraticProgram
+from crosstrack.solvers import Termination
 
-cp: Any = pytest.importorskip("cvxpy")
+cp: Any = pytest.importorskip("cvxpy", reason="CVXPY is not installed")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 COUNT = 200
@@ -35,7 +37,7 @@ def _violation(problem: Any) -> float:
 @pytest.mark.parametrize("kind", KINDS)
 def test_answers_equal_those_of_cvxpy(kind: str) -> None:
     if kind == "integer":
-        pytest.importorskip("pyscipopt")
+        pytest.importorskip("pyscipopt", reason="SCIP is not installed")
     for number in range(KINDS.index(kind), COUNT, len(KINDS)):
         problem = random_problem(number)
         answer = ct.solve(problem, "highs" if kind == "integer" else "clarabel")
@@ -166,8 +168,9 @@ def test_assigns_infeasible_and_unbounded_like_cvxpy(status: str, sense: str) ->
 
 def test_assigns_no_answer_without_plan_or_claim() -> None:
     problem = random_problem(0)
-    answer = ct.solve(problem, time_limit=1e-9)
-    assert answer.plan is None
+    answer = replace(
+        ct.solve(problem), termination=Termination.NO_SOLUTION, plan=None, verification=None
+    )
     with pytest.raises(InvalidData, match="assign: there is no plan"):
         answer.assign()
 

@@ -44,8 +44,8 @@ def load(folder, suffix, text):
     not NAMES, reason="the public programs are in ../shared/data/programs, which is absent"
 )
 def test_public_files_equal_a_second_reader(in_process, tmp_path):
-    pytest.importorskip("gurobipy")
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("gurobipy", reason="Gurobi is not installed")
+    pytest.importorskip("pyscipopt", reason="SCIP is not installed")
     for name in NAMES:
         # Beside the copy of the file that the library reads.
         copy = tmp_path / name
@@ -63,7 +63,7 @@ def test_public_files_equal_a_second_reader(in_process, tmp_path):
     ids=["mps", "quadratic mps", "lp", "quadratic lp"],
 )
 def test_every_feature_equals_a_second_reader(suffix, text, in_process, tmp_path):
-    pytest.importorskip("gurobipy")
+    pytest.importorskip("gurobipy", reason="Gurobi is not installed")
     program = second_readers.of_program(load(tmp_path, suffix, text))
     assert program == second_readers.of_gurobi(tmp_path / f"program.{suffix}")
 
@@ -275,7 +275,7 @@ def damaged(suffix, base, *pairs):
             (" 0 1 0 0 0", " 0 3 0 0 0", "integer columns contradict"),
             (" 0 1 0 0 0", " 0 1 0 0", "line 7, section header: expected the 5 numbers binary integer"),
             (" 4 2\t#", " 5 2\t#", "nonzeros differ"),
-            (" 3 2 1", " 999999999 2 1", "the numbers and the length of the file contradict"),
+            (" 3 2 1", " 999999999 2 1", "the numbers of the header exceed the length of the file"),
             ("C0\n", "F0 1 1 f\nC0\n", "imported functions are not supported"),
             ("C0\n", "S0 1 sosno\n0 1\nC0\n", "suffixes, such as those of special ordered sets"),
             ("C0\n", "L0\nn1\nC0\n", "logical constraints are not supported"),

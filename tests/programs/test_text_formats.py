@@ -219,13 +219,18 @@ REFUSED_QPLIB = [
 ]  # fmt: skip
 
 
+def check_refused(folder, text, changed, suffix, error, message):
+    """Assert that reading the changed text raises the error with the file and the message."""
+    assert changed != text
+    with pytest.raises(error, match=message) as caught:
+        read(folder, changed, suffix)
+    assert str(caught.value).startswith(str(folder / f"model{suffix}"))
+
+
 @pytest.mark.parametrize(("old", "new", "error", "message"), REFUSED_QPLIB)
 def test_refuses_damaged_qplib(tmp_path, old, new, error, message):
     changed = new.join(QP.rsplit(old, 1)) if old.startswith("0\n") else QP.replace(old, new, 1)
-    assert changed != QP
-    with pytest.raises(error, match=message) as caught:
-        read(tmp_path, changed, ".qplib")
-    assert str(caught.value).startswith(str(tmp_path / "model.qplib"))
+    check_refused(tmp_path, QP, changed, ".qplib", error, message)
 
 
 @pytest.mark.parametrize(
@@ -284,11 +289,7 @@ REFUSED_CBF = [
 
 @pytest.mark.parametrize(("old", "new", "error", "message"), REFUSED_CBF)
 def test_refuses_damaged_cbf(tmp_path, old, new, error, message):
-    changed = MIXED.replace(old, new, 1)
-    assert changed != MIXED
-    with pytest.raises(error, match=message) as caught:
-        read(tmp_path, changed, ".cbf")
-    assert str(caught.value).startswith(str(tmp_path / "model.cbf"))
+    check_refused(tmp_path, MIXED, MIXED.replace(old, new, 1), ".cbf", error, message)
 
 
 @pytest.mark.parametrize(

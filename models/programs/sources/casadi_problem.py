@@ -176,7 +176,7 @@ def _program(
 
 
 def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
-    """Return the program of a ``casadi.Opti``, with the present values of its parameters.
+    """Return the program of a ``casadi.Opti``, with the current values of its parameters.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
     Raises
     ------
     InvalidData
-        The object is not an ``Opti``, a parameter has no value, or there are no variables.
+        The object is not an ``Opti``, a parameter has no value, or the problem has no variable.
     """
     import casadi
 

@@ -34,7 +34,7 @@ def program_of(value: Any) -> Program:
     value : object
         One of
 
-        - ``cvxpy.Problem`` that follows the rules of disciplined convex programming, with the present
+        - ``cvxpy.Problem`` that follows the rules of disciplined convex programming, with the current
           values of its parameters;
         - ``qpsolvers.Problem``;
         - ``casadi.Opti``;

@@ -47,8 +47,8 @@ _WRITTEN = {
 def program_of_problem(problem: cvxpy.Problem) -> RowProgram:
     """Return the program of a ``cvxpy.Problem``.
 
-    CVXPY reduces the problem to its standard form with cones, in which parameters have their present
-    values. The rows of each constraint form a block with its label, or its text if it has none. Rows that
+    CVXPY reduces the problem to its standard form with cones, with the current values of its parameters.
+    The rows of each constraint form a block with its label, or its text if it has none. Rows that
     CVXPY adds for the graphs of functions form the blocks ``"auxiliary 1"`` and so on.
 
     Parameters
@@ -64,7 +64,7 @@ def program_of_problem(problem: cvxpy.Problem) -> RowProgram:
     Raises
     ------
     InvalidData
-        A parameter has no value, the data are not finite, or the problem has no variables.
+        A parameter has no value, the data are not finite, or the problem has no variable.
     UnsupportedFormulation
         The problem is not disciplined convex, or contains a cone or a combination of integers and cones
         without a program here. The message contains the expression or the constraint.

@@ -1,4 +1,4 @@
-"""Links from programs to the objects of other libraries from which they were made."""
+"""Links from programs to the objects of other libraries that were converted to them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Source:
-    """Object from which a program was made.
+    """Object that was converted to a program.
 
     Parameters
     ----------

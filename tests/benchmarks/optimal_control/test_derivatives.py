@@ -1,8 +1,8 @@
 """Derivatives of a transcribed program beside CasADi's own of the same functions.
 
 ``Assembly`` writes the derivatives in their known structure; without them, ``NonlinearProgram``
-differentiates the values automatically. Both are called in turns at the same point. Nothing fails
-because it is slow; everything fails that is wrong. Run with::
+differentiates the values automatically. Both are called in turns at the same point. The
+test fails for wrong derivatives, not for slow ones. Run with::
 
     pytest tests/benchmarks/optimal_control/test_derivatives.py -s
 """

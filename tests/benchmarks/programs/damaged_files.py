@@ -32,56 +32,15 @@ DATA = Path(__file__).resolve().parents[4] / "shared" / "data" / "programs" / "m
 #: Public files of at most this many bytes are mutated.
 LARGEST = 30_000
 NUMBERS = [
-    *(
-        "1e400",
-        "-1e400",
-        "1e30",
-        "-1e30",
-        "1e20",
-        "1e19",
-        "1e-400",
-        "1e-11",
-        "12345678901234567890",
-    ),
-    *(
-        "nan",
-        "inf",
-        "-inf",
-        "1.0abc",
-        "0x10",
-        "1D3",
-        "1,5",
-        "1e",
-        "1e+",
-        ".",
-        "-",
-        "+",
-        "1..2",
-        "1e5e5",
-    ),
-    *("0", "-0", "-7", "5", "3.5", "\u00bd"),
-]
+    "1e400", "-1e400", "1e30", "-1e30", "1e20", "1e19", "1e-400", "1e-11", "12345678901234567890", "nan",
+    "inf", "-inf", "1.0abc", "0x10", "1D3", "1,5", "1e", "1e+", ".", "-", "+", "1..2", "1e5e5", "0", "-0",
+    "-7", "5", "3.5", "\u00bd",
+]  # fmt: skip
 WORDS = [
-    *(
-        "st",
-        "end",
-        "free",
-        "bounds",
-        "max",
-        "binary",
-        "sos",
-        "inf",
-        "[",
-        "]",
-        "/",
-        "2",
-        ":",
-        "<=",
-        ">=",
-    ),
-    *("RHS", "MAX", "NAME", "'MARKER'", "N", "E", "UP", "BV", "MI", "SC", "ENDATA", "*", "$", "="),
-    *("v0", "o2", "o54", "n1", "C0", "J0", "O0", "b", "r", "k1", "S0", "V3", "\\", ";", "#", "<"),
-]
+    "st", "end", "free", "bounds", "max", "binary", "sos", "inf", "[", "]", "/", "2", ":", "<=", ">=",
+    "RHS", "MAX", "NAME", "'MARKER'", "N", "E", "UP", "BV", "MI", "SC", "ENDATA", "*", "$", "=", "v0", "o2",
+    "o54", "n1", "C0", "J0", "O0", "b", "r", "k1", "S0", "V3", "\\", ";", "#", "<",
+]  # fmt: skip
 
 
 def mutated(text: str, draw: random.Random) -> bytes:

@@ -17,8 +17,8 @@ import scipy.sparse as sp
 
 import crosstrack as ct
 
-cp: Any = pytest.importorskip("cvxpy")
-pytest.importorskip("clarabel")
+cp: Any = pytest.importorskip("cvxpy", reason="CVXPY is not installed")
+pytest.importorskip("clarabel", reason="Clarabel is not installed")
 
 #: Largest ratio of the two times, and the seconds that are not counted.
 RATIO, FREE = 1.3, 0.02

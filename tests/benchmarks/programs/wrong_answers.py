@@ -1,8 +1,8 @@
 """Minimal reproductions of wrong answers, with the solvers' own interfaces.
 
 Each solver calls a program infeasible or unbounded for which crosstrack verified a feasible plan and a
-bound. The programs are those that the solvers receive from crosstrack: in scaled units where the data differ
-from 1 by orders of magnitude.
+bound. The public programs are those that the solvers receive from crosstrack: in scaled units if the data
+differ from 1 by orders of magnitude. The program of the crane is not scaled; HiGHS solves the scaled one.
 """
 
 from __future__ import annotations
