@@ -137,7 +137,8 @@ def arrays_of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     ):
         bounds = np.array(values, float)
         arrays[key] = np.where(np.abs(bounds) >= infinity, np.copysign(np.inf, bounds), bounds)
-    for key, part in {"matrix": matrix, "hessian": hessian}.items():
+    parts: dict[str, Any] = {"matrix": matrix, "hessian": hessian}
+    for key, part in parts.items():
         if key == "matrix" or hessian.dim_:
             arrays[f"{key}_data"] = np.array(part.value_, float)
             arrays[f"{key}_indices"] = np.array(part.index_, np.int64)

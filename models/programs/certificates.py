@@ -90,9 +90,9 @@ def rational_bound(
     Returns
     -------
     Fraction or None
-        The bound; None if a Hessian is not proven to be positive semidefinite, if a reduced cost has a sign that an infinite bound does not allow, if the
-        denominators are too different for fast arithmetic, or if the arrays have another shape or are
-        not finite.
+        The bound; None if a Hessian is not proven to be positive semidefinite, if a reduced cost has a
+        sign that an infinite bound does not allow, if the denominators are too different for fast
+        arithmetic, or if the arrays have another shape or are not finite.
     """
     if isinstance(program, QuadraticProgram) and not (program._least_curvature >= 0).all():
         return None

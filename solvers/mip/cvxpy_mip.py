@@ -10,10 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import UnsupportedOption
+from ...errors import InvalidData, UnsupportedOption
 from ...models.model import Model
 from ...models.programs.base import RowProgram
-from ...models.programs.certificates import is_convex
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ..conic.base import ConicRun
@@ -95,7 +94,9 @@ class CvxpyMip(ProgramBackend):
             return ""
         if importlib.util.find_spec("pyscipopt") is None:
             return "backend 'cvxpy': integer quadratic programs need SCIP: pip install 'crosstrack[scip]'"
-        if not is_convex(problem):
+        try:
+            problem.require_convex()
+        except InvalidData:
             return (
                 "backend 'cvxpy': integer quadratic programs must be convex; 'scip' accepts others"
             )

@@ -67,7 +67,13 @@ class Clarabel(ConvexBackend):
         settings.max_threads = 1
         # "auto" also considers supernodal factorisation, which is faster if the factors are dense.
         entries = form.matrix.nnz + program.hessian.nnz
-        settings.direct_solve_method = "auto" if entries > LARGE else "qdldl"
+        # Each semidefinite cone is a dense block of the linear systems.
+        dense = sum(
+            block.count * block.dimension * (block.dimension + 1) // 2
+            for block in form.cones
+            if block.kind is ConeKind.SEMIDEFINITE
+        )
+        settings.direct_solve_method = "auto" if entries + dense > LARGE else "qdldl"
         share = 1e-2 if entries > HUGE else 1e-3
         tolerance = solver_tolerance(request, 1e-12, 1e-8, share=share)
         for name in ("tol_feas", "tol_gap_abs", "tol_gap_rel"):

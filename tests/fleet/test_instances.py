@@ -354,7 +354,7 @@ def test_a_file_of_vehicles_is_no_tour(tmp_path):
     # The type precedes the sections that are not supported, and is named first.
     timed = LORRIES.replace("TYPE : CVRP", "TYPE : VRPTW")
     timed = timed.replace("DEMAND_SECTION", "TIME_WINDOW_SECTION\n1 0 9\nDEMAND_SECTION")
-    with pytest.raises(InvalidData, match="TYPE must be one of CVRP, .*, got 'VRPTW'"):
+    with pytest.raises(InvalidData, match=r"TYPE must be one of CVRP, .*, got 'VRPTW'"):
         read_vrplib(written(tmp_path, timed, "a-k2.vrp"))
     with pytest.raises(InvalidData, match="nothing may follow EOF"):
         read_vrplib(written(tmp_path, LORRIES.replace("EOF", "EOF\n1 2 3"), "a-k2.vrp"))
