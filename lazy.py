@@ -22,8 +22,8 @@ def attach(
     """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package that exports lazily.
 
     The exports are the names that the package imports in its block ``if TYPE_CHECKING:``, which
-    type checkers read. They are taken from its source, as by ``lazy_loader.attach_stub`` of
-    Scientific Python, so that they are listed once.
+    type checkers read. They are taken from its source, as by the package ``lazy_loader``,
+    so that they are listed once.
 
     Parameters
     ----------

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Self
 
@@ -41,7 +42,7 @@ class Unread(ValueError):
     """A part of a line is not allowed; :class:`Scan` adds file, line and section."""
 
 
-class Scan:
+class Scan(ABC):
     """Strict reading of a text file, and its position for messages.
 
     Parameters
@@ -86,9 +87,9 @@ class Scan:
             raise scan.refusal(error) from None
         return scan
 
+    @abstractmethod
     def read(self) -> None:
         """Read the whole file; raise :class:`Unread` at the first fault."""
-        raise NotImplementedError
 
     def refusal(self, message: object) -> InvalidData:
         """Return the exception that names file, line and section."""

@@ -265,7 +265,7 @@ def test_no_plan_betters_the_best_of_all_and_yardsticks_find_it(case: str) -> No
 
 @pytest.mark.parametrize("name", ["ortools-routing", "pyvrp"])
 def test_yardsticks_stop_in_time(name: str) -> None:
-    pytest.importorskip(YARDSTICKS[name])
+    pytest.importorskip(YARDSTICKS[name], reason=f"{name} is not installed")
     for objective in ("max", "sum"):
         points = np.random.default_rng(2).random((200, 2))
         found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=0.7)

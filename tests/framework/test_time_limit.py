@@ -169,7 +169,7 @@ def test_models_without_programs_load_no_solver_of_programs(run_python, tmp_path
 
 def test_a_solver_of_programs_loads_no_native_algorithm(run_python, tmp_path):
     """Importing those of all problems, to find rival libraries, took 70 % of a first run."""
-    pytest.importorskip("highspy")
+    pytest.importorskip("highspy", reason="highspy is not installed")
     code = (
         "import sys, crosstrack as ct\n"
         "from crosstrack.models.problems import PROBLEMS\n"

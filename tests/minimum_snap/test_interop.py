@@ -230,7 +230,7 @@ def test_figure8_flies_again(tmp_path):
 
 def references(name):
     """Times and derivatives of a file of minsnap_trajectories, shape (orders, samples, axes)."""
-    data = pytest.importorskip("scipy.io").loadmat(public(name))
+    data = pytest.importorskip("scipy.io", reason="scipy.io is not installed").loadmat(public(name))
     return data["sample_time"].ravel(), data["kinematic_references"]
 
 

@@ -81,8 +81,8 @@ def spline(model):
 
 def by_qp(model, solver):
     """The optimum by a solver of quadratic programs, rows added until nothing sticks out."""
-    qpsolvers = pytest.importorskip("qpsolvers")
-    pytest.importorskip(solver)
+    qpsolvers = pytest.importorskip("qpsolvers", reason="qpsolvers is not installed")
+    pytest.importorskip(solver, reason=f"{solver} is not installed")
     formulation = model.formulate("legendre")
     while True:
         with warnings.catch_warnings():

@@ -34,7 +34,7 @@ def test_a_simplex_over_a_spline_finds_the_same_times(more):
     [pytest.param({"velocity_limit": 1.2}, marks=pytest.mark.slow), {"weights": [0, 0.5, 1]}],
 )
 def test_a_simplex_over_another_solver_finds_the_same_times(more):
-    pytest.importorskip("daqp")
+    pytest.importorskip("daqp", reason="daqp is not installed")
     model = TimeAllocation(POINTS[:3], 60.0, order=3, **more)
     own = ct.solve(model, "time-gradient")
     least, durations = best_times(model, programmed, accuracy=1e-6, restarts=0)

@@ -10,7 +10,7 @@ import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import TimeAllocation
 
-pytest.importorskip("casadi")
+pytest.importorskip("casadi", reason="casadi is not installed")
 
 TRIANGLE = {
     "polytope_segments": [0, 1, 1],

@@ -67,7 +67,7 @@ def test_output_rejects_a_taken_name():
 
 
 def test_signals_are_exported_and_drawn(solved, tmp_path):
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     model, plan = solved
     rows = write_control_samples(plan, tmp_path / "plan.csv", rate=4).read_text().splitlines()
     assert rows[0] == "phase,t,x,v,u,height (m),power (W)"

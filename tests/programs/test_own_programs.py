@@ -372,7 +372,7 @@ def test_a_reduction_is_incomplete_if_a_program_of_it_is_not_settled(monkeypatch
 
 
 def test_conflicts_of_a_backend_without_continuous_columns():
-    pytest.importorskip("ortools")
+    pytest.importorskip("ortools", reason="ortools is not installed")
     model = program([[1, 1, 0], [0, 1, 1]], [2, -INF], [INF, 0], integral=range(3), high=1.0)
     diagnosis = ct.diagnose(model, "cp-sat")
     assert diagnosis.feasible is False and "the reduction was not completed" in diagnosis.summary

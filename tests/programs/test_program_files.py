@@ -80,8 +80,8 @@ def test_every_feature_equals_a_second_reader(suffix, text, in_process, tmp_path
     ids=["column in bounds alone", "no rows", "empty row", "infinite side"],
 )
 def test_lp_files_that_all_readers_read_alike(old, new, in_process, tmp_path):
-    pytest.importorskip("gurobipy")
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("gurobipy", reason="gurobipy is not installed")
+    pytest.importorskip("pyscipopt", reason="pyscipopt is not installed")
     text = changed(QUADRATIC_LP, "[ 4 x ^ 2 + 2 x * y + 3 y ^ 2 - x * z + 5 z ^ 2 ] / 2", "3 z")
     program = second_readers.of_program(load(tmp_path, "lp", changed(text, old, new)))
     assert program == second_readers.of_gurobi(tmp_path / "program.lp")
@@ -90,7 +90,7 @@ def test_lp_files_that_all_readers_read_alike(old, new, in_process, tmp_path):
 
 def test_mps_files_with_an_infinite_side(in_process, tmp_path):
     """Gurobi writes it for a row without a side; the row has no range then."""
-    pytest.importorskip("gurobipy")
+    pytest.importorskip("gurobipy", reason="gurobipy is not installed")
     text = changed(MPS, "rhs cost 12 limit 4", "rhs cost 12 limit 1e+100")
     with pytest.raises(InvalidData, match=r"line 25, .*the side of row limit is infinite"):
         load(tmp_path, "mps", text)

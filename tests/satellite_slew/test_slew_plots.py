@@ -141,7 +141,7 @@ def test_a_slew_without_a_plan_shows_the_guess():
 
 @pytest.mark.filterwarnings("error")
 def test_the_slew_moves(tmp_path):
-    pytest.importorskip("PIL")
+    pytest.importorskip("PIL", reason="PIL is not installed")
     from PIL import Image
 
     model = SatelliteSlew(name="turn")

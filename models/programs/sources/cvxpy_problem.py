@@ -134,7 +134,9 @@ def _form() -> Any:
             return solution
 
         def solve_via_data(self, *arguments: Any, **options: Any) -> Any:
-            raise NotImplementedError("the form is solved by crosstrack.solve")
+            raise TypeError(
+                "this form only describes the data; solve the program by crosstrack.solve"
+            )
 
         def cite(self, data: Any) -> str:
             return ""

@@ -77,7 +77,7 @@ def run(
     # Some releases warn about their own escape sequences, and SWIG about its types.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        cspy = pytest.importorskip("cspy")
+        cspy = pytest.importorskip("cspy", reason="cspy is not installed")
         from cspy.algorithms.bidirectional import REFCallback
         from networkx import DiGraph
 

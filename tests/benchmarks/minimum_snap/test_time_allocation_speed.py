@@ -75,7 +75,7 @@ def test_twenty_waypoints_with_limits(seed):
 @pytest.mark.parametrize("segments", [5, 20, 100])
 def test_ipopt_beside_the_descent(segments):
     """Ratios of ``seconds.solve`` and of the whole call, without limits and at shares of the peaks."""
-    pytest.importorskip("casadi")
+    pytest.importorskip("casadi", reason="casadi is not installed")
     points = walk(segments + 1, 1)
     free = TimeAllocation(points, 100.0)
     path = ct.solve(free).plan

@@ -65,7 +65,9 @@ def spline(model: MinimumSnap) -> Any:
 
 def peer(model: MinimumSnap) -> Any:
     """Return the trajectory of minsnap-trajectories, by its closed form."""
-    minsnap = pytest.importorskip("minsnap_trajectories")
+    minsnap = pytest.importorskip(
+        "minsnap_trajectories", reason="minsnap_trajectories is not installed"
+    )
     rest = np.zeros(model.dimensions)
     points = [
         minsnap.Waypoint(time=float(t), position=w)

@@ -21,7 +21,7 @@ def run(model: ResourceRouting, time_limit: float) -> tuple[Any, float]:
     """Return the plan that cspy finds within `time_limit`, None without one, and the seconds it took."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        cspy = pytest.importorskip("cspy")
+        cspy = pytest.importorskip("cspy", reason="cspy is not installed")
         from cspy.algorithms.bidirectional import REFCallback
         from networkx import DiGraph
 
