@@ -27,7 +27,7 @@ from .verification import TOLERANCE, Verification
 
 __all__ = ["Model", "as_model"]
 
-if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+if not TYPE_CHECKING:
     __getattr__ = moved(__name__, {".json_text": "parse_json"})
 
 PlanT = TypeVar("PlanT")
@@ -493,9 +493,9 @@ def as_model(value: Any) -> Model[Any]:
         return program
     result = value.build() if callable(getattr(value, "build", None)) else value
     if not isinstance(result, Model):
-        hint = "; load it first: crosstrack.load(…)"
-        if not isinstance(value, str):
-            libraries = resolve(".models.programs.sources.conversion:objects")()
-            hint = f"; also accepted: objects of {', '.join(sorted(libraries))}, and arrays by name"
+        libraries = resolve(".models.programs.sources.conversion:objects")()
+        hint = f"; also accepted: objects of {', '.join(sorted(libraries))}, and arrays by name"
+        if isinstance(value, str):
+            hint = "; load it first: crosstrack.load(…)"
         raise InvalidData(f"model must be a Model, got {show(value)}{hint}", field="model")
     return result

