@@ -1,7 +1,4 @@
-"""Base of every model: declared data, exact JSON, a digest, formulations and a verification.
-
-A model states a planning problem. Solution methods belong to :mod:`crosstrack.solvers`.
-"""
+"""Base of every model: declared data, exact JSON, a digest, formulations and a verification."""
 
 from __future__ import annotations
 
