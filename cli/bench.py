@@ -72,8 +72,17 @@ def bench(
     metavar="NAMES",
     help="Restrict to these backends, separated by commas, and to the instances that all of them ran on.",
 )
+@click.option(
+    "--pictures",
+    type=click.IntRange(0),
+    default=20,
+    show_default=True,
+    help="Largest number of pictures of plans, about 0.1 s each.",
+)
 @as_json
-def report(record: str, output: str, title: str, backends: str | None, as_json: bool) -> int:
+def report(
+    record: str, output: str, title: str, backends: str | None, pictures: int, as_json: bool
+) -> int:
     """Write a self-contained page that shows RECORD.jsonl."""
     from ..files import writable
     from ..instances.catalogue import entry
@@ -89,7 +98,8 @@ def report(record: str, output: str, title: str, backends: str | None, as_json: 
     def load(name: str) -> Model[Any]:
         return entry(name).build()  # a name in the record opens no file
 
-    say(f"report: {write_page(records, target, title=records.title, load=load)}")
+    page = write_page(records, target, title=records.title, load=load, pictures=pictures)
+    say(f"report: {page}")
     return _print_records(records, as_json)
 
 

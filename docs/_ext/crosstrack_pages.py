@@ -385,6 +385,7 @@ def _report(app: Sphinx, error: Exception | None) -> None:
     write_page(
         records, Path(app.outdir) / "campaign-report.html",
         title="Every problem, every backend", command=command, load=load,
+        pictures=len(records.verdicts),
     )  # fmt: skip
 
 

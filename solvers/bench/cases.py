@@ -14,7 +14,6 @@ from ..report.tables import number, seconds_text
 from .chart import Series, draw_steps
 from .draws import compare_on_instance
 from .markup import cell, figure, numeric, table, tested, untested
-from .pictures import Load, draw_plan
 from .standing import measured_seconds, who
 from .statistics import RankTest
 
@@ -47,21 +46,17 @@ class Case(NamedTuple):
     verdict: Verdict
 
 
-def describe_instance(case: Case, load: Load | None, instances: int) -> str:
-    """Return the HTML details of an instance: verdict, notes, bounds over time and picture.
+def describe_instance(case: Case, image: str, caption: str) -> str:
+    """Return the HTML details of an instance: evidence, notes, bounds over time and picture.
 
     Parameters
     ----------
     case : Case
         The instance.
-    load : callable, optional
-        Function that returns an instance by its name; None for no picture.
-    instances : int
-        Number of instances on the page.
+    image, caption : str
+        Data URI of the picture of the best plan, and its caption or the reason for a missing picture.
     """
-    word, look, sign = OUTCOMES[case.verdict.outcome]
     notes = "".join(f"<li>{escape(note)}</li>" for note in case.verdict.notes)
-    image, caption = draw_plan(case.verdict.best, load, instances)
     shown = (
         f'<figure><img src="{image}" alt="{escape(caption)}" loading="lazy"><figcaption>{escape(caption)}.'
         "</figcaption></figure>"
@@ -69,14 +64,11 @@ def describe_instance(case: Case, load: Load | None, instances: int) -> str:
         else f"<p class='soft'>{escape(caption)}</p>"
     )
     return (
-        f'<details data-instance="{escape(case.name)}">'
-        f"<summary>{escape(case.name)} <span class='{look}'>{sign} {word}</span></summary>"
         f"<p>{escape(case.verdict.evidence)}</p>"
         + (f"<ul>{notes}</ul>" if notes else "")
         + _repeats(case)
         + _progress(case)
         + shown
-        + "</details>"
     )
 
 

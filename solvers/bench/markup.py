@@ -89,11 +89,9 @@ def untested(text: str) -> list[str]:
 
 def table(
     heads: Sequence[str],
-    rows: Sequence[Any],
+    rows: Sequence[Sequence[str]],
     look: str,
     label: str,
-    *,
-    tall: bool = False,
 ) -> str:
     """Return a sortable table in a box that scrolls.
 
@@ -102,24 +100,21 @@ def table(
     heads : sequence of str
         Headers. Those of columns with cells of :func:`numeric` only are aligned right.
     rows : sequence
-        The cells of each row, or a pair of HTML attributes and cells.
+        The cells of each row.
     look : str
         CSS class.
     label : str
         Text alternative.
-    tall : bool
-        Whether the box has a limited height.
     """
-    pairs = [row if isinstance(row, tuple) else ("", row) for row in rows]
-    columns = list(zip(*(cells for _, cells in pairs), strict=True)) or [()] * len(heads)
+    columns = list(zip(*rows, strict=True)) or [()] * len(heads)
     top = "".join(
         f'<th scope="col" aria-sort="none"{" class=n" if right else ""}>'
         f'<button type="button">{escape(head)}</button></th>'
         for head, right in zip(heads, map(_holds_numbers, columns), strict=True)
     )
-    body = [f"<tr{attributes}>{''.join(cells)}</tr>" for attributes, cells in pairs]
+    body = [f"<tr>{''.join(cells)}</tr>" for cells in rows]
     return (
-        f'<div class="scroll{" tall" if tall else ""}" tabindex="0" role="region" aria-label="{escape(label)}">'
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">'
         f'<table class="{look}"><thead><tr>{top}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
     )
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
+import math
 import os
 import shlex
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -25,7 +27,7 @@ from .chart import Series, draw_steps
 from .conditions import describe_conditions
 from .draws import ACCURACY, compare_with_leader, profile_evaluations
 from .markup import cell, choices, count_cell, ended, figure, many, numeric, table, tested
-from .pictures import Load
+from .pictures import Load, draw_plans
 from .records import Records
 from .standing import REFERENCE, TOO_LATE, Standing, are_rivals, who
 from .statistics import success_interval
@@ -35,11 +37,11 @@ if TYPE_CHECKING:
 
 __all__ = ["write_page"]
 
-#: Headers of the tables of answers, and of those of backends.
-_ANSWERS = (
-    "Instance", "Backend", "Ended", "Solved", "Objective", "Bound", "Gap", "Solving took",
-    "Building took", "Seed", "Repeat", "Message",
-)  # fmt: skip
+#: Headers of the tables of answers with their CSS classes, and headers of those of backends.
+_ANSWERS = {
+    "Instance": "", "Backend": "", "Ended": "", "Solved": "sign", "Objective": "n", "Bound": "n",
+    "Gap": "n", "Solving took": "n", "Building took": "n", "Seed": "n", "Repeat": "n", "Message": "long",
+}  # fmt: skip
 _STANDING = (
     "Backend", "Runs", "Ran on", "Solved", "Rate (95 %)", "Proven", "Best plan", "Fastest", "Typical",
     "Median", "Gap over time",
@@ -48,6 +50,8 @@ _STANDING = (
 _APART = "none: each backend estimates something else"
 #: Endings of the reasons for which an answer is not wrong, but not good enough.
 _SHORT = ("above best", "below best", "no plan", REFERENCE, TOO_LATE)
+#: Default number of pictures: about 0.1 s each.
+PICTURES = 20
 #: Largest number of characters of a message in a table.
 _MESSAGE = 300
 #: Options that the command for a contradiction repeats, by flag.
@@ -64,6 +68,7 @@ def write_page(
     title: str = "",
     command: str = "",
     load: Load | None = None,
+    pictures: int = PICTURES,
 ) -> Path:
     """Write the report of a campaign as one self-contained HTML file.
 
@@ -82,6 +87,8 @@ def write_page(
         drawn if the digest of the instance is that of the record. Names come from the record.
         :func:`crosstrack.load` also opens files by name, so do not pass it for records from
         untrusted sources.
+    pictures : int
+        Largest number of pictures, spread over the problems; contradictions come first.
 
     Returns
     -------
@@ -98,15 +105,17 @@ def write_page(
         records = Records(tuple(records.solutions))
     if not records.solutions:
         raise InvalidData("records must hold an answer, got none", field="records")
-    return write_text(file, _page(records, title or records.title, command, load))
+    return write_text(file, _page(records, title or records.title, command, load, pictures))
 
 
-def _page(records: Records, title: str, command: str, load: Load | None) -> str:
+def _page(records: Records, title: str, command: str, load: Load | None, pictures: int) -> str:
     cases, standings, solutions = _cases(records), records.standings, records.solutions
     kinds = list(standings)
     style, script = _resource("page.css"), _resource("page.js")
     wrong = [case for case in cases if case.verdict.outcome is Outcome.CONTRADICTION]
-    sections = [_problem(kind, cases, standings[kind], load) for kind in kinds]
+    drawn = draw_plans([case.verdict for case in _in_turn(cases)], load, pictures)
+    sections = [_problem(kind, cases, standings[kind]) for kind in kinds]
+    answers = {kind: _answers(kind, cases, standings[kind], drawn) for kind in kinds}
     again = f"<p>To repeat the campaign:</p><pre>{escape(command)}</pre>" if command else ""
     versions = sorted({s.version for s in solutions if s.version})
     return Template(_resource("page.html")).substitute(
@@ -126,6 +135,8 @@ def _page(records: Records, title: str, command: str, load: Load | None) -> str:
         endings=choices(sorted({ended(s) for s in solutions})),
         count=f"{len(solutions):,}",
         sections="".join(sections),
+        # No text from outside ends the element of the data.
+        data=json.dumps(answers, ensure_ascii=False, separators=(",", ":")).replace("<", r"\u003c"),
         footer=f"{again}<p class='soft'>Made by crosstrack {escape(', '.join(versions))}.</p>",
     )
 
@@ -142,6 +153,17 @@ def _cases(records: Records) -> list[Case]:
             name = f"{name} {first.digest[:12]}"
         cases.append(Case(first.model, name, verdict.solutions, verdict))
     return sorted(cases, key=lambda case: (case.kind, case.name))
+
+
+def _in_turn(cases: Sequence[Case]) -> list[Case]:
+    """Return contradictions, then the first instance of every problem, the second, and so on."""
+    counts: Counter[str] = Counter()
+    keys = []
+    for index, case in enumerate(cases):
+        counts[case.kind] += 1
+        agreed = case.verdict.outcome is not Outcome.CONTRADICTION
+        keys.append((agreed, counts[case.kind], index))
+    return [cases[index] for *_, index in sorted(keys)]
 
 
 def _verdict(cases: Sequence[Case], solutions: Sequence[Solution[Any]]) -> str:
@@ -198,16 +220,35 @@ def _leader(standings: Sequence[Standing]) -> str:
     return words[0] + (f"; next {words[1]}" if len(words) > 1 else "; no other solved any")
 
 
-def _problem(
-    kind: str, cases: Sequence[Case], standings: Sequence[Standing], load: Load | None
-) -> str:
+def _answers(
+    kind: str,
+    cases: Sequence[Case],
+    standings: Sequence[Standing],
+    drawn: Mapping[int, tuple[str, str]],
+) -> dict[str, Any]:
+    """Return the data of a problem: columns with CSS classes, rows, and instances with HTML details.
+
+    The last entry of a row is the backend without formulation and options.
+    """
+    own = [case for case in cases if case.kind == kind]
+    why = {id(s): reason for standing in standings for s, reason in standing.answers}
+    rows = [_answer(case, s, why.get(id(s), REFERENCE)) for case in own for s in case.solutions]
+    empty = ("", [None, ""])
+    used = [i for i in range(len(_ANSWERS)) if any(row[i] not in empty for row in rows)]
+    return {
+        "columns": [(head, look) for i, (head, look) in enumerate(_ANSWERS.items()) if i in used],
+        "rows": [[*(row[i] for i in used), row[-1]] for row in rows],
+        "instances": [
+            (case.name, *OUTCOMES[case.verdict.outcome], describe_instance(case, *drawn[id(case.verdict)]))
+            for case in own
+        ],
+    }  # fmt: skip
+
+
+def _problem(kind: str, cases: Sequence[Case], standings: Sequence[Standing]) -> str:
     """Return the section of one problem."""
     own = [case for case in cases if case.kind == kind]
     anchor = f"p-{sorted({case.kind for case in cases}).index(kind)}"
-    why = {id(s): reason for standing in standings for s, reason in standing.answers}
-    rows = [_answer(case, s, why.get(id(s), REFERENCE)) for case in own for s in case.solutions]
-    used = [i for i in range(len(_ANSWERS)) if any(not c[i].endswith("></td>") for _, c in rows)]
-    rows = [(attributes, [cells[i] for i in used]) for attributes, cells in rows]
     curves = [
         Series(standing.label, standing.profile) for standing in standings if standing.profile
     ]
@@ -226,11 +267,6 @@ def _problem(
         + (figure(profile, note) if profile else "<p class='soft'>No instance was solved.</p>")
         + _evaluations(kind, own)
         + _ranks([case.verdict for case in own], standings)
-        + '<div data-table><p class="soft"><span data-shown></span> '
-        '<button type="button" class="more" data-more hidden>Show all</button></p>'
-        + table([_ANSWERS[i] for i in used], rows, "answers", f"Answers on {kind}", tall=True)
-        + "</div><h4>Instances: bounds over time, and the best plan</h4>"
-        + "".join(describe_instance(case, load, len(cases)) for case in own)
         + "</section>"
     )
 
@@ -297,26 +333,25 @@ def _standing(standings: Sequence[Standing]) -> str:
     return table(_STANDING, rows, "plain", "Backends, the leading one first")
 
 
-def _answer(case: Case, s: Solution[Any], why: str) -> tuple[str, list[str]]:
-    """Return the attributes and the cells of the row of an answer."""
+def _answer(case: Case, s: Solution[Any], why: str) -> list[Any]:
+    """Return the row of an answer: texts, pairs of number and text, and the backend."""
     repeat = s.options.get("repeat")
     gap = "" if s.gap is None else f"{s.gap:.1e}" if s.gap else "0"
     solve, build = s.seconds.get("solve"), s.seconds.get("build")
     message = s.message if len(s.message) <= _MESSAGE else s.message[: _MESSAGE - 1] + "…"
-    attributes = f' data-backend="{escape(s.backend)}" data-ended="{escape(ended(s))}"'
-    look, sign = (
-        ("good", "✓") if not why else ("open", "○") if why.endswith(_SHORT) else ("bad", "✗")
-    )
-    return attributes, [
-        cell(case.name), cell(who(s)), cell(ended(s)),
-        f"<td class='{look}'>{sign} {escape(why or 'solved')}</td>",
-        numeric(s.value, number(s.value)),
-        numeric(s.bound, number(s.bound)),
-        numeric(s.gap, gap),
-        numeric(solve, seconds_text(solve)), numeric(build, seconds_text(build)),
-        numeric(s.seed, "" if s.seed is None else str(s.seed)),
-        numeric(repeat, "" if repeat is None else str(repeat)),
-        cell(message, long=True),
+    sign = "✓" if not why else "○" if why.endswith(_SHORT) else "✗"
+    return [
+        case.name, who(s), ended(s), f"{sign} {why or 'solved'}",
+        *(
+            [value if value is not None and math.isfinite(value) else None, text]
+            for value, text in (
+                (s.value, number(s.value)), (s.bound, number(s.bound)), (s.gap, gap),
+                (solve, seconds_text(solve)), (build, seconds_text(build)),
+                (s.seed, "" if s.seed is None else str(s.seed)),
+                (repeat, "" if repeat is None else str(repeat)),
+            )
+        ),
+        message, s.backend,
     ]  # fmt: skip
 
 

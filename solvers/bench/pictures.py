@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...errors import UnknownName
@@ -13,9 +13,10 @@ from ...models.model import Model
 from ...models.plots import picture_options, plot
 from ...models.verification import TOLERANCE
 from ..contract.solution import Solution
+from ..contract.verdict import Verdict
 from ..run.recording import LEFT_OUT
 
-__all__ = ["Load", "draw_plan"]
+__all__ = ["Load", "draw_plan", "draw_plans"]
 
 log = logging.getLogger("crosstrack")
 
@@ -26,6 +27,36 @@ Load = Callable[[str], Model[Any]]
 _WIDE, _SMALL, _FEW = 900, 600, 40
 #: WebP quality, from 0 to 100: lines stay legible at about 10 kB per picture.
 _QUALITY = 25
+
+
+def draw_plans(
+    verdicts: Sequence[Verdict], load: Load | None, most: int
+) -> dict[int, tuple[str, str]]:
+    """Draw the best plans of the first instances that can be drawn.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        One per instance.
+    load : callable, optional
+        As in :func:`draw_plan`.
+    most : int
+        Largest number of pictures.
+
+    Returns
+    -------
+    dict of int to (str, str)
+        Data URI and caption as in :func:`draw_plan`, by the ``id`` of the verdict.
+    """
+    drawn: dict[int, tuple[str, str]] = {}
+    left = most
+    for verdict in verdicts:
+        if left > 0 or load is None:
+            drawn[id(verdict)] = draw_plan(verdict.best, load, len(verdicts))
+            left -= bool(drawn[id(verdict)][0])
+        else:
+            drawn[id(verdict)] = "", f"No picture: the page has at most {most}; --pictures sets it."
+    return drawn
 
 
 def draw_plan(best: Solution[Any] | None, load: Load | None, instances: int = 1) -> tuple[str, str]:

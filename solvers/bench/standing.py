@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from statistics import mean, median
 from typing import Any, NamedTuple
 
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 from ...errors import CrosstrackError
 from ...models.problems import model_type
 from ...models.verification import ROUNDING
+from ..contract.backend import Backend
 from ..contract.enums import Termination
-from ..contract.registry import find_backend
+from ..contract.registry import find_backend, session
 from ..contract.repeats import name_backend, own_options
 from ..contract.solution import Solution
 from ..contract.verdict import Outcome, Verdict, judge
@@ -182,12 +184,11 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         top = (
             math.inf if best_answer is None else _value(best_answer) + ROUNDING * _size(best_answer)
         )
-        for label in dict.fromkeys(map(who, verdict.solutions)):
-            own = [
-                (s, _failure(s, verdict, s if alone else best_answer))
-                for s in verdict.solutions
-                if who(s) == label
-            ]
+        runs: dict[str, list[Solution[Any]]] = {}
+        for s in verdict.solutions:
+            runs.setdefault(who(s), []).append(s)
+        for label, solutions in runs.items():
+            own = [(s, _failure(s, verdict, s if alone else best_answer)) for s in solutions]
             answers.setdefault(label, []).extend(own)
             seconds[label] = max(_usual(own), _LEAST)
             proven[label] += any(not why and s.termination in _PROOFS for s, why in own)
@@ -203,13 +204,10 @@ def rank(verdicts: Sequence[Verdict]) -> list[Standing]:
         spent = [measured_seconds(s) or 0.0 for s in verdict.solutions]
         limits.append(max(*allowed, _LEAST) if any(allowed) else max(*spent, _LEAST))
         if best_answer is not None:
-            for label in seconds:
-                runs = [
-                    _integral(s, s if alone else best_answer, limits[-1])
-                    for s in verdict.solutions
-                    if who(s) == label
-                ]
-                integrals.setdefault(label, {})[index] = median(runs)
+            for label, solutions in runs.items():
+                integrals.setdefault(label, {})[index] = median(
+                    _integral(s, s if alone else best_answer, limits[-1]) for s in solutions
+                )
     # An instance without a run is not solved, so that omitting it is no advantage.
     profiles = performance_profile(
         {
@@ -244,8 +242,14 @@ def are_rivals(kind: str) -> bool:
 
 def is_reference(solution: Solution[Any]) -> bool:
     """Return True if the backend of an answer sees hidden data; False if it is not installed."""
+    return _sees_hidden(solution.backend, solution.problem or None, tuple(session()))
+
+
+@lru_cache
+def _sees_hidden(backend: str, problem: str | None, _session: tuple[Backend, ...]) -> bool:
+    """Cached: a campaign has many answers per backend. A backend of the session may hide another."""
     try:
-        return find_backend(solution.backend, problem=solution.problem or None).sees_hidden
+        return find_backend(backend, problem=problem).sees_hidden
     except CrosstrackError:
         return False
 

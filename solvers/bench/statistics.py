@@ -279,7 +279,7 @@ def compare_pairs(first: _Column, second: _Column) -> RankTest:
     F. Wilcoxon, Biometrics Bulletin 1, 1945. Equal pairs are omitted. The test is exact, including
     ties, up to :data:`EXACT` differing pairs, and uses the normal approximation otherwise.
     """
-    from scipy.stats import PermutationMethod, wilcoxon
+    from scipy.stats import rankdata, wilcoxon
 
     left, right = _numbers("first", first), _numbers("second", second)
     if left.size != right.size:
@@ -295,9 +295,15 @@ def compare_pairs(first: _Column, second: _Column) -> RankTest:
         p_value = 1.0 if left.size >= FEWEST_PAIRS and not nonzero.size else None
         runs = left.size if p_value else nonzero.size
         return RankTest("Wilcoxon", p_value, _biserial(differences), int(runs))
-    every = PermutationMethod(n_resamples=2 ** (EXACT + 1), rng=np.random.default_rng(0))
-    result = wilcoxon(nonzero, method=every if nonzero.size <= EXACT else "approx")
-    return RankTest("Wilcoxon", float(result.pvalue), _biserial(differences), int(left.size))
+    if nonzero.size <= EXACT:
+        # Rank sums for all combinations of signs. Ranks are multiples of 1/2, so the sums are exact.
+        signs = (np.arange(2**nonzero.size)[:, None] >> np.arange(nonzero.size)) & 1
+        ranks = rankdata(np.abs(nonzero))
+        sums, observed = signs @ ranks, ranks[nonzero > 0].sum()
+        p_value = min(1.0, 2 * float(min((sums <= observed).mean(), (sums >= observed).mean())))
+    else:
+        p_value = float(wilcoxon(nonzero, method="approx").pvalue)
+    return RankTest("Wilcoxon", p_value, _biserial(differences), int(left.size))
 
 
 def correct_tests(tests: Mapping[_Key, RankTest]) -> dict[_Key, RankTest]:

@@ -18,6 +18,7 @@ from benchmarks.ledger import Ledger
 
 import crosstrack as ct
 from crosstrack.solvers.bench import Campaign, Set, read_records, write_page
+from crosstrack.solvers.bench.page import PICTURES
 from crosstrack.solvers.processes.scheduling import Task
 
 ROUNDS = 3
@@ -79,7 +80,7 @@ def test_campaign_beside_its_jobs(benchmark: Any, ledger: Ledger, tmp_path: Path
 
 
 def test_resume_and_report_beside_reading(benchmark: Any, ledger: Ledger, tmp_path: Path) -> None:
-    found: dict[str, list[float]] = {"json": [], "read": [], "judge": [], "page": []}
+    found: dict[str, list[float]] = {"json": [], "read": [], "judge": [], "page": [], "drawn": []}
 
     def once() -> None:
         lines = RECORDS.read_text("utf-8").splitlines()
@@ -89,6 +90,9 @@ def test_resume_and_report_beside_reading(benchmark: Any, ledger: Ledger, tmp_pa
         found["read"].append(time.perf_counter() - begin)
         found["judge"].append(seconds(lambda: (records.verdicts, records.standings)))
         found["page"].append(seconds(lambda: write_page(records, tmp_path / "page.html")))
+        found["drawn"].append(
+            seconds(lambda: write_page(records, tmp_path / "drawn.html", load=ct.load))
+        )
 
     benchmark.group = "campaigns"
     benchmark.pedantic(once, rounds=ROUNDS)
@@ -96,6 +100,7 @@ def test_resume_and_report_beside_reading(benchmark: Any, ledger: Ledger, tmp_pa
     answers = len(read_records(RECORDS).solutions)
     for name, words in {
         "read": "records read", "judge": "judged and ranked", "page": f"page of {size:.1f} MB, no pictures",
+        "drawn": f"page with {PICTURES} pictures",
     }.items():  # fmt: skip
         ratio = median(a / b for a, b in zip(found[name], found["json"], strict=True))
         ledger.starts.append(
