@@ -7,7 +7,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 INSTALL := PYTHONWARNINGS=ignore $(PIP) install --no-build-isolation -c constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test bare lint types check docs pages links bench slow format readme pins clean
+.PHONY: help demo test bare dist lint types check docs pages links bench slow format readme pins clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*  ## /\1\t/p' $(MAKEFILE_LIST) | while IFS="$$(printf '\t')" read -r name text; do \
@@ -36,6 +36,18 @@ help:  ## Show this list
 	$(INSTALL) -e '.[benchmark]'
 	@touch $@
 
+.venv/release.stamp: .venv/runtime.stamp
+	$(INSTALL) -e '.[release]'
+	@touch $@
+
+# Install a wheel, as users do, into an environment without any extra, and run every command there.
+define TRY
+rm -rf build/bare
+$(PYTHON) -m venv build/bare
+build/bare/bin/pip --disable-pip-version-check --quiet install -c constraints.txt $(1)
+build/bare/bin/python tests/bare.py
+endef
+
 # -- what people type -----------------------------------------------------------------------------
 
 demo: .venv/runtime.stamp  ## Solve a 327-point instance with every algorithm, compare, draw the route
@@ -43,13 +55,21 @@ demo: .venv/runtime.stamp  ## Solve a 327-point instance with every algorithm, c
 
 test: lint types check  ## Linter, formatter, type checker and all tests
 
-# From the wheel, as users install it, into an environment without any extra; the loops are not compiled.
+# The loops are not compiled.
 bare: .venv/runtime.stamp  ## Install without extras elsewhere, and run every command on every problem
-	rm -rf build/bare build/lib build/wheel
+	rm -rf build/lib build/wheel
 	$(PIP) wheel --no-deps --no-build-isolation --wheel-dir build/wheel .
-	$(PYTHON) -m venv build/bare
-	build/bare/bin/pip --disable-pip-version-check --quiet install -c constraints.txt build/wheel/*.whl
-	build/bare/bin/python tests/bare.py
+	$(call TRY,build/wheel/*.whl)
+
+# Lists of files of earlier builds are removed, because setuptools would read them.
+WEIGHTS := solvers/unknown_grid/weights
+dist: .venv/release.stamp  ## Build the distributions into dist, check them, and run every command from the wheel
+	rm -rf dist build/lib *.egg-info
+	$(BIN)/python -m build --no-isolation
+	$(BIN)/python -m build --no-isolation --outdir dist $(WEIGHTS)
+	rm -rf $(WEIGHTS)/*.egg-info
+	$(BIN)/twine check --strict dist/*
+	$(call TRY,dist/crosstrack-*.whl)
 
 lint: .venv/test.stamp  ## Linter and formatter only
 	$(BIN)/ruff check .
@@ -88,7 +108,7 @@ pins:  ## Renew constraints.txt from the newest versions that fit
 	rm -rf build/pins
 	$(PYTHON) -m venv build/pins
 	build/pins/bin/pip install --quiet --upgrade pip setuptools
-	build/pins/bin/pip install --quiet '.[test,docs,benchmark]'
+	build/pins/bin/pip install --quiet '.[test,docs,benchmark,release]'
 	sed -n '/^#/p' constraints.txt > build/constraints.txt
 	# PyTorch, which is large, is pinned by hand: nothing but the extras `gpu` and `learn` needs it.
 	(grep '^torch==' constraints.txt; build/pins/bin/pip freeze --all --exclude crosstrack) | sort -f >> build/constraints.txt

@@ -14,7 +14,7 @@ from crosstrack_site import Made, markdown_table
 from sphinx.application import Sphinx
 
 #: Extras for development of crosstrack.
-OWN = {"test", "docs", "benchmark"}
+OWN = {"test", "docs", "benchmark", "release"}
 #: Functions that an extra enables in addition to backends, or remarks on its backends.
 WORDS = {
     "gpu": "particle swarms on a GPU",

@@ -18,10 +18,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import InvalidData
+from ...errors import BackendMissing, InvalidData
 from ..contract.option import Option
 from ..learning.gradient import fill
 from ..learning.trainer import Course, Trainer, Training
@@ -46,8 +47,30 @@ NETWORKS: dict[str, Any] = {
 
 
 def shipped_weights(kind: str) -> Path:
-    """Return the path of the shipped weights of a network, by its kind in :data:`NETWORKS`."""
-    return Path(__file__).parent / "weights" / f"{kind}.npz"
+    """Return the path of the shipped weights of a network.
+
+    They are in this folder of a checkout, otherwise in the package ``crosstrack_weights``.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the network in :data:`NETWORKS`.
+
+    Raises
+    ------
+    BackendMissing
+        The weights are not installed.
+    """
+    folder = Path(__file__).parent / "weights"
+    if not folder.is_dir():
+        spec = find_spec("crosstrack_weights")
+        if spec is None or not spec.submodule_search_locations:
+            raise BackendMissing(
+                f"the weights of {kind} are not installed: pip install 'crosstrack[learn]', or pass weights "
+                "from 'crosstrack train' as an option"
+            )
+        folder = Path(spec.submodule_search_locations[0])
+    return folder / f"{kind}.npz"
 
 
 def load_network(kind: str, path: str | Path | None = None) -> torch.nn.Module:

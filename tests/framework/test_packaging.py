@@ -1,11 +1,13 @@
 """The package as it is installed: its list of packages, its wheel, and how light it is to import."""
 
 import json
+import os
 import re
 import runpy
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 
@@ -53,8 +55,15 @@ def test_every_package_has_an_init(checkout):
 def test_version_is_the_same_everywhere(project, checkout):
     import crosstrack
 
-    assert crosstrack.__version__ == project["project"]["version"]
-    assert f"## [{crosstrack.__version__}]" in (checkout / "CHANGELOG.md").read_text("utf-8")
+    assert project["project"]["dynamic"] == ["version"]  # read from version.py
+    (newest, date) = re.findall(
+        r"^## \[([\d.]+)\] - (\d{4}-\d\d-\d\d)$",
+        (checkout / "CHANGELOG.md").read_text("utf-8"),
+        re.M,
+    )[0]
+    assert newest == crosstrack.__version__
+    citation = (checkout / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {newest}\ndate-released: {date}\n" in citation
 
 
 def test_constraints_pin_exact_versions_of_every_dependency(project, checkout):
@@ -64,7 +73,8 @@ def test_constraints_pin_exact_versions_of_every_dependency(project, checkout):
     pinned = {re.sub(r"[-_.]+", "-", line.partition("==")[0]).lower() for line in pins}
     extras = project["project"]["optional-dependencies"].values()
     wanted = [*project["project"]["dependencies"], *(entry for extra in extras for entry in extra)]
-    names = {re.match(r"[A-Za-z0-9._-]+", entry)[0].lower() for entry in wanted} - {"crosstrack"}
+    names = {re.match(r"[A-Za-z0-9._-]+", entry)[0].lower() for entry in wanted}
+    names -= {"crosstrack", "crosstrack-weights"}  # of this checkout
     assert names <= pinned
 
 
@@ -76,18 +86,19 @@ def extras_of(project):
             word
             for entry in entries
             for word in re.findall(
-                r"[a-z]+", entry.partition("[")[2] if "[" in entry else entry.split(">")[0]
+                r"[a-z]+(?:-[a-z]+)*",
+                entry.partition("[")[2] if "[" in entry else entry.split(">")[0],
             )
         }
         for name, entries in declared.items()
-        if name not in {"test", "docs", "benchmark"}
+        if name not in {"test", "docs", "benchmark", "release"}
     }
 
 
 def test_readme_lists_every_extra_with_its_packages(project, checkout):
     text = (checkout / "README.md").read_text("utf-8")
     rows = re.findall(r"^\| `([a-z]+)` \| (.*) \|$", text, re.M)
-    listed = {name: set(re.findall(r"`([a-z]+)`", text)) for name, text in rows}
+    listed = {name: set(re.findall(r"`([a-z-]+)`", text)) for name, text in rows}
     assert listed == extras_of(project)
 
 
@@ -130,29 +141,27 @@ def test_packages_export_lazily(package, run_python, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def wheel(checkout, tmp_path_factory):
-    """The wheel, built from a copy so that nothing stale gets in and nothing is left behind."""
+def distributions(checkout, tmp_path_factory):
+    """Wheels and source distributions, built from a copy without files of earlier builds."""
     place = tmp_path_factory.mktemp("wheel")
     made = shutil.ignore_patterns(
         ".*", "__pycache__", "*.egg-info", "_build", "build", "dist", "gallery", "generated"
     )
     shutil.copytree(checkout, place / "copy", ignore=made)
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "build",
-        "--no-isolation",
-        "--outdir",
-        str(place),
-        str(place / "copy"),
-    ]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=240, check=False, cwd=place
-    )
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    (found,) = place.glob("*.whl")
-    return found
+    command = [sys.executable, "-P", "-m", "build", "--no-isolation", "--outdir", str(place)]
+    for source, options in ((".", []), ("solvers/unknown_grid/weights", ["--wheel"])):
+        done = subprocess.run(
+            [*command, *options, str(place / "copy" / source)],
+            capture_output=True, text=True, timeout=240, check=False, cwd=place,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return place
+
+
+@pytest.fixture(scope="module")
+def wheel(distributions):
+    (file,) = distributions.glob("crosstrack-*.whl")
+    return file
 
 
 def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
@@ -162,9 +171,6 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
     for name in packages_of(checkout):
         folder = checkout.joinpath(*name.split(".")[1:])
         expected |= {f"{name.replace('.', '/')}/{file.name}" for file in folder.glob("*.py")}
-        # The weights of what learns.
-        held_in = folder.glob("weights/*.npz")
-        expected |= {f"{name.replace('.', '/')}/weights/{file.name}" for file in held_in}
     expected.add("crosstrack/instances/optimal_control/benchmarks.toml")
     expected.remove("crosstrack/setup.py")  # the build script is no module of the package
     # Files of the report of a campaign.
@@ -172,6 +178,39 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
     info = {name for name in held if ".dist-info/" in name}
     assert held - info == expected
     assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}
+    assert wheel.stat().st_size < 2.5e6  # 1.9 MB; 3.5 MB with the weights
+
+
+def test_source_distribution_holds_the_wheel_and_the_files_to_build_it(distributions, wheel):
+    (source,) = distributions.glob("crosstrack-*.tar.gz")
+    with tarfile.open(source) as archive:
+        held = {f.name.partition("/")[2] for f in archive.getmembers() if f.isfile()}
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name.partition("/") for name in archive.namelist()}
+    expected = {rest for package, _, rest in names if package == "crosstrack"}
+    expected |= {"CHANGELOG.md", "CITATION.cff", "LICENSE", "MANIFEST.in", "PKG-INFO", "README.md"}
+    expected |= {"constraints.txt", "pyproject.toml", "setup.cfg", "setup.py"}
+    assert {name for name in held if not name.startswith("crosstrack.egg-info/")} == expected
+    assert source.stat().st_size < 2.5e6
+
+
+def test_weights_are_a_distribution_of_their_own(distributions, installed, run_python, tmp_path):
+    (file,) = distributions.glob("crosstrack_weights-*.whl")
+    script = (
+        "from crosstrack.solvers.learning.weights import read_weights as read; "
+        "from crosstrack.solvers.unknown_grid.networks import NETWORKS, shipped_weights as path; "
+        "print(*(read(path(kind), kind).kind == kind for kind in NETWORKS))"
+    )
+    away = {"cwd": tmp_path, "PYTHONPATH": str(installed)}
+    missing = script.partition("print")[0] + "path('vin')"
+    with pytest.raises(
+        AssertionError, match=r"weights of vin are not installed: pip install 'cross"
+    ):
+        run_python("-c", missing, **away)
+    with zipfile.ZipFile(file) as archive:
+        archive.extractall(tmp_path / "weights")
+    away["PYTHONPATH"] += f"{os.pathsep}{tmp_path / 'weights'}"
+    assert run_python("-c", script, **away).split() == ["True"] * 6
 
 
 @pytest.fixture(scope="module")
