@@ -25,6 +25,8 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "crosstrack_site",
     "crosstrack_pages",
+    "crosstrack_pictures",
+    "crosstrack_entries",
     "crosstrack_code",
     "crosstrack_papers",
     "crosstrack_install",
@@ -41,7 +43,9 @@ exclude_patterns = [
     "gallery/**.py",
     "**.zip",
 ]
-nitpicky = False
+nitpicky = True
+# The build needs no network, so names of other packages have no target.
+nitpick_ignore_regex = [("py:.*", r"(abc|enum|numpy|collections|typing|gymnasium|matplotlib)\..+")]
 suppress_warnings = ["config.cache"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]

@@ -464,7 +464,7 @@ class Model(Declared, ABC, Generic[PlanT]):
         return f"<{type(self).__name__}{label} {self.outline()}>"
 
     def outline(self) -> str:
-        """Return the size of the model in one line, as :func:`repr` prints it."""
+        """Return the size of the model in one line, as ``repr`` prints it."""
         return str(self.describe())
 
     def describe(self) -> Any:

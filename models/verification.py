@@ -379,7 +379,7 @@ class Verification:
     scale : float
         Magnitude of the objective's data. Differences of smaller objectives are relative to it.
     maximise : bool
-        Whether the printed objective is the negated one, see :func:`stated`; not part of records.
+        Whether the printed objective is the negated one; not part of records.
     bound : float, optional
         Lower bound on the objective of all plans that :func:`crosstrack.verify` proved with
         ``exact=True`` from the multipliers of a solution; None without one.

@@ -1,7 +1,7 @@
 """Directives for the pages on the catalogue, the campaign and the conformance suite, and for examples.
 
-* ``crosstrack-catalogue FILE``: every instance with a picture, its sizes, and its best known value from a source or
-  from the records of a campaign;
+* ``crosstrack-catalogue FILE``: every instance with a picture, a link to its page, its sizes, and its best known value
+  from a source or from the records of a campaign;
 * ``crosstrack-campaign FILE``: the summary of the records of a campaign by problem;
 * ``crosstrack-example``: Python code that is run, with its output and its last figure;
 * ``crosstrack-conformance FILE``: the results of the conformance suite by backend.
@@ -18,8 +18,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from crosstrack_pictures import model_of, picture
 from crosstrack_site import Made, executes, markdown_table
-from docutils import nodes
 from sphinx.application import Sphinx
 
 #: Remarks on the recommended backend of a problem, beyond the numbers of the records.
@@ -74,8 +74,6 @@ FIGURES = {
     "greedy": "greedy (m)",
     "eight neighbours": "along eight neighbours",
 }
-#: Maximum width and height of a small picture, in pixels. It is shown at two fifths of this size.
-SMALL = (320, 240)
 
 
 def number_text(value: Any) -> str:
@@ -171,7 +169,8 @@ class Catalogue(Made):
 
     def _table(self, entries: list[Any], verdicts: dict[str, Any]) -> str:
         """Return the table of a problem, with a column for each size that at least two instances have."""
-        models = [entry.build() for entry in entries]
+        models = [model_of(entry.name) for entry in entries]
+        source = Path(self.env.app.srcdir)
         sizes = [sizes_of(model.describe()) for model in models]
         words = {word for counts, _ in sizes for word in counts}
         # "1 vehicle" belongs to the column "vehicles".
@@ -183,46 +182,23 @@ class Catalogue(Made):
         columns = [word for word, number in count.items() if number > 1]
         rows = []
         for entry, model, (counts, rest) in zip(entries, models, sizes, strict=True):
-            value, source = best_known(entry, verdicts.get(model.digest))
+            value, origin = best_known(entry, verdicts.get(model.digest))
             unit = f" {model.objective_unit}" if value and value != "infeasible" else ""
             further = [f"{n} {word}" for word, n in counts.items() if word not in columns]
+            link = f'<a href="instances/{entry.name}.html"><code>{entry.name}</code></a>'
             rows.append(
                 {
-                    "": self._picture(entry, model),
-                    "instance": f"`{entry.name}`<br>{entry.title}",
+                    "": f"![{entry.name}]({picture(source, model)})",
+                    "instance": f"{link}<br>{entry.title}",
                     **{word: counts.get(word, "") for word in columns},
                     "further": ", ".join([*further, rest] if rest else further),
                     "data": entry.provenance,
-                    "best known": f"{value}{unit}<br>{source}" if value else "",
+                    "best known": f"{value}{unit}<br>{origin}" if value else "",
                     "other printed values": figures_of(entry),
                 }
             )
         heads = [head for head in rows[0] if any(row[head] for row in rows)]
         return markdown_table(heads, ([row[head] for head in heads] for row in rows))
-
-    def _picture(self, entry: Any, model: Any) -> str:
-        """Return the picture of an instance without a plan, cached by its digest."""
-        import crosstrack
-
-        folder = Path(self.env.app.srcdir) / "generated" / "catalogue"
-        file = folder / f"{model.kind}-{model.digest[:12]}.webp"
-        if not file.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            figure = crosstrack.plot(model)
-            dpi = min(SMALL[0] / figure.get_figwidth(), SMALL[1] / figure.get_figheight())
-            figure.savefig(file, dpi=dpi, pil_kwargs={"quality": 75})
-        return f"![{entry.name}](generated/catalogue/{file.name})"
-
-
-def _lazy(app: Sphinx, tree: nodes.document) -> None:
-    """Set the size of the small pictures, so that the browser loads them lazily."""
-    from PIL import Image
-
-    for node in tree.findall(nodes.image):
-        if "generated/catalogue/" in node["uri"]:
-            with Image.open(Path(app.srcdir) / node["uri"]) as image:
-                width, height = (f"{size * 2 // 5}px" for size in image.size)
-            node.attributes.update(loading="lazy", width=width, height=height)
 
 
 class Campaign(Made):
@@ -393,7 +369,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     app.add_directive("crosstrack-catalogue", Catalogue)
     app.add_directive("crosstrack-campaign", Campaign)
-    app.connect("doctree-read", _lazy)
     app.add_directive("crosstrack-conformance", Conformance)
     app.add_directive("crosstrack-example", Example)
     app.connect("build-finished", _report)

@@ -5,7 +5,6 @@ All directives are for MyST pages:
 * ``crosstrack-backends``: the tables of :func:`crosstrack.backends`;
 * ``crosstrack-options``: the options of each backend;
 * ``crosstrack-help [commands]``: the output of ``--help`` of the command line, or of every subcommand;
-* ``crosstrack-problems``: the list of problems with links to their pages;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
 * ``crosstrack-run COMMAND``: a command line and its output. All commands of a page share a folder.
@@ -14,7 +13,6 @@ All directives are for MyST pages:
 from __future__ import annotations
 
 import html
-import importlib
 import os
 import re
 import shlex
@@ -140,20 +138,6 @@ class Help(Made):
             command, capture_output=True, text=True, check=True, env=environment
         )
         return f"```text\n{process.stdout.rstrip()}\n```"
-
-
-class Problems(Made):
-    """List of the problems with links and the first line of their docstrings."""
-
-    def make(self) -> str:
-        from crosstrack.models.problems import PROBLEMS
-
-        lines = []
-        for problem in PROBLEMS:
-            doc = (importlib.import_module(f"crosstrack.models.{problem}").__doc__ or "").strip()
-            page = problem.replace("_", "-")
-            lines.append(f"[{page}](problems/{page}.md)\n: {doc.splitlines()[0]}\n")
-        return "\n".join(lines)
 
 
 class Formulations(Made):
@@ -292,7 +276,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("crosstrack-backends", Backends)
     app.add_directive("crosstrack-options", Options)
     app.add_directive("crosstrack-help", Help)
-    app.add_directive("crosstrack-problems", Problems)
     app.add_directive("crosstrack-formulations", Formulations)
     app.add_directive("crosstrack-instances", Instances)
     app.add_directive("crosstrack-run", Run)

@@ -226,7 +226,7 @@ def simulate_hunt(
     axis : int
         0 for x, 1 for y.
     exponent : float, optional
-        Largest exponent in nats per second, from :func:`hunt_exponent`. Hidden from backends.
+        Largest exponent in nats per second, from ``hunt_exponent``. Hidden from backends.
     name : str
         Name of the model.
 

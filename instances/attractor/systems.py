@@ -130,13 +130,13 @@ def generate(
     Parameters
     ----------
     system : str
-        A :class:`System`, such as ``"lorenz"``. The series is its first coordinate after the transient.
+        A value of the enumeration ``System``, such as ``"lorenz"``. The series is its first coordinate after the transient.
     count : int
         Number of samples.
     seed : int
         Random seed of the initial state, the noise and the distortions.
     period : float, optional
-        Seconds between samples, 1e-4 … 1e6. Default: that of :data:`SYSTEMS`. For maps and noises it is an
+        Seconds between samples, 1e-4 … 1e6. Default: that of ``SYSTEMS``. For maps and noises it is an
         integer, and the values between samples are omitted.
     noise : float
         Deviation of added white noise, in deviations of the series: √10 is a ratio of −10 dB.

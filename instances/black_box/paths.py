@@ -44,7 +44,7 @@ def path_grid(name: str) -> GridPath:
     Parameters
     ----------
     name : str
-        A name in :data:`PATHS`.
+        A name in ``PATHS``.
 
     Returns
     -------
@@ -62,12 +62,12 @@ def path_grid(name: str) -> GridPath:
 
 
 def path_instance(name: str, budget: int = 10_000) -> BlackBoxMinimisation:
-    """Return an instance: the waypoints of a path on a map of :data:`PATHS`.
+    """Return an instance: the waypoints of a path on a map of ``PATHS``.
 
     Parameters
     ----------
     name : str
-        A name in :data:`PATHS`.
+        A name in ``PATHS``.
     budget : int
         Largest number of evaluations of a run.
 

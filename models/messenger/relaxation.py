@@ -98,8 +98,8 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
     Returns
     -------
     ConicProgram
-        Program with the columns ``offset`` (e_k, two per stop) and ``flown`` (s_k, in the unit of
-        :class:`Field`). Its objective is the length of the path, in m.
+        Program with the columns ``offset`` (e_k, two per stop) and ``flown`` (s_k, in the scaled
+        unit of length). Its objective is the length of the path, in m.
 
     Raises
     ------

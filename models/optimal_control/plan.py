@@ -227,7 +227,7 @@ class PhasePlan(Plan):
         return np.concatenate(parts, axis=1).reshape((*times.shape, -1))
 
     def simulate(self, **options: Any) -> Simulation:
-        """Return the motion with this control under disturbances, see :func:`~.simulation.simulate`."""
+        """Return the motion with this control under disturbances."""
         from .simulation import simulate
 
         return simulate(self, **options)

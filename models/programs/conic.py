@@ -149,8 +149,9 @@ class ConicProgram(RowProgram):
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the objective and the worst violation of every block of rows, columns and cones.
 
-        :func:`~crosstrack.models.programs.cones.missing` computes the violation of a cone. Its
-        tolerance is relative to the largest of the terms and constants of its rows.
+        The violation of a second-order cone is ``|y| - t``, that of a semidefinite cone the negated smallest
+        eigenvalue, and that of an exponential cone the change of an entry that reaches the cone. Its tolerance
+        is relative to the largest of the terms and constants of its rows.
         """
         linear = super().verify(plan, tolerance=tolerance)
         point = self._point(plan)

@@ -51,11 +51,11 @@ class Looks(NamedTuple):
     corners : ndarray of int, shape (n, 2)
         Row and column of the view's first cell, possibly outside the map.
     states : ndarray of int, shape (n,)
-        :data:`GOING`, :data:`REACHED` or :data:`OUT_OF_STEPS`.
+        ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``.
     collisions : ndarray of int, shape (n,)
         Number of steps into obstacles or off the map so far.
     view : ndarray, shape (n, m, n') or (n, 256, 256, 3)
-        Cells of the view: :data:`FREE`, :data:`BLOCKED` (also outside the map) or :data:`TARGET`. If
+        Cells of the view: ``FREE``, ``BLOCKED`` (also outside the map) or ``TARGET``. If
         the model has a camera, its image with red, green and blue from 0 to 1.
     """
 
@@ -125,7 +125,7 @@ class World:
         return answers
 
     def state(self, scene: int) -> int:
-        """Return the state of a scene's run: :data:`GOING`, :data:`REACHED` or :data:`OUT_OF_STEPS`."""
+        """Return the state of a scene's run: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``."""
         if (self.positions[scene] == self.problem.targets[scene]).all():
             return REACHED
         return OUT_OF_STEPS if self.taken[scene] >= self.problem.steps else GOING

@@ -159,7 +159,7 @@ def bench(
         As in :func:`crosstrack.compare`.
     on_event : callable, optional
         Function called with an :class:`~crosstrack.solvers.contract.events.Event` when a job starts
-        or ends, by one thread at a time. Its `progress` is a :class:`Progress`.
+        or ends, by one thread at a time. Its `progress` is a :class:`.bench.Progress`.
 
     Returns
     -------

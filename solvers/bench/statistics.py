@@ -170,7 +170,7 @@ def primal_integral(
     limit : float
         End of the integration (s), > 0.
     scale : float
-        As in :func:`primal_gap`.
+        Scale of the objective, at least 0: gaps of smaller objectives are relative to it.
 
     Returns
     -------
@@ -243,7 +243,7 @@ def compare_seeds(first: _Column, second: _Column) -> RankTest:
     References
     ----------
     H. B. Mann, D. R. Whitney, Annals of Mathematical Statistics 18, 1947. The test is exact without
-    ties up to :data:`EXACT_PRODUCT`, and uses the normal approximation with ties correction otherwise.
+    ties up to ``EXACT_PRODUCT``, and uses the normal approximation with ties correction otherwise.
     """
     from scipy.stats import mannwhitneyu
 
@@ -277,7 +277,7 @@ def compare_pairs(first: _Column, second: _Column) -> RankTest:
     References
     ----------
     F. Wilcoxon, Biometrics Bulletin 1, 1945. Equal pairs are omitted. The test is exact, including
-    ties, up to :data:`EXACT` differing pairs, and uses the normal approximation otherwise.
+    ties, up to ``EXACT`` differing pairs, and uses the normal approximation otherwise.
     """
     from scipy.stats import rankdata, wilcoxon
 

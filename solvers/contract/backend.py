@@ -327,7 +327,7 @@ class Backend(ABC):
         """Do the work that only the first run needs, such as compiling.
 
         Its time is reported as ``seconds.compile`` and does not count towards the time limit. It must
-        not train: learned parameters are a file named by an option. Kernels of :mod:`crosstrack.jit`
+        not train: learned parameters are a file named by an option. Kernels of ``crosstrack.jit``
         need no preparation, because they are compiled during a run while its clock is paused.
         """
 

@@ -29,7 +29,7 @@ GRACE = 10.0
 class Control:
     """Channel between a running backend and its caller: stop requests in, incumbents out.
 
-    A kernel that releases the interpreter's lock polls :attr:`flag` (one ``int8``, nonzero means
+    A kernel that releases the interpreter's lock polls ``flag`` (one ``int8``, nonzero means
     stop). Python callbacks read :attr:`stopped`. The dispatcher sets the flag at the deadline, when
     a criterion is reached, or on Ctrl-C.
 
@@ -103,7 +103,7 @@ class Control:
         return Progress(now - self.started, self.evaluations, self._best, now - self._improved)
 
     def prove(self, bound: float | None) -> None:
-        """Report a lower bound on the objective; :attr:`bound` keeps the largest."""
+        """Report a lower bound on the objective; ``bound`` is the largest."""
         if bound is None or not math.isfinite(bound):
             return
         if self.bound is not None and bound <= self.bound:

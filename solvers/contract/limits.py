@@ -111,7 +111,7 @@ class Limits:
         Random seed and number of threads, for backends that support them.
     stop : Criterion, optional
         Further stopping criterion, such as ``Stalled(5.0)`` or criteria joined by ``|`` and ``&``
-        (:mod:`crosstrack.solvers.contract.stopping`), for backends that report incumbents.
+        (:class:`~crosstrack.solvers.Criterion`), for backends that report incumbents.
     warm_start : plan, Solution or JSON data, optional
         Plan to start from. It is verified first and bounds the objective. For formulations on
         meshes, a plan that does not verify, for example one for another initial state, is a guess.

@@ -30,7 +30,7 @@ class Description(Printable):
     maximise : bool
         Whether its author maximises the objective.
     properties : mapping
-        Properties as JSON data, see :func:`crosstrack.models.programs.structure.properties`.
+        Properties as JSON data.
     backends : tuple of BackendState
         Backends that accept the program (``"installed"``), that would accept it (``"missing"``) and that
         refuse it (``"refused"``), see :func:`crosstrack.backends`.

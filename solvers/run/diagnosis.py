@@ -146,7 +146,7 @@ def diagnose(
     For a program with linear rows, such as one made from a file or a ``cvxpy.Problem``, the rows of
     these blocks and the column bounds are reduced to an irreducible set as well. The findings have the
     names of its author: constraints first, then their rows, then the bounds. At most
-    :data:`~crosstrack.solvers.run.conflicts.MOST` programs are solved for it, within `time_limit` seconds
+    400 programs are solved for it, within `time_limit` seconds
     in all; the summary states if the set was not reduced completely.
 
     Parameters

@@ -54,7 +54,7 @@ class UnknownGridEnv:
 
     ``map``
         Masked map, shape (rows, columns): -1 unknown, 0 free, 1 blocked, 2 target, as in
-        :class:`~.memory.Observation`. Without `memory` it is the paper's O_g.
+        observations of policies. Without `memory` it is the paper's O_g.
     ``view``
         Cells of the view, shape (m, n). Cells outside the map are blocked.
     ``image``

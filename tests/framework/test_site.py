@@ -1,6 +1,7 @@
 """The site of crosstrack: formulas, the catalogue and its filter, the reference."""
 
 import doctest
+import inspect
 import json
 import pkgutil
 import re
@@ -94,11 +95,9 @@ def test_best_values_are_those_of_the_instance_and_not_of_the_papers_data():
 
 
 def asked():
-    """Modules, names and classes that the reference documents."""
+    """Modules, names and objects that the reference documents, and whether they have a page."""
     pages = [path.read_text("utf-8") for path in sorted((DOCS / "api").glob("*.md"))]
-    return list(
-        crosstrack_api._classes_on(pages + [crosstrack_api.problem_page(p) for p in PROBLEMS])
-    )
+    return list(crosstrack_api._listed(pages + [crosstrack_api.problem_page(p) for p in PROBLEMS]))
 
 
 def test_every_extra_lists_its_packages():
@@ -113,16 +112,73 @@ def test_every_extra_lists_its_packages():
 
 
 def test_a_class_has_one_page():
-    classes = [value for _, _, value in asked()]
+    classes = [value for _, _, value, _ in asked() if inspect.isclass(value)]
     assert len(classes) == len(set(classes)) > 100
 
 
 def test_roles_on_pages_name_classes_that_the_reference_documents():
-    known = {value for _, _, value in asked()}
+    known = {value for _, _, value, _ in asked() if inspect.isclass(value)}
     for page in [*DOCS.glob("*.md"), *DOCS.glob("*/*.md")]:
         text = page.read_text("utf-8")
         for target in re.findall(r"\{class\}`(?:[^`<]*<)?~?(crosstrack[\w.]+)>?`", text):
             assert pkgutil.resolve_name(target) in known, f"{page.name}: {target}"
+
+
+#: A role in a docstring, with its target.
+ROLE = re.compile(
+    r":(?:py:)?(?:class|func|meth|attr|data|mod|exc|obj):`(?:[^`<]*<)?[~!]?([^`>]+)>?`"
+)
+
+
+def members_of(value):
+    """Public members that a class declares, with their docstrings."""
+    for name in dir(value):
+        member = inspect.getattr_static(value, name)
+        if not name.startswith("_") and getattr(member, "__doc__", None):
+            yield name, member
+
+
+def broken_roles(objects, named):
+    """Roles in the docstrings of documented objects that resolve to no documented object."""
+    paths = {f"{module}.{name}": value for module, name, value in objects}
+    known = crosstrack_api.homes(paths)
+    everything = {*paths, *(module for module, _, _ in objects)}
+    for path, value in paths.items():
+        if inspect.isclass(value):
+            everything |= {f"{path}.{name}" for name, _ in members_of(value)}
+    for module, name, value in objects:
+        texts = {"": value}
+        if inspect.isclass(value):
+            texts |= {
+                member: text
+                for member, text in members_of(value)
+                if getattr(text, "__module__", value.__module__).startswith("crosstrack.")
+            }
+        scope = (module, name if inspect.isclass(value) else None)
+        for member, documented in texts.items():
+            text = getattr(documented, "__doc__", None)
+            for target in ROLE.findall(text if isinstance(text, str) else ""):
+                # Sphinx completes a name with a leading dot.
+                ends = target.startswith(".") and any(full.endswith(target) for full in everything)
+                if (
+                    not ends
+                    and not everything & {target, f"{module}.{target}", f"{module}.{name}.{target}"}
+                    and crosstrack_api.home_of(target, scope, named, known) is None
+                ):
+                    yield f"{module}.{name}.{member}".rstrip("."), target
+
+
+def test_roles_in_docstrings_name_objects_that_the_reference_documents():
+    objects = [(module, name, value) for module, name, value, _ in asked()]
+    named = crosstrack_api.unique_classes(objects)
+    assert sorted(set(broken_roles(objects, named))) == []
+    # The check finds a wrong role.
+    wrong = type(
+        "Wrong", (), {"__doc__": "See :class:`Missing`.", "__module__": "crosstrack.models"}
+    )
+    assert list(broken_roles([("crosstrack.models", "Wrong", wrong)], named)) == [
+        ("crosstrack.models.Wrong", "Missing")
+    ]
 
 
 def test_the_conformance_table_has_its_date_and_machine():

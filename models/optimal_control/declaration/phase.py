@@ -416,7 +416,7 @@ class PhaseBuilder(Guessed):
         """Return the phase's definition, or raise if a declaration is missing.
 
         The guess uses the `values` of parameters, the times `span`, and the data `before` and `after`
-        of linked phases, see :func:`~.guess.draw_lines`.
+        of linked phases.
         """
         if not self.states:
             raise InvalidData(f"phase {self.name!r} has no state", field="states")

@@ -39,7 +39,7 @@ def program_of(value: Any) -> Program:
         - ``qpsolvers.Problem``;
         - ``casadi.Opti``;
         - model of Pyomo, PuLP, linopy, gurobipy or ``ortools.math_opt``;
-        - mapping or tuple of arrays; see :func:`crosstrack.models.programs.sources.arrays.program_of_arrays`;
+        - mapping or tuple of arrays; see ``sources.arrays.program_of_arrays``;
         - mapping ``{"x", "f", "g"}`` of CasADi expressions with the bounds ``lbx, ubx, lbg, ubg`` and
           the guess ``x0``.
 
