@@ -15,37 +15,31 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from slim_records import slim
 
 from crosstrack.instances import entries
-from crosstrack.solvers.bench import Campaign, Set, bench, read_records
-from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.bench import Campaign, Set, bench
 from crosstrack.solvers.contract.states import backend_states
-from crosstrack.solvers.contract.verdict import judge
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "docs" / "_ext"))
+
+from crosstrack_tables import best, records  # noqa: E402
+
 #: Time limit (s) of a run, on one thread.
-LIMIT = 5.0
-
-
-def best_answers(path: Path) -> dict[str, Any]:
-    """Return the best verified answer by instance, without backends that read hidden data."""
-    answers: dict[str, list[Any]] = {}
-    for solution in read_records(path).solutions:
-        if not find_backend(solution.backend, problem=solution.problem or None).sees_hidden:
-            answers.setdefault(solution.instance, []).append(solution)
-    return {name: judge(name, solutions).best for name, solutions in answers.items()}
+LIMIT = 10.0
+#: Largest number of characters of a plan.
+LONGEST = 40_000
 
 
 def main(raw: str, target: str) -> None:
     """Run the backends, and write the answers with the content that the pages show."""
-    known = best_answers(ROOT / "docs" / "campaign" / "records.jsonl")
+    known = records(ROOT / "docs" / "campaign" / "records.jsonl")
     installed = {state.name for state in backend_states() if state.state == "installed"}
     sets = []
     for entry in entries():
-        answer = known.get(entry.name)
+        answer = best(known.get(entry.name, []))
         if answer is None and entry.name in known:
             continue  # Infeasible, or no backend has a plan.
         name, seed = "auto", 0
@@ -57,9 +51,9 @@ def main(raw: str, target: str) -> None:
             )
     bench(Campaign(sets=tuple(sets)), record=raw, resume=Path(raw).exists())
     rows = [json.loads(line) for line in Path(raw).read_text("utf-8").splitlines()]
-    rows = [slim(row, best=True) for row in rows if row["plan"] is not None]
+    rows = [slim(row, best=True, longest=LONGEST) for row in rows if row["plan"] is not None]
     for row in rows:
-        row["environment"] = {}
+        del row["environment"]
     rows.sort(key=lambda row: row["instance"])
     lines = [
         json.dumps(row, allow_nan=False, ensure_ascii=False, separators=(",", ":")) for row in rows

@@ -33,11 +33,14 @@ LEFT = 1e-4
 USUAL = {"starts": 1, "warm_start": None, "backend_options": {}, "threads": None, "repeat": 0}
 
 
-def slim(row: dict[str, Any], best: bool) -> dict[str, Any]:
-    """Return an answer reduced to the data that its verdict and its rank need."""
+def slim(row: dict[str, Any], best: bool, longest: int = PLAN) -> dict[str, Any]:
+    """Return an answer reduced to the data that its verdict and its rank need.
+
+    The plan of the best answer is retained up to `longest` characters.
+    """
     kept = {name: value for name, value in row.items() if name not in ("gap", "duals", "history")}
     # The verdict needs the existence of a plan, and only the plot needs its content.
-    if row["plan"] is not None and not (best and len(json.dumps(row["plan"])) <= PLAN):
+    if row["plan"] is not None and not (best and len(json.dumps(row["plan"])) <= longest):
         kept["plan"] = LEFT_OUT
     kept["rejected_plan"], kept["starts"] = None, []
     kept["incumbents"] = course(row["incumbents"])

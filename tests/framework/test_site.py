@@ -6,6 +6,7 @@ import json
 import pkgutil
 import re
 import shutil
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -181,6 +182,25 @@ def test_roles_in_docstrings_name_objects_that_the_reference_documents():
     ]
 
 
+def test_the_pictures_of_the_readme_are_small_and_the_animation_lasts_half_a_minute():
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not installed")
+    names = re.findall(
+        r"!\[[^\]]+\]\(docs/_static/([^)]+)\)", (DOCS.parent / "README.md").read_text("utf-8")
+    )
+    files = [DOCS / "_static" / name for name in names]
+    assert sum(file.stat().st_size for file in files) < 400_000
+    seconds = []
+    for file in files:
+        with image.open(file) as frames:
+            total = 0
+            for frame in range(getattr(frames, "n_frames", 1)):
+                frames.seek(frame)
+                frames.load()
+                total += frames.info.get("duration", 0)
+        seconds.append(total / 1000)
+    assert sorted(seconds) == [0, pytest.approx(30, abs=1)]
+
+
 def test_the_conformance_table_has_its_date_and_machine():
     data = json.loads((DOCS / "campaign/conformance.json").read_text("utf-8"))
     assert re.search(r"\d{4}-\d\d-\d\d", data["words"])
@@ -214,6 +234,51 @@ def test_the_filter_hides_headings_without_rows(tmp_path):
             assert page.locator("#fleet").is_visible() is fleet
             assert page.locator("#messenger").is_visible() is messenger
             assert page.locator("#left").text_content() == left
+        browser.close()
+
+
+#: Queries for which the search lists the page of the name first, and the object on this page.
+QUERIES = {
+    **{f"ct.{name}": f"crosstrack.{name}" for name in ("solve", "compare", "load", "verify")},
+    **{f"ct.{name}": f"crosstrack.{name}" for name in ("diagnose", "bench")},
+    "FleetRouting": "crosstrack.models.fleet.FleetRouting",
+    "MinimumSnap": "crosstrack.models.minimum_snap.MinimumSnap",
+    "MessengerTour": "crosstrack.models.messenger.MessengerTour",
+    "GridPath": "crosstrack.models.grid_path.GridPath",
+}
+SMALL_SITE = f"""
+import sys
+sys.path.insert(0, {str(DOCS / "_ext")!r})
+extensions = ["myst_parser", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "crosstrack_api"]
+pages = {sorted(QUERIES.values())}
+include_patterns = ["index.md", "api/verbs.md", *(f"generated/api/{{page}}.rst" for page in pages)]
+autosummary_generate = numpydoc_show_class_members = False
+html_theme = "basic"
+"""
+
+
+def test_the_search_lists_the_page_of_a_name_first(tmp_path):
+    """The pages of the queries are built, since the whole site takes minutes."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.skip("chromium is not installed")
+    shutil.copytree(DOCS / "api", tmp_path / "api")
+    text = "# Names\n\n## FleetRouting and ct.solve\n\nct.solve, ct.load, GridPath, MinimumSnap\n"
+    (tmp_path / "index.md").write_text(text, "utf-8")
+    (tmp_path / "conf.py").write_text(SMALL_SITE, "utf-8")
+    built = tmp_path / "built"
+    command = [sys.executable, "-m", "sphinx", "-q", "-b", "html", str(tmp_path), str(built)]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        page = browser.new_page()
+        for query, name in QUERIES.items():
+            page.goto(f"{(built / 'search.html').as_uri()}?q={query}")
+            first = page.locator("ul.search > li a").first
+            first.wait_for(timeout=10_000)
+            target = (first.get_attribute("href") or "").partition("#")[0]
+            assert target == f"generated/api/{name}.html", query
         browser.close()
 
 
