@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import crosstrack as ct
-from crosstrack.models.fleet_mission.plot import animate_mission
 from matplotlib.animation import PillowWriter
 from PIL import Image, ImageSequence
+
+import crosstrack as ct
+from crosstrack.models.fleet_mission.plot import animate_mission
 
 STATIC = Path(__file__).resolve().parents[1] / "_static"
 #: Instances of the picture and of the animation.
