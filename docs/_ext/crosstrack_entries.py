@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from crosstrack_pages import figures_of, number_text
+from crosstrack_pages import best_known, figures_of
 from crosstrack_pictures import answers_to, best_plan, model_of, picture
 from crosstrack_tables import EQUAL, best, proof
 from sphinx.application import Sphinx
@@ -40,7 +40,13 @@ def value_of(model: Any, value: float | None) -> str:
 
 def plan_rows(model: Any, answers: list[Any]) -> dict[str, str]:
     """Return the rows on the best verified plan of all answers and on the best bound."""
+    from crosstrack.solvers.bench.standing import are_rivals
+
     answer = best(answers)
+    if not are_rivals(model.kind):
+        return {
+            "result": "The backends estimate different quantities, which no objective compares."
+        }
     if answer is None:
         return {"result": proof(answers, None) or "no verified plan on record"}
     bounds = [a.dual_bound for a in answers if a.dual_bound is not None]
@@ -77,7 +83,6 @@ def body_of(entry: Any, model: Any, answers: list[Any], image: str, files: dict[
     problem = entry.name.partition("/")[0]
     page = {"minimum-derivative": "minimum-snap", "time-allocation": "minimum-snap"}
     link = f'<a href="../../problems/{page.get(problem, problem)}.html">{problem}</a>'
-    known = entry.published.get("objective", entry.published.get("optimum"))
     name = html.escape(entry.name)
     data = {
         "problem": link,
@@ -87,13 +92,11 @@ def body_of(entry: Any, model: Any, answers: list[Any], image: str, files: dict[
         "remark": html.escape(entry.note),
         "digest": f"<code>{model.digest}</code>",
     }
-    published = {
-        "objective": "" if known is None else number_text(known),
-        "source": html.escape(
-            str(entry.published.get("source", entry.published.get("formula", "")))
-        ),
-        "other values": html.escape(figures_of(entry)),
-    }
+    value, origin = best_known(entry, None)
+    other = figures_of(entry)
+    published = {"objective": value, "source": html.escape(origin), "other": html.escape(other)}
+    commands = [f"crosstrack solve {name}"]
+    commands += [f"crosstrack check {name} {file}" for file in files if file.endswith(".plan.json")]
     links = "".join(f'<li><a href="{url}" download>{text}</a></li>' for url, text in files.items())
     parts = [
         f"<h1>{name}</h1><p>{html.escape(entry.title)}</p>",
@@ -102,7 +105,7 @@ def body_of(entry: Any, model: Any, answers: list[Any], image: str, files: dict[
         f"<h2>Best verified plan</h2>{table(plan_rows(model, answers))}",
         f"<h2>Published values</h2>{table(published)}" if any(published.values()) else "",
         f"<h2>Download</h2><ul>{links}</ul>",
-        f"<pre>crosstrack solve {name}</pre>",
+        f'<div class="highlight"><pre>{"<br>".join(commands)}</pre></div>',
         '<p><a href="../../catalogue.html">All instances</a></p>',
     ]
     return "".join(parts)

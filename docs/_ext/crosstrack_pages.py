@@ -20,6 +20,7 @@ from typing import Any
 
 from crosstrack_pictures import model_of, picture
 from crosstrack_site import Made, executes, markdown_table
+from crosstrack_tables import best, competes
 from sphinx.application import Sphinx
 
 #: Remarks on the recommended backend of a problem, beyond the numbers of the records.
@@ -112,10 +113,11 @@ def best_known(entry: Any, verdict: Any) -> tuple[str, str]:
         return "", ""
     if verdict.evidence.startswith("infeasible"):
         return "infeasible", "campaign, proven"
-    if verdict.best is None:
+    leader = best([answer for answer in verdict.solutions if competes(answer)])
+    if leader is None:
         return "", ""
     proven = "proven" if verdict.evidence.startswith("optimum") else "not proven"
-    return f"{verdict.best.primal_bound:.7g}", f"campaign, `{verdict.best.backend}`, {proven}"
+    return f"{leader.primal_bound:.7g}", f"campaign, `{leader.backend}`, {proven}"
 
 
 def figures_of(entry: Any) -> str:

@@ -20,13 +20,12 @@ from sphinx.application import Sphinx
 FOLDER = "generated/catalogue"
 #: Files with answers: the campaign, and plans that its records omit (``tests/benchmarks/best_plans.py``).
 RECORDS = ("campaign/records.jsonl", "campaign/plans.jsonl")
-#: Maximum width and height of a picture, in pixels. The catalogue shows it at a fifth of this size.
-SIZE = (640, 480)
+#: Maximum width and height of a picture, in pixels. The catalogue shows it at a seventh of this size.
+SIZE = (896, 672)
 #: Instances in the gallery of problems without a demonstration on the command line.
-SHOWN = {
-    "optimal-control": "optimal-control/free-flying-robot",
-    "satellite-slew": "satellite-slew/paper",
-}
+SHOWN = {"optimal-control": "optimal-control/cart-pole", "satellite-slew": "satellite-slew/paper"}
+#: Backends that compute a plan for a picture within seconds, since the plans are too long for the records.
+QUICK = {"satellite-slew/paper": "slew-pseudo-inverse"}
 
 
 @cache
@@ -54,12 +53,14 @@ def picture(source: Path, model: Any) -> str:
     """Return the path of the picture of an instance, which is drawn if it does not exist."""
     import crosstrack
 
-    answer = best_plan(source, model)
-    plan = None if answer is None else answer.stored_plan
-    key = "" if answer is None else f"-{answer.backend}-{answer.primal_bound:.6g}"
-    file = source / FOLDER / f"{model.kind}-{model.digest[:12]}{key}.webp"
+    answer, quick = best_plan(source, model), QUICK.get(model.name)
+    key = quick or "" if answer is None else f"{answer.backend}-{answer.primal_bound:.6g}"
+    file = source / FOLDER / f"{model.kind}-{model.digest[:12]}-{key}.webp"
     if not file.exists():
         file.parent.mkdir(parents=True, exist_ok=True)
+        plan = None if answer is None else answer.stored_plan
+        if answer is None and quick:
+            plan = crosstrack.solve(model, quick, time_limit=10).plan
         figure = crosstrack.plot(model, plan)
         dpi = min(SIZE[0] / figure.get_figwidth(), SIZE[1] / figure.get_figheight())
         # Processes of a parallel build may draw the same picture.
@@ -86,7 +87,7 @@ class Gallery(Made):
             page = problem.replace("_", "-")
             file = picture(source, model_of(shown[page]))
             task = doc.splitlines()[0]
-            parts.append(f"[![{page}]({file}) **{page}**](problems/{page}.md)\n<br>{task}")
+            parts.append(f"[![{page}]({file}) **{page}**](problems/{page}.md)\n{task}")
         body = "\n\n".join(parts)
         return f"::::{{container}} gallery\n{body}\n::::"
 
@@ -100,7 +101,7 @@ def _lazy(app: Sphinx, tree: nodes.document) -> None:
             node["loading"] = "lazy"
             if isinstance(node.parent.parent, nodes.entry):
                 with Image.open(Path(app.srcdir) / node["uri"]) as image:
-                    node["width"], node["height"] = (f"{size // 5}px" for size in image.size)
+                    node["width"], node["height"] = (f"{size // 7}px" for size in image.size)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -65,15 +65,21 @@ class Measured(Table):
         return "\n\n".join([markdown_table(table["columns"], rows), self.source(table)])
 
 
+def competes(answer: Any) -> bool:
+    """Return True if the backend of an answer reads no hidden data."""
+    from crosstrack.solvers import find_backend
+
+    return not find_backend(answer.backend, problem=answer.problem or None).sees_hidden
+
+
 @cache
 def records(path: Path) -> dict[str, list[Any]]:
     """Return the answers of a campaign by instance, without backends that read hidden data."""
-    from crosstrack.solvers import find_backend
     from crosstrack.solvers.bench import read_records
 
     answers: dict[str, list[Any]] = {}
     for solution in read_records(path).solutions:
-        if not find_backend(solution.backend, problem=solution.problem or None).sees_hidden:
+        if competes(solution):
             answers.setdefault(solution.instance, []).append(solution)
     return answers
 

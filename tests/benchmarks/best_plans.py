@@ -29,7 +29,7 @@ from crosstrack_tables import best, records  # noqa: E402
 
 #: Time limit (s) of a run, on one thread.
 LIMIT = 10.0
-#: Largest number of characters of a plan.
+#: Largest number of characters of a plan. Plans of satellite slews have more than 200,000.
 LONGEST = 40_000
 
 
@@ -54,6 +54,7 @@ def main(raw: str, target: str) -> None:
     rows = [slim(row, best=True, longest=LONGEST) for row in rows if row["plan"] is not None]
     for row in rows:
         del row["environment"]
+        row.pop("incumbents", None)
     rows.sort(key=lambda row: row["instance"])
     lines = [
         json.dumps(row, allow_nan=False, ensure_ascii=False, separators=(",", ":")) for row in rows

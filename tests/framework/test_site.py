@@ -25,8 +25,10 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
 import crosstrack_api  # noqa: E402
+import crosstrack_entries  # noqa: E402
 import crosstrack_install  # noqa: E402
 import crosstrack_pages  # noqa: E402
+import crosstrack_pictures  # noqa: E402
 import crosstrack_site  # noqa: E402
 
 
@@ -280,6 +282,41 @@ def test_the_search_lists_the_page_of_a_name_first(tmp_path):
             target = (first.get_attribute("href") or "").partition("#")[0]
             assert target == f"generated/api/{name}.html", query
         browser.close()
+
+
+def test_a_page_of_an_instance_has_its_plan_its_bound_and_its_backend():
+    found = {entry.name: entry for entry in entries()}
+
+    def body(name, **files):
+        model = crosstrack_pictures.model_of(name)
+        answers = crosstrack_pictures.answers_to(DOCS, model)
+        return crosstrack_entries.body_of(found[name], model, answers, "picture.webp", files)
+
+    page = body("fleet/max-10", **{"max-10.plan.json": "plan"})
+    for text in ("3 vehicles, 10 nodes", "251.983408 m", "<td>optimal</td>", "fixed seed"):
+        assert text in page
+    assert page.count("251.983408 m") == 2  # the bound equals the objective
+    assert "crosstrack check fleet/max-10 max-10.plan.json" in page
+    assert "<td>infeasible</td>" in body("grid-path/unreachable")
+    assert "two straight lines" in body("resource-routing/errand")
+    assert "different quantities" in body("attractor/logistic")
+
+
+def test_recorded_plans_are_verified_again():
+    """A plan to download is feasible and has its stated objective; one per problem is checked."""
+    lines = (DOCS / "campaign" / "plans.jsonl").read_text("utf-8").splitlines()
+    rows = [row for row in map(json.loads, lines) if row["plan"] != "left out"]
+    assert len(rows) > 100
+    problems = set()
+    for row in sorted(rows, key=lambda row: len(json.dumps(row["plan"]))):
+        problem = row["instance"].partition("/")[0]
+        if problem not in problems and row["verification"]["ok"]:
+            problems.add(problem)
+            model = crosstrack_pictures.model_of(row["instance"])
+            verification = model.verify(model.plan_from_data(row["plan"]))
+            assert model.digest == row["digest"]
+            assert verification.objective == pytest.approx(row["primal_bound"], rel=1e-6, abs=1e-9)
+    assert len(problems) > 10
 
 
 @pytest.mark.slow
