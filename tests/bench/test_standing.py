@@ -110,7 +110,7 @@ def small():
 
 
 def test_plan_is_drawn_on_the_instance_of_the_same_digest_only(small, caplog):
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     route = small.plan_to_data(small.as_plan([0, 1, 2, 3]))
     held = answer("small", "two-stage", 4.5, 0.1, digest=small.digest, stored_plan=route)
     image, what = draw_plan(held, lambda name: small)
@@ -129,7 +129,7 @@ def test_plan_is_drawn_on_the_instance_of_the_same_digest_only(small, caplog):
 
 
 def test_pictures_are_limited_and_spread_over_the_problems(small, tmp_path):
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     models = {f"i{i}": replace(small, alpha1=0.3 + i / 100, name=f"i{i}") for i in range(3)}
     route = small.plan_to_data(small.as_plan([0, 1, 2, 3]))
     solutions = [
