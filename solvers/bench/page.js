@@ -121,9 +121,9 @@
 
   document.querySelectorAll("table.plain").forEach(makeTable);
   const data = JSON.parse(document.getElementById("data").textContent);
-  const problems = [...document.querySelectorAll("[data-problem]")].map((section) => ({
+  const problems = [...document.querySelectorAll("[data-problem]")].map((section, i) => ({
     section,
-    filter: makeAnswers(section, data[section.dataset.problem]),
+    filter: makeAnswers(section, data[i]),
   }));
   const form = document.querySelector("form.filters");
   form.hidden = false;

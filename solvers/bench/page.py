@@ -115,7 +115,7 @@ def _page(records: Records, title: str, command: str, load: Load | None, picture
     wrong = [case for case in cases if case.verdict.outcome is Outcome.CONTRADICTION]
     drawn = draw_plans([case.verdict for case in _in_turn(cases)], load, pictures)
     sections = [_problem(kind, cases, standings[kind]) for kind in kinds]
-    answers = {kind: _answers(kind, cases, standings[kind], drawn) for kind in kinds}
+    answers = [_answers(kind, cases, standings[kind], drawn) for kind in kinds]
     again = f"<p>To repeat the campaign:</p><pre>{escape(command)}</pre>" if command else ""
     versions = sorted({s.version for s in solutions if s.version})
     return Template(_resource("page.html")).substitute(

@@ -1,6 +1,6 @@
 """Training of learned backends: a separate command with checkpoints that writes files of weights.
 
-A backend never trains. Its option ``weights`` names a file, by default the one in the package. A
+A backend never trains. Its option ``weights`` names a file, by default the one of the extra ``learn``. A
 problem declares its trainings in the table ``TRAININGS`` of its folder.
 """
 
