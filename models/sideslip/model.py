@@ -65,9 +65,8 @@ class SideslipEstimation(Model[SideslipEstimate]):
     Notes
     -----
     The objective is the mean absolute error in degrees. If `truth` is None, it is the mean difference between the
-    estimate's changes over one second and those that kinematics gives from the measurements
-    (``kinematic_error`` in ``models/sideslip/checks.py``). That measure is insensitive to a constant error. Samples
-    below 1 m/s are ignored.
+    estimate's changes over one second and those that kinematics gives from the measurements. That measure is
+    insensitive to a constant error. Samples below 1 m/s are ignored.
 
     Raises
     ------
