@@ -81,6 +81,7 @@ def draw(
         delay, dimension = plan.delay, plan.dimension
         if view != "attractor":
             curves = curves_of(model, plan)
+    checks = () if result is None else result.checks
     text = kit.title_of(model, _parts(model, plan, result), result, title)
     default = (5.2, 5.2) if view == "attractor" else (9.6, 5.4 if curves else 3.9)
     scene = kit.Scene(text, result, size, default)
@@ -92,6 +93,10 @@ def draw(
         _draw_series(model, places[1])
     for curve, axes in zip(curves, places[2:], strict=True):
         (_draw_slopes if view == "slopes" else _draw_curve)(curve, axes)
+        middle = sum(curve.region) / 2
+        height = np.interp(middle, *axes.lines[0].get_data())
+        name = f"{curve.title} is the slope of its curve"
+        kit.pin_places(axes, result, {c.where: (middle, height) for c in checks if c.name == name})
     if lines:
         place = (0.5, (0.08 + foot) / scene.tall)
         scene.figure.text(*place, "\n".join(lines), ha="center", va="bottom", fontsize=8)
@@ -243,6 +248,11 @@ class _Curve(NamedTuple):
     region: tuple[float, float]
     labels: tuple[str, str]
     log: bool
+
+    @property
+    def title(self) -> str:
+        """Name of the figure in its check."""
+        return "correlation dimension" if self.log else "exponent"
 
     def read(self, x: kit.Floats) -> kit.Floats:
         """Return the variable of the slope's derivative: `x` or its logarithm."""

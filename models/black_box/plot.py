@@ -167,6 +167,9 @@ class _Picture:
                 # Write the common part of all ticks once.
                 axes.xaxis.set_major_formatter(ScalarFormatter())
             kit.label_axes(axes, f"x[{k}]", "" if place % columns else None)
+            if len(self.points):
+                spot = self.points[0, k], np.interp(self.points[0, k], *axes.lines[0].get_data())
+                kit.pin_places(axes, self.result, {f"x[{k}]": spot})
             panels.append(panel)
             places.append(axes)
         scene.legend([kit.key("bound", **_BOUND), *kit.keys_of(panels, places)])
@@ -235,6 +238,9 @@ class _Picture:
         margins = 0.015 * np.diff(limits, axis=1) * [-1, 1]
         axes.axis((limits + margins).ravel().tolist())
         kit.label_axes(axes, f"x[{a}]", f"x[{b}]")
+        kit.pin_places(
+            axes, self.result, {f"x[{k}]": p for p in self.points[:1, [a, b]] for k in (a, b)}
+        )
         kit.bare(axes)
         axes.grid(visible=False)
         keys += [kit.key(label, **look) for label, look in zip(self.labels, looks, strict=True)]
@@ -263,6 +269,9 @@ class _Picture:
             turns: dict[str, Any] = {"size": 20 if first else 10, "zorder": 7 - 0.1 * k, **white}
             kit.dots(axes, line[1:-1], "o", look["color"], gid="waypoint", **turns)
         keys += [kit.key(label, lw=1.6, **kit.axis_style(k)) for k, label in enumerate(self.labels)]
+        turns_of = lines[:1, 1:-1].repeat(2, axis=1).reshape(-1, 2)
+        places = {f"x[{k}]": turn for k, turn in enumerate(turns_of)}
+        kit.pin_places(axes, self.result, places, scale)
         blocked = _blocked_part(function, lines[0]) if len(lines) else np.full((1, 2), np.nan)
         if np.isfinite(blocked).any():
             axes.plot(*(blocked * scale).T, color=kit.RED, lw=2.4, zorder=6.5, gid="blocked path")

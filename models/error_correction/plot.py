@@ -57,6 +57,8 @@ def draw(
     longest = max(extent, stops[-1].distance if stops else 0.0)
     scale, unit = (1e-3, "km") if longest >= 2000 else (1.0, "m")
     bad = violated_stops(model, stops)
+    result = kit.verified_plan(model, plan, Route, kit.TOLERANCE)
+    names = [f"point {model.label(point)}" for point in range(len(model.points))]
     text = _title(model, stops, bad, scale, unit) if title is None else title
     scene = kit.Scene(text, None, size, (11.5, 5.4) if stops else (6.4, 5.4), wrong=bool(bad))
     left: kit.Frame = scene
@@ -65,10 +67,12 @@ def draw(
         kit.draw_levels(
             right.figure, np.array([stop.distance for stop in stops]) * scale,
             _levels(model, stops, bad, scale), label=f"distance flown ({unit})",
-            limit="allowed there", broken="rule broken", title=text, wrong=bool(bad),
+            limit="allowed there", broken="rule broken", title=text, wrong=bool(bad), result=result,
+            stops=[names[stop.point] for stop in stops],
         )  # fmt: skip
     space = kit.space_axes(left.figure, (0.0, 0.1, 0.96, 0.83))
     _draw_space(model, stops, bad, space, scale, unit)
+    kit.pin_places(space, result, dict(zip(names, model.points * scale, strict=True)))
     left.legend(_kind_keys(model, any(stop.suspect for stop in stops), bool(bad)), 1)
     if labels:
         named = list(dict.fromkeys(stop.point for stop in stops)) or list(range(len(model.points)))

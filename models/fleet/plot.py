@@ -76,10 +76,12 @@ def draw(
         right = scene.broad - left - wide + 0.12
         axes = scene.axes(left + _LEFT[part], _FOOT, right, scene.head)
         if part == "routes":
-            keys = _draw_map(model, plan, axes, legs, labels, named="loads" not in shown)
+            keys = _draw_map(model, plan, result, axes, legs, labels, named="loads" not in shown)
         else:
             assert plan is not None
             keys = _draw_bars(model, plan, axes, tolerance)
+            ends = enumerate(loads_of(model, plan))
+            kit.pin_places(axes, result, {f"vehicle {k}": (load, k) for k, load in ends})
         scene.legend(keys, 1 + (len(keys) > 4), x=left + 0.5 * wide, y=0.06)
         left += wide
     return scene.figure
@@ -145,8 +147,8 @@ def places_of(model: FleetData) -> kit.Floats | None:
 
 
 def _draw_map(
-    model: FleetRouting, plan: FleetPlan | None, axes: Any, legs: str | None, labels: bool | None, *,
-    named: bool,
+    model: FleetRouting, plan: FleetPlan | None, result: Verification | None, axes: Any,
+    legs: str | None, labels: bool | None, *, named: bool,
 ) -> list[Any]:  # fmt: skip
     """Draw blocked cells, routes and nodes, and return the entries of the legend."""
     places = places_of(model)
@@ -185,8 +187,11 @@ def _draw_map(
     at = places * scale
     keys += kit.draw_stops(axes, at[model.customers], owners[model.customers], depots, at[wrong])
     keys += kit.name_vehicles(len(stops), "vehicle") if named else []
+    names = [model.label(node) for node in range(model.size)]
+    kit.pin_places(
+        axes, result, {f"node {name}": place for name, place in zip(names, at, strict=True)}
+    )
     if labels if labels is not None else model.size <= _MOST_NAMES:
-        names = [model.label(node) for node in range(model.size)]
         kit.write_names(axes, at, names, size=7.5, colour=kit.BLACK, route=False)
     return keys
 

@@ -39,9 +39,10 @@ _CELL = "#f0d9b5"
 _BEYOND = 0.25
 #: Minimum number of samples per segment, and approximate number per curve.
 _FEWEST, _POINTS = 9, 1500
-#: Patterns of the robots and of the time in the text of a check.
+#: Patterns of the robots and of a part of a curve in the text of a check.
 _WHO = re.compile(r"robots? (\d+)(?: and (\d+))?")
-_WHEN = re.compile(r"\(t = (\S+) s\)")
+_AXIS = re.compile(r"robot (\d+), axis (\d)")
+_PART = re.compile(r", (segment|stop) (\d+)$")
 
 
 @kit.documented
@@ -111,10 +112,11 @@ def draw(
         sides[0].legend(keys, rows if len(keys) > 5 else 1, y=foot + 0.06)
     if panels:
         assert plan is not None
-        kit.draw_panels(
+        places = kit.draw_panels(
             sides[-1].figure, panels, [kit.Span("", 0.0, plan.end or 1.0)], title=text,
             wrong=scene.wrong, label="time (s)", mesh=False,
         )  # fmt: skip
+        kit.pin_curves(result, lambda check: _curve_of(check, places, panels))
     return scene.figure
 
 
@@ -186,7 +188,8 @@ def _draw_map(
     home, nodes = model.depot[None] * scale, model.nodes * scale
     keys += kit.draw_stops(axes, nodes, owners, home, missed * scale)
     if plan is not None and result is not None:
-        keys += kit.ring(axes, _broken_places(plan, result) * scale, "worst violation")
+        keys += kit.ring(axes, _broken_places(model, plan, result) * scale, "worst violation")
+        kit.pin_places(axes, result, lambda check: [*_places_of(model, plan, check)] or None, scale)
     if labels if labels is not None else len(model.nodes) <= _MOST_NAMES:
         names = [model.label(node) for node in range(len(model.nodes))]
         kit.write_names(axes, nodes, names, size=7.5, colour=kit.BLACK, route=False)
@@ -231,6 +234,21 @@ def _panels(
         yield kit.Panel("distance of robots", "m", [curve], [separation] * (model.separation > 0))
 
 
+def _curve_of(
+    check: Check, places: Sequence[Any], panels: Sequence[kit.Panel]
+) -> tuple[Any, kit.Curve, float] | None:
+    """Return axes, curve and time of a check of a limit or of the distance; None for other checks."""
+    time, limited = kit.time_of(check), _AXIS.match(check.where)
+    title, robot = "distance of robots", 6
+    if limited:
+        title, robot = f"{check.name.split()[0]} {'xy'[int(limited[2])]}", int(limited[1])
+    for axes, panel in zip(places, panels, strict=True):
+        for curve in panel.curves if time is not None and panel.title == title else ():
+            if curve.colour == robot and (limited or check.name == "distance between robots"):
+                return axes, curve, float(time)
+    return None
+
+
 def _sample_times(trajectory: Trajectory | None) -> kit.Floats:
     """Return the sampling times of a curve, s, including its knots."""
     if trajectory is None:
@@ -261,22 +279,31 @@ def _apart_of(model: FleetMission, plan: MissionPlan, times: kit.Floats) -> kit.
     return np.where(np.isfinite(least), least, np.nan)
 
 
-def _broken_places(plan: MissionPlan, result: Verification) -> kit.Floats:
+def _broken_places(model: FleetMission, plan: MissionPlan, result: Verification) -> kit.Floats:
     """Return the positions of the robots at the largest violation of each check, m, shape (k, 2)."""
-    places = [place for check in result.violated for place in _places_of(plan, check)]
+    places = [place for check in result.violated for place in _places_of(model, plan, check)]
     broken = np.array(places).reshape(-1, 2)
     return broken[(np.abs(broken) < kit.FAR).all(axis=1)]
 
 
-def _places_of(plan: MissionPlan, check: Check) -> Iterator[kit.Floats]:
-    """Yield the positions of the robots named by a check, at its time or at their ends."""
-    who, when = _WHO.search(check.where), _WHEN.search(check.where)
+def _places_of(model: FleetMission, plan: MissionPlan, check: Check) -> Iterator[kit.Floats]:
+    """Yield the node that a check names, or the positions of its robots at its time or at their ends."""
+    names = [f"node {model.label(node)}" for node in range(len(model.nodes))]
+    if check.where in names:
+        yield model.nodes[names.index(check.where)]
+    who, time = _WHO.search(check.where), kit.time_of(check)
+    part = _PART.search(check.where)
     for robot in map(int, filter(None, who.groups() if who else ())):
         entry = plan.trajectories[robot] if robot < len(plan.trajectories) else None
         if entry is None:
             continue
-        if when is not None:
-            yield entry(np.clip(float(when[1]), entry.times[0], entry.times[-1]))
+        if part is not None and time is None:
+            # The middle of a segment, or the beginning of the way to the next stop.
+            stops = np.concatenate([entry.times[:1], plan.visits[robot], entry.times[-1:]])
+            middles = entry.times[:-1] + 0.5 * entry.durations
+            time = float((stops if part[1] == "stop" else middles)[int(part[2])])
+        if time is not None:
+            yield entry(np.clip(time, entry.times[0], entry.times[-1]))
         elif check.where.endswith((", start", ", end")):
             yield entry(entry.times[0 if check.where.endswith("start") else -1])
 

@@ -102,6 +102,7 @@ def draw(
     start, goals = (grid.centres(cells) * scale for cells in (model.start[None], model.goals))
     keys = kit.draw_ends(axes, start, goals) + keys
     if plan is not None and verification is not None:
+        kit.pin_places(axes, verification, lambda check: _place(grid, plan, check), scale)
         places = [_place(grid, plan, check) for check in verification.violated]
         kit.ring(axes, [place * scale for place in places if place is not None], "worst violation")
     scene.legend(keys, rows)

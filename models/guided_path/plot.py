@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedOption
 from ..fields import required
 from ..plots import kit
+from ..verification import Check, Verification
 from .data import GuidedPathData
 from .model import GuidedPathTour
 from .plan import GuidedPathPlan
@@ -100,12 +101,13 @@ def draw(
         top += high[part] * unit
         scale = dress_line(axes, model, labelled=part == shown[-1])
         if part == "chains":
-            keys += _draw_chains(model, groups, owners, axes, scale, names)
+            keys += _draw_chains(model, groups, owners, axes, scale, names, result)
         else:
             assert plan is not None
             joined = lines if lines is not None else len(groups) <= _MOST_LINES
             at = dress_walk(axes, walk := walk_of(model, plan), scale, over)
             keys += _draw_tour(model, groups, owners, walk, axes, at, scale, joined)
+            _pin_tour(model, walk, axes, at, result)
             if names:
                 _draw_names(model, walk, at, axes)
         axes.tick_params(labelbottom=part == shown[-1])
@@ -141,7 +143,7 @@ def _mark(
 
 def _draw_chains(
     model: GuidedPathTour, groups: Groups, owners: NDArray[np.int64], axes: Any, scale: float,
-    labels: bool,
+    labels: bool, result: Verification | None,
 ) -> list[Any]:  # fmt: skip
     """Draw each chain in a row, in which it descends; return entries of the legend."""
     heights = np.full(model.size, float(len(groups)))
@@ -169,8 +171,9 @@ def _draw_chains(
     else:
         kit.label_axes(axes, y="chain")
     axes.grid(visible=False, axis="y")
+    names = [model.label(customer) for customer in range(1, model.size)]
+    kit.pin_places(axes, result, {f"customer {n}": p for n, p in zip(names, at[1:], strict=True)})
     if labels:
-        names = [model.label(customer) for customer in range(1, model.size)]
         kit.write_names(axes, at[1:], names, size=7.0, colour=kit.BLACK, route=False)
     return keys
 
@@ -211,6 +214,23 @@ def _draw_tour(
     _mark(axes, never, missed, owners)
     repeated = at[1:-1][times[served] > 1]
     return keys + kit.ring(axes, np.concatenate([repeated, missed]), "not served once")
+
+
+def _pin_tour(
+    model: GuidedPathTour, walk: Walk, axes: Any, at: kit.Floats, result: Verification | None
+) -> None:
+    """Pin a customer at its first stop, else at the start of the tour; pin a pair at its late customer."""
+    stops = {model.label(customer): k for k, customer in reversed(list(enumerate(walk.stops)))}
+
+    def place(check: Check) -> Any:
+        words = check.where.removeprefix("customer ")
+        name = next((n for n in stops if words == n or words.startswith(f"{n} before ")), None)
+        if name is not None:
+            return at[stops[name]]
+        labels = [f"customer {model.label(customer)}" for customer in range(model.size)]
+        return at[0] if check.where in labels else None
+
+    kit.pin_places(axes, result, place)
 
 
 def _draw_names(model: GuidedPathTour, walk: Walk, at: kit.Floats, axes: Any) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..fields import required
 from ..plots import kit
 from ..plots.progress import draw_progress
-from ..verification import Verification
+from ..verification import Check, Verification
 from .checks import integrated
 from .model import MessengerTour
 from .plan import TourPlan
@@ -97,6 +97,8 @@ def draw(
             _draw_vehicles(model, axes, scale, labels=labels)
             continue
         lines = _draw_tour(tour, axes, scale, colour)
+        if place == 0:
+            kit.pin_places(axes, result, tour.place_of, scale)
         # Encounters that the second map shows are numbered there.
         inside = _within(tour.plan.points, *box)
         if place == 0 and several:
@@ -122,7 +124,15 @@ class _Drawn:
         self.path = outline(plan, model.turning_radius)
         self.met = np.array(plan.order, int)
         self.meetings = model.positions[self.met] + model.velocities[self.met] * plan.times[:, None]
-        self.broken = _violation_places(self)
+        self.places = _places(self)
+        violations = [
+            place for item in result.violated if (place := self.place_of(item)) is not None
+        ]
+        self.broken = _finite(np.array(violations)) if violations else np.empty((0, 2))
+
+    def place_of(self, check: Check) -> kit.Floats | None:
+        """Return the place that a check names, None without one."""
+        return self.places.get(check.where.partition(":")[0])
 
     @property
     def everything(self) -> kit.Floats:
@@ -151,8 +161,8 @@ def _finite(places: kit.Floats) -> kit.Floats:
     return visible if len(visible) else np.zeros((1, 2))
 
 
-def _violation_places(tour: _Drawn) -> kit.Floats:
-    """Return the place of the largest violation of each violated check, shape (k, 2)."""
+def _places(tour: _Drawn) -> dict[str, kit.Floats]:
+    """Return the places on the map by their text in a check."""
     model, plan = tour.model, tour.plan
     poses = integrated(plan, model.turning_radius)
     places = {"start": poses[0, :2], "end": poses[-1, :2]}
@@ -161,8 +171,7 @@ def _violation_places(tour: _Drawn) -> kit.Floats:
         rows = np.flatnonzero(tour.met == k)
         place = plan.points[rows[0]] if rows.size else model.positions[k]
         places[f"vehicle {model.label(k)}"] = place
-    violations = [places[check.where] for check in tour.result.violated if check.where in places]
-    return _finite(np.array(violations)) if violations else np.empty((0, 2))
+    return places
 
 
 def _within(places: kit.Floats, least: kit.Floats, most: kit.Floats) -> NDArray[np.bool_]:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import UnsupportedOption
 from ..plots import kit
-from ..verification import Verification
+from ..verification import Check, Verification
 from .definition import Definition, Guess, Quantity, Restriction, entry_names
 from .plan import ControlPlan, PhasePlan, Piecewise
 from .sampling import Course, courses
@@ -88,12 +88,42 @@ def draw(
     if columns is None:
         columns = 1 if len(panels) <= _ONE else 2 if len(panels) <= _TWO else 3
     kit.check_whole("columns", columns, 1, 6)
-    return kit.panel_sheet(
+    figure = kit.panel_sheet(
         panels, [kit.Span(part.name, part.start, part.end, part.states.knots) for part in drawn],
         title=kit.title_of(model, _parts(model, drawn, result), result, title), wrong=kit.is_wrong(result),
         columns=min(int(columns), len(panels)), mesh=mesh, guess=plan is None, size=size,
         label=kit.with_unit("time", definition.phases[0].time_unit),
     )  # fmt: skip
+    places = list(zip(figure.axes, panels, strict=True))
+    kit.pin_curves(result, lambda check: _curve_of(check, places, drawn))
+    return figure
+
+
+def _curve_of(
+    check: Check, places: Sequence[tuple[Any, kit.Panel]], plan: ControlPlan
+) -> tuple[Any, kit.Curve, float] | None:
+    """Return axes, curve and time of a check; a check of the times is on the first curve."""
+    text, _, name = check.where.partition(" of phase ")
+    part = next((part for part in plan if name.startswith(repr(part.name))), plan.phases[0])
+    time, (entry, _, late) = kit.time_of(check), text.partition("t = ")
+    if not late:
+        time = {"start": part.start, "end": part.end}.get(text)
+    if time is None:
+        return None
+    entry = entry.removesuffix(" at ").removesuffix("at ")
+    number = entry.removeprefix("entry ")
+    names = {entry, f"{check.name}[{number}]"} if entry else {check.name}
+    curves = [
+        (axes, curve)
+        for axes, panel in places
+        for curve in panel.curves
+        if not late or curve.name in names
+    ]
+    if not curves:
+        return None
+    # A name has one curve per phase.
+    axes, curve = min(curves, key=lambda pair: abs(pair[1].times[0] - part.start))
+    return axes, curve, time
 
 
 def _parts(

@@ -17,12 +17,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..verification import TOLERANCE
-from . import curves, layers, loads, options, panels, scene, style
+from . import curves, layers, loads, options, panels, pins, scene, style
 from .curves import *  # noqa: F403
 from .layers import *  # noqa: F403
 from .loads import *  # noqa: F403
 from .options import *  # noqa: F403
 from .panels import *  # noqa: F403
+from .pins import *  # noqa: F403
 from .scene import *  # noqa: F403
 from .style import *  # noqa: F403
 
@@ -36,5 +37,6 @@ __all__ += layers.__all__
 __all__ += loads.__all__
 __all__ += options.__all__
 __all__ += panels.__all__
+__all__ += pins.__all__
 __all__ += scene.__all__
 __all__ += style.__all__

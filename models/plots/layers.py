@@ -8,20 +8,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..verification import Check
 from .curves import Floats
 from .style import BLACK, DARK, RED, RING, axis_style, bare, colour_of, inches, key, label_axes
 
 __all__ = [
-    "BLOCKED", "FAR", "Pin", "box_near", "circles", "corners_of", "dots", "draw_box", "draw_cells", "draw_circles", "draw_ends",
+    "BLOCKED", "FAR", "box_near", "circles", "corners_of", "dots", "draw_box", "draw_cells", "draw_circles", "draw_ends",
     "draw_lines", "draw_polygons", "draw_routes", "draw_shaded_line", "draw_stops", "dress_map",
-    "dress_space", "heading_marker", "length_unit", "name_vehicles", "pin", "place_labels", "point_ways",
-    "ring", "space_axes", "write_names",
+    "dress_space", "heading_marker", "length_unit", "name_vehicles", "place_labels", "point_ways", "ring",
+    "space_axes", "write_names",
 ]  # fmt: skip
 
 #: Space for tick labels and the label of an axis to the left and right of a box in space (inch).
@@ -43,23 +42,6 @@ _GAPS = (0.55, 1.3, 2.1)
 _DISTANCES = np.repeat(_GAPS, len(_TURNS))
 #: Width of a character and height of a line, relative to the font size.
 _CHARACTER, _LINE = 0.62, 1.07
-
-
-class Pin(NamedTuple):
-    """Place of the worst violation or the smallest slack of a check, in data coordinates of `axes`."""
-
-    axes: Any
-    check: Check
-    x: float
-    y: float
-    z: float | None = None
-
-
-def pin(axes: Any, check: Check, *place: float) -> None:
-    """Append a :class:`Pin` at x, y (and z) to ``crosstrack_pins`` of the root figure; it draws nothing."""
-    pins = vars(axes.get_figure(root=True)).setdefault("crosstrack_pins", [])
-    if np.isfinite(place).all():
-        pins.append(Pin(axes, check, *map(float, place)))
 
 
 # -- maps ----------------------------------------------------------------------------------------

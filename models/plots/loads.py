@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..verification import Verification
 from .curves import Curve, Floats, Mark, Panel, Span
 from .layers import draw_lines
 from .panels import draw_panels
+from .pins import pin
 from .style import BLACK, DARK, GREY, RED, RING, bare, colour_of, key, label_axes, number
 
 __all__ = ["MOST_BARS", "Level", "draw_levels", "draw_loads"]
@@ -116,12 +118,13 @@ class Level(NamedTuple):
 
 def draw_levels(
     figure: Any, distance: Floats, levels: Sequence[Level], *, label: str, limit: str, broken: str,
-    title: str, wrong: bool,
+    title: str, wrong: bool, result: Verification | None = None, stops: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Draw a panel per level over the distance of the stops from the start, with bars at the limits.
 
     `label` is that of the distance, `limit` and `broken` are legend entries of limits and of exceeded ones.
-    `title` and `wrong` are those of :func:`.panels.draw_panels`.
+    `title` and `wrong` are those of :func:`.panels.draw_panels`. Checks of `result` called ``"<level> at …"`` are
+    pinned at the highest level on arrival among the stops with their text; `stops` are the texts.
     """
     flown = np.repeat(distance, 2)
     panels, curves = [], []
@@ -147,3 +150,8 @@ def draw_levels(
         widths = np.where(red, 1.4, 0.6).tolist()
         axes.vlines(at, level.arrive[bounded], most, colors=stems, lw=widths, ls=":")
         axes.set_ylim(0, 1.12 * float(np.append(values, most).max(initial=0.0)) or 1.0)
+        for check in () if result is None else result.checks:
+            rows = [k for k, stop in enumerate(stops) if k and stop == check.where]
+            if rows and check.name.startswith(f"{level.name} at "):
+                row = max(rows, key=level.arrive.__getitem__)
+                pin(axes, check, distance[row], level.arrive[row])

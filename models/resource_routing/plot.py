@@ -7,6 +7,7 @@ its head; a bar at each stop marks the limit.
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,7 @@ def draw(
     over = over.reshape(len(visits), len(model.resources))
     over[:1] = False
     where = places_of(model)
+    names = [f"point {model.label(point)}" for point in range(len(model.kinds))]
     parts = [model.describe()]
     if result is not None:
         length = result.objective
@@ -72,12 +74,17 @@ def draw(
         kit.draw_levels(
             right.figure, np.array([visit.distance for visit in visits]),
             _levels(model, visits, over), label="length of the route", limit="limit there",
-            broken="limit exceeded", title=text, wrong=scene.wrong,
+            broken="limit exceeded", title=text, wrong=scene.wrong, result=result,
+            stops=[names[visit.point] for visit in visits],
         )  # fmt: skip
     if where is not None:
-        _draw_map(model, visits, np.asarray(over.any(axis=1)), where, left, labels)
+        axes = _draw_map(model, visits, np.asarray(over.any(axis=1)), where, left, labels)
+        places = dict(zip(names, where, strict=True))
+        for a, b in itertools.pairwise(visit.point for visit in visits):
+            places[f"{names[a]}-{model.label(b)}"] = 0.5 * (where[a] + where[b])
+        kit.pin_places(axes, result, places)
     elif not panels:
-        axes: Any = scene.figure.add_axes((0.1, 0.1, 0.8, 0.7))
+        axes = scene.figure.add_axes((0.1, 0.1, 0.8, 0.7))
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no coordinates and no levels to draw", ha="center", color=kit.DARK)
     return scene.figure
@@ -96,7 +103,8 @@ def places_of(model: ResourceRouting) -> kit.Floats | None:
 def _draw_map(
     model: ResourceRouting, visits: list[Visit], bad: NDArray[np.bool_], where: kit.Floats, frame: kit.Frame,
     labels: bool,
-) -> None:  # fmt: skip
+) -> Any:  # fmt: skip
+    """Draw points, arcs and route, and return the axes."""
     axes = frame.figure.add_axes((0.11, 0.17, 0.85, 0.7))
     kit.dress_map(axes, where.min(axis=0), where.max(axis=0), ("x", "y"))
     if model.arcs is not None and len(model.arcs) <= _MOST_ARCS:
@@ -128,6 +136,7 @@ def _draw_map(
         texts = [model.label(point) for point in named]
         kit.write_names(axes, where[named], texts, size=7.5, colour=kit.BLACK, route=bool(visits))
     frame.legend(keys, 1 + (len(keys) > 6))
+    return axes
 
 
 def _levels(

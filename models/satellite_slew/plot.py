@@ -7,6 +7,7 @@ of Satellites Based on the Gauss Pseudospectral Method", Mathematical Problems i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,6 +18,7 @@ from ...errors import InvalidData, UnsupportedOption
 from ..optimal_control.plan import ControlPlan
 from ..optimal_control.plot import curves_of, guessed, nodes_of, sampled
 from ..plots import kit
+from ..verification import Check
 from .checks import slew_phase
 from .data import VectorLimits
 from .dynamics import SlewMotion
@@ -34,6 +36,12 @@ _ATTITUDE = ("q0", "q1", "q2", "q3")
 _RATES = ("ωx", "ωy", "ωz")
 _GIMBALS = ("δ1", "δ2", "δ3", "δ4")
 _TORQUES = ("x", "y", "z")
+#: Title of the panel by the name of a value in the text of a check, and the pattern of its entry.
+_TITLES = {
+    "q": "quaternion", "w": "body rates", "delta": "gimbal angles", "rate": "gimbal rates",
+    "det": "singularity\ndet(A Aᵀ)", "T_c": "control torque",
+}  # fmt: skip
+_ENTRY = re.compile(r"\b(q|w|delta|rate|det|T_c)\b(?:\[(\d)\])?")
 
 
 @kit.documented
@@ -99,10 +107,25 @@ def draw(
         panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
     part = slew_phase(drawn)
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
-    return kit.panel_sheet(
+    figure = kit.panel_sheet(
         panels, [kit.Span("slew", part.start, end, part.states.knots)], columns=2, title=text,
         wrong=kit.is_wrong(result), label="time (s)", size=size, mesh=mesh, guess=plan is None,
     )  # fmt: skip
+    places = {panel.title: (axes, panel) for axes, panel in zip(figure.axes, panels, strict=True)}
+
+    def find(check: Check) -> tuple[Any, kit.Curve, float] | None:
+        """Return axes, curve and time of a check of a state, a control or a limit."""
+        entry, time = _ENTRY.search(check.where), kit.time_of(check)
+        if time is None:
+            ends = {"initial": part.start, "final": part.end}
+            time = ends.get(check.name.partition(" ")[0])
+        if entry is None or time is None:
+            return None
+        axes, panel = places[_TITLES[entry[1]]]
+        return axes, panel.curves[-1 if entry[2] is None else int(entry[2])], time
+
+    kit.pin_curves(result, find)
+    return figure
 
 
 def _guessed(model: SatelliteSlew) -> ControlPlan:
@@ -147,7 +170,7 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[k
         ("gimbal angles", "rad", _GIMBALS, states[:, 7:], (nodes, at_nodes[:, 7:]), []),
         ("gimbal rates", "rad/s", _GIMBALS, controls, nodes_of(part.controls),
          within(gimbal_rate, model.gimbal_rate_limit)),
-        ("singularity\ndet(A Aᵀ)", "", ("det(A Aᵀ)",), measure, None, [safe]),
+        (_TITLES["det"], "", ("det(A Aᵀ)",), measure, None, [safe]),
         ("control torque", "N m", torque_names, torque, None,
          within(most_torque, model.torque_limit)),
     ]  # fmt: skip

@@ -128,15 +128,18 @@ def draw(
     upper = _upper(model, samples, estimates, rests)
     tall = 0.73 + kit.LINE * (2 + text.count("\n")) + len(upper) * _TALL + 2 * _LOW
     scene = kit.Scene(text, result, size, (7.2, tall))
-    _draw_panels(scene, model, samples, estimates, upper, rests)
+    angle = _draw_panels(scene, model, samples, estimates, upper, rests)
+    if plan is not None:
+        rows = zip(model.recording.times, np.degrees(plan.sideslip), strict=True)
+        kit.pin_places(angle, result, {f"sample {k}": row for k, row in enumerate(rows)})
     return scene.figure
 
 
 def _draw_panels(
     scene: kit.Scene, model: SideslipEstimation, samples: _Samples, estimates: Sequence[_Named],
     upper: Sequence[kit.Panel], rests: Any,
-) -> None:  # fmt: skip
-    """Draw the panels below one legend: angle and error in full width, measurements in pairs."""
+) -> Any:  # fmt: skip
+    """Draw the panels below one legend, angle and error in full width, measurements in pairs; return the first."""
     from matplotlib.patches import Patch
 
     lower = _lower(model.recording, samples, rests)
@@ -170,6 +173,7 @@ def _draw_panels(
     )  # fmt: skip
     figure.align_ylabels([*places[:count], *places[-4::2]])
     figure.align_ylabels(places[-3::2])
+    return places[0]
 
 
 def _upper(

@@ -95,7 +95,12 @@ def draw(
         head=1 + text.count("\n"), foot=rows, panel=several,
     )  # fmt: skip
     sheet = kit.Scene(text, result, size, layout.size)
-    _draw_map(_axes(sheet, layout.map), model, scene, runs, main, layout.map)
+    axes = _axes(sheet, layout.map)
+    _draw_map(axes, model, scene, runs, main, layout.map)
+    if main is not None:
+        # Every check judges the end of a run.
+        end = main.walk.positions[-1, ::-1]
+        kit.pin_places(axes, result, {f"scene {scene}": end})
     for step, place in zip(chosen, layout.moments, strict=True):
         assert main is not None
         axes = _axes(sheet, place)

@@ -28,6 +28,8 @@ _FEWEST, _MOST = 4, 240
 _TILT = 1e-9
 #: Place of a violation in the text of a check.
 _WHERE = re.compile(r"(?:knot (?P<knot>\d+), )?(?:axis (?P<axis>\d+) )?\(t = (?P<time>\S+) s\)")
+#: Place of a check of times or durations.
+_PART = re.compile(r"(knot|segment) (\d+)(?: \(|$)")
 
 
 class Violation(NamedTuple):
@@ -123,9 +125,21 @@ class Scene:
     @cached_property
     def marks(self) -> tuple[Violation, ...]:
         """Locations of the largest violation of each failed check that has a location."""
-        violated = () if self.verification is None else self.verification.violated
-        result = ((check, _WHERE.search(check.where)) for check in violated)
-        return tuple(self._located(check, place) for check, place in result if place is not None)
+        return tuple(mark for mark in self.pins if not mark.check.ok and mark.order >= 0)
+
+    @cached_property
+    def pins(self) -> tuple[Violation, ...]:
+        """Locations of all checks that have one; those of times and durations have the order -1."""
+        places, plan = [], self.plan
+        for check in () if self.verification is None else self.verification.checks:
+            place, part = _WHERE.search(check.where), _PART.match(check.where)
+            if place is not None:
+                places.append(self._located(check, place))
+            elif part is not None and plan is not None:
+                ends = plan.times[int(part[2]) :][: 1 + (part[1] == "segment")]
+                time = float(ends.mean())
+                places.append(Violation(check, -1, -1, time, np.nan, plan(time)))
+        return tuple(places)
 
     def _located(self, check: Check, place: re.Match[str]) -> Violation:
         """Return the violation of a check at the place that it names."""

@@ -55,6 +55,8 @@ def draw_path(
     worst = np.array([mark.position[chosen] for mark in scene.marks])
     handles += kit.ring(axes, worst, "worst violation")
     _frame(scene, chosen, axes, begin, end)
+    for mark in scene.pins:
+        kit.pin(axes, mark.check, *mark.position[chosen])
     if labels or (labels is None and len(places) <= _MOST_NUMBERS):
         _numbers(scene, chosen, axes, places)
     return coloured, handles, notes

@@ -74,10 +74,13 @@ def draw(
     _draw_left(scene, shown, orders, left, labels)
     if orders:
         panels = [_panel(scene, order) for order in orders]
-        kit.draw_panels(
+        places = kit.draw_panels(
             right.figure, panels, [_span(scene)], title=text, wrong=False, label="time (s)",
             ruled=True,
         )  # fmt: skip
+        for mark in scene.pins:
+            if mark.order in orders:
+                kit.pin(places[orders.index(mark.order)], mark.check, mark.time, mark.value)
     return sheet.figure
 
 
@@ -140,6 +143,8 @@ def _draw_left(
             line.remove()
         kit.label_axes(axes, "time (s)" if scene.timed else "knot", f"{scene.names[shown[0]]} (m)")
         handles = kit.keys_of([panel], [axes])
+        for mark in scene.pins:
+            kit.pin(axes, mark.check, mark.time, mark.position[shown[0]])
     else:
         axes = kit.space_axes(figure, place) if space else figure.add_axes(place)
         coloured, handles, notes = draw_path(scene, shown, axes, labels=labels)
