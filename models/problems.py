@@ -8,6 +8,7 @@ folder                    table         keys and objects
 ========================= ============= =====================================================
 ``models/<problem>``      MODELS        model kind: the :class:`~crosstrack.models.Model` type
 ``models/<problem>``      PICTURES      model kind: function ``(model, plan, **options)``
+``models/<problem>``      ANIMATIONS    model kind: function ``(model, plan, **options)``
 ``solvers/<problem>``     BACKENDS      name: native backend, in order of preference
 ``solvers/<problem>``     DIAGNOSES     model kind: function ``(model, time_limit) -> Diagnosis``
 ``solvers/<problem>``     DESCRIPTIONS  any: function ``(program)`` that returns the report of a program
@@ -73,7 +74,7 @@ KITS = ("programs",)
 
 #: Names of the tables that a problem may declare, explained in the module's docstring.
 TABLES = (
-    *("MODELS", "PICTURES", "BACKENDS", "DIAGNOSES", "DESCRIPTIONS", "TRAININGS"),
+    *("MODELS", "PICTURES", "ANIMATIONS", "BACKENDS", "DIAGNOSES", "DESCRIPTIONS", "TRAININGS"),
     *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES"),
     *("PAPERS", "PAPER_TABLES", "OBJECTS", "FILES"),
 )

@@ -17,5 +17,6 @@ if TYPE_CHECKING:
 
 MODELS = {"attractor": ".model:AttractorAnalysis"}
 PICTURES = {"attractor": ".plot:draw"}
+ANIMATIONS = {"attractor": ".plot:animate_states"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

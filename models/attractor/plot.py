@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..fields import required
 from ..plots import kit
 from ..verification import Verification
 from .checks import SOME, Sample
@@ -20,7 +21,7 @@ from .plan import AttractorEstimate, Judgement, Slope
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw"]
+__all__ = ["animate_states", "draw"]
 
 #: Mean crossings shown of a series, and smallest and largest number of its samples.
 _CROSSINGS, _LEAST, _MOST = 60, 300, 8000
@@ -201,13 +202,18 @@ def _draw_series(model: AttractorAnalysis, axes: Axes) -> None:
         axes.set_title(words, fontsize=7.5, color="#505050", loc="left", pad=3)
 
 
+def _states(model: AttractorAnalysis, axes: Any, delay: int) -> tuple[kit.Floats, int]:
+    """Return the states in the dimension of `axes`, and their delay: 1 for a short series."""
+    shown = 3 if axes.name == "3d" else 2
+    if len(model.series) <= (shown - 1) * delay + 1:
+        delay = 1
+    return model.states(delay, shown), delay
+
+
 def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
     """Draw the first two or three coordinates, depending on `axes`, as a line if the series is smooth."""
-    shown = 3 if axes.name == "3d" else 2
-    series = model.series
-    if len(series) <= (shown - 1) * delay + 1:
-        delay = 1
-    states = model.states(delay, shown)
+    states, delay = _states(model, axes, delay)
+    shown, series = states.shape[1], model.series
     look: dict[str, Any] = {"color": kit.colour_of(0), "gid": "states"}
     if float(np.sqrt((np.diff(series / model.deviation) ** 2).mean())) < _SMOOTH:
         axes.plot(*states[:_JOINED].T, lw=0.5, alpha=0.8, **look)
@@ -290,7 +296,7 @@ def curves_of(model: AttractorAnalysis, plan: AttractorEstimate) -> list[_Curve]
             _Curve(
                 "divergence", "λ", "nats/s", slope, ahead * model.period, sample.divergence(slope, ahead),
                 (low * model.period, high * model.period),
-                ("time ahead (s)", f"mean ln(distance{f' / {unit}' if unit else ''})"), False,
+                ("time ahead (s)", f"mean ln(distance{f' / {unit}' if unit else ''}) (–)"), False,
             )
         )  # fmt: skip
     slope = plan.correlation
@@ -301,7 +307,7 @@ def curves_of(model: AttractorAnalysis, plan: AttractorEstimate) -> list[_Curve]
         curves.append(
             _Curve(
                 "correlation", "D", "", slope, radii, np.where(sums > 0, np.log(sums), np.nan),
-                (slope.low, slope.high), (kit.with_unit("radius r", model.unit), "ln C(r)"), True,
+                (slope.low, slope.high), (kit.with_unit("radius r", model.unit), "ln C(r) (–)"), True,
             )
         )  # fmt: skip
     return curves
@@ -346,3 +352,27 @@ def _finish(curve: _Curve, axes: Axes, label: str) -> None:
     if curve.log:
         axes.set_xscale("log")
         kit.log_ticks(axes.xaxis, curve.x[0], curve.x[-1])
+
+
+@kit.documented
+def animate_states(
+    model: AttractorAnalysis,
+    plan: AttractorEstimate | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of an estimate: the state on the attractor, and its sample of the series."""
+    plan = required("plan", model.as_plan(plan), AttractorEstimate)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    lines = {line.get_gid(): line for axes in stage.figure.axes for line in axes.lines}
+    times, values = lines["series"].get_data()
+    space = lines["states"].axes
+    states = _states(model, space, plan.delay)[0][: len(times)]
+    movers = [
+        kit.Mover(space, times[: len(states)], states, kit.RED),
+        kit.Mover(lines["series"].axes, times, np.column_stack([times, values]), kit.RED),
+    ]
+    return kit.follow(stage, movers, "t =", "s")

@@ -18,5 +18,6 @@ if TYPE_CHECKING:
 
 MODELS = {"black-box": ".model:BlackBoxMinimisation"}
 PICTURES = {"black-box": ".plot:draw"}
+ANIMATIONS = {"black-box": ".plot:animate_search"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

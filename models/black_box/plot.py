@@ -166,7 +166,7 @@ class _Picture:
             if max(abs(first), abs(last)) > _NARROW * (last - first):
                 # Write the common part of all ticks once.
                 axes.xaxis.set_major_formatter(ScalarFormatter())
-            kit.label_axes(axes, f"x[{k}]", "" if place % columns else None)
+            kit.label_axes(axes, f"x[{k}] (–)", "" if place % columns else None)
             if len(self.points):
                 spot = self.points[0, k], np.interp(self.points[0, k], *axes.lines[0].get_data())
                 kit.pin_places(axes, self.result, {f"x[{k}]": spot})
@@ -222,7 +222,7 @@ class _Picture:
             bar = scene.figure.colorbar(filled, cax=beside, ticks=levels, spacing="uniform")
             texts = [kit.number(level, 4) for level in levels.tolist()]
             bar.ax.set_yticklabels(texts, fontsize=7.5)
-            kit.label_axes(bar.ax, y="value")
+            kit.label_axes(bar.ax, y="value (–)")
         elif finite.size:  # the same value everywhere
             ends = [finite[0] - 1, finite[0] + 1]
             axes.contourf(*grid, ends, colors=[_SAME], zorder=0.7)
@@ -237,7 +237,7 @@ class _Picture:
             axes.plot(*spot[:, None], ls="", zorder=9, clip_on=False, gid=name, **look)
         margins = 0.015 * np.diff(limits, axis=1) * [-1, 1]
         axes.axis((limits + margins).ravel().tolist())
-        kit.label_axes(axes, f"x[{a}]", f"x[{b}]")
+        kit.label_axes(axes, f"x[{a}] (–)", f"x[{b}] (–)")
         kit.pin_places(
             axes, self.result, {f"x[{k}]": p for p in self.points[:1, [a, b]] for k in (a, b)}
         )

@@ -15,5 +15,6 @@ if TYPE_CHECKING:
 
 MODELS = {"error-correction": ".model:ErrorCorrectionRouting"}
 PICTURES = {"error-correction": ".plot:draw"}
+ANIMATIONS = {"error-correction": ".plot:animate_route"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

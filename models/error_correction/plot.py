@@ -17,7 +17,7 @@ from ..plots import kit
 from .model import ErrorCorrectionRouting, Route, Stop
 from .points import KIND_WORDS
 
-__all__ = ["draw", "violated_stops"]
+__all__ = ["animate_route", "draw", "violated_stops"]
 
 #: Colour numbers of the kinds; the markers differ as well.
 _NUMBERS = {"A": 6, "horizontal": 0, "vertical": 1, "B": 6}
@@ -53,9 +53,7 @@ def draw(
     if labels is None:
         labels = (len(stops) or len(model.points)) <= _MOST_LABELS
     kit.check_flags(labels=labels)
-    extent = float(np.ptp(model.points, axis=0).max(initial=0.0))
-    longest = max(extent, stops[-1].distance if stops else 0.0)
-    scale, unit = (1e-3, "km") if longest >= 2000 else (1.0, "m")
+    scale, unit = _unit(model, stops)
     bad = violated_stops(model, stops)
     result = kit.verified_plan(model, plan, Route, kit.TOLERANCE)
     names = [f"point {model.label(point)}" for point in range(len(model.points))]
@@ -119,6 +117,13 @@ def _title(
     parts.append(kit.many(corrections, "correction"))
     parts += [f"NOT VALID at {kit.many(len(bad), 'stop')}"] * bool(bad)
     return "  ·  ".join(parts)
+
+
+def _unit(model: ErrorCorrectionRouting, stops: list[Stop]) -> tuple[float, str]:
+    """Return factor and name of the unit of all lengths."""
+    extent = float(np.ptp(model.points, axis=0).max(initial=0.0))
+    longest = max(extent, stops[-1].distance if stops else 0.0)
+    return (1e-3, "km") if longest >= 2000 else (1.0, "m")
 
 
 def _draw_space(
@@ -220,3 +225,26 @@ def _levels(
         values = arrive[row], leave[row], allowed[row], violated[row]
         levels.append(kit.Level(f"{name} error", "", _NUMBERS[name], *values, marks))
     return levels
+
+
+@kit.documented
+def animate_route(
+    model: ErrorCorrectionRouting,
+    plan: Route | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of a route: the UAV on its way, and its errors."""
+    plan = required("plan", model.as_plan(plan), Route)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    stops = model.walk(plan)
+    kit.check_option("plan", plan, bool(stops), "have stops")
+    movers = kit.curve_movers(stage.figure)
+    scale, unit = _unit(model, stops)
+    flown = np.array([stop.distance for stop in stops]) * scale
+    way = model.points[[stop.point for stop in stops]] * scale
+    space = next(axes for axes in stage.figure.axes if axes.name == "3d")
+    return kit.follow(stage, [*movers, kit.Mover(space, flown, way, kit.RED)], "flown", unit)

@@ -15,5 +15,6 @@ if TYPE_CHECKING:
 SHARED = ("checks.objective_of",)
 MODELS = {"fleet-routing": ".model:FleetRouting"}
 PICTURES = {"fleet-routing": ".plot:draw"}
+ANIMATIONS = {"fleet-routing": ".plot:animate_routes"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

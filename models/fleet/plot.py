@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import UnsupportedOption
+from ..fields import required
 from ..grid_path import trail
 from ..plots import kit
 from ..verification import Verification
@@ -16,7 +17,7 @@ from .data import FleetData, Metric, Objective
 from .model import FleetRouting
 from .plan import FleetPlan
 
-__all__ = ["draw"]
+__all__ = ["animate_routes", "draw"]
 
 #: Largest number of nodes that are named by default.
 _MOST_NAMES = 40
@@ -158,7 +159,7 @@ def _draw_map(
     if grid is not None:
         least, most = kit.corners_of(grid)
         low, high = np.minimum(low, least), np.maximum(high, most)
-    words = "costs scaled to a plane, axis 1", "costs scaled to a plane, axis 2"
+    words = "costs scaled to a plane, axis 1 (–)", "costs scaled to a plane, axis 2 (–)"
     scale = kit.dress_map(axes, low, high, words if model.points is None else None)
     keys = []
     if grid is not None:
@@ -214,8 +215,31 @@ def _draw_bars(model: FleetRouting, plan: FleetPlan, axes: Any, tolerance: float
     if whole and model.battery is not None:
         wrong = np.flatnonzero(loads - model.battery > tolerance * model.battery).tolist()
     return kit.draw_loads(
-        axes, loads, f"length of route ({unit})" if unit else "cost of route",
+        axes, loads, kit.with_unit("length of route" if unit else "cost of route", unit),
         names=[f"vehicle {k}" for k in range(len(loads))],
         deviation=deviation_of(model, loads) if len(loads) > 1 else None,
         limits=model.battery if whole else None, wrong=wrong,
     )  # fmt: skip
+
+
+@kit.documented
+def animate_routes(
+    model: FleetRouting,
+    plan: FleetPlan | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of a plan: the vehicles on their routes, at the same speed.
+
+    The clock is the distance on the map, which differs from the cost if costs are scaled to a plane.
+    """
+    plan = required("plan", model.as_plan(plan), FleetPlan)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    axes = stage.figure.axes[0]
+    routes = next((c for c in axes.collections if c.get_gid() == "route"), None)
+    kit.check_option("plan", plan, any(plan.routes) and routes is not None, "have routes on a map")
+    paths = [path.vertices for path in routes.get_paths()]
+    return kit.follow(stage, kit.route_movers(axes, paths), "distance", kit.unit_of(axes))

@@ -13,5 +13,6 @@ if TYPE_CHECKING:
 
 MODELS = {"fleet-mission": ".model:FleetMission"}
 PICTURES = {"fleet-mission": ".plot:draw"}
+ANIMATIONS = {"fleet-mission": ".plot:animate_mission"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -18,5 +18,6 @@ if TYPE_CHECKING:
 SHARED = ("gridmap.read_cells",)
 MODELS = {"grid-path": ".model:GridPath"}
 PICTURES = {"grid-path": ".plot:draw"}
+ANIMATIONS = {"grid-path": ".plot:animate_paths"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..fields import required
 from ..plots import kit
 from ..plots.progress import draw_progress
 from ..verification import Check
@@ -16,7 +17,7 @@ from .model import GridPath
 from .plan import GridPlan
 from .polygons import Polygons
 
-__all__ = ["draw", "draw_progress"]
+__all__ = ["animate_paths", "draw", "draw_progress"]
 
 #: Colours of blocked cells, of the region outside the map and of outlines.
 WALL, OUTSIDE, OUTLINE = "#4d4d4d", "#b3b3b3", kit.colour_of(4)
@@ -89,7 +90,7 @@ def draw(
     scale = kit.dress_map(axes, low, high)
     axes.grid(visible=False)
     if not grid.upward:
-        axes.invert_yaxis()
+        kit.turn_down(axes)
     image = _draw_cells(model, axes, scale)
     if weighted:
         beside = scene.axes(scene.broad - 0.85, foot, 0.71, scene.head)
@@ -155,11 +156,11 @@ def _draw_scale(figure: kit.Figure, image: Any, axes: Any) -> None:
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
     if not isinstance(image.norm, LogNorm):
-        kit.color_bar(figure, image, axes, "cost of a metre")
+        kit.color_bar(figure, image, axes, "cost of a metre (–)")
         return
     lowest, highest = image.get_clim()
     steps = (1.0, 2.0, 5.0) if highest < 1e3 * lowest else (1.0,)
-    bar = kit.color_bar(figure, image, axes, "cost of a metre", ticks=LogLocator(subs=steps))
+    bar = kit.color_bar(figure, image, axes, "cost of a metre (–)", ticks=LogLocator(subs=steps))
     bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
 
@@ -208,3 +209,21 @@ def _place(grid: GridMap, plan: GridPlan, check: Check) -> kit.Floats | None:
     way = path[k] + np.linspace(0, 1, 1001)[:, None] * (path[k + 1] - path[k])
     inside = np.flatnonzero(~grid.holds(grid.cells_of(np.clip(way, -1e15, 1e15))))
     return np.asarray(way[inside[len(inside) // 2] if inside.size else 500])
+
+
+@kit.documented
+def animate_paths(
+    model: GridPath,
+    plan: GridPlan | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of a plan: an agent on each path, at the same speed."""
+    plan = required("plan", model.as_plan(plan), GridPlan)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    axes = stage.figure.axes[0]
+    paths = [line.get_xydata() for line in axes.lines if line.get_gid() == "path"]
+    return kit.follow(stage, kit.route_movers(axes, paths), "distance", kit.unit_of(axes))

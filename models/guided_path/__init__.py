@@ -12,5 +12,6 @@ if TYPE_CHECKING:
 
 MODELS = {"guided-path-tour": ".model:GuidedPathTour"}
 PICTURES = {"guided-path-tour": ".plot:draw"}
+ANIMATIONS = {"guided-path-tour": ".plot:animate_tour"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -169,7 +169,7 @@ def _draw_chains(
         axes.set_yticks(range(len(names)), names)
         axes.tick_params(axis="y", length=0)
     else:
-        kit.label_axes(axes, y="chain")
+        kit.label_axes(axes, y="chain (number)")
     axes.grid(visible=False, axis="y")
     names = [model.label(customer) for customer in range(1, model.size)]
     kit.pin_places(axes, result, {f"customer {n}": p for n, p in zip(names, at[1:], strict=True)})
@@ -356,7 +356,7 @@ def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> kit
         size, unit = kit.length_unit(float(walk.walked[-1]))
         down, words = walk.walked * size, f"walked ({unit})"
     else:
-        down, words = np.arange(len(walk.stops), dtype=float), "stops"
+        down, words = np.arange(len(walk.stops), dtype=float), "stops (number)"
     around = 0.03 * float(down[-1]) or 0.5
     axes.set_ylim(float(down[-1]) + around, -around)
     kit.label_axes(axes, y=words)

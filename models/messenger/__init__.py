@@ -12,5 +12,6 @@ if TYPE_CHECKING:
 
 MODELS = {"messenger-tour": ".model:MessengerTour"}
 PICTURES = {"messenger-tour": ".plot:draw"}
+ANIMATIONS = {"messenger-tour": ".plot:animate_tour"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

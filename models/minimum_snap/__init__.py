@@ -31,5 +31,6 @@ MODELS = {
     "time-allocation": ".time_allocation:TimeAllocation",
 }
 PICTURES = dict.fromkeys(MODELS, ".plot.picture:draw")
+ANIMATIONS = dict.fromkeys(MODELS, ".plot.picture:animate_flight")
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

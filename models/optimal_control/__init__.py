@@ -30,5 +30,6 @@ SHARED = (
 )
 MODELS = {"optimal-control": ".model:OptimalControlProblem"}
 PICTURES = {"optimal-control": ".plot:draw"}
+ANIMATIONS = {"optimal-control": ".plot:animate_control"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnsupportedOption
+from ..fields import required
 from ..plots import kit
 from ..verification import Check, Verification
 from .definition import Definition, Guess, Quantity, Restriction, entry_names
@@ -23,7 +24,7 @@ from .sampling import Course, courses
 if TYPE_CHECKING:
     from .model import OptimalControlProblem
 
-__all__ = ["curves_of", "draw", "guessed", "nodes_of", "sampled"]
+__all__ = ["animate_control", "curves_of", "draw", "guessed", "nodes_of", "sampled"]
 
 #: Largest numbers of panels in one column and in two.
 _ONE, _TWO = 3, 10
@@ -82,7 +83,7 @@ def draw(
     if plan is None and (costates or deviation):
         raise UnsupportedOption("costates and deviation need a plan, got None")
     if costates:
-        panels += _costates(phases)
+        panels += _costates(phases, definition.objective_unit)
     if deviation:
         panels.append(_deviation(model, drawn, phases, tolerance))
     if columns is None:
@@ -207,9 +208,9 @@ def _panels(phases: Sequence[Course], paths: bool, tolerance: float) -> Iterator
 
 def _of_kind(
     phases: Sequence[Course], what: str, tables: Sequence[_Table],
-    dots: Sequence[_Table] | None, tolerance: float | None, title: str = "{}",
+    dots: Sequence[_Table] | None, tolerance: float | None, title: str = "{}", per: str | None = None,
 ) -> Iterator[kit.Panel]:  # fmt: skip
-    """Yield one panel per name; without a tolerance, it has neither unit nor limits."""
+    """Yield one panel per name, without limits if there is no tolerance; units are `per` that of the item."""
     units: dict[str, str] = {}
     gathered: dict[str, tuple[list[kit.Curve], list[kit.Mark], list[kit.Limit]]] = {}
     for k, course in enumerate(phases):
@@ -224,7 +225,9 @@ def _of_kind(
             curves += lines
             marks += nodes
             bounds += [] if tolerance is None else _limits(item, course, tolerance)
-            units[item.name] = units.get(item.name) or ("" if tolerance is None else item.unit)
+            unit = f"({item.unit})" if set("/ ") & set(item.unit) else item.unit
+            unit = item.unit if per is None else f"{per or 1}/{unit}" if unit else per
+            units[item.name] = units.get(item.name) or unit
     for name, (curves, marks, bounds) in gathered.items():
         yield kit.Panel(title.format(name), units[name], curves, bounds, marks)
 
@@ -245,7 +248,7 @@ def _limits(item: Quantity | Restriction, course: Course, tolerance: float) -> I
             yield kit.Limit(times, lower, upper, colours, tolerance * max(typical, *edges))
 
 
-def _costates(phases: Sequence[Course]) -> Iterator[kit.Panel]:
+def _costates(phases: Sequence[Course], unit: str) -> Iterator[kit.Panel]:
     tables, dots = [], []
     for course in phases:
         name, part = course.plan.name, course.plan.costates
@@ -257,7 +260,7 @@ def _costates(phases: Sequence[Course]) -> Iterator[kit.Panel]:
         names = course.plan.state_names
         tables.append(sampled(PhasePlan(name, part, part, names, names))[:2])
         dots.append(nodes_of(part))
-    yield from _of_kind(phases, "states", tables, dots, None, "costate λ of {}")
+    yield from _of_kind(phases, "states", tables, dots, None, "costate λ of {}", unit)
 
 
 def _deviation(
@@ -280,3 +283,20 @@ def _deviation(
             curves.append(kit.Curve(item.name, order.index(item.name), reintegrated.times, largest))
     limit = kit.Limit(np.array([plan.start, plan.end]), -np.inf, tolerance)
     return kit.Panel("deviation", "relative", curves, [limit], log=True)
+
+
+@kit.documented
+def animate_control(
+    model: OptimalControlProblem,
+    plan: ControlPlan | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of a plan: a marker on every curve, over time."""
+    plan = required("plan", model.as_plan(plan), ControlPlan)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    unit = model.definition.phases[0].time_unit
+    return kit.follow(stage, kit.curve_movers(stage.figure), "t =", unit)

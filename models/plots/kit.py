@@ -17,10 +17,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..verification import TOLERANCE
-from . import curves, layers, loads, options, panels, pins, scene, style
+from . import curves, layers, loads, motion, options, panels, pins, scene, style
 from .curves import *  # noqa: F403
 from .layers import *  # noqa: F403
 from .loads import *  # noqa: F403
+from .motion import *  # noqa: F403
 from .options import *  # noqa: F403
 from .panels import *  # noqa: F403
 from .pins import *  # noqa: F403
@@ -35,6 +36,7 @@ __all__ = ["TOLERANCE"]
 __all__ += curves.__all__
 __all__ += layers.__all__
 __all__ += loads.__all__
+__all__ += motion.__all__
 __all__ += options.__all__
 __all__ += panels.__all__
 __all__ += pins.__all__

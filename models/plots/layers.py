@@ -20,7 +20,7 @@ __all__ = [
     "BLOCKED", "FAR", "box_near", "circles", "corners_of", "dots", "draw_box", "draw_cells", "draw_circles", "draw_ends",
     "draw_lines", "draw_polygons", "draw_routes", "draw_shaded_line", "draw_stops", "dress_map",
     "dress_space", "heading_marker", "length_unit", "name_vehicles", "place_labels", "point_ways", "ring",
-    "space_axes", "write_names",
+    "space_axes", "turn_down", "write_names",
 ]  # fmt: skip
 
 #: Space for tick labels and the label of an axis to the left and right of a box in space (inch).
@@ -104,7 +104,13 @@ def draw_cells(axes: Any, grid: Any, scale: float, *, colour: str = BLOCKED) -> 
     axes.axis(limits)
     draw_box(axes, low, high, fc="none", ec=colour, lw=1.0, zorder=0.7, gid="edge")
     if not grid.upward:
-        axes.invert_yaxis()
+        turn_down(axes)
+
+
+def turn_down(axes: Any) -> None:
+    """Turn the y axis of a map downward, as in text and images, and state it in the label."""
+    axes.invert_yaxis()
+    label_axes(axes, y=axes.get_ylabel().replace(")", ", downward)"))
 
 
 def draw_box(axes: Any, low: Any, high: Any, **look: Any) -> None:

@@ -91,7 +91,7 @@ def draw_loads(
                 path_effects=[withStroke(linewidth=2.0, foreground="white")],
             )  # fmt: skip
     else:
-        label_axes(axes, y="vehicle")
+        label_axes(axes, y="vehicle (number)")
     return keys
 
 

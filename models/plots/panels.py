@@ -34,8 +34,8 @@ from .style import (
     label_axes,
     legend_row,
     number,
-    pretty_unit,
     sheet,
+    with_unit,
 )
 
 if TYPE_CHECKING:
@@ -188,8 +188,7 @@ def draw_panel(
     axes.set_ylim(low, high)
     _scale(panel, axes, low, high)
     wrapped = [part for line in panel.title.split("\n") for part in textwrap.wrap(line, _LETTERS)]
-    unit = [f"({pretty_unit(panel.unit)})"] if panel.unit else []
-    lines = [*wrapped, *unit]
+    lines = [*wrapped, with_unit("", panel.unit).strip()]
     # A label may use the gap to the next panel, but not that panel.
     tall = 1.25 * axes.get_position().height * inches(axes.figure)[1]
     least = max(map(len, lines), default=0) * _LETTER

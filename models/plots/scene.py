@@ -12,14 +12,14 @@ from ..fields import required
 from ..verification import TOLERANCE, Verification, check_tolerance
 from .layers import dress_map
 from .options import check_frames, check_option
-from .style import BLACK, DARK, LINE, headline, inches, legend_row, legend_rows, number, sheet
+from .style import DARK, LINE, headline, inches, legend_row, legend_rows, number, sheet
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
     from matplotlib.figure import Figure
 
 __all__ = [
-    "Frame", "Mover", "Named", "Scene", "Stage", "color_bar", "curve_movers", "is_wrong", "label_plans", "name_plans",
+    "Frame", "Named", "Scene", "Stage", "color_bar", "is_wrong", "label_plans", "name_plans",
     "verified_plan",
 ]  # fmt: skip
 
@@ -81,29 +81,6 @@ class Scene(Frame):
         return Frame(parts[0]), Frame(parts[1])
 
 
-class Mover(NamedTuple):
-    """Marker that follows `places`, shape (k, 2) or (k, 3), at ascending values `at` of a clock, shape (k,).
-
-    It is hidden outside of these values. A line leads from the marker along `steps`, such as a velocity.
-    """
-
-    axes: Any
-    at: NDArray[np.float64]
-    places: NDArray[np.float64]
-    colour: str = BLACK
-    steps: NDArray[np.float64] | None = None
-
-
-def curve_movers(figure: Figure) -> list[Mover]:
-    """Return a marker for each curve over time in the panels of a picture."""
-    return [
-        Mover(axes, times, np.column_stack([times, line.get_ydata()]), line.get_color())
-        for axes in figure.axes
-        for line in axes.lines
-        if str(line.get_gid()).startswith("curve ") and len(times := np.asarray(line.get_xdata()))
-    ]
-
-
 class Stage(Scene):
     """Animation: a figure with a clock at its foot.
 
@@ -122,21 +99,6 @@ class Stage(Scene):
         place = (0.5, clock / self.tall)
         self.clock = self.figure.text(*place, "", ha="center", fontsize=9, color=DARK)
 
-    @classmethod
-    def over(
-        cls, draw: Callable[..., Figure], model: Any, plan: Any, frames: Any, interval: Any, title: Any,
-        size: Any,
-    ) -> Stage:  # fmt: skip
-        """Return the stage of a finished picture, with the clock in its upper right corner."""
-        check_frames(frames, interval)
-        stage = cls.__new__(cls)
-        text = (model.name or model.outline()) if title is None else title
-        Frame.__init__(stage, draw(model, plan, title=text, size=size))
-        stage.frames, stage.interval = frames, interval
-        place = (1 - 0.1 / stage.broad, 1 - 0.3 / stage.tall)
-        stage.clock = stage.figure.text(*place, "", ha="right", va="top", fontsize=8, color=DARK)
-        return stage
-
     def map(self, low: NDArray[Any], high: NDArray[Any]) -> tuple[Any, float]:
         """Return a map of a box (m), and the factor from metres to the unit of its axes."""
         axes = self.axes(0.72, 0.72, 0.18, self.head)
@@ -145,30 +107,6 @@ class Stage(Scene):
     def legend_above(self, axes: Any, keys: Sequence[Any]) -> None:
         """Write a legend in the upper right corner of a map, above its frame."""
         legend_row(axes, keys, "lower right", (1.0, 0.98))
-
-    def follow(self, movers: Sequence[Mover], name: str, unit: str) -> FuncAnimation:
-        """Return the animation of markers along lines; `name` and `unit` are those of the clock."""
-        low, high = min(mover.at[0] for mover in movers), max(mover.at[-1] for mover in movers)
-        clock, slack = np.linspace(low, high, self.frames), 1e-9 * (high - low)
-        drawn = []
-        for axes, _, places, colour, _ in movers:
-            nowhere = [[np.nan]] * places.shape[1]
-            look: dict[str, Any] = {"color": colour, "zorder": 22, "clip_on": False}
-            (dot,) = axes.plot(*nowhere, "o", ms=6.5, mec="white", gid="mover", **look)
-            drawn.append((dot, axes.plot(*nowhere, lw=1.8, gid="velocity", **look)[0]))
-
-        def show(frame: int) -> str:
-            now = float(clock[frame])
-            for (_, at, places, _, steps), artists in zip(movers, drawn, strict=True):
-                table = places if steps is None else np.hstack([places, places + steps])
-                inside = at[0] - slack <= now <= at[-1] + slack
-                row = [np.interp(now, at, column) if inside else np.nan for column in table.T]
-                ends = np.reshape(row, (-1, places.shape[1]))
-                for artist, line in zip(artists, (ends[:1], ends), strict=True):
-                    (artist.set_data_3d if ends.shape[1] == 3 else artist.set_data)(*line.T)
-            return f"{name} {number(now, 4)} of {number(float(high), 4)} {unit}".rstrip()
-
-        return self.play(show)
 
     def play(self, show: Callable[[int], str], frames: int | None = None) -> FuncAnimation:
         """Return the animation; `show` draws a frame and returns the text of the clock."""

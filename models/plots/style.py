@@ -186,5 +186,5 @@ def pretty_unit(unit: str) -> str:
 
 
 def with_unit(name: str, unit: str) -> str:
-    """Return a label with its unit, if there is one."""
-    return f"{name} ({pretty_unit(unit)})" if unit else name
+    """Return a label with its unit, ``"–"`` for a number without one."""
+    return f"{name} ({pretty_unit(unit) or '–'})"

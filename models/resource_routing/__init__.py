@@ -26,5 +26,6 @@ SHARED = (
 )
 MODELS = {"resource-routing": ".model:ResourceRouting"}
 PICTURES = {"resource-routing": ".plot:draw"}
+ANIMATIONS = {"resource-routing": ".plot:animate_route"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

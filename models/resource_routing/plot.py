@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..fields import required
 from ..plots import kit
 from .checks import Visit, walk_route
 from .model import ResourceRouting
 from .route import Route
 
-__all__ = ["draw"]
+__all__ = ["animate_route", "draw"]
 
 #: Largest numbers of names and of arcs that are drawn, and of kinds with different markers.
 _MOST_LABELS, _MOST_ARCS, _MOST_KINDS = 45, 3000, 8
@@ -73,7 +74,7 @@ def draw(
     if panels:
         kit.draw_levels(
             right.figure, np.array([visit.distance for visit in visits]),
-            _levels(model, visits, over), label="length of the route", limit="limit there",
+            _levels(model, visits, over), label="length of the route (–)", limit="limit there",
             broken="limit exceeded", title=text, wrong=scene.wrong, result=result,
             stops=[names[visit.point] for visit in visits],
         )  # fmt: skip
@@ -106,7 +107,7 @@ def _draw_map(
 ) -> Any:  # fmt: skip
     """Draw points, arcs and route, and return the axes."""
     axes = frame.figure.add_axes((0.11, 0.17, 0.85, 0.7))
-    kit.dress_map(axes, where.min(axis=0), where.max(axis=0), ("x", "y"))
+    kit.dress_map(axes, where.min(axis=0), where.max(axis=0), ("x (–)", "y (–)"))
     if model.arcs is not None and len(model.arcs) <= _MOST_ARCS:
         kit.draw_lines(axes, where[model.arcs], colors="#dcdcdc", lw=0.7, zorder=1)
     visited = [visit.point for visit in visits]
@@ -154,3 +155,29 @@ def _levels(
         values = arrive[row], leave[row], limits[row], over[:, row]
         levels.append(kit.Level(resource.name, resource.unit, row, *values, marks))
     return levels
+
+
+@kit.documented
+def animate_route(
+    model: ResourceRouting,
+    plan: Route | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of a route: the vehicle on its way, and the levels of its resources.
+
+    The model needs coordinates or resources, and each leg of the route an arc.
+    """
+    plan = required("plan", model.as_plan(plan), Route)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    movers, where = kit.curve_movers(stage.figure), places_of(model)
+    visits = walk_route(model, plan)[0]
+    far = np.array([visit.distance for visit in visits])
+    if where is not None and len(far) and np.isfinite(far).all():
+        way = where[[visit.point for visit in visits]]
+        movers.append(kit.Mover(stage.figure.axes[-1], far, way, kit.RED))
+    kit.check_option("plan", plan, bool(movers), "have arcs and something to draw")
+    return kit.follow(stage, movers, "distance", "")

@@ -13,5 +13,6 @@ if TYPE_CHECKING:
 
 MODELS = {"satellite-slew": ".model:SatelliteSlew"}
 PICTURES = {"satellite-slew": ".plot:draw"}
+ANIMATIONS = {"satellite-slew": ".plot:animate_slew"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

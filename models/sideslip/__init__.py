@@ -13,5 +13,6 @@ if TYPE_CHECKING:
 
 MODELS = {"sideslip": ".model:SideslipEstimation"}
 PICTURES = {"sideslip": ".plot:draw"}
+ANIMATIONS = {"sideslip": ".plot:animate_estimate"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..fields import required
 from ..plots import kit
 from .data import LOW_SPEED, Recording
 from .model import SideslipEstimation
 from .plan import SideslipEstimate
 
-__all__ = ["draw"]
+__all__ = ["animate_estimate", "draw"]
 
 #: Number of parts of a long recording, each drawn by its minimum and maximum.
 _PARTS = 1500
@@ -228,3 +229,19 @@ def _draw_band(axes: Any, panel: kit.Panel, samples: _Samples, main: _Named, row
     axes.fill_between(samples.times, lower, upper, gid="band", **look)
     for edge in (lower, upper) if row else ():  # visible if curves fill the panel
         axes.plot(samples.times, edge, color=kit.DARK, lw=0.5, zorder=3.5, gid="edge of the band")
+
+
+@kit.documented
+def animate_estimate(
+    model: SideslipEstimation,
+    plan: SideslipEstimate | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of an estimate: a marker on every curve, over time."""
+    plan = required("plan", model.as_plan(plan), SideslipEstimate)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    return kit.follow(stage, kit.curve_movers(stage.figure), "t =", "s")

@@ -15,5 +15,6 @@ if TYPE_CHECKING:
 
 MODELS = {"unknown-grid": ".model:UnknownGridNavigation"}
 PICTURES = {"unknown-grid": ".plot:draw"}
+ANIMATIONS = {"unknown-grid": ".plot:animate_run"}
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

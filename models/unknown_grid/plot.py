@@ -148,7 +148,7 @@ def _draw_map(
     axes.tick_params(labelsize=8, length=2)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator("auto", integer=True, min_n_ticks=1))
-    kit.label_axes(axes, "column", "row")
+    kit.label_axes(axes, "column (index)", "row (index, downward)")
     size = max(6.0, _marker(place, whole))
     if main is not None:
         axes.set_title("the whole run", fontsize=8, pad=3, color=kit.DARK)
@@ -192,7 +192,7 @@ def _draw_scenes(
     kit.bare(axes)
     axes.set_xlim(0, last)
     axes.set_ylim(0, 103)
-    kit.label_axes(axes, "within steps", "scenes reached (%)")
+    kit.label_axes(axes, "within (steps)", "scenes reached (%)")
 
 
 def _words(

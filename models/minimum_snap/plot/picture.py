@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...fields import required
 from ...plots import kit
 from ..bounds import derivative_name, derivative_unit
+from ..trajectory import Trajectory
 from .data import Scene, Violation, given_times
 from .path import draw_path, line_by_speed
 
 if TYPE_CHECKING:
     from matplotlib.collections import Collection
 
-    from ..trajectory import Trajectory
-
-__all__ = ["draw"]
+__all__ = ["animate_flight", "draw"]
 
 #: Share of the figure's width for the path if derivatives are drawn.
 _LEFT = 0.53
@@ -141,7 +141,9 @@ def _draw_left(
             speed = np.abs(scene.samples(1)[:, shown[0]])
             coloured = line_by_speed(np.column_stack(line.get_data()), speed, axes)
             line.remove()
-        kit.label_axes(axes, "time (s)" if scene.timed else "knot", f"{scene.names[shown[0]]} (m)")
+        kit.label_axes(
+            axes, "time (s)" if scene.timed else "knot (number)", f"{scene.names[shown[0]]} (m)"
+        )
         handles = kit.keys_of([panel], [axes])
         for mark in scene.pins:
             kit.pin(axes, mark.check, mark.time, mark.position[shown[0]])
@@ -230,3 +232,35 @@ def _limits(scene: Scene, order: int, axes: list[int]) -> list[kit.Limit]:
                 band = "corridor of an axis" if whose and not order else ""
                 result.append(kit.Limit(times, lower, upper, whose, band=band))
     return result
+
+
+@kit.documented
+def animate_flight(
+    model: Any,
+    plan: Trajectory | Any,
+    *,
+    frames: int = 120,
+    interval: float = 60.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
+    """Animate the picture of a trajectory: the vehicle with its velocity, and markers on every curve.
+
+    A line from the vehicle shows its velocity. At the highest speed, it is a quarter as long as the path is wide.
+
+    Parameters
+    ----------
+    model : MinimumDerivative
+        Model, or any other model with ``waypoints``.
+    """
+    plan = required("plan", model.as_plan(plan), Trajectory)
+    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
+    scene, axes = Scene(model, plan, None), stage.figure.axes[0]
+    chosen = list(_shown(None, scene.dimensions))
+    places, steps = (scene.samples(order)[:, chosen] for order in (0, 1))
+    if len(chosen) == 1:
+        places = np.insert(places, 0, scene.sample_times, axis=1)
+        steps = np.insert(steps, 0, 1.0, axis=1)
+    steps *= 0.25 * np.ptp(places, axis=0).max() / (np.linalg.norm(steps, axis=1).max() or 1.0)
+    vehicle = kit.Mover(axes, scene.sample_times, places, kit.RED, steps)
+    return kit.follow(stage, [*kit.curve_movers(stage.figure), vehicle], "t =", "s")
