@@ -71,4 +71,7 @@ def pin_curves(
         entry = find(check)
         if entry is not None:
             axes, curve, time = entry
-            pin(axes, check, time, float(np.interp(time, curve.times, curve.values)))
+            # A curve may be interrupted at the very place.
+            known = np.isfinite(curve.values)
+            if known.any():
+                pin(axes, check, time, np.interp(time, curve.times[known], curve.values[known]))

@@ -73,7 +73,7 @@ def test_three_coordinates_in_space():
     states = figure.axes[0]
     assert states.name == "3d"
     assert drawn(states, "states").T.tolist() == model.states(7, 3).tolist()
-    assert states.get_zlabel() == "x(t + 14 s)"
+    assert states.get_zlabel() == "x(t + 14 s) (–)"
     assert "delay 7, dimension 5" in figure.get_suptitle()
 
 
@@ -156,8 +156,11 @@ def test_the_claimed_slope_and_its_region_are_drawn():
     radii, shares = drawn(second, "line correlation")
     assert radii.tolist() == [0.02, 0.3]
     assert (shares[1] - shares[0]) / math.log(0.3 / 0.02) == pytest.approx(0.9)
-    assert (first.get_xlabel(), first.get_ylabel()) == ("time ahead (s)", "mean ln(distance / V)")
-    assert (second.get_xlabel(), second.get_ylabel()) == ("radius r (V)", "ln C(r)")
+    assert (first.get_xlabel(), first.get_ylabel()) == (
+        "time ahead (s)",
+        "mean ln(distance / V) (–)",
+    )
+    assert (second.get_xlabel(), second.get_ylabel()) == ("radius r (V)", "ln C(r) (–)")
     assert second.get_xscale() == "log"
     assert {"λ = 1.4 ± 0.01 nats/s", "D = 0.9 ± 0.02"} <= set(words(figure))
     assert legend(figure) == ["computed again", "scaling region", "slope as claimed"]

@@ -62,7 +62,7 @@ def test_a_curve_with_the_point_on_it(tmp_path):
     assert sorted(line.get_xdata()[0] for line in artists(axes, "bound")) == [-5, 4]
     assert figure.get_suptitle() == "ripples  ·  1 variable, 10000 evaluations, value 1"
     assert legend(figure) == ["bound", "point, 1", "better, 0"]
-    assert axes.get_xlabel() == "x[0]"
+    assert axes.get_xlabel() == "x[0] (–)"
 
 
 def test_where_there_is_no_value_there_is_a_gap():
@@ -105,7 +105,11 @@ def test_a_map_of_levels_with_the_point(tmp_path):
     # Values far away are drawn at the edge.
     assert mark(axes, "beyond") == (30, 0)
     assert legend(figure) == ["bound", "point, 0", "beyond, 45713, NOT VALID"]
-    assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == ("x[0]", "x[1]", "value")
+    assert (axes.get_xlabel(), axes.get_ylabel(), bar.get_ylabel()) == (
+        "x[0] (–)",
+        "x[1] (–)",
+        "value (–)",
+    )
     (edge,) = artists(axes, "bound")
     assert (*edge.get_xy(), edge.get_width(), edge.get_height()) == (-10, -4, 20, 14)
 
@@ -138,7 +142,7 @@ def test_cross_sections_lead_through_the_point(tmp_path):
     model = BlackBoxMinimisation("sum-squares", [[-9, 9], [0, 9], [3, 3], [-9, 9], [-9, 9]])
     figure = ct.plot(model, {"x": [1, 2, 3, 4, 5]}, others={"least": {"x": [0, 0, 3, 0, 0]}})
     figure.savefig(tmp_path / "sections.png", dpi=40)
-    assert [axes.get_xlabel() for axes in figure.axes] == ["x[0]", "x[1]", "x[3]", "x[4]"]
+    assert [axes.get_xlabel() for axes in figure.axes] == [f"x[{k}] (–)" for k in (0, 1, 3, 4)]
     weights = np.arange(1.0, 6.0)
     whole = float(weights @ point**2)
     for axes, k in zip(figure.axes, (0, 1, 3, 4), strict=True):
@@ -159,7 +163,7 @@ def test_variables_that_are_all_fixed():
     axes = render(ct.plot(BlackBoxMinimisation("sphere", [[2, 2]] * 3), {"x": [2, 2, 2]})).axes[0]
     assert mark(axes) == (2, 12)
     two = render(ct.plot(BlackBoxMinimisation("sphere", [[0, 1], [2, 2], [0, 1]]), points=3)).axes
-    assert (two[0].get_xlabel(), two[0].get_ylabel()) == ("x[0]", "x[2]")
+    assert (two[0].get_xlabel(), two[0].get_ylabel()) == ("x[0] (–)", "x[2] (–)")
 
 
 @pytest.mark.parametrize(
@@ -246,7 +250,7 @@ def test_maps_of_text_and_paths_that_leave_them():
 def test_a_path_as_a_function_of_numbers(walled):
     model, free, _ = walled
     figure = render(ct.plot(model, free, view="values", points=5))
-    assert [axes.get_xlabel() for axes in figure.axes] == [f"x[{k}]" for k in range(4)]
+    assert [axes.get_xlabel() for axes in figure.axes] == [f"x[{k}] (–)" for k in range(4)]
     x, y = curve(figure.axes[1])
     at = np.tile([2.0, 1, 2, 2], (len(x), 1))
     at[:, 1] = x

@@ -43,7 +43,10 @@ def test_a_route_and_its_errors(model):
 
 def test_errors_rise_and_fall(model):
     upper, lower = (axes for axes in plot(model, BEST).axes if axes.name != "3d")
-    assert (upper.get_ylabel(), lower.get_ylabel()) == ("horizontal error", "vertical error")
+    assert (upper.get_ylabel(), lower.get_ylabel()) == (
+        "horizontal error\n(–)",
+        "vertical error\n(–)",
+    )
     assert lower.get_xlabel() == "distance flown (m)"
     flown = [0, 0, 2, 2, 2.5, 2.5, 4.5, 4.5]
     assert sawtooth(upper)[:, 0] == pytest.approx(flown)

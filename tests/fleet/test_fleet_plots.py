@@ -138,7 +138,7 @@ def test_costs_are_scaled_to_a_plane(six):
     model = FleetRouting(2, costs=apart)
     figure = render(ct.plot(model, six[1]))
     chart, panel = figure.axes
-    assert chart.get_xlabel() == "costs scaled to a plane, axis 1"
+    assert chart.get_xlabel() == "costs scaled to a plane, axis 1 (–)"
     for line, route in zip(routes(chart), six[1].routes, strict=True):
         ways = itertools.pairwise([0, *route, 0])
         steps = np.hypot(*np.diff(line, axis=0).T)

@@ -100,7 +100,7 @@ def test_several_fronts_beside_one_another():
     assert "(1, 5)" not in words(figure)
     assert {"(1, 5)", "(1.5, 6)"} <= set(words(draw_front(both, labels=True)))
     assert "(1, 5)" not in words(draw_front(both["exact"], labels=False))
-    assert draw_front(both, unit="").axes[0].get_xlabel() == "max"
+    assert draw_front(both, unit="").axes[0].get_xlabel() == "max (–)"
 
 
 def test_a_sweep_names_its_values_and_has_no_bounds():

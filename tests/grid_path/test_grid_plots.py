@@ -84,7 +84,7 @@ def test_weights_are_shades():
     shown = picture(axes).get_array()
     assert np.array_equal(shown.mask, [[letter == "@" for letter in line] for line in LINES])
     assert picture(axes).get_clim() == (1, 4), "blocked cells cost nothing"
-    assert bar.get_ylabel() == "cost of a metre"
+    assert bar.get_ylabel() == "cost of a metre (–)"
     steep = weights.copy()
     steep[0, 0] = 1e-3
     (_, bar) = render(ct.plot(posed(weights=steep))).axes

@@ -155,7 +155,7 @@ def test_many_customers_and_many_chains(tmp_path):
     assert len(looks) == 35  # what colours and markers can tell apart
     (rows,) = ct.plot(wide).axes
     assert len(artists(rows, "chain")) == 60
-    assert rows.get_ylabel() == "chain"
+    assert rows.get_ylabel() == "chain (number)"
     assert "… 60 chains in all" in legend(ct.plot(wide))
 
 

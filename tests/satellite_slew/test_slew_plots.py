@@ -66,7 +66,7 @@ def test_a_slew_in_the_papers_manner(tmp_path):
     drawn = panels(figure)
     assert list(drawn) == SLEW_PANELS
     assert [axes.get_ylabel().rpartition("\n")[2] for axes in figure.axes] == [
-        "quaternion", "(rad/s)", "(rad)", "(rad/s)", "det(A Aᵀ)", "(N m)",
+        "(–)", "(rad/s)", "(rad)", "(rad/s)", "(–)", "(N m)",
     ]  # fmt: skip
     assert heights(drawn["body rates"]) == [-0.125, 0.125]
     assert heights(drawn["gimbal rates"]) == [-1, 1]

@@ -27,7 +27,10 @@ _FEWEST, _MOST = 4, 240
 #: Components of normals of length 1 below this value are treated as 0.
 _TILT = 1e-9
 #: Place of a violation in the text of a check.
-_WHERE = re.compile(r"(?:knot (?P<knot>\d+), )?(?:axis (?P<axis>\d+) )?\(t = (?P<time>\S+) s\)")
+_WHERE = re.compile(
+    r"(?:knot (?P<knot>\d+), |segment (?P<segment>\d+), )(?:axis (?P<axis>\d+) )?(?:half-space \d+ )?"
+    r"\(t = (?P<time>\S+) s\)"
+)
 #: Place of a check of times or durations.
 _PART = re.compile(r"(knot|segment) (\d+)(?: \(|$)")
 
@@ -147,9 +150,9 @@ class Scene:
         axis = -1 if place["axis"] is None else int(place["axis"])
         order = self._order_of(check.name)
         if place["knot"] is None:
-            time = float(place["time"])
-            value = np.nan if axis < 0 else float(plan(time, order)[axis])
-            return Violation(check, order, axis, time, value, plan(time))
+            time, segment = float(place["time"]), int(place["segment"])
+            value = np.nan if axis < 0 else float(self._within(segment, time, order)[axis])
+            return Violation(check, order, axis, time, value, self._within(segment, time, 0))
         # The derivative may jump at a knot: choose the side that is farther from the fixed value.
         knot = int(place["knot"])
         begin, end = plan.at_ends(order)
@@ -158,6 +161,14 @@ class Scene:
         farther = int(np.abs(sides - fixed).argmax()) if np.isfinite(fixed) else 0
         time = float(self.flown[knot])
         return Violation(check, order, axis, time, float(sides[farther]), plan(time))
+
+    def _within(self, segment: int, time: float, order: int) -> kit.Floats:
+        """Return a derivative in a segment, which may jump at its ends."""
+        plan = self._planned()
+        duration = plan.durations[segment]
+        part = np.clip((time - plan.times[segment]) / duration, 0.0, 1.0)
+        inner = derived(plan.coefficients[[segment]], order)[0]
+        return np.asarray(part ** np.arange(len(inner)) @ inner * duration**-order)
 
     def _order_of(self, name: str) -> int:
         """Return the order of the derivative that a check restricts; 0 for positions."""
