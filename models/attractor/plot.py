@@ -95,7 +95,8 @@ def draw(
     for curve, axes in zip(curves, places[2:], strict=True):
         (_draw_slopes if view == "slopes" else _draw_curve)(curve, axes)
         middle = sum(curve.region) / 2
-        height = np.interp(middle, *axes.lines[0].get_data())
+        line: Any = axes.lines[0]
+        height = np.interp(middle, *line.get_data())
         name = f"{curve.title} is the slope of its curve"
         kit.pin_places(axes, result, {c.where: (middle, height) for c in checks if c.name == name})
     if lines:
@@ -367,7 +368,9 @@ def animate_states(
     """Animate the picture of an estimate: the state on the attractor, and its sample of the series."""
     plan = required("plan", model.as_plan(plan), AttractorEstimate)
     stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    lines = {line.get_gid(): line for axes in stage.figure.axes for line in axes.lines}
+    lines: dict[Any, Any] = {
+        line.get_gid(): line for axes in stage.figure.axes for line in axes.lines
+    }
     times, values = lines["series"].get_data()
     space = lines["states"].axes
     states = _states(model, space, plan.delay)[0][: len(times)]

@@ -157,7 +157,7 @@ class _Picture:
         )  # fmt: skip
         panels, places = [], []
         for place, k in enumerate(chosen):
-            axes = scene.figure.add_subplot(rows, columns, place + 1)
+            axes: Any = scene.figure.add_subplot(rows, columns, place + 1)
             panel = self._section(k, points * (_FINER if single else 1))
             first, last = self._visible_range(k)
             kit.draw_panel(panel, axes, [kit.Span("", first, last)], wrong=False)

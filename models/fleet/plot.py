@@ -238,8 +238,8 @@ def animate_routes(
     """
     plan = required("plan", model.as_plan(plan), FleetPlan)
     stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    axes = stage.figure.axes[0]
-    routes = next((c for c in axes.collections if c.get_gid() == "route"), None)
-    kit.check_option("plan", plan, any(plan.routes) and routes is not None, "have routes on a map")
-    paths = [path.vertices for path in routes.get_paths()]
+    axes: Any = stage.figure.axes[0]
+    routes = [c.get_paths() for c in axes.collections if c.get_gid() == "route"]
+    kit.check_option("plan", plan, any(plan.routes) and bool(routes), "have routes on a map")
+    paths = [path.vertices for path in routes[0]]
     return kit.follow(stage, kit.route_movers(axes, paths), "distance", kit.unit_of(axes))

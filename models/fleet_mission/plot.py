@@ -239,13 +239,15 @@ def _curve_of(
 ) -> tuple[Any, kit.Curve, float] | None:
     """Return axes, curve and time of a check of a limit or of the distance; None for other checks."""
     time, limited = kit.time_of(check), _AXIS.match(check.where)
+    if time is None or not (limited or check.name == "distance between robots"):
+        return None
     title, robot = "distance of robots", 6
     if limited:
         title, robot = f"{check.name.split()[0]} {'xy'[int(limited[2])]}", int(limited[1])
     for axes, panel in zip(places, panels, strict=True):
-        for curve in panel.curves if time is not None and panel.title == title else ():
-            if curve.colour == robot and (limited or check.name == "distance between robots"):
-                return axes, curve, float(time)
+        for curve in panel.curves:
+            if panel.title == title and curve.colour == robot:
+                return axes, curve, time
     return None
 
 

@@ -224,6 +224,6 @@ def animate_paths(
     """Animate the picture of a plan: an agent on each path, at the same speed."""
     plan = required("plan", model.as_plan(plan), GridPlan)
     stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    axes = stage.figure.axes[0]
+    axes: Any = stage.figure.axes[0]
     paths = [line.get_xydata() for line in axes.lines if line.get_gid() == "path"]
     return kit.follow(stage, kit.route_movers(axes, paths), "distance", kit.unit_of(axes))

@@ -210,7 +210,7 @@ def _of_kind(
     phases: Sequence[Course], what: str, tables: Sequence[_Table],
     dots: Sequence[_Table] | None, tolerance: float | None, title: str = "{}", per: str | None = None,
 ) -> Iterator[kit.Panel]:  # fmt: skip
-    """Yield one panel per name, without limits if there is no tolerance; units are `per` that of the item."""
+    """Yield one panel per name. A tolerance adds the limits; `per` is the unit that is divided by that of the item."""
     units: dict[str, str] = {}
     gathered: dict[str, tuple[list[kit.Curve], list[kit.Mark], list[kit.Limit]]] = {}
     for k, course in enumerate(phases):

@@ -47,7 +47,7 @@ class Mover(NamedTuple):
     steps: NDArray[np.float64] | None = None
 
 
-def curve_movers(figure: Figure) -> list[Mover]:
+def curve_movers(figure: Any) -> list[Mover]:
     """Return a marker for each curve over time in the panels of a picture."""
     return [
         Mover(axes, times, np.column_stack([times, line.get_ydata()]), line.get_color())

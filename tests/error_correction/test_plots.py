@@ -26,7 +26,7 @@ def texts(figure):
 
 
 def sawtooth(axes):
-    (line,) = artists(axes, f"curve {axes.get_ylabel()}")
+    (line,) = artists(axes, "curve " + axes.get_ylabel().partition("\n")[0])
     return np.column_stack(line.get_data())
 
 

@@ -144,7 +144,7 @@ def test_costs_are_scaled_to_a_plane(six):
         steps = np.hypot(*np.diff(line, axis=0).T)
         assert steps == pytest.approx([apart[way] for way in ways])
     assert not artists(chart, "way")
-    assert panel.get_xlabel() == "cost of route"
+    assert panel.get_xlabel() == "cost of route (–)"
     uneven = FleetRouting(2, costs=np.triu(apart) + 2 * np.tril(apart))
     assert len(artists(ct.plot(uneven, six[1]).axes[0], "way")) == 7
 
