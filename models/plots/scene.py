@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "Frame", "Named", "Scene", "Stage", "color_bar", "is_wrong", "label_plans", "name_plans",
+    "Frame", "Motion", "Named", "Scene", "Stage", "color_bar", "is_wrong", "label_plans", "name_plans",
     "verified_plan",
 ]  # fmt: skip
 
@@ -119,7 +119,21 @@ class Stage(Scene):
         # Draw the first frame at once, so that the figure is complete even if it is never played.
         update(0)
         count = self.frames if frames is None else frames
-        return FuncAnimation(self.figure, update, frames=count, interval=self.interval, blit=False)
+        result = FuncAnimation(
+            self.figure, update, frames=count, interval=self.interval, blit=False
+        )
+        result.motion = Motion(self.figure, update, count, self.interval, self.clock)
+        return result
+
+
+class Motion(NamedTuple):
+    """Parts of an animation: figure, function of the frame, number and duration (ms) of frames, and clock."""
+
+    figure: Figure
+    update: Callable[[int], Any]
+    frames: int
+    interval: float
+    clock: Any
 
 
 def color_bar(figure: Any, artist: Any, place: Any, label: str, **look: Any) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 import math
 import os
@@ -11,9 +9,7 @@ import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidData
@@ -22,6 +18,7 @@ from ..contract.repeats import name_backend
 from ..contract.solution import Solution
 from ..contract.verdict import Outcome, Verdict
 from ..report.tables import number, seconds_text
+from ..report.web import fill_page, resource
 from .cases import OUTCOMES, Case, describe_instance
 from .chart import Series, draw_steps
 from .conditions import describe_conditions
@@ -111,19 +108,15 @@ def write_page(
 def _page(records: Records, title: str, command: str, load: Load | None, pictures: int) -> str:
     cases, standings, solutions = _cases(records), records.standings, records.solutions
     kinds = list(standings)
-    style, script = _resource("page.css"), _resource("page.js")
     wrong = [case for case in cases if case.verdict.outcome is Outcome.CONTRADICTION]
     drawn = draw_plans([case.verdict for case in _in_turn(cases)], load, pictures)
     sections = [_problem(kind, cases, standings[kind]) for kind in kinds]
     answers = [_answers(kind, cases, standings[kind], drawn) for kind in kinds]
     again = f"<p>To repeat the campaign:</p><pre>{escape(command)}</pre>" if command else ""
     versions = sorted({s.version for s in solutions if s.version})
-    return Template(_resource("page.html")).substitute(
+    return fill_page(
+        *(resource(__package__, f"page.{suffix}") for suffix in ("html", "css", "js")),
         title=escape(title or "Comparison of backends"),
-        style=style,
-        script=script,
-        style_hash=_hash(style),
-        script_hash=_hash(script),
         verdict=_verdict(cases, solutions),
         contents=_contents(kinds),
         leading=_leading(kinds, cases, standings),
@@ -389,12 +382,3 @@ def _contradiction(case: Case) -> str:
 def _asked(solution: Solution[Any]) -> str:
     """Return the name of an answer's backend on the command line."""
     return name_backend(solution.backend, solution.formulation)
-
-
-def _resource(name: str) -> str:
-    return files(__package__).joinpath(name).read_text("utf-8")
-
-
-def _hash(text: str) -> str:
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return "sha256-" + base64.b64encode(digest).decode("ascii")

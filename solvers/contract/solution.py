@@ -450,7 +450,12 @@ class Solution(Generic[PlanT]):
     def _repr_html_(self) -> str:
         from ..report.tables import markup
 
-        return markup(*self.parts())
+        text = markup(*self.parts())
+        if self.plan is None or self.source is None:
+            return text
+        from ..view.page import embed
+
+        return text + embed(self)
 
     def _remark(self, form: str) -> str:
         """Return the model's short remark on the plan, inserted into `form`; empty without one."""
