@@ -38,6 +38,7 @@ _HOMES = {
     "report": "bench",
     "front": "runs",
     "check": "plans",
+    "show": "plans",
     "export": "plans",
     "diagnose": "plans",
     "reproduce": "runs",

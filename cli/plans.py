@@ -1,8 +1,9 @@
-"""Commands for plans: check one, export one, explain why an instance has none."""
+"""Commands for plans: check, show or export a plan, explain why an instance has none."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -22,7 +23,7 @@ from .options import (
     reading,
 )
 
-__all__ = ["check", "diagnose", "export"]
+__all__ = ["check", "diagnose", "export", "show"]
 
 
 @click.command(short_help="Verify a plan from any source.")
@@ -207,3 +208,56 @@ def diagnose(
         show(str(result))
     codes: dict[Any, int] = {True: VERIFIED, False: INFEASIBLE, None: NO_ANSWER}
     return codes[result.feasible]
+
+
+@click.command(short_help="Show a plan in the browser.")
+@click.argument("instance")
+@click.argument("plan", metavar="[PLAN.json]", required=False)
+@reading
+@options(
+    backend={
+        "default": None,
+        "multiple": True,
+        "show_default": False,
+        "help": "Solve with this backend first; repeat it to show several side by side.",
+    },
+    formulation="Formulation for backends that take programs.",
+)
+@options(*(name for name in LIMITS if name != "warm_start"), "backend_options")
+@click.option(
+    "--output", metavar="FILE.html", help="The file to write (default: a temporary file)."
+)
+@click.option("--no-open", is_flag=True, help="Only write the page.")
+def show(
+    instance: str,
+    plan: str | None,
+    reading: dict[str, Any],
+    backend: Sequence[str],
+    output: str | None,
+    no_open: bool,
+    **limits: Any,
+) -> int:
+    """Show INSTANCE, with a plan or solution from PLAN.json or of a backend, as a page in the browser."""
+    from ..instances.catalogue import load
+    from ..instances.storage import plan_in, read_content
+    from ..solvers.contract.solution import Solution
+    from ..solvers.report.terminal import show as write
+    from ..solvers.run.crosscheck import compare
+    from ..solvers.run.dispatch import solve
+    from ..solvers.view import page
+
+    if plan is not None and backend:
+        raise click.UsageError("PLAN.json and --backend both give a plan: use one of them")
+    model = load(instance, **reading)
+    item, shown = model, None
+    if len(backend) == 1:
+        item = solve(model, backend[0], **only(**limits))
+    elif backend:
+        item = compare([model], list(backend), **only(**limits))
+    elif plan is not None:
+        content = read_content(plan)
+        is_record = isinstance(content, dict) and "termination" in content
+        shown = Solution.from_dict(content, model) if is_record else plan_in(model, content, plan)
+    result = page.show(item, shown, path=output, open=not no_open)
+    write(str(result))
+    return VERIFIED

@@ -16,7 +16,7 @@ key                     value
 ``p``                   paths, each a list of lines ``[x, y, …]``
 ``o``                   order of drawing
 ``g``, ``l``            group and label of the artist
-``h``                   1 if hidden, 2 if its colours are values of a colour scale
+``h``, ``v``            1 if the artist is hidden, and if its colours are those of a colour scale
 ======================  ==============================================================================
 """
 
@@ -30,10 +30,12 @@ import numpy as np
 
 from .curves import Floats
 
-__all__ = ["describe", "round_to", "shade"]
+__all__ = ["describe", "describe_key", "round_to", "shade"]
 
 #: Largest number of points of a line or of markers, and of pixels along an image.
 _MOST_POINTS, _MOST_PIXELS = 20_000, 1200
+#: Number of points up to which a line keeps all of them.
+_MOST_EXACT = 200
 #: Decimals that remain beyond the first digit of the extent of the axes.
 _DIGITS = 5
 
@@ -71,14 +73,35 @@ def describe(artist: Any, axes: Any) -> dict[str, Any] | None:
     if content is None:
         return None
     label = str(artist.get_label() or "")
-    mapped = getattr(artist, "get_array", lambda: None)() is not None
+    mapped = getattr(artist, "get_array", lambda: None)() is not None and (
+        content["t"] != "image" or getattr(artist, "colorbar", None) is not None
+    )
     return {
         **content,
         "o": round(float(artist.get_zorder()), 3),
         "g": str(artist.get_gid() or ""),
         "l": "" if label.startswith("_") else label,
         "h": 0 if artist.get_visible() else 1,
-        **({"v": 1} if mapped and content["t"] != "image" else {}),
+        **({"v": 1} if mapped else {}),
+    }
+
+
+def describe_key(handle: Any, axes: Any) -> dict[str, Any]:
+    """Return the look of the entry of a legend as plain data.
+
+    Parameters
+    ----------
+    handle : matplotlib.artist.Artist
+        Artist of the legend.
+    axes : matplotlib.axes.Axes
+        Any axes of the figure.
+    """
+    is_marker = hasattr(handle, "get_sizes") and len(handle.get_sizes()) > 0
+    content = {"t": "points", **_shapes(handle)} if is_marker else describe(handle, axes) or {}
+    return {
+        key: content[key]
+        for key in ("t", "c", "w", "d", "m", "s", "f", "e", "mw")
+        if key in content
     }
 
 
@@ -175,6 +198,8 @@ def _line(line: Any, axes: Any) -> dict[str, Any]:
         places = np.column_stack(line.get_path().vertices.T).reshape(-1, 2)
         if not space and line.get_drawstyle() == "default":
             places = np.asarray(line.get_xydata(), float)
+            if len(places) > _MOST_EXACT and line.get_marker() in ("None", "", " ", None):
+                places = _simplify(line, axes)
     result = {"t": "line", **_xy(places, axes, space)}
     alpha = line.get_alpha()
     if str(line.get_linestyle()) not in ("None", "", " "):
@@ -183,6 +208,15 @@ def _line(line: Any, axes: Any) -> dict[str, Any]:
     if line.get_marker() not in ("None", "", " ", None):
         result |= _marker(line, alpha)
     return result
+
+
+def _simplify(line: Any, axes: Any) -> Floats:
+    """Return a line without the points that are invisible; NaN separates its parts."""
+    path = line.get_path().cleaned(line.get_transform(), remove_nans=True, simplify=True)
+    codes = path.codes[:-1]  # the last one ends the path
+    places = _place(path.vertices[:-1], axes, "")
+    gaps = np.flatnonzero(codes == path.MOVETO)
+    return np.insert(places, gaps[gaps > 0], np.nan, axis=0)
 
 
 def _marker(line: Any, alpha: Any) -> dict[str, Any]:
@@ -307,7 +341,7 @@ def _text(text: Any, axes: Any) -> dict[str, Any] | None:
     if hasattr(text, "get_position_3d"):
         places = [text.get_position_3d()]
     elif hasattr(text, "place"):
-        places = [text.place]
+        places, shift = [text.place], text.xyann
     elif isinstance(text, Annotation) and text.anncoords == "offset points":
         places, shift = [text.xy], text.xyann
         if not isinstance(text.xycoords, str):

@@ -12,14 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from .artists import describe, round_to, shade
+from .artists import describe, describe_key, round_to, shade
 
 __all__ = ["export_animation", "export_figure"]
 
 #: Number of colours of a continuous colour scale.
 _SHADES = 24
-#: Keys of an artist that determine its look in a legend.
-_LOOK = ("c", "d", "m", "f", "e")
 
 
 def export_figure(figure: Any) -> dict[str, Any]:
@@ -28,7 +26,7 @@ def export_figure(figure: Any) -> dict[str, Any]:
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        Complete figure. Its list ``crosstrack_pins`` contains the places of checks, see :class:`.layers.Pin`.
+        Complete figure. Its list ``crosstrack_pins`` contains the places of checks.
 
     Returns
     -------
@@ -88,7 +86,7 @@ class _Export:
             "bars": [self._bar(axes) for axes in bars],
             "legends": self._legends(),
             "pins": [
-                {"check": pin.check, "axes": self.axes.index(pin.axes), "x": pin.x, "y": pin.y, "z": pin.z}
+                {"check": str(getattr(pin.check, "name", pin.check)), "axes": self.axes.index(pin.axes), "x": pin.x, "y": pin.y, "z": pin.z}
                 for pin in getattr(figure, "crosstrack_pins", []) if pin.axes in self.axes
             ],
         }  # fmt: skip
@@ -153,12 +151,7 @@ class _Export:
         """Return the entries of a legend."""
         keys = []
         for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):
-            look = describe(handle, self.axes[0]) or {}
-            look = {
-                key: look[key]
-                for key in ("t", "c", "w", "d", "m", "s", "f", "e", "mw")
-                if key in look
-            }
+            look = describe_key(handle, self.axes[0])
             label = text.get_text()
             keys.append({"label": label, "look": look, "of": self._matching(label, look, places)})
         return keys
@@ -170,14 +163,13 @@ class _Export:
         named = [k for k in inside if {self.artists[k].get("g"), self.artists[k].get("l")} & words]
         if named:
             return named
-        same = [
+        return [
             k
             for k in inside
             if self.artists[k].get("c") == look.get("c") is not None
             and self.artists[k].get("d") == look.get("d")
             and ("m" in self.artists[k]) == ("m" in look)
         ]
-        return same
 
     def _bar(self, axes: Any) -> dict[str, Any]:
         """Return a colour scale: label, colours from low to high, and ticks as shares."""
@@ -205,7 +197,7 @@ class _Export:
             "axes": self.axes.index(host) if host in self.axes else 0,
             "label": (axes.get_ylabel() if vertical else axes.get_xlabel()),
             "colours": [shade(bar.cmap(norm(value))) for value in middles.tolist()],
-            "steps": values is not None,
+            **({"raw": 1} if hasattr(bar.mappable, "get_extent") else {}),
             "ticks": [
                 [round(float(share), 4), text]
                 for share, text, place in zip(shares, texts, places, strict=True)
@@ -251,7 +243,7 @@ def _describe_axes(axes: Any) -> dict[str, Any]:
     """Return limits, scales, labels and ticks of axes, and the point of view in space."""
     space = hasattr(axes, "get_zlim")
     names = "xyz" if space else "xy"
-    result: dict[str, Any] = {"off": not axes.axison}
+    result: dict[str, Any] = {"off": not getattr(axes, "_axis3don", axes.axison)}
     for name in names:
         axis = getattr(axes, f"{name}axis")
         limits = [float(limit) for limit in getattr(axes, f"get_{name}lim")()]

@@ -292,13 +292,15 @@ def write_names(
     widths = [_CHARACTER * size * len(name) for name in names]
     offsets = place_labels(paper, widths, height=_LINE * size, route=route)
     halo = [withStroke(linewidth=2.0, foreground="white")]
-    for name, place, offset in zip(names, flat, offsets, strict=True):
+    for name, spot, place, offset in zip(names, places.tolist(), flat, offsets, strict=True):
         if name:
-            axes.annotate(
+            label = axes.annotate(
                 name, place, offset, textcoords="offset points", fontsize=size, color=colour,
                 ha="center", va="center_baseline", path_effects=halo, zorder=20,
                 annotation_clip=False,
             )  # fmt: skip
+            if len(spot) == 3:  # for pages that turn the axes
+                label.place = spot
 
 
 def place_labels(

@@ -21,6 +21,7 @@ from ...files import writable, write_text
 from ...models.model import as_model
 from ...models.plots import plot
 from ...models.plots.export import export_animation, export_figure
+from ...models.plots.style import pretty_unit
 from ...models.problems import resolve, table
 from ...models.verification import Check, Verification, stated
 from ...version import __version__
@@ -73,7 +74,11 @@ class _View(NamedTuple):
 
 
 def show(
-    item: Any, plan: Any = None, *, path: str | os.PathLike[str] | None = None, open: bool = True
+    item: Any,
+    plan: Any = None,
+    *,
+    path: str | os.PathLike[str] | None = None,
+    open: bool = True,  # noqa: A002 (as in pathlib)
 ) -> Page:
     """Write a page that shows a plan: pictures, animation, and the checks of its verification.
 
@@ -192,10 +197,11 @@ def _page(item: Any, plan: Any, frames: int) -> str:
     css = (
         resource(f"{__package__.rpartition('.')[0]}.bench", "page.css"), resource(__package__, "view.css"),
     )  # fmt: skip
+    scripts = [resource(__package__, name) for name in ("draw.js", "panel.js", "view.js")]
     # "<" would end the element if a text contains "</script>".
     data = json.dumps(scenes, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     return fill_page(
-        resource(__package__, "view.html"), "".join(css), resource(__package__, "view.js"),
+        resource(__package__, "view.html"), "".join(css), "".join(scripts),
         title=escape(title), scenes=data, footer=f"Made by crosstrack {escape(__version__)}.",
         body=f"{notes}<div class='{'views' if len(views) > 1 else 'alone'}'>{''.join(parts)}</div>",
     )  # fmt: skip
@@ -206,12 +212,14 @@ def _section(view: _View, scenes: list[dict[str, Any]], frames: int, several: bo
     first = len(scenes)
     drawn = []
     try:
-        settings = _tolerance(view.solution) if view.solution is not None else {}
-        del settings
-        figure = plot(view.model, view.plan if view.solution is None else view.solution)
-        scenes.append(export_figure(figure))
-        drawn.append(_host(first, "picture" if several else "", scenes[first]["title"]))
+        picture = plot(view.model, view.plan if view.solution is None else view.solution)
+        scene = export_figure(picture)
         moving = _motion(view, frames)
+        if moving is not None and len(moving["axes"]) == len(scene["axes"]) > 1:
+            # The animation is the picture with moving marks.
+            scene, moving = {**moving, "pins": scene["pins"], "title": scene["title"]}, None
+        drawn.append(_host(first, "picture" if several else "", scene["title"]))
+        scenes.append(scene)
         if moving is not None:
             drawn.append("<h3>In motion</h3>" + _host(len(scenes), "motion" if several else "", ""))
             scenes.append(moving)
@@ -273,7 +281,8 @@ def _share_limits(scenes: Sequence[dict[str, Any]]) -> None:
 def _facts(view: _View) -> str:
     """Return the table of the answer."""
     model, solution, result = view.model, view.solution, view.result
-    unit = f" {model.objective_unit}" if isinstance(model.objective_unit, str) else ""
+    unit = model.objective_unit if isinstance(model.objective_unit, str) else ""
+    unit = f" {pretty_unit(unit)}" if unit else ""
     sense = "maximised" if model.maximise else "minimised"
     objective = None if result is None else stated(result.objective, model.maximise)
     text = model.describe()
@@ -334,6 +343,7 @@ def _cells(check: Check) -> str:
     look, state = ("good", "✓ ok") if check.ok else ("bad", "✗ violated")
     if check.within_tolerance:
         look, state = "open", "○ within tolerance"
-    limit = "" if check.limit is None else f"{check.limit:.6g} {check.unit}"
-    cells = f"{check.worst:.3g} {check.unit}", limit, check.where
+    unit = pretty_unit(check.unit)
+    limit = "" if check.limit is None else f"{check.limit:.6g} {unit}"
+    cells = f"{check.worst + 0.0:.3g} {unit}", limit, check.where
     return f"<td class='{look}'>{state}</td>" + "".join(f"<td>{escape(c)}</td>" for c in cells)
