@@ -10,7 +10,7 @@ import os
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -25,7 +25,7 @@ from ...models.plots.style import pretty_unit
 from ...models.problems import resolve, table
 from ...models.verification import Check, Verification, stated
 from ...version import __version__
-from ..report.tables import number, seconds_text
+from ..report.tables import number, seconds_text, solutions_table
 from ..report.web import fill_page, resource
 
 __all__ = ["Page", "embed", "show"]
@@ -143,7 +143,7 @@ def _frame(text: str) -> str:
 
 
 def _views(item: Any, plan: Any) -> tuple[str, list[_View], str]:
-    """Return the title, the views and a remark on all of them."""
+    """Return the title, the views and the HTML of the verdicts on them."""
     verdicts = getattr(item, "verdicts", None) or (
         [item] if hasattr(item, "solutions") and hasattr(item, "evidence") else None
     )
@@ -151,8 +151,11 @@ def _views(item: Any, plan: Any) -> tuple[str, list[_View], str]:
         if plan is not None:
             raise InvalidData("plan must be None for a comparison, which has plans", field="plan")
         views = [_of_solution(s, several=True) for verdict in verdicts for s in verdict.solutions]
-        notes = [f"{v.instance}: {v.outcome}. {v.evidence}" for v in verdicts]
-        return " and ".join(v.instance for v in verdicts[:3]), views, "\n".join(notes)
+        return (
+            " and ".join(v.instance for v in verdicts[:3]),
+            views,
+            "".join(map(_verdict, verdicts)),
+        )
     if hasattr(item, "primal_bound") and hasattr(item, "backend"):
         if plan is not None:
             raise InvalidData("plan must be None for a solution, which has one", field="plan")
@@ -193,7 +196,6 @@ def _page(item: Any, plan: Any, frames: int) -> str:
     parts = [_section(view, scenes, frames, len(views) > 1) for view in views]
     if len(views) > 1:
         _share_limits(scenes)
-    notes = "".join(f"<p>{escape(line)}</p>" for line in remark.splitlines())
     css = (
         resource(f"{__package__.rpartition('.')[0]}.bench", "page.css"), resource(__package__, "view.css"),
     )  # fmt: skip
@@ -203,7 +205,7 @@ def _page(item: Any, plan: Any, frames: int) -> str:
     return fill_page(
         resource(__package__, "view.html"), "".join(css), "".join(scripts),
         title=escape(title), scenes=data, footer=f"Made by crosstrack {escape(__version__)}.",
-        body=f"{notes}<div class='{'views' if len(views) > 1 else 'alone'}'>{''.join(parts)}</div>",
+        body=f"{remark}<div class='{'views' if len(views) > 1 else 'alone'}'>{''.join(parts)}</div>",
     )  # fmt: skip
 
 
@@ -276,6 +278,28 @@ def _share_limits(scenes: Sequence[dict[str, Any]]) -> None:
 
 
 # -- tables ----------------------------------------------------------------------------------------
+
+
+def _verdict(verdict: Any) -> str:
+    """Return the verdict on several answers, and their table."""
+    answers = solutions_table(verdict.solutions)
+    notes = "".join(f"<p class='soft'>{escape(note)}</p>" for note in verdict.notes)
+    return (
+        f"<p>{escape(f'{verdict.instance}: {verdict.outcome}, {verdict.evidence}')}</p>{notes}"
+        + _table(answers.columns, (map(str, row) for row in answers.rows), "Answers")
+    )
+
+
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]], label: str) -> str:
+    """Return a table of texts in a box that scrolls."""
+    top = "".join(f'<th scope="col"><span>{escape(head)}</span></th>' for head in heads)
+    body = "".join(
+        f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows
+    )
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}"><table>'
+        f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
 
 
 def _facts(view: _View) -> str:
