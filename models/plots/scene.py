@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "Frame", "Motion", "Named", "Scene", "Stage", "color_bar", "is_wrong", "label_plans", "name_plans",
+    "Frame", "Named", "Scene", "Stage", "color_bar", "is_wrong", "label_plans", "name_plans",
     "verified_plan",
 ]  # fmt: skip
 
