@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import shutil
 import time
 from pathlib import Path
 
@@ -20,18 +19,6 @@ def page_file(tmp_path_factory):
         tmp_path_factory.mktemp("page"), campaign(), title=f"Campaign {EVIL}",
         command="crosstrack bench campaign.toml --record campaign.jsonl",
     )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    program = shutil.which("chromium")
-    if program is None:
-        pytest.skip("chromium is not installed")
-    with sync_api.sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        yield found
-        found.close()
 
 
 @pytest.fixture(scope="module")
