@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from .solvers.run.fronts import Front as Front
     from .solvers.run.pareto import front as front
     from .solvers.run.verification import verify as verify
-    from .solvers.view.page import Page as Page, show as show
+    from .solvers.report.view.page import Page as Page, show as show
 
 _get, _, _names = attach(__name__, __file__)
 __all__ = sorted(["__version__", *_names])

@@ -242,14 +242,15 @@ def show(
     from ..instances.storage import plan_in, read_content
     from ..solvers.contract.solution import Solution
     from ..solvers.report.terminal import show as write
+    from ..solvers.report.view import page
     from ..solvers.run.crosscheck import compare
     from ..solvers.run.dispatch import solve
-    from ..solvers.view import page
 
     if plan is not None and backend:
         raise click.UsageError("PLAN.json and --backend both give a plan: use one of them")
     model = load(instance, **reading)
-    item, shown = model, None
+    item: Any = model
+    shown: Any = None
     if len(backend) == 1:
         item = solve(model, backend[0], **only(**limits))
     elif backend:

@@ -130,6 +130,7 @@ def main() -> None:
     demo = run("demo", "--time-limit", 10)
     assert "nothing is drawn" in demo.stderr
     assert "crosstrack[plot]" in demo.stderr
+    run("show", "error-correction/example-1", "--no-open", code=5)
     lacking = {
         "plot": ("solve", "error-correction/example-1", "--plot", "a.png"),
         "scip": ("solve", "error-correction/example-1", "--backend", "scip"),

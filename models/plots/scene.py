@@ -122,7 +122,9 @@ class Stage(Scene):
         result = FuncAnimation(
             self.figure, update, frames=count, interval=self.interval, blit=False
         )
-        result.motion = Motion(self.figure, update, count, self.interval, self.clock)
+        result.motion = Motion(  # type: ignore[attr-defined]
+            self.figure, update, count, self.interval, self.clock
+        )
         return result
 
 

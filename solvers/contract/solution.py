@@ -453,7 +453,7 @@ class Solution(Generic[PlanT]):
         text = markup(*self.parts())
         if self.plan is None or self.source is None:
             return text
-        from ..view.page import embed
+        from ..report.view.page import embed
 
         return text + embed(self)
 

@@ -175,6 +175,9 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
     expected.remove("crosstrack/setup.py")  # the build script is no module of the package
     # Files of the report of a campaign.
     expected |= {f"crosstrack/solvers/bench/page.{kind}" for kind in ("html", "css", "js")}
+    # Files of the page that shows a plan.
+    page = ("draw.js", "panel.js", "view.js", "view.css", "view.html")
+    expected |= {f"crosstrack/solvers/report/view/{name}" for name in page}
     info = {name for name in held if ".dist-info/" in name}
     assert held - info == expected
     assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}

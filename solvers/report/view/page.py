@@ -16,17 +16,17 @@ from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...errors import CrosstrackError, InvalidData, UnknownName
-from ...files import writable, write_text
-from ...models.model import as_model
-from ...models.plots import plot
-from ...models.plots.export import export_animation, export_figure
-from ...models.plots.style import pretty_unit
-from ...models.problems import resolve, table
-from ...models.verification import Check, Verification, stated
-from ...version import __version__
-from ..report.tables import number, seconds_text, solutions_table
-from ..report.web import fill_page, resource
+from ....errors import CrosstrackError, InvalidData, UnknownName
+from ....files import writable, write_text
+from ....models.model import as_model
+from ....models.plots import plot
+from ....models.plots.export import export_animation, export_figure
+from ....models.plots.style import pretty_unit
+from ....models.problems import resolve, table
+from ....models.verification import Check, Verification, stated
+from ....version import __version__
+from ..tables import number, seconds_text, solutions_table
+from ..web import fill_page, resource
 
 __all__ = ["Page", "embed", "show"]
 
@@ -197,7 +197,7 @@ def _page(item: Any, plan: Any, frames: int) -> str:
     if len(views) > 1:
         _share_limits(scenes)
     css = (
-        resource(f"{__package__.rpartition('.')[0]}.bench", "page.css"), resource(__package__, "view.css"),
+        resource("crosstrack.solvers.bench", "page.css"), resource(__package__, "view.css"),
     )  # fmt: skip
     scripts = [resource(__package__, name) for name in ("draw.js", "panel.js", "view.js")]
     # "<" would end the element if a text contains "</script>".
