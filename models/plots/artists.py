@@ -13,7 +13,7 @@ key                     value
 ``m``                   shapes of markers around the origin (point), cycled; ``"o"`` is a circle
 ``s``                   diameters of circles (point), cycled
 ``f``, ``e``            face and edge colours, cycled; None for no colour
-``p``                   paths, each a list of lines ``[x, y, …]``
+``p``                   paths, each a list of lines ``[x, y, …]`` or of one circle ``["o", x, y, rx, ry]``
 ``o``                   order of drawing
 ``g``, ``l``            group and label of the artist
 ``h``, ``v``            1 if the artist is hidden, and if its colours are those of a colour scale
@@ -36,6 +36,8 @@ __all__ = ["describe", "describe_key", "round_to", "shade"]
 _MOST_POINTS, _MOST_PIXELS = 20_000, 1200
 #: Number of points up to which a line keeps all of them.
 _MOST_EXACT = 200
+#: Number of vertices of a circle, which matplotlib draws as eight curves.
+_CIRCLE = 26
 #: Decimals that remain beyond the first digit of the extent of the axes.
 _DIGITS = 5
 
@@ -162,14 +164,23 @@ def _xy(places: Any, axes: Any, space: str = "") -> dict[str, Any]:
     return result
 
 
-def _polygons(path: Any, transform: Any, axes: Any, space: str) -> list[list[float | None]]:
+def _polygons(path: Any, transform: Any, axes: Any, space: str) -> list[list[Any]]:
     """Return the lines of a path, each as ``[x, y, …]``, with curves as short lines."""
+    if _is_circle(path):
+        corners = _place(transform.transform(path.vertices[:-1]), axes, space)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        flat = _xy([(low + high) / 2, (high - low) / 2], axes, space)
+        return [["o", *(flat[name][k] for k in range(2) for name in "xy")]]
     lines = path.to_polygons(transform=transform, closed_only=False)
-    result = []
+    result: list[list[Any]] = []
     for line in lines:
         flat = _xy(_place(np.asarray(line), axes, space), axes, space)
         result.append([value for pair in zip(flat["x"], flat["y"], strict=True) for value in pair])
     return result
+
+
+def _is_circle(path: Any) -> bool:
+    return path.codes is not None and len(path.codes) == _CIRCLE and path.codes[1] == path.CURVE4
 
 
 def _shape(path: Any, transform: Any) -> list[list[float]]:
@@ -294,7 +305,7 @@ def _shapes(collection: Any) -> dict[str, Any]:
         return {"m": [_shape(path, to_points) for path in collection.get_paths()], **look}
     sizes = np.sqrt(np.atleast_1d(collection.get_sizes()))
     path = collection.get_paths()[0]
-    if path.codes is not None and len(path.codes) == 26:  # circle of eight curves
+    if _is_circle(path):
         return {"m": "o", "s": _unique(np.round(sizes, 2).tolist()), **look}
     shapes = [_shape(path, Affine2D().scale(size)) for size in np.unique(sizes).tolist()]
     order = np.searchsorted(np.unique(sizes), sizes).tolist()

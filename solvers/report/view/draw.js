@@ -156,6 +156,13 @@ const drawArtist = (context, artist, map, ready) => {
     for (const at of order) {
       context.beginPath();
       for (const line of artist.p[at]) {
+        if (line[0] === "o") {
+          const [, x, y, rx, ry] = line;
+          const [[px, py], [qx, qy]] = map.flat([x, y, x + rx, y + ry], artist.k || "");
+          context.moveTo(px + Math.abs(qx - px), py);
+          context.ellipse(px, py, Math.abs(qx - px), Math.abs(qy - py), 0, 0, 7);
+          continue;
+        }
         map.flat(line, artist.k || "").forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
         if (artist.fill) context.closePath();
       }

@@ -369,5 +369,9 @@ def _cells(check: Check) -> str:
         look, state = "open", "○ within tolerance"
     unit = pretty_unit(check.unit)
     limit = "" if check.limit is None else f"{check.limit:.6g} {unit}"
-    cells = f"{check.worst + 0.0:.3g} {unit}", limit, check.where
-    return f"<td class='{look}'>{state}</td>" + "".join(f"<td>{escape(c)}</td>" for c in cells)
+    numbers = f"{check.worst + 0.0:.3g} {unit}", limit
+    return (
+        f"<td class='{look}'>{state}</td>"
+        + "".join(f"<td class='number'>{escape(text)}</td>" for text in numbers)
+        + f"<td>{escape(check.where)}</td>"
+    )

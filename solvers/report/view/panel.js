@@ -112,7 +112,7 @@ class Panel {
     const ends = corners.map((corner) => seen(...corner));
     const spread = (k) => Math.max(...ends.map((end) => Math.abs(end[k])));
     const size = axes.off ? Math.min(box.wide, box.high) / (1.12 * Math.max(...sides))
-      : Math.min((box.wide / 2 - 44) / spread(0), (box.high / 2 - 26) / spread(1));
+      : Math.min((box.wide / 2 - 34) / spread(0), (box.high / 2 - 24) / spread(1));
     const look = project(this.elev, this.azim);
     const [middle, centre] = [box.left + box.wide / 2 + this.shift[0], box.top + box.high / 2 + this.shift[1]];
     const place = (x, y, z) => {

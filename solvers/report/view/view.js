@@ -28,8 +28,10 @@ class Plot {
       for (const column of columns) {
         const part = make("div", { className: "column" }, this.layout(column));
         const [left, right] = [Math.min(...column.map(({ axes }) => axes.box[0])), Math.max(...column.map(({ axes }) => axes.box[0] + axes.box[2]))];
+        // Panels without ticks are small pictures in a row; the others need the width of their labels.
         const small = column.every(({ axes }) => axes.xticks && !axes.xticks.length);
-        part.style.flex = `${Math.round(100 * (right - left))} 1 ${small ? 8 : 18}rem`;
+        const basis = small ? 6 * this.cut(column, 0).length : Math.min(18, 42 / columns.length);
+        part.style.flex = `${Math.round(100 * (right - left))} 1 ${basis}rem`;
         element.append(part);
       }
       return element;
