@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from .solvers.contract.solution import Solution as Solution
     from .solvers.contract.states import backend_states as backends  # noqa: F401 (exported)
     from .solvers.optimal_control.prepared import prepare as prepare
+    from .solvers.report.view.page import Page as Page, show as show
     from .solvers.run.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.run.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
     from .solvers.run.dispatch import solve as solve
     from .solvers.run.fronts import Front as Front
     from .solvers.run.pareto import front as front
     from .solvers.run.verification import verify as verify
-    from .solvers.report.view.page import Page as Page, show as show
 
 _get, _, _names = attach(__name__, __file__)
 __all__ = sorted(["__version__", *_names])
