@@ -70,7 +70,7 @@ class _Export:
         #: Axes without those of colour scales, and the axes of colour scales.
         self.axes = [axes for axes in figure.axes if getattr(axes, "_colorbar", None) is None]
         bars = [axes for axes in figure.axes if getattr(axes, "_colorbar", None) is not None]
-        self.order: dict[int, int] = {}
+        self.order: dict[Any, int] = {}
         self.artists: list[dict[str, Any]] = []
         self.views = [_describe_axes(axes) for axes in self.axes]
         self._read()
@@ -92,28 +92,29 @@ class _Export:
         }  # fmt: skip
 
     def _read(self) -> list[tuple[int, dict[str, Any]]]:
-        """Read all artists, and return the indices and descriptions of those that changed."""
-        changed = []
-        present = set()
+        """Read the artists, and return the indices and descriptions of those that changed."""
+        changed, present = [], set()
         for place, axes in enumerate(self.axes):
             parts = (axes.images, axes.collections, axes.patches, axes.lines, axes.texts)
             for artist in itertools.chain.from_iterable(parts):
+                index = self.order.get(artist)
+                if index is not None and not artist.stale and self.artists[index]:
+                    present.add(index)
+                    continue
                 content = describe(artist, axes)
+                artist.stale = False  # until it changes again
                 if content is None:
                     continue
-                index = self.order.get(id(artist))
                 if index is None:
-                    index = self.order[id(artist)] = len(self.artists)
+                    index = self.order[artist] = len(self.artists)
                     self.artists.append({})
-                    # The reference keeps the id from being used again.
-                    self.__dict__.setdefault("_references", []).append(artist)
                 present.add(index)
                 content["a"] = place
                 if content != self.artists[index]:
                     changed.append((index, _changes(self.artists[index], content)))
                     self.artists[index] = content
         for index, known in enumerate(self.artists):
-            if index not in present and known.get("h") != 1:
+            if index not in present and known["h"] != 1:
                 known["h"] = 1
                 changed.append((index, {"h": 1}))
         return changed
