@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,6 +51,17 @@ _PLOT_SUFFIXES = (".png", ".pdf", ".svg")
 
 def _pairs(context: click.Context, parameter: click.Parameter, value: Sequence[str]) -> Any:
     return pairs(value, parameter.opts[0])
+
+
+def _columns(
+    context: click.Context, parameter: click.Parameter, value: Sequence[str]
+) -> dict[str, str] | None:
+    """Return the map of columns; a comma separates entries if another name and = follow."""
+    entries = [entry for text in value for entry in re.split(r",(?=[^,=]+=)", text)]
+    bad = next((entry for entry in entries if not all(entry.partition("=")[::2])), None)
+    if bad is not None:
+        raise click.BadParameter(f"{bad!r} is not NAME=COLUMN", param_hint="--columns")
+    return {name: column for name, _, column in (entry.partition("=") for entry in entries)} or None
 
 
 def _criterion(context: click.Context, parameter: click.Parameter, value: Sequence[str]) -> Any:
@@ -145,6 +157,21 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         "callback": _pairs,
         "help": "A value that a CSV or Excel file lacks, such as alpha1=25.",
     },
+    "columns": {
+        "multiple": True,
+        "metavar": "NAME=COLUMN,…",
+        "callback": _columns,
+        "help": "Names in a CSV or Excel file of columns that have other names there, such as "
+        "x=Easting,y=Northing.",
+    },
+    "encoding": {
+        "help": "Encoding of a CSV file that is neither UTF-8 nor UTF-16, such as windows-1252."
+    },
+    "sheet": {"help": "Name or number of the sheet of an Excel file."},
+    "missing": {
+        "type": click.Choice(["interpolate"]),
+        "help": "Interpolate missing cells of samples over time; by default they are errors.",
+    },
     "model": {"metavar": "KIND", "help": "Model kind of a CSV or Excel file, if several fit."},
     "trusted": {
         "is_flag": True,
@@ -197,7 +224,7 @@ def as_json(command: Command) -> Command:
 
 def reading(command: Command) -> Command:
     """Add the options for reading an instance file; the command receives them as ``reading``."""
-    names = ("data", "model", "trusted", "folder")
+    names = ("data", "columns", "encoding", "sheet", "missing", "model", "trusted", "folder")
 
     @functools.wraps(command)
     def wrapper(**arguments: Any) -> Any:

@@ -243,6 +243,10 @@ def load(
     model: str | None = None,
     trusted: bool = False,
     folder: str | os.PathLike[str] | None = None,
+    columns: Mapping[str, str] | None = None,
+    encoding: str | None = None,
+    sheet: str | int | None = None,
+    missing: str | None = None,
 ) -> Model[Any]:
     """Return an instance by its name in the catalogue, from a file, or from an object of another library.
 
@@ -266,6 +270,15 @@ def load(
     folder : path-like, optional
         Folder that may contain files to which the instance refers, in addition to the instance's own
         folder.
+    columns : mapping of str to str, optional
+        Names in a CSV or Excel file of columns that have other names there, such as
+        ``{"x": "Easting", "y": "Northing"}``.
+    encoding : str, optional
+        Encoding of a CSV file that is neither UTF-8 nor UTF-16, such as ``"windows-1252"``.
+    sheet : str or int, optional
+        Name or number, from 1, of the sheet of an Excel file; required if several have content.
+    missing : str, optional
+        ``"interpolate"`` fills missing cells of samples over time; by default they are errors.
 
     Returns
     -------
@@ -277,16 +290,19 @@ def load(
     UnknownName
         The string is neither a name nor an existing file.
     UnsupportedOption
-        `data` or `model` is given for a complete instance.
+        `data`, `model` or an option of tables is given for a complete instance.
     UnsupportedFormulation
         A file or object of another library has content that no program can express.
     InvalidData
         The file cannot be read or does not contain an instance; the message names the place.
     """
-    has_data = bool(data) or model is not None
+    given = {"columns": columns, "encoding": encoding, "sheet": sheet, "missing": missing}
+    table_options: Any = {name: value for name, value in given.items() if value is not None}
+    has_data = bool(data) or model is not None or bool(table_options)
+    refused = ", ".join(("data", "model", *table_options))
     if not isinstance(source, str | os.PathLike):
         if has_data:
-            raise UnsupportedOption("data and model are for CSV and Excel files, not for objects")
+            raise UnsupportedOption(f"{refused} are for CSV and Excel files, not for objects")
         return as_model(source)
     if isinstance(source, str):
         match = _find(source)
@@ -301,11 +317,11 @@ def load(
     file = as_path(source)
     if file.is_dir():
         raise InvalidData(f"{file}: a folder, where an instance file was expected")
-    if file.suffix.casefold() in (".csv", ".xlsx"):
-        return model_of_table(file, data or {}, model)
+    if file.suffix.casefold() in (".csv", ".tsv", ".xlsx"):
+        return model_of_table(file, data or {}, model, table_options)
     if has_data:
         raise UnsupportedOption(
-            f"{source} is a whole instance: data and model are for CSV and Excel files"
+            f"{source} is a whole instance: {refused} are for CSV and Excel files"
         )
     if suffix_of(file):
         return read_program(file)

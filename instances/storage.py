@@ -7,6 +7,7 @@ with the content.
 
 from __future__ import annotations
 
+import inspect
 import json
 import logging
 import os
@@ -15,7 +16,7 @@ import stat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import BackendBroken, InvalidData, UnknownName
 from ..files import LARGEST_FILE, as_path, read_input, read_text, write_text
@@ -23,6 +24,9 @@ from ..models.fields import show
 from ..models.json_text import parse_json
 from ..models.model import Model, as_model
 from ..models.problems import loadable, model_type, resolve, table
+
+if TYPE_CHECKING:
+    from .rows import TableOptions
 
 __all__ = [
     "Assumed",
@@ -219,10 +223,13 @@ class _References:
         return error
 
 
-def model_of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Model[Any]:
+def model_of_table(
+    file: Path, given: Mapping[str, Any], kind: str | None, options: TableOptions | None = None
+) -> Model[Any]:
     """Return the model of the data in a CSV or Excel file and of the additional data `given`.
 
-    `kind` names the kind of model; by default the first kind that fits is used.
+    `kind` names the kind of model; by default the first kind that fits is used. A reader receives the
+    `options` that are not None, and the given data that it has as keywords, such as ``steering_ratio``.
     """
     if not file.exists():
         raise InvalidData(f"{file}: no such file")
@@ -232,8 +239,14 @@ def model_of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Mo
     unread: dict[str, str] = {}
     lacking: dict[str, str] = {}
     for candidate in readers if kind is None else (kind,):
+        read = resolve(readers[candidate])
+        parameters = inspect.signature(read).parameters
+        keywords = [x.name for x in parameters.values() if x.kind is x.KEYWORD_ONLY]
+        taken = {key: given[key] for key in keywords if key in given}
         try:
-            contents = resolve(readers[candidate])(file)
+            if options and not any(x.kind is x.VAR_KEYWORD for x in parameters.values()):
+                raise InvalidData(f"{', '.join(options)} must be absent: its reader has no options")
+            contents = read(file, **taken, **(options or {}))
         except (InvalidData, BackendBroken) as error:
             unread[candidate] = str(error)
             continue
@@ -242,9 +255,10 @@ def model_of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Mo
         }
         try:
             for key in contents:
-                if key in given and key not in assumed:
+                if key in given and key not in (*assumed, *taken):
                     raise InvalidData(f"{key} must not be given: the file holds it", field=key)
-            data = {**contents, **assumed, **given}
+            rest = {key: value for key, value in given.items() if key not in taken}
+            data = {**contents, **assumed, **rest}
             result: Model[Any] = model_type(candidate).from_data(data, name=file.stem)
         except InvalidData as error:
             lacking[candidate] = str(error)
@@ -254,6 +268,10 @@ def model_of_table(file: Path, given: Mapping[str, Any], kind: str | None) -> Mo
         return result
     if not lacking:
         _hint(file)
+        if (
+            len(set(unread.values())) == 1 < len(unread)
+        ):  # the file itself, or an option, is invalid
+            raise InvalidData(next(iter(unread.values())))
     reasons: dict[str, str] = {}
     for candidate, reason in (lacking or unread).items():
         reasons[reason] = f"{reasons[reason]}, {candidate}" if reason in reasons else candidate

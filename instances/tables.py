@@ -1,7 +1,4 @@
-"""CSV and Excel files: rows and columns with units from untrusted files, and rows to files.
-
-Files are read within limits, and formulas are not computed.
-"""
+"""Tables in CSV and Excel files: columns with units from untrusted files, and rows to files."""
 
 from __future__ import annotations
 
@@ -10,61 +7,32 @@ import io
 import logging
 import math
 import os
-import re
-import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
-from ..errors import BackendMissing, InvalidData
-from ..files import as_path, read_text, write_text
+import numpy as np
+
+from ..errors import InvalidData, suggestion
+from ..files import write_text
 from ..models.fields import show
+from .rows import MISSING, UNMAPPED, Rows, TableOptions, number, numbers, table_rows
+from .text_tables import NUMBER, is_comment
+from .units import TIMES, label_parts
 
 __all__ = [
-    "NUMBER", "TIMES", "Column", "Sheet", "Table", "csv_rows", "number", "numbers", "read_table",
-    "table_rows", "table_text", "write_rows", "xlsx_rows",
+    "NUMBER", "TIMES", "Column", "Sheet", "Table", "TableOptions", "interpolate", "number", "numbers",
+    "read_table", "table_rows", "table_text", "write_rows",
 ]  # fmt: skip
 
-#: Limits of a file in bytes, packed and unpacked, and of the rows and columns of its sheet.
-PACKED, UNPACKED, ROWS, COLUMNS = 32 << 20, 256 << 20, 200_000, 64
-#: Number of rows of the other sheets that are checked for content.
-GLANCE = 100
-
-#: Accepted forms of numbers in files.
-NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-#: Units of time in seconds. Lower case turns the micro sign into the Greek letter.
-TIMES: Mapping[str, float] = MappingProxyType(
-    {"s": 1.0, "ms": 1e-3, "us": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
-)  # fmt: skip
-#: Label of a column: a name, and optionally a unit in brackets.
-_LABEL = re.compile(r"([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
+#: Columns that no constraint can depend on, so that readers may skip them.
+_HARMLESS = {
+    *("address", "city", "comment", "comments", "country", "description", "info", "label", "name"),
+    *("note", "notes", "remark", "remarks", "street", "title"),
+}
 
 log = logging.getLogger("crosstrack")
-
-
-def number(text: str, where: str, field: str) -> float:
-    """Return the finite number in `text`; error messages contain `where` and name `field`."""
-    # float() alone would accept nan, inf, 1_000 and non-ASCII digits.
-    stripped = text.strip()
-    value = float(stripped) if NUMBER.fullmatch(stripped) else math.nan
-    if not math.isfinite(value):
-        raise InvalidData(f"{where}: must be a finite number, got {show(text)}", field=field)
-    return value
-
-
-def numbers(cells: Sequence[str], names: Sequence[str], where: str, field: str = "") -> list[float]:
-    """Return the numbers of a row. Their count must match `names`, the default of `field`."""
-    if len(cells) != len(names):
-        raise InvalidData(
-            f"{where}: {len(cells)} values where {len(names)} are allowed: {names[0]} to {names[-1]}",
-            field=field or names[0],
-        )
-    pairs = zip(cells, names, strict=True)
-    return [number(cell, f"{where}, column {name}", field or name) for cell, name in pairs]
-
-
-# -- columns ---------------------------------------------------------------------------------------
 
 
 class Column(NamedTuple):
@@ -85,6 +53,14 @@ class Column(NamedTuple):
     units : mapping of str to float
         Factor from each unit to the first one. The label must state one of them in brackets; empty
         for columns without unit.
+    bare : bool
+        Whether the unit may be missing. Numbers are then in the first unit.
+    free : bool
+        Whether the label may state any unit. Numbers are not converted.
+    aliases : tuple of str
+        Other names of the column, used if none has `name`.
+    series : bool
+        Whether missing cells may be interpolated. They are NaN in the table, for :func:`interpolate`.
     lower, upper : float
         Limits of the numbers in the first unit.
     """
@@ -95,6 +71,10 @@ class Column(NamedTuple):
     empty: bool = False
     optional: bool = False
     units: Mapping[str, float] = MappingProxyType({})
+    bare: bool = False
+    free: bool = False
+    aliases: tuple[str, ...] = ()
+    series: bool = False
     lower: float = -math.inf
     upper: float = math.inf
 
@@ -125,6 +105,10 @@ class Sheet:
         Noun for a row, for messages, such as ``"node"``.
     field : str
         Field named in errors about missing, short or long rows.
+    series : bool
+        Whether rows are samples over time.
+    **options
+        See :class:`~crosstrack.instances.rows.TableOptions`.
 
     Attributes
     ----------
@@ -134,9 +118,18 @@ class Sheet:
         Cells of the header as written, and in lower case.
     """
 
-    def __init__(self, path: str | os.PathLike[str], row: str, field: str) -> None:
-        self.file, self.row, self.field = as_path(path), row, field
-        self._rows = table_rows(self.file)
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        row: str,
+        field: str,
+        *,
+        series: bool = False,
+        **options: Unpack[TableOptions],
+    ) -> None:
+        self._reader = Rows(path, row, series=series, **options)
+        self.file, self.row, self.field = self._reader.file, row, field
+        self._rows = iter(self._reader)
         line, header = next(self._rows, (1, []))
         self.where = f"{self.file}, line {line}"
         self.labels = [label.lstrip("# ") for label in header]
@@ -144,12 +137,18 @@ class Sheet:
 
     def parts(self, at: int) -> tuple[str, str]:
         """Return name and unit of column `at` as written; both may be empty."""
-        match = _LABEL.fullmatch(self.labels[at])
-        return (match[1], (match[2] or match[3] or "").strip()) if match else (self.labels[at], "")
+        return label_parts(self.labels[at])
 
-    def factor(self, at: int, units: Mapping[str, float], field: str) -> float:
-        """Return the factor of the unit of column `at`, or raise if it states none of `units`."""
+    def factor(
+        self, at: int, units: Mapping[str, float], field: str, *, bare: bool = False
+    ) -> float:
+        """Return the factor of the unit of column `at`, or raise if it states none of `units`.
+
+        With `bare`, the unit may be missing.
+        """
         unit = self.parts(at)[1].casefold()
+        if bare and not unit:
+            return 1.0
         if unit not in units:
             got = f"got {show(unit)}" if unit else "got none"
             raise InvalidData(
@@ -173,14 +172,26 @@ class Sheet:
         named in the log. `suits` is a condition on the names of the columns that are present.
         """
         plain = {column.name: column for column in columns if not column.units}
-        with_unit = {column.name: column for column in columns if column.units}
+        with_unit = {x.name: x for x in columns if x.units or x.free}
+        for target in self._reader.columns.keys() - plain.keys() - with_unit.keys():
+            raise InvalidData(
+                f"columns must name columns of {self.row}s, {', '.join(x.name for x in columns)}, got "
+                f"{show(target)}{suggestion(target, [x.name for x in columns])}",
+                field="columns",
+            )
         result: dict[int, Column] = {}
-        unknown: list[str] = []
-        for at, label in enumerate(self.names):
-            name = self.parts(at)[0].casefold().replace(" ", "_")
-            column = plain.get(label) or with_unit.get(name)
+        unknown: list[int] = []
+        bare = [self.parts(at)[0].casefold().replace(" ", "_") for at in range(len(self.names))]
+        aliases = {
+            alias: column
+            for column in columns
+            for alias in column.aliases
+            if column.name not in (*self.names, *bare)
+        }
+        for at, (label, name) in enumerate(zip(self.names, bare, strict=True)):
+            column = plain.get(label) or with_unit.get(name) or aliases.get(name)
             if column is None:
-                unknown.append(label)
+                unknown.append(at)
             else:
                 result[at] = column
         present = [column.name for column in result.values()]
@@ -188,14 +199,18 @@ class Sheet:
         lost = [x.name for x in columns if not x.optional and x.name not in present]
         if lost and not fault:
             fault = f"missing: {', '.join(lost)}"
-        if fault or (strict and unknown) or (suits is not None and not suits(set(present))):
+        refused = strict and any(
+            bare[at] not in _HARMLESS and not self.names[at].startswith(UNMAPPED) for at in unknown
+        )
+        if fault or refused or (suits is not None and not suits(set(present))):
             raise InvalidData(
                 f"{self.where}: must be a header of {self.row}s: {header}; "
                 f"{f'{fault}; ' if fault else ''}got {show(','.join(self.names))}",
                 field="header",
             )
         if unknown:
-            log.warning("%s: columns that are not read: %s", self.where, ", ".join(unknown))
+            names = ", ".join(self.names[at] for at in unknown)
+            log.warning("%s: columns that are not read: %s", self.where, names)
         return result
 
     def read(self, selection: Mapping[int, Column]) -> Table:
@@ -208,12 +223,24 @@ class Sheet:
         """
         table = Table({column.name: [] for column in selection.values()}, [])
         readers = [
-            (at, column, self.factor(at, column.units, column.name) if column.units else 1.0)
+            (
+                at,
+                column,
+                self.factor(at, column.units, column.name, bare=column.bare)
+                if column.units
+                else 1.0,
+            )
             for at, column in selection.items()
         ]
+        # Ids may begin with a mark of comments, numbers cannot.
+        numeric = 0 in selection and not selection[0].text
+        skipped = 0
         count, short = len(self.names), self.file.suffix.casefold() == ".xlsx"
         for line, cells in self._rows:
             where = f"{self.file}, line {line}"
+            if numeric and is_comment(cells[0]):
+                skipped += 1
+                continue
             if short:  # openpyxl omits empty cells at the end of a row
                 cells += [""] * (count - len(cells))
             if len(cells) != count:
@@ -225,6 +252,8 @@ class Sheet:
             for at, column, factor in readers:
                 table.values[column.name].append(self._value(cells[at], where, at, column, factor))
             table.places.append(where)
+        if skipped:
+            log.warning("%s: %d rows are comments and not read", self.file, skipped)
         if not table.places:
             raise InvalidData(f"{self.file}: no {self.row}s below the header", field=self.field)
         return table
@@ -234,13 +263,16 @@ class Sheet:
     ) -> float | str | None:
         """Return the value of a cell, or raise."""
         field, place = column.field or column.name, f"{where}, column {self.names[at]}"
-        if not cell and column.empty:
+        missing = cell.casefold() in MISSING
+        if column.empty and (not cell or (missing and not column.text)):
             return cell if column.text else None
+        if column.series and missing and self._reader.fills:
+            return math.nan
         if column.text:
             if not cell:
                 raise InvalidData(f"{place}: must name the {self.row}, got nothing", field=field)
             return cell
-        value = number(cell, place, field) * factor
+        value = self._reader.number(cell, place, field) * factor
         if not column.lower <= value <= column.upper:
             raise InvalidData(
                 f"{place}: must be {column.lower:.6g} … {column.upper:.6g} "
@@ -254,14 +286,68 @@ def read_table(
     path: str | os.PathLike[str],
     columns: Sequence[Column],
     header: str,
+    /,
     *,
     row: str,
     field: str,
     **options: Any,
 ) -> Table:
     """Return the columns of a CSV or Excel file; see :class:`Sheet` and :meth:`Sheet.select`."""
-    sheet = Sheet(path, row, field)
-    return sheet.read(sheet.select(columns, header, **options))
+    selection = {name: options.pop(name) for name in ("strict", "suits") if name in options}
+    sheet = Sheet(path, row, field, **options)
+    return sheet.read(sheet.select(columns, header, **selection))
+
+
+def interpolate(table: Table, longest: float, unit: str, time: str = "time") -> None:
+    """Fill missing cells, NaN, linearly over time, in place; name their number in the log.
+
+    Parameters
+    ----------
+    table : Table
+        Table whose column `time` is without missing cells.
+    longest : float
+        Largest time between the neighbours of a missing cell.
+    unit : str
+        Unit of the times, for messages.
+    time : str
+        Name of the column of times.
+
+    Raises
+    ------
+    InvalidData
+        A missing cell has no value before or after it, or its neighbours are too far apart.
+    """
+    times = np.array(table.values[time])
+    count, widest = 0, 0.0
+    for name, cells in table.values.items():
+        values = np.array(cells, float)
+        (holes,), (present,) = np.isnan(values).nonzero(), np.isfinite(values).nonzero()
+        if not holes.size:
+            continue
+        after = present.searchsorted(holes)
+        lost = holes[(after == 0) | (after == present.size)]
+        if lost.size:
+            raise InvalidData(
+                f"{table.places[lost[0]]}, column {name}: must have a value, because no sample "
+                f"{'before' if after[0] == 0 else 'after'} it has one",
+                field=name,
+            )
+        spans = times[present[after]] - times[present[after - 1]]
+        wide = int(spans.argmax())
+        if spans[wide] > longest:
+            raise InvalidData(
+                f"{table.places[holes[wide]]}, column {name}: values are missing for {spans[wide]:.6g} "
+                f"{unit}; at most {longest:.6g} {unit} are interpolated: split the file there",
+                field=name,
+            )
+        values[holes] = np.interp(times[holes], times[present], values[present])
+        table.values[name][:] = values.tolist()
+        count, widest = count + holes.size, max(widest, float(spans[wide]))
+    if count:
+        log.warning(
+            "%s …: %d missing cells are interpolated, the longest gap is %.6g %s",
+            table.places[0], count, widest, unit,
+        )  # fmt: skip
 
 
 def write_rows(
@@ -276,126 +362,3 @@ def table_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([header, *rows])
     return text.getvalue()
-
-
-# -- rows ------------------------------------------------------------------------------------------
-
-
-def table_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield line and cells of every row of a CSV or Excel file that has a value.
-
-    Blank rows and rows of separators are skipped.
-
-    Raises
-    ------
-    BackendMissing
-        The file is an Excel file, and openpyxl is not installed.
-    InvalidData
-        The file is not a valid CSV or Excel file, or exceeds a limit.
-    """
-    file = Path(path)
-    if file.suffix.casefold() == ".xlsx":
-        yield from xlsx_rows(file)
-        return
-    yield from csv_rows(read_text(file), str(file))
-
-
-def csv_rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield first line and cells of every row of CSV text that has a value."""
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    line = 1
-    try:
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells):
-                yield line, cells
-            line = reader.line_num + 1
-    except csv.Error as error:
-        raise InvalidData(f"{file}, line {line}: no valid CSV: {error}") from None
-
-
-def xlsx_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield number and cells, as text, of every row of the first sheet that is not blank.
-
-    A formula is read as its stored value, and links to other files are not followed. If other sheets
-    have content, a warning in the log ``crosstrack`` names them.
-
-    Raises
-    ------
-    BackendMissing
-        openpyxl is not installed.
-    InvalidData
-        The file is not an Excel file, or exceeds a limit.
-    """
-    try:
-        import openpyxl
-    except ModuleNotFoundError as error:
-        raise BackendMissing(
-            f"{path}: Excel files need openpyxl, which is not installed ({error}): "
-            "pip install 'crosstrack[xlsx]', or save the sheet as CSV"
-        ) from None
-    file = Path(path)
-    _require_bounded(file)
-    try:
-        with file.open("rb") as stream:
-            book = openpyxl.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
-            unread = [sheet.title for sheet in book.worksheets[1:] if _holds_something(sheet)]
-            if unread:
-                log.warning(
-                    "%s: only the sheet %r is read, not %s",
-                    file, book.worksheets[0].title, ", ".join(map(repr, unread)),
-                )  # fmt: skip
-            # One row and one column beyond the limit, so that an excess is detected and not cut off.
-            rows = book.worksheets[0].iter_rows(
-                max_row=ROWS + 1, max_col=COLUMNS + 1, values_only=True
-            )
-            for line, cells in enumerate(rows, 1):
-                blank = cells.count(None) == len(cells)
-                row = [] if blank else [_text(cell) for cell in cells]
-                while row and not row[-1]:
-                    row.pop()
-                if line > ROWS or len(row) > COLUMNS:
-                    raise InvalidData(
-                        f"{file}, row {line}: at most {ROWS} rows and {COLUMNS} columns are read"
-                    )
-                if row:
-                    yield line, row
-    except InvalidData:
-        raise
-    except Exception as error:  # openpyxl may raise anything for a damaged file
-        raise InvalidData(
-            f"{file}: cannot be read as an Excel file (.xlsx): {type(error).__name__}: {error}"
-        ) from None
-
-
-def _holds_something(sheet: Any) -> bool:
-    """Return whether the first rows of a sheet have a non-empty cell."""
-    rows = sheet.iter_rows(max_row=GLANCE, max_col=COLUMNS, values_only=True)
-    return any(cell is not None for row in rows for cell in row)
-
-
-def _require_bounded(file: Path) -> None:
-    """Raise if `file` is not a zip archive of files, or exceeds a limit."""
-    try:
-        if not file.is_file():
-            raise InvalidData(
-                f"{file}: {'is no regular file' if file.exists() else 'no such file'}"
-            )
-        size = file.stat().st_size
-        with zipfile.ZipFile(file) as archive:
-            # Reading stops at the stated size of an entry, so the statement can be trusted.
-            unpacked = sum(entry.file_size for entry in archive.infolist())
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
-        raise InvalidData(f"{file}: is no Excel file (.xlsx): {error}") from None
-    if size > PACKED or unpacked > UNPACKED:
-        raise InvalidData(
-            f"{file}: holds {size} bytes, unpacked {unpacked}, where at most {PACKED} and {UNPACKED} "
-            "are read"
-        )
-
-
-def _text(cell: Any) -> str:
-    """Return a cell as text as in CSV; 3.0 becomes 3, as Excel shows it."""
-    if isinstance(cell, float) and cell.is_integer() and abs(cell) < 2**53:
-        return str(int(cell))
-    return "" if cell is None else str(cell).strip()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnknownName
 from ...models.attractor.model import AttractorAnalysis
 from ...models.fields import Optional, Real, required, show
-from ..tables import TIMES, Column, Sheet
+from ..tables import TIMES, Column, Sheet, Table, TableOptions, interpolate
 
 __all__ = ["EVEN", "read_series", "table_file"]
 
 #: Largest deviation of a time from even spacing, in samples: more than the rounding of times, less than a gap.
 EVEN = 0.05
+#: Largest number of consecutive samples that are interpolated.
+LONGEST = 5
 
 
 def read_series(
@@ -32,6 +34,7 @@ def read_series(
     *,
     period: float | None = None,
     name: str | None = None,
+    **options: Unpack[TableOptions],
 ) -> AttractorAnalysis:
     """Return the model of a series in a CSV or Excel file.
 
@@ -45,6 +48,10 @@ def read_series(
         Seconds between samples, if the file has no times.
     name : str, optional
         Name of the model. Default: name of the file.
+    **options
+        Map of columns, encoding, sheet and missing values, see
+        :class:`~crosstrack.instances.rows.TableOptions`. With ``missing="interpolate"``, at most 5
+        consecutive samples are interpolated, with a warning in the log.
 
     Raises
     ------
@@ -58,8 +65,30 @@ def read_series(
     UnknownName
         The column does not exist.
     """
+    data = _with_period(path, column, period, options)
+    try:
+        return AttractorAnalysis(**data, name=Path(path).stem if name is None else name)
+    except InvalidData as error:
+        raise InvalidData(f"{path}: {error}", field=error.field) from None
+
+
+def table_file(
+    file: Path,
+    *,
+    column: str | None = None,
+    period: float | None = None,
+    **options: Unpack[TableOptions],
+) -> dict[str, Any]:
+    """Return the data of an instance from a file of times and values; see :func:`read_series`."""
+    return _with_period(file, column, period, options)
+
+
+def _with_period(
+    path: str | os.PathLike[str], column: str | None, period: float | None, options: TableOptions
+) -> dict[str, Any]:
+    """Return the series with the period from the file or as given."""
     lag = Optional(Real(0, strict=True, unit="s")).coerce("period", period, {})
-    data = _read(path, None if column is None else required("column", column, str))
+    data = _read(path, None if column is None else required("column", column, str), options)
     if "period" in data and lag is not None:
         raise InvalidData(
             f"{path}: period must not be given: the file has times, {data['period']:.6g} s apart",
@@ -72,37 +101,43 @@ def read_series(
                 field="period",
             )
         data["period"] = lag
-    try:
-        return AttractorAnalysis(**data, name=Path(path).stem if name is None else name)
-    except InvalidData as error:
-        raise InvalidData(f"{path}: {error}", field=error.field) from None
-
-
-def table_file(file: Path) -> dict[str, Any]:
-    """Return the data of an instance from a file of times and one column of values."""
-    data = _read(file, None)
-    if "period" not in data:
-        raise InvalidData(
-            f"{file}: must have a column of times, such as 'time [s]', beside the values; without one, "
-            "read_series takes a period",
-            field="time",
-        )
     return data
 
 
-def _read(path: str | os.PathLike[str], wanted: str | None) -> dict[str, Any]:
+def _read(
+    path: str | os.PathLike[str], wanted: str | None, options: TableOptions
+) -> dict[str, Any]:
     """Return the series, its unit, and the period if the file has times."""
-    sheet = Sheet(path, "sample", "series")
+    sheet = Sheet(path, "sample", "series", series=True, **options)
     times = _times(sheet)
     at = _values(sheet, times, wanted)
     # Times stay in the unit of the file, in which messages state them.
-    selection = {at: Column("series"), **{k: Column("time") for k in times}}
+    selection = {at: Column("series", series=True), **{k: Column("time") for k in times}}
     table = sheet.read(selection)
+    unit = sheet.parts(times[0])[1] if times else "samples"
+    if not times:
+        table.values["time"] = [float(k) for k in range(len(table.places))]
+    if options.get("missing") is not None:
+        _fill(table, unit)
     result = {"series": np.array(table.values["series"]), "unit": sheet.parts(at)[1]}
     for k in times:
         spacing = _spacing(np.array(table.values["time"]), table.places, sheet.names[k])
         result["period"] = sheet.factor(k, TIMES, "time") * spacing
     return result
+
+
+def _fill(table: Table, unit: str) -> None:
+    """Interpolate missing cells and lines of a series, in place."""
+    times = table.values["time"]
+    steps = np.diff(times)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    for k in np.flatnonzero(steps > 1.5 * usual)[::-1].tolist() if usual > 0 else ():
+        count = round(steps[k] / usual)
+        if count <= LONGEST + 1:
+            times[k + 1 : k + 1] = [times[k] + steps[k] * part / count for part in range(1, count)]
+            table.values["series"][k + 1 : k + 1] = [np.nan] * (count - 1)
+            table.places[k + 1 : k + 1] = [table.places[k + 1]] * (count - 1)
+    interpolate(table, (LONGEST + 1 + EVEN) * usual, unit)
 
 
 def _times(sheet: Sheet) -> list[int]:

@@ -11,10 +11,10 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +24,11 @@ from ...files import as_path, write_text
 from ...models.error_correction.model import ErrorCorrectionRouting
 from ...models.error_correction.points import as_kind, kind_word
 from ...models.fields import required, show
+from ..rows import Rows, TableOptions
 from ..storage import pretty, reference, write_model
-from ..tables import csv_rows, number, table_rows, table_text, write_rows
+from ..tables import number, table_text, write_rows
+from ..text_tables import csv_rows
+from ..units import LENGTHS
 
 __all__ = [
     "PointTable",
@@ -93,8 +96,8 @@ class PointTable:
 # -- reading -------------------------------------------------------------------------------------
 
 
-def read_points(path: str | os.PathLike[str]) -> PointTable:
-    """Read the points in a CSV file, or in the first sheet of an Excel file (``.xlsx``).
+def read_points(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -> PointTable:
+    """Read the points in a CSV or Excel file (``.xlsx``).
 
     A warning in the log names unused columns.
 
@@ -102,6 +105,8 @@ def read_points(path: str | os.PathLike[str]) -> PointTable:
     ----------
     path : path-like
         The file.
+    **options
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`.
 
     Returns
     -------
@@ -118,12 +123,13 @@ def read_points(path: str | os.PathLike[str]) -> PointTable:
         exactly one A and one B, an empty file, or an encoding other than UTF-8.
     """
     file = as_path(path)
-    rows = list(table_rows(file))
+    reader = Rows(file, "point", **options)
+    rows = list(reader)
     if file.suffix.casefold() == ".xlsx":
         # Excel stores no empty cells at the end of a row, so rows are padded.
         width = max([len(row) for _, row in rows], default=0)
         rows = [(line, row + [""] * (width - len(row))) for line, row in rows]
-    return _parse(rows, str(file))
+    return _parse(rows, str(file), reader.number)
 
 
 def read_csv(
@@ -159,9 +165,9 @@ def read_csv(
     return ErrorCorrectionRouting.from_data({**data, **table.data()}, name=name)
 
 
-def points_of_table(file: Path) -> dict[str, Any]:
+def points_of_table(file: Path, **options: Unpack[TableOptions]) -> dict[str, Any]:
     """Return the instance data of a file of points."""
-    return read_points(file).data()
+    return read_points(file, **options).data()
 
 
 #: Replaces ``"points": "file.csv"`` in an instance by the points in the file.
@@ -170,14 +176,19 @@ resolve_references = reference("points", points_of_table, excluded=["suspect"])
 
 @dataclass(frozen=True)
 class _Layout:
-    """Positions of the columns, names of unused columns, and index of the first row of points."""
+    """Positions of the columns, names of unused columns, index of the first row of points, and factors."""
 
     places: Mapping[str, int]
     unused: tuple[str, ...]
     first: int
+    factors: Mapping[str, float]
 
 
-def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
+def _parse(
+    rows: Sequence[tuple[int, list[str]]],
+    file: str,
+    read: Callable[[str, str, str], float] = number,
+) -> PointTable:
     if not rows:
         raise InvalidData(f"{file}: the file is empty; its columns must be {', '.join(_COLUMNS)}")
     layout = _layout(rows, file)
@@ -201,7 +212,10 @@ def _parse(rows: Sequence[tuple[int, list[str]]], file: str) -> PointTable:
         name: [(row[at], f"{file}, line {line}, column {name}") for line, row in body]
         for name, at in layout.places.items()
     }
-    points = [[number(*cell, "points") for cell in cells[axis]] for axis in "xyz"]
+    points = [
+        [read(*cell, "points") * layout.factors.get(axis, 1.0) for cell in cells[axis]]
+        for axis in "xyz"
+    ]
     kinds = tuple(kind_word(cell, f"{place}:") for cell, place in cells["kind"])
     for word in ("A", "B"):
         ends = [k for k, kind in enumerate(kinds) if kind == word]
@@ -245,7 +259,8 @@ def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
             if names.count("kind") and any(names.count(axis) for axis in "xyz"):
                 places = _header(names, header, f"{file}, line {line}")
                 unused = [name for name, known in zip(header, names, strict=True) if not known]
-                return _Layout(places, tuple(unused), first + 1)
+                factors = {name: _factor(header[at]) for name, at in places.items()}
+                return _Layout(places, tuple(unused), first + 1, factors)
     for kind in (4, 3):  # id,x,y,z,kind or x,y,z,kind, and what may follow
         kinds = [as_kind(row[kind]) for _, row in rows if len(row) > kind]
         if (
@@ -255,13 +270,19 @@ def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
         ):
             places = {name: kind - 3 + k for k, name in enumerate("xyz")} | {"kind": kind}
             unused = [f"column {k + 1}" for k in range(kind + 1, len(rows[0][1]))]
-            return _Layout(places | ({"id": 0} if kind == 4 else {}), tuple(unused), 0)
+            return _Layout(places | ({"id": 0} if kind == 4 else {}), tuple(unused), 0, {})
     return None
 
 
 def _bare(name: str) -> str:
     """Return a column's name without its unit: ``"X坐标（单位: m）"`` is ``"x坐标"``."""
     return re.sub(r"[(（\[].*", "", name).strip().casefold()
+
+
+def _factor(label: str) -> float:
+    """Return the metres of the unit at the end of a label, 1 if it has no known unit."""
+    match = re.search(r"[(（\[](?:.*[:：])?\s*([^:：()（）\[\]]*)[)）\]]$", label)
+    return LENGTHS.get(match[1].strip().casefold(), 1.0) if match else 1.0
 
 
 def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:

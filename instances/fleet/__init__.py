@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"fleet": ".listing:catalogue_entries"}
 REFERENCES = {"fleet-routing": ".readers:resolve_references"}
-TABLE_FILES = {"fleet-routing": ".readers:read_nodes"}
+TABLE_FILES = {"fleet-routing": ".readers:table_file"}
 DEMOS = {"fleet": "fleet/max-10"}
 EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exports:VRPLIB"}
 PAPERS = {"fleet": ".paper:PAPER"}

@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from pathlib import Path
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,11 @@ from ...models.fields import Flag, Whole, show
 from ...models.fleet.data import MOST, Metric, Objective
 from ...models.fleet.model import FleetRouting
 from ..grid_path.maps import resolve_references as resolve_map
+from ..projection import project
 from ..sections import KeywordFile
 from ..storage import Find, reference
-from ..tables import NUMBER, Column, read_table
+from ..tables import NUMBER, Column, TableOptions, read_table
+from ..units import LENGTHS
 
 __all__ = ["read_nodes", "read_tsplib", "read_vrplib", "resolve_references"]
 
@@ -284,21 +287,33 @@ def _matrix(content: KeywordFile, size: int) -> Floats:
     )
 
 
+_DEGREES = {"deg": 1.0, "°": 1.0, "degrees": 1.0}
 _COLUMNS = (
-    Column("x"),
-    Column("y"),
-    Column("demand", optional=True),
-    Column("id", field="ids", text=True, optional=True),
-)
+    Column("x", units=LENGTHS, bare=True, optional=True, aliases=("easting",)),
+    Column("y", units=LENGTHS, bare=True, optional=True, aliases=("northing",)),
+    Column("lat", units=_DEGREES, bare=True, optional=True, aliases=("latitude",),
+           lower=-90.0, upper=90.0),
+    Column("lon", units=_DEGREES, bare=True, optional=True, aliases=("longitude", "lng", "long"),
+           lower=-180.0, upper=360.0),
+    Column("demand", free=True, optional=True),
+    Column("id", field="ids", text=True, optional=True, aliases=("name",)),
+)  # fmt: skip
+#: Columns of positions, the first of which are used.
+_POSITIONS = (("x", "y"), ("lat", "lon"))
 
 
-def read_nodes(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_nodes(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -> dict[str, Any]:
     """Read the nodes in a CSV or Excel file.
+
+    Positions are ``x,y`` in metres or with a unit, or ``lat,lon`` in degrees, which are projected: see
+    :func:`~crosstrack.instances.projection.project`.
 
     Parameters
     ----------
     path : path-like
         The file.
+    **options
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`.
 
     Returns
     -------
@@ -312,16 +327,47 @@ def read_nodes(path: str | os.PathLike[str]) -> dict[str, Any]:
         It is an Excel file, and openpyxl is not installed.
     InvalidData
         The file is invalid; the error names file, line, column and value. Examples: missing, repeated
-        or unknown columns, a row of another length, a number that is not finite, an empty id, or a
-        file without nodes.
+        or unknown columns, a row of another length, a number that is not finite, an empty id, nodes
+        that are too far apart to be projected, or a file without nodes.
     """
-    header = "x,y, with optional demand and id"
-    table = read_table(path, _COLUMNS, header, row="node", field="points").values
-    data: dict[str, Any] = {"points": list(zip(table["x"], table["y"], strict=True))}
+    table = read_table(
+        path,
+        _COLUMNS,
+        "x,y, or lat,lon in degrees, with optional demand and id",
+        row="node",
+        field="points",
+        suits=lambda names: (
+            any(names.issuperset(pair) for pair in _POSITIONS)
+            and all(names.issuperset(pair) or names.isdisjoint(pair) for pair in _POSITIONS)
+        ),
+        **options,
+    ).values
+    data: dict[str, Any] = {
+        "points": list(zip(table["x"], table["y"], strict=True))
+        if "x" in table
+        else project(table["lat"], table["lon"], str(path))
+    }
     for name, field in (("demand", "demands"), ("id", "ids")):
         if name in table:
             data[field] = table[name]
     return data
+
+
+def table_file(file: Path, *, depots: Any = 0, **options: Unpack[TableOptions]) -> dict[str, Any]:
+    """Return the data of an instance from a file of nodes; `depots` are rows or ids."""
+    data = read_nodes(file, **options)
+    names = [depots] if isinstance(depots, str) else depots
+    if isinstance(names, list) and any(isinstance(name, str) for name in names):
+        ids = data.get("ids", [])
+        for name in names:
+            if ids.count(name) != 1:
+                raise InvalidData(
+                    f"{file}: depots must be ids of one node each, got {show(name)}, which "
+                    f"{ids.count(name)} nodes have",
+                    field="depots",
+                )
+        depots = [ids.index(name) for name in names]
+    return {**data, "depots": depots}
 
 
 def resolve_references(data: Mapping[str, Any], find: Find) -> dict[str, Any]:

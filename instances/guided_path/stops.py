@@ -12,32 +12,35 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from ...errors import InvalidData
 from ...models.fields import show
 from ..storage import Find, reference
-from ..tables import Column, read_table
+from ..tables import Column, TableOptions, read_table
+from ..units import LENGTHS
 from .sop import read_sop
 
 __all__ = ["read_stops", "resolve_references"]
 
 _COLUMNS = (
-    Column("coordinate"),
-    Column("id", field="ids", text=True, optional=True),
+    Column("coordinate", units=LENGTHS, bare=True),
+    Column("id", field="ids", text=True, optional=True, aliases=("name",)),
     Column("chain", text=True, empty=True, optional=True),
     Column("place", empty=True, optional=True),
     Column("after", text=True, empty=True, optional=True),
 )
 
 
-def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_stops(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -> dict[str, Any]:
     """Return the instance data in a CSV or Excel file of stops.
 
     Parameters
     ----------
     path : path-like
         The file.
+    **options
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`.
 
     Returns
     -------
@@ -62,6 +65,7 @@ def read_stops(path: str | os.PathLike[str]) -> dict[str, Any]:
         row="stop",
         field="coordinates",
         suits=lambda names: "chain" in names or "place" not in names,
+        **options,
     ).values
     data: dict[str, Any] = {"coordinates": table["coordinate"]}
     names = table.get("id", [str(row) for row in range(len(table["coordinate"]))])

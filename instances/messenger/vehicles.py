@@ -7,28 +7,32 @@ order. The velocities or the radius are required, because ``x,y`` alone denotes 
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import Any, Unpack
 
 from ..storage import reference
-from ..tables import Column, read_table
+from ..tables import Column, TableOptions, read_table
+from ..units import LENGTHS, SPEEDS
 
 __all__ = ["read_vehicles", "resolve_references"]
 
 _COLUMNS = (
-    Column("x"),
-    Column("y"),
-    *(Column(name, optional=True) for name in ("vx", "vy", "radius")),
-    Column("id", field="ids", text=True, optional=True),
+    Column("x", units=LENGTHS, bare=True),
+    Column("y", units=LENGTHS, bare=True),
+    *(Column(name, units=SPEEDS, bare=True, optional=True) for name in ("vx", "vy")),
+    Column("radius", units=LENGTHS, bare=True, optional=True),
+    Column("id", field="ids", text=True, optional=True, aliases=("name",)),
 )
 
 
-def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_vehicles(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -> dict[str, Any]:
     """Return the instance data in a CSV or Excel file of vehicles.
 
     Parameters
     ----------
     path : path-like
         The file.
+    **options
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`.
 
     Returns
     -------
@@ -52,6 +56,7 @@ def read_vehicles(path: str | os.PathLike[str]) -> dict[str, Any]:
         row="vehicle",
         field="positions",
         suits=lambda names: ("vx" in names) == ("vy" in names) and bool(names & {"vx", "radius"}),
+        **options,
     ).values
     data: dict[str, Any] = {"positions": list(zip(table["x"], table["y"], strict=True))}
     if "vx" in table:

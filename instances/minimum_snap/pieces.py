@@ -15,7 +15,7 @@ from ...files import as_path
 from ...models.fields import Array, Real, frozen, show
 from ...models.minimum_snap.polynomials import factorials
 from ...models.minimum_snap.trajectory import Trajectory
-from ..tables import numbers
+from ..tables import numbers, table_rows
 from .tables import numeric_rows
 
 __all__ = ["Poly7", "Precision"]
@@ -211,7 +211,7 @@ def _seconds(name: str, trajectory: Trajectory) -> Floats:
 
 
 def _parsed(file: Path) -> Poly7:
-    rows = numeric_rows(file)
+    rows = numeric_rows(table_rows(file))
     line, header = next(rows, (1, []))
     names = [name.lstrip("# ").replace(" ", "").casefold() for name in header]
     for column, wanted in enumerate(_COLUMNS):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import os
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,11 @@ from ...files import as_path
 from ...models.fields import Whole, required, show
 from ...models.minimum_snap.trajectory import Trajectory
 from ..exports import ExportFormat
+from ..rows import MISSING, Rows, TableOptions
 from ..storage import reference
-from ..tables import NUMBER, numbers, table_rows, write_rows
+from ..tables import Table, interpolate, numbers, write_rows
+from ..text_tables import is_numeric
+from ..units import ANGLES, LENGTHS, label_parts
 
 __all__ = [
     "SAMPLES",
@@ -32,21 +35,25 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
+log = logging.getLogger("crosstrack")
+
 #: Largest number of axes, and of derivatives, in a table.
 MOST_COLUMNS = 1000
+#: Largest time (s) between the neighbours of an interpolated sample.
+LONGEST = 0.1
 _AXES = ("x", "y", "z", "yaw")
 _PREFIXES = ("", "v", "a", "j", "s")
 #: Allowed headers of waypoint files.
 _HEADERS = (_AXES, ("px", "py", "pz"), ("east", "north", "up"), ("e", "n", "u"))
 
 
-def numeric_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
+def numeric_rows(rows: Iterable[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
     """Yield line and cells of every row with a value, without the comma at the end of a row.
 
     Several tools write such a comma. Spreadsheets write rows of commas below a table: they are skipped,
     as by every reader of tables.
     """
-    for line, cells in table_rows(path):
+    for line, cells in rows:
         yield line, cells[:-1] if len(cells) > 1 and not cells[-1] else cells
 
 
@@ -122,13 +129,17 @@ def write_samples(
     return write_rows(path, header, (rows + 0.0).tolist())
 
 
-def read_samples(path: str | os.PathLike[str]) -> Samples:
+def read_samples(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -> Samples:
     """Read the exact samples from a file of :func:`write_samples`.
 
     Parameters
     ----------
     path : path-like
         Path of the file.
+    **options
+        Map of columns, encoding, sheet and missing values, see
+        :class:`~crosstrack.instances.rows.TableOptions`. With ``missing="interpolate"``, missing cells are
+        interpolated linearly between samples that are at most 0.1 s apart, with a warning in the log.
 
     Returns
     -------
@@ -141,7 +152,8 @@ def read_samples(path: str | os.PathLike[str]) -> Samples:
         the file has no samples. The message names file, line, column and value.
     """
     file = as_path(path)
-    rows = numeric_rows(file)
+    reader = Rows(file, "sample", series=True, **options)
+    rows = numeric_rows(reader)
     line, header = next(rows, (1, []))
     names = [name.casefold() for name in header]
     shape = _sample_shape(names)
@@ -153,8 +165,15 @@ def read_samples(path: str | os.PathLike[str]) -> Samples:
         )
     orders, dimensions = shape
     table: list[list[float]] = []
+    places: list[str] = []
+
+    def read(cell: str, where: str, field: str) -> float:
+        fills = reader.fills and cell.casefold() in MISSING and not where.endswith("column t")
+        return np.nan if fills else reader.number(cell, where, field)
+
     for line, values in rows:
-        table.append(numbers(values, names, f"{file}, line {line}", "samples"))
+        places.append(f"{file}, line {line}")
+        table.append(numbers(values, names, places[-1], "samples", read))
         if len(table) > 1 and table[-1][0] <= table[-2][0]:
             raise InvalidData(
                 f"{file}, line {line}, column t: must be > {table[-2][0]!r}, the time before, "
@@ -163,7 +182,9 @@ def read_samples(path: str | os.PathLike[str]) -> Samples:
             )
     if not table:
         raise InvalidData(f"{file}: no samples below the header", field="samples")
-    array = np.array(table)
+    columns = Table(dict(zip(names, map(list, zip(*table, strict=True)), strict=True)), places)
+    interpolate(columns, LONGEST, "s", "t")
+    array = np.array(list(columns.values.values())).T
     values_of = np.moveaxis(array[:, 1:].reshape(len(table), orders, dimensions), 1, 0)
     return Samples(array[:, 0].copy(), np.ascontiguousarray(values_of))
 
@@ -181,17 +202,21 @@ def _sample_shape(names: list[str]) -> tuple[int, int] | None:
 # -- waypoints ---------------------------------------------------------------------------------------
 
 
-def read_waypoints(path: str | os.PathLike[str]) -> Floats:
+def read_waypoints(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -> Floats:
     """Read waypoints (m) from a CSV or Excel file with one waypoint per line, one column per axis.
 
     An optional header has the names ``x,y,z,yaw``, ``px,py,pz``, ``east,north,up``, ``e,n,u`` (or the
-    first of them), or ``x0,x1,…``. Files of uav_trajectories have no header. Rows of commas only are
-    skipped. The files contain no times; :func:`~crosstrack.instances.times_by_distance` is a first guess.
+    first of them), or ``x0,x1,…``, each optionally with its unit in brackets. Files of uav_trajectories
+    have no header. Rows of commas only are skipped. The files contain no times;
+    :func:`~crosstrack.instances.times_by_distance` is a first guess.
 
     Parameters
     ----------
     path : path-like
         Path of the file.
+    **options
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`. With a map,
+        only its columns are read, in the order of the axes.
 
     Returns
     -------
@@ -205,30 +230,60 @@ def read_waypoints(path: str | os.PathLike[str]) -> Floats:
         column and value.
     """
     file = as_path(path)
+    reader = Rows(file, "waypoint", **options)
     points: list[list[float]] = []
     names: list[str] = []
-    for line, values in numeric_rows(file):
+    axes: list[int] = []
+    factors: list[float] = []
+    for line, values in numeric_rows(reader):
         where = f"{file}, line {line}"
         if not names:
-            labels = [value.lstrip("# ").casefold() for value in values]
-            words = not any(NUMBER.fullmatch(value) for value in values)
-            if words and not {"t", "time", "duration"}.isdisjoint(labels):
-                raise InvalidData(
-                    f"{where}: a column of times, where only coordinates are allowed (x,y,z)",
-                    field="waypoints",
-                )
-            if words and all(re.fullmatch(r"[a-z]\w*", name) for name in labels):
-                _require_axes(labels, where)
-                names = labels
+            if not any(map(is_numeric, values)):
+                parts = [label_parts(value.lstrip("# ")) for value in values]
+                names = [name.casefold() for name, _ in parts]
+                axes = _axes(names, reader.columns, where)
+                factors = [_factor(names[at], parts[at][1], where) for at in axes]
                 continue
             count = len(values)
             names = list(_AXES[:count]) if count <= 4 else [f"x{axis}" for axis in range(count)]
-        points.append(numbers(values, names, where, "waypoints"))
+            axes, factors = list(range(count)), [1.0] * count
+        labels = names
+        if len(values) == len(names):
+            values, labels = [values[at] for at in axes], [names[at] for at in axes]
+        point = numbers(values, labels, where, "waypoints", reader.number)
+        points.append([x * factor for x, factor in zip(point, factors, strict=True)])
     if len(points) < 2:
         raise InvalidData(
             f"{file}: must hold at least 2 waypoints, got {len(points)}", field="waypoints"
         )
     return np.array(points)
+
+
+def _axes(names: Sequence[str], columns: Mapping[str, str], where: str) -> list[int]:
+    """Return the positions of the coordinates, of all columns without a map, or raise."""
+    if not columns and not {"t", "time", "duration"}.isdisjoint(names):
+        raise InvalidData(
+            f"{where}: a column of times, where only coordinates are allowed (x,y,z)",
+            field="waypoints",
+        )
+    axes = next((axes for axes in _HEADERS if columns and columns.keys() <= {*axes}), names)
+    places = [names.index(axis) for axis in axes if axis in names]
+    _require_axes([names[at] for at in places], where)
+    unread = [name for at, name in enumerate(names) if at not in places]
+    if unread:
+        log.warning("%s: columns that are not read: %s", where, ", ".join(unread))
+    return places
+
+
+def _factor(name: str, unit: str, where: str) -> float:
+    """Return the factor of a unit to metres, or to radians for yaw; 1 without a unit."""
+    units = ANGLES if name == "yaw" else LENGTHS
+    if unit and unit.casefold() not in units:
+        raise InvalidData(
+            f"{where}, column {name}: the unit must be one of {', '.join(units)}, got {show(unit)}",
+            field="waypoints",
+        )
+    return units[unit.casefold()] if unit else 1.0
 
 
 def _require_axes(names: Sequence[str], where: str) -> None:
@@ -261,9 +316,9 @@ def describe_table(file: Path, header: str) -> str:
     return ""
 
 
-def waypoints_of_table(file: Path) -> dict[str, Any]:
+def waypoints_of_table(file: Path, **options: Unpack[TableOptions]) -> dict[str, Any]:
     """Return the data of an instance from a file of waypoints."""
-    return {"waypoints": read_waypoints(file)}
+    return {"waypoints": read_waypoints(file, **options)}
 
 
 #: Replaces ``"waypoints": "file.csv"`` in an instance by the waypoints in the file.

@@ -2,58 +2,75 @@
 
 A file has a header with the columns ``time``, ``speed``, ``steering``, ``yaw_rate``,
 ``lateral_acceleration`` and, optionally, ``sideslip``, in any order, each with its unit in
-brackets, such as ``speed [km/h]``. Other columns are ignored with a warning in the log.
+brackets, such as ``speed [km/h]``. The angle of the steering wheel, ``steering_wheel``, may replace that of
+the front wheels. Other columns are ignored with a warning in the log.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...models.sideslip.data import GRAVITY, MOST_GAP, Recording
+from ...models.fields import Optional, Real
+from ...models.sideslip.data import MOST_GAP, Recording
 from ..storage import Assumed
-from ..tables import TIMES, Column, read_table
+from ..tables import Column, TableOptions, interpolate, read_table
+from ..units import ACCELERATIONS, ANGLES, RATES, SPEEDS, TIMES
 from .settings import VEHICLE
 
 __all__ = ["read_recording", "table_file"]
 
+Floats = NDArray[np.float64]
+
 log = logging.getLogger("crosstrack")
 
-_DEGREE, _RIGHT = math.pi / 180.0, math.pi / 2
-_ANGLES = {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "mrad": 1e-3}
-_RATES = {"rad/s": 1.0, "deg/s": _DEGREE, "°/s": _DEGREE, "mrad/s": 1e-3}
-_SPEEDS = {"m/s": 1.0, "km/h": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704}
-_ACCELERATIONS = {"m/s²": 1.0, "m/s^2": 1.0, "m/s2": 1.0, "g": GRAVITY}
+#: Largest time (s) between the neighbours of interpolated values: a steering input takes longer.
+LONGEST = 0.25
+_RIGHT, _TURNS = 0.5 * np.pi, 20.0 * np.pi
 _COLUMNS = (
-    Column("time", units=TIMES),
-    Column("speed", units=_SPEEDS, lower=0.0, upper=1000.0),
-    Column("steering", units=_ANGLES, lower=-_RIGHT, upper=_RIGHT),
-    Column("yaw_rate", units=_RATES, lower=-100.0, upper=100.0),
-    Column("lateral_acceleration", units=_ACCELERATIONS, lower=-1000.0, upper=1000.0),
-    Column("sideslip", units=_ANGLES, lower=-_RIGHT, upper=_RIGHT, optional=True),
-)
+    Column("time", units=TIMES, aliases=("t",)),
+    Column("speed", units=SPEEDS, lower=0.0, upper=1000.0, series=True),
+    Column("steering", units=ANGLES, lower=-_RIGHT, upper=_RIGHT, series=True),
+    Column("steering_wheel", units=ANGLES, lower=-_TURNS, upper=_TURNS, series=True,
+           aliases=("steering_wheel_angle",)),
+    Column("yaw_rate", units=RATES, lower=-100.0, upper=100.0, series=True),
+    Column("lateral_acceleration", units=ACCELERATIONS, lower=-1000.0, upper=1000.0, series=True),
+    Column("sideslip", units=ANGLES, lower=-_RIGHT, upper=_RIGHT, optional=True, series=True),
+)  # fmt: skip
 _HEADER = (
-    "such as 'time [s],speed [km/h],steering [deg],yaw_rate [deg/s],lateral_acceleration [m/s²]'"
+    "such as 'time [s],speed [km/h],steering [deg],yaw_rate [deg/s],lateral_acceleration [m/s²]', or "
+    "steering_wheel with data steering_ratio instead of steering"
 )
 
 
-def read_recording(path: str | os.PathLike[str]) -> Recording:
+def read_recording(
+    path: str | os.PathLike[str],
+    *,
+    steering_ratio: float | None = None,
+    **options: Unpack[TableOptions],
+) -> Recording:
     """Return the drive in a CSV or Excel file.
 
-    The first time is arbitrary. Repeated lines are dropped with a warning in the log. The steering
-    angle is that of the front wheels, not of the steering wheel. Signs are those of ISO 8855, positive to the left.
+    The first time is arbitrary. Repeated lines are dropped with a warning in the log. Signs are those of
+    ISO 8855, positive to the left.
 
     Parameters
     ----------
     path : path-like
         The file.
+    steering_ratio : float, optional
+        Angle of the steering wheel per angle of the front wheels, for files with a column
+        ``steering_wheel`` instead of ``steering``.
+    **options
+        Map of columns, encoding, sheet and missing values, see
+        :class:`~crosstrack.instances.rows.TableOptions`. With ``missing="interpolate"``, missing cells and
+        missing lines are interpolated over at most 0.25 s, with a warning in the log.
 
     Returns
     -------
@@ -69,21 +86,60 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
         finite or out of range, two different lines have the same time, times decrease, a gap exceeds 2 s, or there
         are fewer than 10 samples. The message gives file, line, column and value.
     """
-    table = read_table(path, _COLUMNS, _HEADER, row="sample", field="recording", strict=False)
+    ratio = Optional(Real(0, strict=True)).coerce("steering_ratio", steering_ratio, {})
+    if ratio is None and "steering_wheel" in (options.get("columns") or ()):
+        raise InvalidData(
+            f"{path}: steering_ratio must be given for steering_wheel, such as steering_ratio=16",
+            field="steering_ratio",
+        )
+    unread = "steering_wheel" if ratio is None else "steering"
+    columns = [column for column in _COLUMNS if column.name != unread]
+    names = {"row": "sample", "field": "recording"}
+    table = read_table(path, columns, _HEADER, strict=False, series=True, **names, **options)
+    if ratio is not None:
+        angles = table.values.pop("steering_wheel")
+        table.values["steering"] = [angle / ratio for angle in angles]
+    interpolate(table, LONGEST, "s")
     values = {name: np.array(column) for name, column in table.values.items()}
     new = _new_rows(np.stack(list(values.values())), values["time"], table.places)
     if len(new) < len(table.places):
         log.warning("%s: %d lines repeat the one before", path, len(table.places) - len(new))
     values = {name: value[new] for name, value in values.items()}
+    times = values.pop("time")
+    more = _filled(times, [table.places[k] for k in new], options.get("missing") is not None)
+    values = {name: np.interp(more, times, value) for name, value in values.items()}
     try:
-        return Recording(times=values.pop("time"), **values)
+        return Recording(times=more, **values)
     except InvalidData as error:
         raise InvalidData(f"{path}: {error}", field=error.field) from None
 
 
-def _new_rows(
-    table: NDArray[np.float64], times: NDArray[np.float64], places: list[str]
-) -> NDArray[np.intp]:
+def _filled(times: Floats, places: list[str], fills: bool) -> Floats:
+    """Return the times with those of missing lines if `fills`; name gaps in the log."""
+    steps = np.diff(times)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    (gaps,) = np.nonzero(steps > 1.5 * usual)
+    if not gaps.size:
+        return times
+    wide = int(steps.argmax())
+    log.warning(
+        "%s: %d gaps between samples, which are %.6g s apart; the longest is %.6g s",
+        places[wide + 1], gaps.size, usual, steps[wide],
+    )  # fmt: skip
+    short = [k for k in gaps if fills and steps[k] <= LONGEST]
+    if not short:
+        return times
+    parts = [
+        times[k] + steps[k] * np.arange(1, count) / count
+        for k in short
+        for count in (round(steps[k] / usual),)
+    ]
+    more = np.concatenate(parts)
+    log.warning("%s …: %d missing samples are interpolated", places[0], more.size)
+    return np.sort(np.append(times, more))
+
+
+def _new_rows(table: Floats, times: Floats, places: list[str]) -> NDArray[np.intp]:
     """Return the indices of rows (columns of `table`) that differ from the row before.
 
     Raise if times do not increase or a gap exceeds 2 s; `places` are the positions in the file.
@@ -105,7 +161,9 @@ def _new_rows(
     return new
 
 
-def table_file(file: Path) -> dict[str, Any]:
+def table_file(
+    file: Path, *, steering_ratio: float | None = None, **options: Unpack[TableOptions]
+) -> dict[str, Any]:
     """Return the fields of a model from the file of a drive, with a default vehicle.
 
     An angle in the file becomes the truth of the model.
@@ -114,13 +172,15 @@ def table_file(file: Path) -> dict[str, Any]:
     ----------
     file : pathlib.Path
         The file.
+    steering_ratio, **options
+        See :func:`read_recording`.
 
     Returns
     -------
     dict
         Fields of :class:`~crosstrack.models.sideslip.SideslipEstimation` by name.
     """
-    drive = read_recording(file)
+    drive = read_recording(file, steering_ratio=steering_ratio, **options)
     data = {
         "vehicle": Assumed(VEHICLE),
         "recording": Recording.from_data({**drive.data(), "sideslip": None}),

@@ -66,8 +66,9 @@ def test_a_period_stands_for_times_that_are_missing(tmp_path):
         InvalidData, match=r"has no column of times, such as 'time .s.': period must"
     ):
         read_series(file)
-    with pytest.raises(InvalidData, match="must have a column of times"):
+    with pytest.raises(InvalidData, match="has no column of times"):
         table_file(file)
+    assert table_file(file, period=0.25)["period"] == 0.25
     with pytest.raises(InvalidData, match=r"period must not be given: the file has times, 0.5 s"):
         read_series(written(tmp_path), period=0.5)
 

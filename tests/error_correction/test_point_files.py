@@ -12,7 +12,7 @@ from commands import run
 
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, InvalidData, UnsupportedOption
-from crosstrack.instances import error_correction as ec, read_waypoints, tables
+from crosstrack.instances import error_correction as ec, excel, read_waypoints
 
 openpyxl = pytest.importorskip("openpyxl", reason="Excel files need openpyxl")
 
@@ -84,15 +84,21 @@ def test_the_contests_file_is_read_as_it_is(form, rows, tmp_path):
     assert table.ids is None
 
 
-def test_sheets_that_are_not_read_are_named(tmp_path, caplog):
+def test_one_of_several_sheets_must_be_named(tmp_path):
     file = workbook(tmp_path / "points.xlsx", ROWS)
     book = openpyxl.load_workbook(file)
     book.create_sheet("empty")
     book.create_sheet("limits").append(["theta", 30])
     book.save(file)
-    with caplog.at_level(logging.WARNING, "crosstrack"):
-        assert len(ec.read_points(file).points) == len(ROWS)
-    assert "points.xlsx: only the sheet 'Sheet' is read, not 'limits'" in caplog.text
+    with pytest.raises(InvalidData, match=r"sheet must name one of the .*: 'Sheet', 'limits'"):
+        ec.read_points(file)
+    for sheet in ("Sheet", 1, "1"):
+        assert len(ec.read_points(file, sheet=sheet).points) == len(ROWS)
+    for sheet in ("Points", 4, 0, -1, 1.5):
+        with pytest.raises(InvalidData, match="sheet must be a name or number of 'Sheet', 'empty'"):
+            ec.read_points(file, sheet=sheet)
+    with pytest.raises(InvalidData, match="encoding is for text files"):
+        ec.read_points(file, encoding="latin-1")
 
 
 def test_columns_that_are_not_used_are_named(tmp_path, caplog):
@@ -224,7 +230,7 @@ def test_an_excel_file_is_read_within_bounds(tmp_path, monkeypatch):
     wide = workbook(tmp_path / "wide.xlsx", [[*HEADER, *range(60)], *ROWS])
     with pytest.raises(InvalidData, match="64 columns"):
         ec.read_points(wide)
-    monkeypatch.setattr(tables, "ROWS", 3)
+    monkeypatch.setattr(excel, "ROWS", 3)
     with pytest.raises(InvalidData, match="at most 3 rows"):
         ec.read_points(workbook(tmp_path / "long.xlsx", ROWS))
 

@@ -167,7 +167,7 @@ def test_ids_are_numbers_where_all_are(labels, ids, tmp_path):
         (",B", ",1", "no point is of kind B"),
         (",3.5,0", ",3.5,A", "line 3, column kind: a second A, the first is in line 2"),
         (",3.5,0", ',3.5,"0', "line 3: no valid CSV"),
-        (",", ";", "column 'x' is missing.*separated by commas"),
+        (",", "|", "column 'x' is missing.*separated by commas"),
     ],
 )
 def test_faults_in_a_csv_name_line_and_column(old, new, message, tmp_path):
@@ -183,7 +183,7 @@ def test_faults_in_a_csv_name_line_and_column(old, new, message, tmp_path):
         (b"\n\n", "the file is empty"),
         (b"id,x,y,z,kind\n", "no points below the header"),
         (TABLE.replace("A", "\u5357").encode("gbk"), "line 2: byte 0x.. is no UTF-8"),
-        (TABLE.encode("utf-16"), "line 1: byte 0xff is no UTF-8"),
+        (b"\xff" + TABLE.encode(), "line 1: byte 0xff is no UTF-8"),
     ],
 )
 def test_files_without_a_table_are_rejected(content, message, tmp_path):

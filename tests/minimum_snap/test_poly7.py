@@ -216,7 +216,7 @@ def test_poly7_files_of_other_tools(tmp_path):
     assert read_poly7(path).segments == 1
     with pytest.raises(InvalidData, match="no such file"):
         read_poly7(tmp_path / "none.csv")
-    path.write_bytes(b"\xff\xfe")
+    path.write_bytes(b"\xff")
     with pytest.raises(InvalidData, match=r"p\.csv.*no UTF-8"):
         read_poly7(path)
     path.write_text(HEADER + "\n" + ROW)

@@ -146,8 +146,8 @@ def test_bad_rows_are_refused(tmp_path, lines, message):
     [
         ("speed [m/s]", "speed", r"column 'speed': must state its unit .* m/s, km/h.*; got none"),
         ("speed [m/s]", "speed []", "must state its unit in brackets"),
-        ("speed [m/s]", "speed [knots]", "one of m/s, km/h, kph, mph; got 'knots'"),
-        ("steering [rad]", "steering [rad/s]", "one of rad, deg, °, mrad; got 'rad/s'"),
+        ("speed [m/s]", "speed [knots]", "one of m/s, km/h, kph, mph, .*; got 'knots'"),
+        ("steering [rad]", "steering [rad/s]", "one of rad, deg, °, mrad, .*; got 'rad/s'"),
         ("speed [m/s],", "", "missing: speed"),
         ("speed [m/s],steering [rad]", "velocity [m/s],wheel [rad]", "missing: speed, steering"),
         ("speed [m/s]", "speed [m/s][m/s]", "missing: speed"),
@@ -176,7 +176,7 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(InvalidData, match="missing: time"):
         read_recording(empty)
     binary = tmp_path / "binary.csv"
-    binary.write_bytes(b"\xff\xfe\x00time")
+    binary.write_bytes(b"\xff\x00time")
     with pytest.raises(InvalidData, match="is no UTF-8"):
         read_recording(binary)
 
