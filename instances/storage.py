@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import BackendBroken, InvalidData, UnknownName
-from ..files import LARGEST_FILE, as_path, read_input, read_text, write_text
+from ..files import LARGEST_FILE, as_path, read_bytes, read_input, read_text, write_text
 from ..models.fields import show
 from ..models.json_text import parse_json
 from ..models.model import Model, as_model
@@ -267,11 +267,10 @@ def model_of_table(
             log.warning("%s: %s is assumed, as the file holds none: data may give it", file, key)
         return result
     if not lacking:
-        _hint(file)
-        if (
-            len(set(unread.values())) == 1 < len(unread)
-        ):  # the file itself, or an option, is invalid
+        # The file itself, or an option, is invalid.
+        if len(set(unread.values())) == 1 < len(unread):
             raise InvalidData(next(iter(unread.values())))
+        _hint(file)
     reasons: dict[str, str] = {}
     for candidate, reason in (lacking or unread).items():
         reasons[reason] = f"{reasons[reason]}, {candidate}" if reason in reasons else candidate
@@ -289,7 +288,8 @@ def model_of_table(
 def _hint(file: Path) -> None:
     """Raise a problem's hint on a CSV file that is not part of an instance, if there is one."""
     if file.suffix.casefold() == ".csv":
-        first = next((line for line in read_text(file).splitlines() if line.strip()), "")
+        text = read_bytes(file).decode(errors="replace")
+        first = next((line for line in text.splitlines() if line.strip()), "")
         for _, describe in loadable(__package__, "HINTS"):
             words: str = describe(file, first)
             if words:

@@ -298,7 +298,7 @@ _COLUMNS = (
     Column("demand", free=True, optional=True),
     Column("id", field="ids", text=True, optional=True, aliases=("name",)),
 )  # fmt: skip
-#: Columns of positions, the first of which are used.
+#: Columns of positions; the first pair has precedence.
 _POSITIONS = (("x", "y"), ("lat", "lon"))
 
 

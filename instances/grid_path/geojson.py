@@ -1,38 +1,47 @@
 """Reader and writer of polygons in GeoJSON (RFC 7946).
 
-Coordinates are metres in the map's plane. The standard prescribes longitudes and latitudes, which must
-be projected before reading.
+Coordinates are metres in the map's plane, or with ``geographic=True`` longitudes and latitudes as the
+standard prescribes, which are projected to metres.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from ...errors import InvalidData
 from ...files import as_path, read_text
-from ...models.fields import show
+from ...models.fields import Flag, show
 from ...models.grid_path.polygons import Polygon, Polygons
 from ...models.json_text import parse_json
 from ..exports import closed_ring, write_geojson
+from ..projection import project
 
-__all__ = ["read_geojson_polygons", "write_geojson_polygons"]
+__all__ = ["project_polygons", "read_geojson_polygons", "write_geojson_polygons"]
 
 _TYPES = ("FeatureCollection", "Feature", "MultiPolygon", "Polygon")
 
 
-def read_geojson_polygons(path: str | os.PathLike[str]) -> tuple[Polygon, ...]:
+def read_geojson_polygons(
+    path: str | os.PathLike[str], *, geographic: bool = False
+) -> tuple[Polygon, ...]:
     """Return the polygons in a GeoJSON file, with their holes.
 
     The reader supports Polygon, MultiPolygon, Feature and FeatureCollection. It ignores properties and
-    heights. Coordinates are metres.
+    heights.
 
     Parameters
     ----------
     path : path-like
         Path of the file.
+    geographic : bool, default False
+        Whether coordinates are longitudes and latitudes in degrees, which are projected, instead of
+        metres. See :func:`~crosstrack.instances.projection.project`.
 
     Returns
     -------
@@ -46,6 +55,8 @@ def read_geojson_polygons(path: str | os.PathLike[str]) -> tuple[Polygon, ...]:
         location.
     """
     file = as_path(path)
+    if Flag().coerce("geographic", geographic, {}):
+        return project_polygons(read_geojson_polygons(file), (), str(file))[0]
     text = read_text(file)
     try:
         polygons = dict(_polygons(parse_json(text), ""))
@@ -55,6 +66,51 @@ def read_geojson_polygons(path: str | os.PathLike[str]) -> tuple[Polygon, ...]:
             raise InvalidData(_placed(str(error), list(polygons)), field="polygons") from None
     except InvalidData as error:
         raise InvalidData(f"{file}: {error}", field=error.field) from None
+
+
+def project_polygons(
+    polygons: Sequence[Polygon], positions: ArrayLike, where: str
+) -> tuple[tuple[Polygon, ...], NDArray[np.float64]]:
+    """Return polygons and further positions, both of longitudes and latitudes, in a common plane.
+
+    Parameters
+    ----------
+    polygons : sequence of Polygon
+        Polygons with longitudes and latitudes in degrees. Edges are straight in the plane.
+    positions : array-like, shape (k, 2)
+        Further longitudes and latitudes in degrees.
+    where : str
+        File of the polygons, for messages.
+
+    Returns
+    -------
+    tuple of Polygon, ndarray of shape (k, 2)
+        Both in metres.
+
+    Raises
+    ------
+    InvalidData
+        A longitude or latitude is out of range, positions are too far apart, or there are none.
+    """
+    rings = [ring for polygon in polygons for ring in (polygon.shell, *polygon.holes)]
+    parts = [np.asarray(part, float).reshape(-1, 2) for part in (*rings, positions)]
+    points = np.concatenate(parts)
+    bad = np.flatnonzero((np.abs(points[:, 1]) > 90) | (points[:, 0] < -180) | (points[:, 0] > 360))
+    if bad.size or not len(points):
+        got = show(points[bad[0]].tolist()) if bad.size else "no position"
+        raise InvalidData(
+            f"{where}: geographic positions must be [longitude, latitude] in -180 … 360 and -90 … 90 "
+            f"degrees, got {got}",
+            field="geographic",
+        )
+    plane = project(points[:, 1], points[:, 0], where)
+    *flat, rest = np.split(plane, np.cumsum([len(part) for part in parts])[:-1])
+    queue = iter(flat)
+    shapes = [
+        {"shell": next(queue), "holes": [next(queue) for _ in polygon.holes]}
+        for polygon in polygons
+    ]
+    return tuple(Polygons().coerce("polygons", shapes, {})), rest
 
 
 def _placed(message: str, places: list[str]) -> str:

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from ...errors import InvalidData, suggestion
 from ...files import as_path, read_text, write_text
-from ...models.fields import required, show
+from ...models.fields import Array, Flag, required, show
 from ...models.grid_path.gridmap import GridMap, read_cells
 from ..storage import Find
-from .geojson import read_geojson_polygons
+from .geojson import project_polygons, read_geojson_polygons
 from .images import SUFFIXES, read_image
 from .movingai import read_map
 
@@ -88,7 +88,12 @@ def write_text_map(grid: GridMap, path: str | os.PathLike[str]) -> Path:
 
 
 def read_polygon_map(
-    path: str | os.PathLike[str], *, bounds: ArrayLike, cell: float, radius: float = 0.0
+    path: str | os.PathLike[str],
+    *,
+    bounds: ArrayLike,
+    cell: float,
+    radius: float = 0.0,
+    geographic: bool = False,
 ) -> GridMap:
     """Return the map of the polygons in a GeoJSON file.
 
@@ -98,6 +103,9 @@ def read_polygon_map(
         Path of the file.
     bounds, cell, radius
         See :meth:`~crosstrack.models.grid_path.GridMap.from_polygons`.
+    geographic : bool, default False
+        Whether the coordinates in the file are longitudes and latitudes, and `bounds` the lowest
+        longitude and latitude and the highest ones, in degrees. They are projected to metres.
 
     Returns
     -------
@@ -109,7 +117,13 @@ def read_polygon_map(
     InvalidData
         The file or an argument is invalid.
     """
-    return GridMap.from_polygons(read_geojson_polygons(path), bounds, cell, radius)
+    polygons = read_geojson_polygons(path)
+    if Flag().coerce("geographic", geographic, {}):
+        west, south, east, north = Array((4,)).coerce("bounds", bounds, {})
+        corners = [(x, y) for x in (west, east) for y in (south, north)]
+        polygons, plane = project_polygons(polygons, corners, str(path))
+        bounds = [*plane.min(axis=0), *plane.max(axis=0)]
+    return GridMap.from_polygons(polygons, bounds, cell, radius)
 
 
 #: Reader of each file format by suffix.

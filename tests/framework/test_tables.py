@@ -17,6 +17,7 @@ from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.instances.attractor import read_series
 from crosstrack.instances.error_correction import read_points
 from crosstrack.instances.fleet import read_nodes
+from crosstrack.instances.grid_path import read_geojson_polygons
 from crosstrack.instances.guided_path import read_stops
 from crosstrack.instances.minimum_snap import read_samples, read_waypoints
 from crosstrack.instances.projection import project
@@ -311,3 +312,27 @@ def test_fleets_with_latitudes(tmp_path, caplog):
 def test_mutated_tables_are_read_right_or_rejected():
     verdicts = main(250)
     assert min(verdicts[word] for word in ("read", "damaged", "rejected")) > 20
+
+
+def test_maps_with_longitudes(tmp_path, caplog):
+    ring = [[4.0, 52.0], [4.01, 52.0], [4.01, 52.01], [4.0, 52.01], [4.0, 52.0]]
+    hole = [[4.004, 52.004], [4.006, 52.004], [4.006, 52.006], [4.004, 52.004]]
+    file = written(tmp_path, json.dumps({"type": "Polygon", "coordinates": [ring, hole]}), "a.json")
+    (polygon,) = read_geojson_polygons(file, geographic=True)
+    width, height = np.ptp(polygon.shell, axis=0)
+    assert (width, height) == pytest.approx((686.9, 1112.6), rel=1e-3)
+    assert len(polygon.holes) == 1
+    # The corners of the bounds move the centre, and the cells cover them.
+    entry = {"file": "a.json", "bounds": [3.99, 51.99, 4.02, 52.02], "cell": 50, "geographic": True}
+    data = {"map": entry, "start": [1, 1], "goals": [30, 30]}
+    whole = written(tmp_path, json.dumps({"model": "grid-path", "data": data}), "whole.json")
+    grid = ct.load(whole).map
+    assert grid.blocked.shape == (67, 42)
+    assert 300 < grid.blocked[:-1, :-1].sum() < 400
+    file = written(
+        tmp_path, json.dumps({"type": "Polygon", "coordinates": [[[0, 0], [0, 95], [5, 0]]]})
+    )
+    with pytest.raises(
+        InvalidData, match=r"geographic positions must be .longitude, .*got .0.0, 95.0."
+    ):
+        read_geojson_polygons(file, geographic=True)
