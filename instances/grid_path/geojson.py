@@ -90,7 +90,7 @@ def project_polygons(
     Raises
     ------
     InvalidData
-        A longitude or latitude is out of range, positions are too far apart, or there are none.
+        A longitude or latitude is out of range, positions are too far apart, or the file has no polygon.
     """
     rings = [ring for polygon in polygons for ring in (polygon.shell, *polygon.holes)]
     parts = [np.asarray(part, float).reshape(-1, 2) for part in (*rings, positions)]
