@@ -41,6 +41,8 @@ if TYPE_CHECKING:
         write_samples as write_samples,
     )
     from .optimal_control.tables import write_control_samples as write_control_samples
+    from .projection import project_positions as project_positions
+    from .rows import TableOptions as TableOptions
     from .storage import (
         read_model as read_model,
         read_plan as read_plan,

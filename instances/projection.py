@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidData
 
-__all__ = ["LARGEST_ERROR", "project"]
+__all__ = ["LARGEST_ERROR", "project_positions"]
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ _RADIUS, _SQUARE = 6378137.0, 6.69437999014e-3
 log = logging.getLogger("crosstrack")
 
 
-def project(latitudes: ArrayLike, longitudes: ArrayLike, where: str) -> Floats:
+def project_positions(latitudes: ArrayLike, longitudes: ArrayLike, where: str) -> Floats:
     """Return positions in a plane; state the projection and its error in the log.
 
     Poles and the antimeridian need no special treatment.

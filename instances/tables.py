@@ -12,17 +12,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, Unpack
 
-import numpy as np
-
 from ..errors import InvalidData, suggestion
 from ..files import write_text
 from ..models.fields import show
 from .rows import MISSING, UNMAPPED, Rows, TableOptions, number, numbers, table_rows
 from .text_tables import NUMBER, is_comment
-from .units import TIMES, label_parts
+from .units import TIMES, factor_of, label_parts
 
 __all__ = [
-    "NUMBER", "TIMES", "Column", "Sheet", "Table", "TableOptions", "interpolate", "number", "numbers",
+    "NUMBER", "TIMES", "Column", "Sheet", "Table", "TableOptions", "number", "numbers",
     "read_table", "table_rows", "table_text", "write_rows",
 ]  # fmt: skip
 
@@ -60,7 +58,8 @@ class Column(NamedTuple):
     aliases : tuple of str
         Other names of the column, used if none has `name`.
     series : bool
-        Whether missing cells may be interpolated. They are NaN in the table, for :func:`interpolate`.
+        Whether missing cells may be interpolated. They are NaN in the table, for
+        :func:`~crosstrack.instances.series.interpolate`.
     lower, upper : float
         Limits of the numbers in the first unit.
     """
@@ -108,7 +107,7 @@ class Sheet:
     series : bool
         Whether rows are samples over time.
     **options
-        See :class:`~crosstrack.instances.rows.TableOptions`.
+        See :class:`~crosstrack.instances.TableOptions`.
 
     Attributes
     ----------
@@ -146,17 +145,8 @@ class Sheet:
 
         With `bare`, the unit may be missing.
         """
-        unit = self.parts(at)[1].casefold()
-        if bare and not unit:
-            return 1.0
-        if unit not in units:
-            got = f"got {show(unit)}" if unit else "got none"
-            raise InvalidData(
-                f"{self.where}, column {show(self.names[at])}: must state its unit in brackets, one of "
-                f"{', '.join(units)}; {got}",
-                field=field,
-            )
-        return units[unit]
+        where = f"{self.where}, column {show(self.names[at])}"
+        return factor_of(self.parts(at)[1], units, where, field, bare=bare)
 
     def select(
         self,
@@ -266,8 +256,14 @@ class Sheet:
         missing = cell.casefold() in MISSING
         if column.empty and (not cell or (missing and not column.text)):
             return cell if column.text else None
-        if column.series and missing and self._reader.fills:
-            return math.nan
+        if column.series and missing:
+            if self._reader.fills:
+                return math.nan
+            raise InvalidData(
+                f"{place}: must be a finite number, got {show(cell)}: the value is missing; "
+                "missing='interpolate' (on the command line --missing interpolate) fills short gaps",
+                field=field,
+            )
         if column.text:
             if not cell:
                 raise InvalidData(f"{place}: must name the {self.row}, got nothing", field=field)
@@ -296,58 +292,6 @@ def read_table(
     selection = {name: options.pop(name) for name in ("strict", "suits") if name in options}
     sheet = Sheet(path, row, field, **options)
     return sheet.read(sheet.select(columns, header, **selection))
-
-
-def interpolate(table: Table, longest: float, unit: str, time: str = "time") -> None:
-    """Fill missing cells, NaN, linearly over time, in place; name their number in the log.
-
-    Parameters
-    ----------
-    table : Table
-        Table whose column `time` is without missing cells.
-    longest : float
-        Largest time between the neighbours of a missing cell.
-    unit : str
-        Unit of the times, for messages.
-    time : str
-        Name of the column of times.
-
-    Raises
-    ------
-    InvalidData
-        A missing cell has no value before or after it, or its neighbours are too far apart.
-    """
-    times = np.array(table.values[time])
-    count, widest = 0, 0.0
-    for name, cells in table.values.items():
-        values = np.array(cells, float)
-        (holes,), (present,) = np.isnan(values).nonzero(), np.isfinite(values).nonzero()
-        if not holes.size:
-            continue
-        after = present.searchsorted(holes)
-        lost = holes[(after == 0) | (after == present.size)]
-        if lost.size:
-            raise InvalidData(
-                f"{table.places[lost[0]]}, column {name}: must have a value, because no sample "
-                f"{'before' if after[0] == 0 else 'after'} it has one",
-                field=name,
-            )
-        spans = times[present[after]] - times[present[after - 1]]
-        wide = int(spans.argmax())
-        if spans[wide] > longest:
-            raise InvalidData(
-                f"{table.places[holes[wide]]}, column {name}: values are missing for {spans[wide]:.6g} "
-                f"{unit}; at most {longest:.6g} {unit} are interpolated: split the file there",
-                field=name,
-            )
-        values[holes] = np.interp(times[holes], times[present], values[present])
-        table.values[name][:] = values.tolist()
-        count, widest = count + holes.size, max(widest, float(spans[wide]))
-    if count:
-        log.warning(
-            "%s …: %d missing cells are interpolated, the longest gap is %.6g %s",
-            table.places[0], count, widest, unit,
-        )  # fmt: skip
 
 
 def write_rows(

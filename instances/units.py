@@ -10,8 +10,8 @@ from types import MappingProxyType
 from ..errors import InvalidData, show
 
 __all__ = [
-    "ACCELERATIONS", "ANGLES", "LENGTHS", "RATES", "SPEEDS", "TIMES", "is_unit_row", "label_parts",
-    "with_units",
+    "ACCELERATIONS", "ANGLES", "LENGTHS", "RATES", "SPEEDS", "TIMES", "factor_of", "is_unit_row",
+    "label_parts", "with_units",
 ]  # fmt: skip
 
 _DEGREE, _GRAVITY = math.pi / 180.0, 9.80665
@@ -61,6 +61,21 @@ def label_parts(label: str) -> tuple[str, str]:
     """Return name and unit of a column's label as written; the unit may be empty."""
     match = _LABEL.fullmatch(label)
     return (match[1], (match[2] or match[3] or "").strip()) if match else (label, "")
+
+
+def factor_of(
+    unit: str, units: Mapping[str, float], where: str, field: str, *, bare: bool = False
+) -> float:
+    """Return the factor of a unit in `units`, or raise. With `bare`, the unit may be empty."""
+    if bare and not unit:
+        return 1.0
+    if unit.casefold() not in units:
+        got = f"got {show(unit.casefold())}" if unit else "got none"
+        raise InvalidData(
+            f"{where}: must state its unit in brackets, one of {', '.join(units)}; {got}",
+            field=field,
+        )
+    return units[unit.casefold()]
 
 
 def _bare(cell: str) -> str:

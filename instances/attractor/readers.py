@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnknownName
 from ...models.attractor.model import AttractorAnalysis
 from ...models.fields import Optional, Real, required, show
-from ..tables import TIMES, Column, Sheet, Table, TableOptions, interpolate
+from ..series import insert_rows, interpolate
+from ..tables import TIMES, Column, Sheet, TableOptions
 
 __all__ = ["EVEN", "read_series", "table_file"]
 
@@ -50,7 +51,7 @@ def read_series(
         Name of the model. Default: name of the file.
     **options
         Map of columns, encoding, sheet and missing values, see
-        :class:`~crosstrack.instances.rows.TableOptions`. With ``missing="interpolate"``, at most 5
+        :class:`~crosstrack.instances.TableOptions`. With ``missing="interpolate"``, at most 5
         consecutive samples are interpolated, with a warning in the log.
 
     Raises
@@ -118,26 +119,15 @@ def _read(
     if not times:
         table.values["time"] = [float(k) for k in range(len(table.places))]
     if options.get("missing") is not None:
-        _fill(table, unit)
+        usual = float(np.median(np.diff(table.values["time"]))) if len(table.places) > 1 else 0.0
+        longest = (LONGEST + 1 + EVEN) * usual
+        insert_rows(table, longest)
+        interpolate(table, longest, unit)
     result = {"series": np.array(table.values["series"]), "unit": sheet.parts(at)[1]}
     for k in times:
         spacing = _spacing(np.array(table.values["time"]), table.places, sheet.names[k])
         result["period"] = sheet.factor(k, TIMES, "time") * spacing
     return result
-
-
-def _fill(table: Table, unit: str) -> None:
-    """Interpolate missing cells and lines of a series, in place."""
-    times = table.values["time"]
-    steps = np.diff(times)
-    usual = float(np.median(steps)) if steps.size else 0.0
-    for k in np.flatnonzero(steps > 1.5 * usual)[::-1].tolist() if usual > 0 else ():
-        count = round(steps[k] / usual)
-        if count <= LONGEST + 1:
-            times[k + 1 : k + 1] = [times[k] + steps[k] * part / count for part in range(1, count)]
-            table.values["series"][k + 1 : k + 1] = [np.nan] * (count - 1)
-            table.places[k + 1 : k + 1] = [table.places[k + 1]] * (count - 1)
-    interpolate(table, (LONGEST + 1 + EVEN) * usual, unit)
 
 
 def _times(sheet: Sheet) -> list[int]:

@@ -21,7 +21,7 @@ from ...models.fields import Flag, Whole, show
 from ...models.fleet.data import MOST, Metric, Objective
 from ...models.fleet.model import FleetRouting
 from ..grid_path.maps import resolve_references as resolve_map
-from ..projection import project
+from ..projection import project_positions
 from ..sections import KeywordFile
 from ..storage import Find, reference
 from ..tables import NUMBER, Column, TableOptions, read_table
@@ -306,14 +306,14 @@ def read_nodes(path: str | os.PathLike[str], **options: Unpack[TableOptions]) ->
     """Read the nodes in a CSV or Excel file.
 
     Positions are ``x,y`` in metres or with a unit, or ``lat,lon`` in degrees, which are projected: see
-    :func:`~crosstrack.instances.projection.project`.
+    :func:`~crosstrack.instances.project_positions`.
 
     Parameters
     ----------
     path : path-like
         The file.
     **options
-        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`.
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.TableOptions`.
 
     Returns
     -------
@@ -345,7 +345,7 @@ def read_nodes(path: str | os.PathLike[str], **options: Unpack[TableOptions]) ->
     data: dict[str, Any] = {
         "points": list(zip(table["x"], table["y"], strict=True))
         if "x" in table
-        else project(table["lat"], table["lon"], str(path))
+        else project_positions(table["lat"], table["lon"], str(path))
     }
     for name, field in (("demand", "demands"), ("id", "ids")):
         if name in table:

@@ -20,7 +20,7 @@ from ...models.fields import Flag, show
 from ...models.grid_path.polygons import Polygon, Polygons
 from ...models.json_text import parse_json
 from ..exports import closed_ring, write_geojson
-from ..projection import project
+from ..projection import project_positions
 
 __all__ = ["project_polygons", "read_geojson_polygons", "write_geojson_polygons"]
 
@@ -41,7 +41,7 @@ def read_geojson_polygons(
         Path of the file.
     geographic : bool, default False
         Whether coordinates are longitudes and latitudes in degrees, which are projected, instead of
-        metres. See :func:`~crosstrack.instances.projection.project`.
+        metres. See :func:`~crosstrack.instances.project_positions`.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def project_polygons(
             f"degrees, got {got}",
             field="geographic",
         )
-    plane = project(points[:, 1], points[:, 0], where)
+    plane = project_positions(points[:, 1], points[:, 0], where)
     *flat, rest = np.split(plane, np.cumsum([len(part) for part in parts])[:-1])
     queue = iter(flat)
     shapes = [

@@ -32,7 +32,7 @@ def read_vehicles(path: str | os.PathLike[str], **options: Unpack[TableOptions])
     path : path-like
         The file.
     **options
-        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`.
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.TableOptions`.
 
     Returns
     -------

@@ -17,10 +17,11 @@ from ...models.fields import Whole, required, show
 from ...models.minimum_snap.trajectory import Trajectory
 from ..exports import ExportFormat
 from ..rows import MISSING, Rows, TableOptions
+from ..series import interpolate
 from ..storage import reference
-from ..tables import Table, interpolate, numbers, write_rows
+from ..tables import Table, numbers, write_rows
 from ..text_tables import is_numeric
-from ..units import ANGLES, LENGTHS, label_parts
+from ..units import ANGLES, LENGTHS, factor_of, label_parts
 
 __all__ = [
     "SAMPLES",
@@ -138,7 +139,7 @@ def read_samples(path: str | os.PathLike[str], **options: Unpack[TableOptions]) 
         Path of the file.
     **options
         Map of columns, encoding, sheet and missing values, see
-        :class:`~crosstrack.instances.rows.TableOptions`. With ``missing="interpolate"``, missing cells are
+        :class:`~crosstrack.instances.TableOptions`. With ``missing="interpolate"``, missing cells are
         interpolated linearly between samples that are at most 0.1 s apart, with a warning in the log.
 
     Returns
@@ -215,7 +216,7 @@ def read_waypoints(path: str | os.PathLike[str], **options: Unpack[TableOptions]
     path : path-like
         Path of the file.
     **options
-        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.rows.TableOptions`. With a map,
+        Map of columns, encoding and sheet, see :class:`~crosstrack.instances.TableOptions`. With a map,
         only its columns are read, in the order of the axes.
 
     Returns
@@ -242,7 +243,10 @@ def read_waypoints(path: str | os.PathLike[str], **options: Unpack[TableOptions]
                 parts = [label_parts(value.lstrip("# ")) for value in values]
                 names = [name.casefold() for name, _ in parts]
                 axes = _axes(names, reader.columns, where)
-                factors = [_factor(names[at], parts[at][1], where) for at in axes]
+                factors = [
+                    factor_of(unit, ANGLES if name == "yaw" else LENGTHS, where, name, bare=True)
+                    for name, unit in ((names[at], parts[at][1]) for at in axes)
+                ]
                 continue
             count = len(values)
             names = list(_AXES[:count]) if count <= 4 else [f"x{axis}" for axis in range(count)]
@@ -273,17 +277,6 @@ def _axes(names: Sequence[str], columns: Mapping[str, str], where: str) -> list[
     if unread:
         log.warning("%s: columns that are not read: %s", where, ", ".join(unread))
     return places
-
-
-def _factor(name: str, unit: str, where: str) -> float:
-    """Return the factor of a unit to metres, or to radians for yaw; 1 without a unit."""
-    units = ANGLES if name == "yaw" else LENGTHS
-    if unit and unit.casefold() not in units:
-        raise InvalidData(
-            f"{where}, column {name}: the unit must be one of {', '.join(units)}, got {show(unit)}",
-            field="waypoints",
-        )
-    return units[unit.casefold()] if unit else 1.0
 
 
 def _require_axes(names: Sequence[str], where: str) -> None:

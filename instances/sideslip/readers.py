@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.fields import Optional, Real
 from ...models.sideslip.data import MOST_GAP, Recording
+from ..series import insert_rows, interpolate
 from ..storage import Assumed
-from ..tables import Column, TableOptions, interpolate, read_table
+from ..tables import Column, TableOptions, read_table
 from ..units import ACCELERATIONS, ANGLES, RATES, SPEEDS, TIMES
 from .settings import VEHICLE
 
@@ -69,7 +70,7 @@ def read_recording(
         ``steering_wheel`` instead of ``steering``.
     **options
         Map of columns, encoding, sheet and missing values, see
-        :class:`~crosstrack.instances.rows.TableOptions`. With ``missing="interpolate"``, missing cells and
+        :class:`~crosstrack.instances.TableOptions`. With ``missing="interpolate"``, missing cells and
         missing lines are interpolated over at most 0.25 s, with a warning in the log.
 
     Returns
@@ -99,44 +100,25 @@ def read_recording(
     if ratio is not None:
         angles = table.values.pop("steering_wheel")
         table.values["steering"] = [angle / ratio for angle in angles]
-    interpolate(table, LONGEST, "s")
+    if options.get("missing") is not None:
+        insert_rows(table, LONGEST * (1 + 1e-9))
+        interpolate(table, LONGEST * (1 + 1e-9), "s")
     values = {name: np.array(column) for name, column in table.values.items()}
     new = _new_rows(np.stack(list(values.values())), values["time"], table.places)
     if len(new) < len(table.places):
         log.warning("%s: %d lines repeat the one before", path, len(table.places) - len(new))
     values = {name: value[new] for name, value in values.items()}
-    times = values.pop("time")
-    more = _filled(times, [table.places[k] for k in new], options.get("missing") is not None)
-    values = {name: np.interp(more, times, value) for name, value in values.items()}
+    steps = np.diff(values["time"])
+    (gaps,) = np.nonzero(steps > 1.5 * np.median(steps)) if steps.size else ((),)
+    if len(gaps):
+        log.warning(
+            "%s: %d gaps between samples; the longest is %.6g s",
+            table.places[new[steps.argmax() + 1]], len(gaps), steps.max(),
+        )  # fmt: skip
     try:
-        return Recording(times=more, **values)
+        return Recording(times=values.pop("time"), **values)
     except InvalidData as error:
         raise InvalidData(f"{path}: {error}", field=error.field) from None
-
-
-def _filled(times: Floats, places: list[str], fills: bool) -> Floats:
-    """Return the times with those of missing lines if `fills`; name gaps in the log."""
-    steps = np.diff(times)
-    usual = float(np.median(steps)) if steps.size else 0.0
-    (gaps,) = np.nonzero(steps > 1.5 * usual)
-    if not gaps.size:
-        return times
-    wide = int(steps.argmax())
-    log.warning(
-        "%s: %d gaps between samples, which are %.6g s apart; the longest is %.6g s",
-        places[wide + 1], gaps.size, usual, steps[wide],
-    )  # fmt: skip
-    short = [k for k in gaps if fills and steps[k] <= LONGEST]
-    if not short:
-        return times
-    parts = [
-        times[k] + steps[k] * np.arange(1, count) / count
-        for k in short
-        for count in (round(steps[k] / usual),)
-    ]
-    more = np.concatenate(parts)
-    log.warning("%s …: %d missing samples are interpolated", places[0], more.size)
-    return np.sort(np.append(times, more))
 
 
 def _new_rows(table: Floats, times: Floats, places: list[str]) -> NDArray[np.intp]:

@@ -20,7 +20,7 @@ from crosstrack.instances.fleet import read_nodes
 from crosstrack.instances.grid_path import read_geojson_polygons
 from crosstrack.instances.guided_path import read_stops
 from crosstrack.instances.minimum_snap import read_samples, read_waypoints
-from crosstrack.instances.projection import project
+from crosstrack.instances.projection import project_positions
 from crosstrack.instances.sideslip import read_recording
 
 
@@ -193,9 +193,8 @@ def test_recordings_with_a_steering_wheel_and_gaps(tmp_path, caplog):
     with caplog.at_level(logging.WARNING, "crosstrack"):
         filled = read_recording(file, steering_ratio=16, missing="interpolate")
     assert np.allclose(filled.steering, whole.steering) and np.allclose(filled.times, whole.times)
-    assert "2 missing cells are interpolated, the longest gap is 0.15 s" in caplog.text
-    assert "1 gaps between samples, which are 0.05 s apart; the longest is 0.15 s" in caplog.text
-    assert "2 missing samples are interpolated" in caplog.text
+    assert "10 missing cells are interpolated, the longest gap is 0.15 s" in caplog.text
+    assert "2 missing rows are interpolated" in caplog.text
     lost = {k: f"{k / 20};40;NA;4;4".replace(".", ",") for k in range(4, 9)}
     for lines, message in (
         (lost, "values are missing for 0.3 s; at most 0.25 s are interpolated"),
@@ -268,7 +267,7 @@ def test_projected_distances_are_within_the_stated_error(lat, lon, reach, caplog
     wide = 180 if abs(lat) == 90 else reach / np.cos(np.radians(lat))
     east = (lon + rng.uniform(-wide, wide, 40) + 180) % 360 - 180
     with caplog.at_level(logging.WARNING, "crosstrack"):
-        plane = project(north, east, "a.csv")
+        plane = project_positions(north, east, "a.csv")
     stated = float(caplog.text.split("at most ")[1].split()[0]) / 100
     expected = chord_distance(north, east)
     distances = np.linalg.norm(plane[:, None] - plane, axis=-1)
@@ -286,9 +285,9 @@ def test_the_projection_agrees_with_known_distances():
         ((59.5, 60.5), (0, 0), 111412.2),
         ((60, 60), (-0.5, 0.5), 55799.5),
     ):
-        plane = project(lat, lon, "a.csv")
+        plane = project_positions(lat, lon, "a.csv")
         assert np.linalg.norm(plane[1] - plane[0]) == pytest.approx(metres, rel=3e-5)
-    assert np.allclose(project([5, 5], [7, 7], "a.csv"), 0.0, atol=1e-6)
+    assert np.allclose(project_positions([5, 5], [7, 7], "a.csv"), 0.0, atol=1e-6)
 
 
 def test_fleets_with_latitudes(tmp_path, caplog):
