@@ -80,7 +80,8 @@ def project_positions(latitudes: ArrayLike, longitudes: ArrayLike, where: str) -
         where, place, 100.0 * error,
     )  # fmt: skip
     directions: Floats = np.stack([np.sin(azimuths), np.cos(azimuths)], axis=-1)
-    return directions * (radii * angles)[:, None]
+    directions *= (radii * angles)[:, None]
+    return directions
 
 
 def _geocentric(lat: Floats, lon: Floats) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
