@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidData
+from ..models.fields import Array
 
 __all__ = ["LARGEST_ERROR", "project_positions"]
 
@@ -27,7 +28,9 @@ _RADIUS, _SQUARE = 6378137.0, 6.69437999014e-3
 log = logging.getLogger("crosstrack")
 
 
-def project_positions(latitudes: ArrayLike, longitudes: ArrayLike, where: str) -> Floats:
+def project_positions(
+    latitudes: ArrayLike, longitudes: ArrayLike, where: str = "positions"
+) -> Floats:
     """Return positions in a plane; state the projection and its error in the log.
 
     Poles and the antimeridian need no special treatment.
@@ -37,7 +40,7 @@ def project_positions(latitudes: ArrayLike, longitudes: ArrayLike, where: str) -
     latitudes, longitudes : array_like, shape (n,)
         Geodetic coordinates in degrees, north and east positive.
     where : str
-        File of the positions, for messages.
+        Name of their file, for messages.
 
     Returns
     -------
@@ -47,9 +50,18 @@ def project_positions(latitudes: ArrayLike, longitudes: ArrayLike, where: str) -
     Raises
     ------
     InvalidData
-        The positions are so far apart that a distance can be wrong by more than 0.5 %.
+        A latitude is not in -90 … 90 or a longitude not in -180 … 360, there is no position, or
+        positions are so far apart that a distance can be wrong by more than 0.5 %.
     """
-    points, up, _ = _geocentric(np.radians(latitudes), np.radians(longitudes))
+    sizes: dict[str, tuple[int, str]] = {}
+    try:
+        north = Array(("n",), lower=-90.0, upper=90.0).coerce("latitudes", latitudes, sizes)
+        east = Array(("n",), lower=-180.0, upper=360.0).coerce("longitudes", longitudes, sizes)
+    except InvalidData as error:
+        raise InvalidData(f"{where}: {error}", field=error.field) from None
+    if not north.size:
+        raise InvalidData(f"{where}: latitudes must hold at least one entry", field="latitudes")
+    points, up, _ = _geocentric(np.radians(north), np.radians(east))
     mean = up.mean(axis=0)
     lat, lon = np.arctan2(mean[2], np.hypot(*mean[:2])), np.arctan2(mean[1], mean[0])
     centre, normal, curvature = _geocentric(lat, lon)
@@ -72,7 +84,7 @@ def project_positions(latitudes: ArrayLike, longitudes: ArrayLike, where: str) -
             f"{where}: positions must be within 1100 km of their centre, {place}, so that distances in "
             f"the plane are within {LARGEST_ERROR:.1%}; got {float((radii * angles).max()) / 1e3:.0f} km: "
             "give a matrix of distances instead",
-            field="latitude",
+            field="latitudes",
         )
     log.warning(
         "%s: latitudes and longitudes are projected to metres (azimuthal equidistant about %s); "

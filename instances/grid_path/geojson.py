@@ -95,14 +95,6 @@ def project_polygons(
     rings = [ring for polygon in polygons for ring in (polygon.shell, *polygon.holes)]
     parts = [np.asarray(part, float).reshape(-1, 2) for part in (*rings, positions)]
     points = np.concatenate(parts)
-    bad = np.flatnonzero((np.abs(points[:, 1]) > 90) | (points[:, 0] < -180) | (points[:, 0] > 360))
-    if bad.size or not len(points):
-        got = show(points[bad[0]].tolist()) if bad.size else "no position"
-        raise InvalidData(
-            f"{where}: geographic positions must be [longitude, latitude] in -180 … 360 and -90 … 90 "
-            f"degrees, got {got}",
-            field="geographic",
-        )
     plane = project_positions(points[:, 1], points[:, 0], where)
     *flat, rest = np.split(plane, np.cumsum([len(part) for part in parts])[:-1])
     queue = iter(flat)
