@@ -271,6 +271,8 @@ def model_of_table(
         if len(set(unread.values())) == 1 < len(unread):
             raise InvalidData(next(iter(unread.values())))
         _hint(file)
+        if kind is not None:
+            raise InvalidData(unread[kind])
     reasons: dict[str, str] = {}
     for candidate, reason in (lacking or unread).items():
         reasons[reason] = f"{reasons[reason]}, {candidate}" if reason in reasons else candidate

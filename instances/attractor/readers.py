@@ -165,7 +165,7 @@ def _values(sheet: Sheet, times: list[int], wanted: str | None) -> int:
     if len(others) != 1:
         several = (
             f"several columns of values, {', '.join(names[at] for at in others)}: one must be named "
-            "(column=)"
+            "(column=, on the command line --data column=NAME)"
         )
         raise InvalidData(
             f"{where}: has {several if others else 'no column of values'}", field="series"
