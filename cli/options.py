@@ -155,7 +155,12 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         "multiple": True,
         "metavar": "KEY=VALUE",
         "callback": _pairs,
-        "help": "A value that a CSV or Excel file lacks, such as alpha1=25.",
+        "help": "A value that the file of INSTANCE lacks, such as vehicles=3.",
+    },
+    "model": {
+        "flag": ("--as", "--model"),
+        "metavar": "KIND",
+        "help": "Kind of model that the file of INSTANCE becomes, if several fit.",
     },
     "columns": {
         "multiple": True,
@@ -172,7 +177,6 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         "type": click.Choice(["interpolate"]),
         "help": "Interpolate missing cells of samples over time; by default they are errors.",
     },
-    "model": {"metavar": "KIND", "help": "Model kind of a CSV or Excel file, if several fit."},
     "trusted": {
         "is_flag": True,
         "help": "Trust the author of INSTANCE: read functions in CasADi's text format, which can run "
@@ -209,7 +213,9 @@ def options(*names: str, **changes: Mapping[str, Any] | str) -> Callable[[Comman
                 **_OPTIONS[name],
                 **({"help": change} if isinstance(change, str) else change),
             }
-            command = click.option(settings.pop("flag"), name, **settings)(command)
+            flag = settings.pop("flag")
+            flags = (flag,) if isinstance(flag, str) else flag
+            command = click.option(*flags, name, **settings)(command)
         return command
 
     return decorate

@@ -26,6 +26,12 @@ if TYPE_CHECKING:
         export_formats as export_formats,
         export_plan as export_plan,
     )
+    from .file_format import FileFormat as FileFormat, Head as Head, Target as Target
+    from .formats import (
+        file_formats as file_formats,
+        recognise as recognise,
+        register_format as register_format,
+    )
     from .minimum_snap.bezier import read_bezier as read_bezier, write_bezier as write_bezier
     from .minimum_snap.paths import times_by_distance as times_by_distance
     from .minimum_snap.pieces import Poly7 as Poly7

@@ -255,15 +255,14 @@ def load(
     source : str, path-like or object
         A catalogue name such as ``"error-correction/7"``, or the path of an instance file. A model
         without a name is named after its file. If a string is both, the catalogue takes precedence:
-        write ``"./error-correction/7"`` for the file. A CSV or Excel file contains a part of an
-        instance, such as points. Files of programs (``.mps``, ``.lp``, ``.nl``, ``.qplib``, ``.cbf``,
-        ``.mat``, ``.npz``, each also with ``.gz``) and the objects that
+        write ``"./error-correction/7"`` for the file. The format of a file is recognised by its
+        content, otherwise by its suffix; :func:`crosstrack.instances.file_formats` lists the formats,
+        such as tables, GeoJSON, maps, TSPLIB and programs. The objects that
         :func:`crosstrack.models.programs.sources.program_of` lists become programs.
     data : mapping, optional
-        Data of the model that a CSV or Excel file lacks, such as thresholds.
+        Data of the model that the file lacks, such as ``{"vehicles": 2}``, and options of its reader.
     model : str, optional
-        Kind of the model for a CSV or Excel file; by default the first kind that fits the file and
-        `data`.
+        Kind of the model, such as ``"fleet-routing"``, if the file can become several.
     trusted : bool
         Whether you trust the author of the file. Only then are functions in CasADi's text format
         read, which can run code; a separate process reads them first.
@@ -294,7 +293,8 @@ def load(
     UnsupportedFormulation
         A file or object of another library has content that no program can express.
     InvalidData
-        The file cannot be read or does not contain an instance; the message names the place.
+        The file cannot be read, does not contain an instance, lacks data, or can become several
+        models. The message names the place, and the command with the missing data.
     """
     given = {"columns": columns, "encoding": encoding, "sheet": sheet, "missing": missing}
     table_options: Any = {name: value for name, value in given.items() if value is not None}
@@ -302,31 +302,34 @@ def load(
     refused = ", ".join(("data", "model", *table_options))
     if not isinstance(source, str | os.PathLike):
         if has_data:
-            raise UnsupportedOption(f"{refused} are for CSV and Excel files, not for objects")
+            raise UnsupportedOption(f"{refused} are for files, not for objects")
         return as_model(source)
     if isinstance(source, str):
         match = _find(source)
-        if match is not None and not has_data:
+        if match is not None:
+            if has_data:
+                raise UnsupportedOption(
+                    f"{source} is a whole instance: {refused} are for files that hold a part of one"
+                )
             return match.build()
-        if match is None and ("\0" in source or not Path(source).exists()):
+        if "\0" in source or not Path(source).exists():
             raise UnknownName("instance (and there is no such file)", source, _all())
     from ..files import as_path
-    from .programs.reading import read_program, suffix_of
-    from .storage import model_of_table, read_model
+    from .reading import read_file
 
     file = as_path(source)
     if file.is_dir():
         raise InvalidData(f"{file}: a folder, where an instance file was expected")
-    if file.suffix.casefold() in (".csv", ".tsv", ".xlsx"):
-        return model_of_table(file, data or {}, model, table_options)
-    if has_data:
-        raise UnsupportedOption(
-            f"{source} is a whole instance: {refused} are for CSV and Excel files"
-        )
-    if suffix_of(file):
-        return read_program(file)
-    loaded = read_model(file, trusted=trusted, folder=folder)
-    return loaded if loaded.name else loaded.renamed(file.stem)
+    if not file.exists():
+        raise InvalidData(f"{file}: no such file")
+    return read_file(
+        file,
+        data=data or {},
+        model=model,
+        trusted=trusted,
+        folder=folder,
+        table_options=table_options,
+    )
 
 
 def _find(name: Any) -> CatalogueEntry | None:

@@ -150,7 +150,7 @@ def export_plan(
 def write_geojson(
     path: str | os.PathLike[str], features: Iterable[tuple[str, Any, Mapping[str, Any]]]
 ) -> Path:
-    """Write a FeatureCollection atomically with one line per feature; return the path.
+    """Write a FeatureCollection in metres atomically with one line per feature; return the path.
 
     Parameters
     ----------
@@ -171,7 +171,9 @@ def write_geojson(
         )
         for kind, coordinates, properties in features
     )
-    return write_text(path, f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n')
+    return write_text(
+        path, f'{{"type": "FeatureCollection", "units": "metres", "features": [\n{lines}\n]}}\n'
+    )
 
 
 def closed_ring(ring: Any) -> list[list[float]]:

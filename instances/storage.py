@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Assumed",
     "Find",
+    "ReferredFiles",
     "model_of_table",
     "plan_in",
     "read_content",
@@ -162,7 +163,7 @@ def read_model(
             readers = {**table(__package__, "REFERENCES"), **_REGISTERED}
             if isinstance(kind, str) and isinstance(data, Mapping) and kind in readers:
                 roots = [file.parent] if folder is None else [file.parent, Path(folder)]
-                references = _References(file.parent, roots)
+                references = ReferredFiles(file.parent, roots)
                 try:
                     data = resolve(readers[kind])(data, references.find)
                 except InvalidData as error:
@@ -175,7 +176,7 @@ def read_model(
         raise InvalidData(f"{file}: nested too deeply for an instance") from None
 
 
-class _References:
+class ReferredFiles:
     """Files to which an instance refers: regular files below `roots`, of bounded total size."""
 
     def __init__(self, home: Path, roots: Sequence[Path]) -> None:

@@ -25,6 +25,7 @@ folder                    table         keys and objects
 ``models/<problem>``      OBJECTS       root module of a library: function of its object that returns a model
 ``instances/<problem>``   OBJECTS       the same, for objects that are converted through files
 ``instances/<problem>``   FILES         suffix: function ``(path) -> model`` that reads such a file
+``instances/<problem>``   FORMATS       name: a ``FileFormat``, which recognises files by their content
 ========================= ============= =====================================================
 
 A string that begins with a dot is relative to the package that declares it. Another distribution
@@ -76,7 +77,7 @@ KITS = ("programs",)
 TABLES = (
     *("MODELS", "PICTURES", "ANIMATIONS", "BACKENDS", "DIAGNOSES", "DESCRIPTIONS", "TRAININGS"),
     *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES"),
-    *("PAPERS", "PAPER_TABLES", "OBJECTS", "FILES"),
+    *("PAPERS", "PAPER_TABLES", "OBJECTS", "FILES", "FORMATS"),
 )
 
 #: Model types registered by the user in this session, by kind.

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         write_paths_csv as write_paths_csv,
         write_paths_geojson as write_paths_geojson,
     )
+    from .ros import read_ros_map as read_ros_map
 
 #: Names that modules of other problems import, beside the public ones.
 SHARED = ("listing.PAPER", "maps.resolve_references", "paper.PAPER")

@@ -9,7 +9,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,9 +23,12 @@ from ...models.json_text import parse_json
 from ..exports import closed_ring, write_geojson
 from ..projection import project_positions
 
-__all__ = ["project_polygons", "read_geojson_polygons", "write_geojson_polygons"]
-
-_TYPES = ("FeatureCollection", "Feature", "MultiPolygon", "Polygon")
+__all__ = [
+    "Shape", "as_polygons", "geometries", "project_polygons", "read_geojson_polygons",
+    "write_geojson_polygons",
+]  # fmt: skip
+#: Kinds of single geometries.
+_KINDS = ("Point", "LineString", "Polygon")
 
 
 def read_geojson_polygons(
@@ -59,11 +63,8 @@ def read_geojson_polygons(
         return project_polygons(read_geojson_polygons(file), (), str(file))[0]
     text = read_text(file)
     try:
-        polygons = dict(_polygons(parse_json(text), ""))
-        try:
-            return tuple(Polygons().coerce("polygons", list(polygons.values()), {}))
-        except InvalidData as error:
-            raise InvalidData(_placed(str(error), list(polygons)), field="polygons") from None
+        shapes = geometries(parse_json(text), ("Polygon",))
+        return as_polygons({shape.place: shape.coordinates for shape in shapes})
     except InvalidData as error:
         raise InvalidData(f"{file}: {error}", field=error.field) from None
 
@@ -105,6 +106,36 @@ def project_polygons(
     return tuple(Polygons().coerce("polygons", shapes, {})), rest
 
 
+class Shape(NamedTuple):
+    """Geometry in a GeoJSON file.
+
+    Parameters
+    ----------
+    place : str
+        Location in the file, for messages.
+    kind : str
+        ``"Point"``, ``"LineString"`` or ``"Polygon"``.
+    coordinates : list
+        A position, the positions of a line, or the rings of a polygon. A position has 2 or more values.
+    properties : mapping
+        Properties of its feature.
+    """
+
+    place: str
+    kind: str
+    coordinates: list[Any]
+    properties: Mapping[str, Any]
+
+
+def as_polygons(rings: Mapping[str, list[Any]]) -> tuple[Polygon, ...]:
+    """Return the polygons with these rings, by their location in the file."""
+    parts = [{"shell": first, "holes": holes} for first, *holes in rings.values()]
+    try:
+        return tuple(Polygons().coerce("polygons", parts, {}))
+    except InvalidData as error:
+        raise InvalidData(_placed(str(error), list(rings)), field="polygons") from None
+
+
 def _placed(message: str, places: list[str]) -> str:
     """Return a message about ``polygons[k]`` with the polygon's location in its file."""
     number = message.removeprefix("polygons[").partition("]")[0]
@@ -113,48 +144,83 @@ def _placed(message: str, places: list[str]) -> str:
     return message.replace(f"polygons[{number}]", places[int(number)], 1)
 
 
-def _polygons(value: Any, place: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the location and the rings of every polygon."""
+def geometries(
+    value: Any,
+    kinds: Sequence[str] = _KINDS,
+    place: str = "",
+    properties: Mapping[str, Any] = MappingProxyType({}),
+) -> Iterator[Shape]:
+    """Yield the geometries of GeoJSON; those in collections one by one.
+
+    Parameters
+    ----------
+    value : object
+        GeoJSON object.
+    kinds : sequence of str
+        Allowed kinds; others are refused by name.
+    place, properties
+        Location of the object in its file, and properties of its feature.
+    """
     kind = value.get("type") if isinstance(value, Mapping) else None
-    if kind not in _TYPES:
+    types = ("FeatureCollection", "Feature", *(f"Multi{name}" for name in kinds), *kinds)
+    if kind not in types:
         raise InvalidData(
-            f"{place or 'the file'} must be an object of type {', '.join(_TYPES)}, got "
+            f"{place or 'the file'} must be an object of type {', '.join(types)}, got "
             f"{show(kind if isinstance(kind, str) else value)}",
             field="type",
         )
     dot = f"{place}." if place else ""
     if kind == "Feature":
-        yield from _polygons(value.get("geometry"), f"{dot}geometry")
+        extra = value.get("properties")
+        labels = {"id": value["id"]} if "id" in value else {}
+        yield from geometries(
+            value.get("geometry"),
+            kinds,
+            f"{dot}geometry",
+            {**labels, **extra} if isinstance(extra, dict) else labels,
+        )
         return
     key = "features" if kind == "FeatureCollection" else "coordinates"
     parts = value.get(key)
     if not isinstance(parts, list):
         raise InvalidData(f"{dot}{key} must be a list, got {show(parts)}", field=key)
-    if kind == "Polygon":
-        yield _rings(parts, f"{dot}{key}")
-    for k, part in enumerate(parts if kind != "Polygon" else ()):
-        if kind == "MultiPolygon":
-            yield _rings(part, f"{dot}{key}[{k}]")
+    if kind in kinds:
+        yield Shape(f"{dot}{key}", str(kind), _nested(kind, parts, f"{dot}{key}"), properties)
+        return
+    for k, part in enumerate(parts):
+        inner = f"{dot}{key}[{k}]"
+        if key == "coordinates":
+            single = str(kind).removeprefix("Multi")
+            yield Shape(inner, single, _nested(single, part, inner), properties)
         else:
-            yield from _polygons(part, f"{dot}{key}[{k}]")
+            yield from geometries(part, kinds, inner)
 
 
-def _rings(value: Any, place: str) -> tuple[str, dict[str, Any]]:
-    if not isinstance(value, list) or not value:
-        raise InvalidData(
-            f"{place} must be a list of rings, got {show(value)}", field="coordinates"
-        )
-    rings = []
-    for k, ring in enumerate(value):
-        if not isinstance(ring, list) or not all(
-            isinstance(point, list) and len(point) >= 2 for point in ring
-        ):
+def _nested(kind: Any, value: Any, place: str) -> list[Any]:
+    """Return the coordinates of a geometry without heights of rings, or raise for another nesting."""
+    if kind == "Polygon":
+        if not isinstance(value, list) or not value:
             raise InvalidData(
-                f"{place}[{k}] must be a list of positions [x, y], got {show(ring)}",
-                field="coordinates",
+                f"{place} must be a list of rings, got {show(value)}", field="coordinates"
             )
-        rings.append([point[:2] for point in ring])
-    return place, {"shell": rings[0], "holes": rings[1:]}
+        return [
+            [point[:2] for point in _positions(ring, f"{place}[{k}]")]
+            for k, ring in enumerate(value)
+        ]
+    if kind == "Point":
+        return list(_positions([value], place)[0])
+    return _positions(value, place)
+
+
+def _positions(value: Any, place: str) -> list[Any]:
+    """Return the positions of a line or ring, or raise for another nesting."""
+    if not isinstance(value, list) or not all(
+        isinstance(point, list) and len(point) >= 2 for point in value
+    ):
+        raise InvalidData(
+            f"{place} must be a list of positions [x, y], got {show(value)}", field="coordinates"
+        )
+    return list(value)
 
 
 def write_geojson_polygons(polygons: Any, path: str | os.PathLike[str]) -> Path:

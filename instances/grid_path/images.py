@@ -17,7 +17,7 @@ from ...models.fields import Real
 from ...models.grid_path.gridmap import MOST, GridMap
 from ...models.records import Member
 
-__all__ = ["SUFFIXES", "read_image"]
+__all__ = ["SUFFIXES", "read_brightness", "read_image"]
 
 #: Formats that Pillow decodes itself. It passes others, such as EPS, to external programs.
 _FORMATS = ("PNG", "BMP", "GIF", "JPEG", "PPM", "WEBP")
@@ -75,6 +75,27 @@ def read_image(
     InvalidData
         The file is not a readable image, has more than 2**26 pixels, or no pixel is bright enough.
     """
+    file = as_path(path)
+    bound = Real(0, 1).coerce("threshold", threshold, {})
+    state = Member(Unknown).coerce("unknown", unknown, {})
+    bright = read_brightness(file)
+    blocked = bright < bound
+    unseen = np.abs(bright - UNKNOWN) < 1e-9
+    blocked |= unseen & (state is Unknown.BLOCKED)
+    if blocked.all():
+        raise InvalidData(
+            f"{file}: no pixel is as bright as the threshold {bound:g}, so no cell is free"
+            + (" (gray 205 is unknown: unknown='free' makes it free)" if unseen.any() else ""),
+            field="map",
+        )
+    return GridMap(blocked[::-1] if upward else blocked, cell, origin, upward)  # type: ignore[arg-type]
+
+
+def read_brightness(path: str | os.PathLike[str]) -> NDArray[np.float64]:
+    """Return the brightness of the pixels of an image, from 0 to 1, shape (rows, columns).
+
+    The errors are those of :func:`read_image`.
+    """
     try:
         from PIL import Image
     except ModuleNotFoundError as error:
@@ -83,8 +104,6 @@ def read_image(
             "pip install 'crosstrack[plot]', or save the map as text"
         ) from None
     file = as_path(path)
-    bound = Real(0, 1).coerce("threshold", threshold, {})
-    state = Member(Unknown).coerce("unknown", unknown, {})
     raw = read_bytes(file)
     if len(raw) > LARGEST_FILE:
         raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
@@ -105,16 +124,7 @@ def read_image(
         raise InvalidData(
             f"{file}: cannot be read as an image: {type(error).__name__}: {error}", field="map"
         ) from None
-    blocked = bright < bound
-    unseen = np.abs(bright - UNKNOWN) < 1e-9
-    blocked |= unseen & (state is Unknown.BLOCKED)
-    if blocked.all():
-        raise InvalidData(
-            f"{file}: no pixel is as bright as the threshold {bound:g}, so no cell is free"
-            + (" (gray 205 is unknown: unknown='free' makes it free)" if unseen.any() else ""),
-            field="map",
-        )
-    return GridMap(blocked[::-1] if upward else blocked, cell, origin, upward)  # type: ignore[arg-type]
+    return bright
 
 
 def _brightness(image: Any) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import Any
 
 from ...errors import InvalidData
 from ...files import as_path, read_text
@@ -24,7 +25,7 @@ _COLUMNS = ("x", "y", "radius")
 
 
 def read_dtspn(
-    path: str | os.PathLike[str], *, turning_radius: float | None = None
+    path: str | os.PathLike[str], *, turning_radius: float | None = None, **fields: Any
 ) -> MessengerTour:
     """Return the closed tour over the discs in a file, for a UAV with a speed of 1 m/s.
 
@@ -34,6 +35,8 @@ def read_dtspn(
         The file, such as ``dtspn-06-01-025-0.txt``.
     turning_radius : float, optional
         Turning radius, in m. Default: the value in the file's name, 0.25 in the example.
+    **fields
+        Other fields of the model, such as ``speed`` (m/s).
 
     Returns
     -------
@@ -81,6 +84,7 @@ def read_dtspn(
         "turning_radius": turning_radius,
         "start": None,
         "closed": True,
+        **fields,
     }
     return MessengerTour.from_data(data, name=file.stem)
 

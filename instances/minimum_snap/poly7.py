@@ -12,9 +12,11 @@ pieces").
 
 from __future__ import annotations
 
+import logging
 import os
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +35,15 @@ __all__ = [
     "PIECE_BYTES",
     "POLY7",
     "Poly7Report",
+    "model_of_trajectory",
     "read_poly7",
     "write_poly7",
 ]
+
+if TYPE_CHECKING:
+    from ...models.minimum_snap.model import MinimumSnap
+
+log = logging.getLogger("crosstrack")
 
 Floats = NDArray[np.float64]
 
@@ -227,6 +235,21 @@ def _report(exact: Poly7, stored: Poly7, path: str) -> Poly7Report:
         end_drift=tuple(drift.tolist()),
         # Sum the differences. The difference of the sums would lose their digits.
         time_drift=float((stored.durations - exact.durations).sum()),
+    )
+
+
+def model_of_trajectory(path: Path, *, form: str, **data: Any) -> MinimumSnap:
+    """Return the minimum-snap problem with the knots of a trajectory in a file: its waypoints and times."""
+    from ...models.minimum_snap.model import MinimumSnap
+    from .bezier import read_bezier
+
+    trajectory = read_poly7(path) if form == "poly7" else read_bezier(path)
+    log.warning(
+        "%s: a trajectory, which is a plan; its waypoints and times become an instance", path
+    )
+    times = trajectory.times
+    return MinimumSnap.from_data(
+        {"waypoints": trajectory(times), "times": times, **data}, name=path.stem
     )
 
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
         generate_electric as generate_electric,
         generate_network as generate_network,
     )
+    from .readers import read_rcsp as read_rcsp
 
 CATALOGUE = {"resource-routing": ".listing:catalogue_entries"}
 DEMOS = {"resource-routing": "resource-routing/network-20"}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ...files import as_path, read_text
@@ -15,10 +15,11 @@ from ...models.fields import Array
 from ...models.grid_path.gridmap import read_cells
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ..grid_path.movingai import read_map
-from ..storage import reference
+from ..map_files import map_of_file
+from ..storage import Find, reference
 from .laws import SceneArrays
 
-__all__ = ["read_map_scenes", "read_scenes", "resolve_references"]
+__all__ = ["read_map_scenes", "read_scenes", "resolve_references", "scenes_on_map"]
 
 #: Letters of start and target in drawings.
 _ENDS = {"S": "start", "T": "target"}
@@ -75,7 +76,21 @@ def read_map_scenes(
         The file is not a valid map (the message names file, line and column), or a start or target is blocked
         or outside the map.
     """
-    blocked = read_map(path).blocked
+    return _scenes_on(read_map(path).blocked, starts, targets, **fields)
+
+
+def scenes_on_map(
+    path: Path, *, form: str, find: Find, starts: Any, targets: Any, **data: Any
+) -> UnknownGridNavigation:
+    """Return the scenes on the map in a file of the format `form`; see :func:`.map_files.map_of_file`."""
+    grid, fields = map_of_file(path, form, find, data)
+    return _scenes_on(grid.blocked, starts, targets, **fields)
+
+
+def _scenes_on(
+    blocked: NDArray[np.bool_], starts: ArrayLike, targets: ArrayLike, **fields: Any
+) -> UnknownGridNavigation:
+    """Return scenes on the same map."""
     sizes: dict[str, tuple[int, str]] = {}
     first = Array(("k", 2), int).coerce("starts", starts, sizes)
     last = Array(("k", 2), int).coerce("targets", targets, sizes)

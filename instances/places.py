@@ -1,0 +1,240 @@
+"""Models of the points, lines and polygons in GeoJSON files, whose coordinates are metres."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..errors import InvalidData
+from ..files import read_text
+from ..models.fields import show
+from ..models.json_text import parse_json
+from .grid_path.geojson import as_polygons, geometries
+
+if TYPE_CHECKING:
+    from ..models.fleet.model import FleetRouting
+    from ..models.fleet_mission.model import FleetMission
+    from ..models.grid_path.model import GridPath
+    from ..models.grid_path.polygons import Polygon
+    from ..models.messenger.model import MessengerTour
+    from ..models.minimum_snap.model import MinimumSnap
+
+__all__ = [
+    "Places", "fleet_of_places", "mission_of_places", "path_among_areas", "path_of_places",
+    "planar", "read_places", "tour_of_places",
+]  # fmt: skip
+
+log = logging.getLogger("crosstrack")
+
+#: Reference systems whose coordinates are degrees.
+_DEGREES = re.compile(r"CRS(84|83|27)\b|EPSG:+.*\b(4326|4258|4269|4267|4979)\b", re.IGNORECASE)
+
+
+class Places(NamedTuple):
+    """Content of a GeoJSON file.
+
+    Parameters
+    ----------
+    points : list of list of float
+        Positions of the points, m.
+    ids : list of int or str, optional
+        Their property ``id``, ``name`` or ``node``, if each point has one of its own.
+    depots : list of int
+        Indices of the points with the property ``"depot": true``.
+    lines : list of list
+        Positions of each line, m.
+    areas : tuple of Polygon
+        Polygons, m.
+    """
+
+    points: list[list[float]]
+    ids: list[Any] | None
+    depots: list[int]
+    lines: list[list[list[float]]]
+    areas: tuple[Polygon, ...]
+
+    def require(self, file: Path, kind: str, *allowed: str) -> None:
+        """Raise if the file has other geometries than those in `allowed`, which `kind` has no field for."""
+        for name in {"points", "lines", "areas"} - set(allowed):
+            if getattr(self, name):
+                word = "polygons" if name == "areas" else name
+                raise InvalidData(
+                    f"{file}: {word} have no place in {kind}: remove them from the file, or choose another "
+                    "model",
+                    field="type",
+                )
+
+
+def read_places(path: Path, units: Any = None) -> Places:
+    """Return the geometries in a GeoJSON file in metres.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    units : {"metres", "degrees"}, optional
+        Unit of the coordinates. By default that of the member ``"units"`` or of the reference system
+        (``"crs"``), or metres if a coordinate cannot be in degrees.
+
+    Raises
+    ------
+    InvalidData
+        The file is not valid GeoJSON, or its coordinates are or may be degrees.
+    """
+    try:
+        content = parse_json(read_text(path))
+        shapes = list(geometries(content))
+        rings = [ring for s in shapes if s.kind == "Polygon" for ring in s.coordinates]
+        paths = [s.coordinates for s in shapes if s.kind == "LineString"]
+        marks = [s for s in shapes if s.kind == "Point"]
+        flat = planar(content, [[mark.coordinates for mark in marks], *paths, *rings], units)
+        left = iter(flat[1 + len(paths) :])
+        areas = as_polygons(
+            {s.place: [next(left) for _ in s.coordinates] for s in shapes if s.kind == "Polygon"}
+        )
+    except InvalidData as error:
+        raise InvalidData(f"{path}: {error}", field=error.field) from None
+    labels = (
+        [mark.properties.get(key) for mark in marks] if marks else [None]
+        for key in ("id", "name", "node")
+    )
+    ids = next((row for row in labels if _distinct(row)), None)
+    depots = [k for k, mark in enumerate(marks) if mark.properties.get("depot") is True]
+    return Places(flat[0], ids, depots, flat[1 : 1 + len(paths)], areas)
+
+
+def _distinct(labels: list[Any]) -> bool:
+    words = all(isinstance(label, str) and label for label in labels)
+    whole = all(type(label) is int for label in labels)
+    return (words or whole) and len(set(labels)) == len(labels)
+
+
+def planar(content: Mapping[str, Any], groups: list[Any], units: Any) -> list[Any]:
+    """Return groups of positions in metres.
+
+    Parameters
+    ----------
+    content : mapping
+        GeoJSON object, whose members ``"units"`` or ``"crs"`` may state the unit.
+    groups : list
+        Lists of positions ``[x, y, …]``.
+    units : {"metres", "degrees"}, optional
+        Unit that the user states.
+
+    Raises
+    ------
+    InvalidData
+        A coordinate is not a number, or coordinates are or may be degrees.
+    """
+    for group in groups:
+        for position in group:
+            if not all(isinstance(x, int | float) and not isinstance(x, bool) for x in position):
+                raise InvalidData(
+                    f"coordinates must be numbers, got {show(position)}", field="coordinates"
+                )
+    unit = content.get("units") if units is None else units
+    if units is not None and unit not in ("metres", "degrees"):
+        raise InvalidData(f"units must be metres or degrees, got {show(units)}", field="units")
+    crs = content.get("crs")
+    name = show(crs) if crs is not None else ""
+    if isinstance(crs, Mapping) and isinstance(crs.get("properties"), Mapping):
+        name = str(crs["properties"].get("name", name))
+    if unit not in ("metres", "degrees"):
+        far = any(abs(x) > 180 or abs(y) > 90 for group in groups for x, y, *_ in group)
+        if name:
+            unit = "degrees" if _DEGREES.search(name) else "metres"
+            if unit == "metres":
+                log.warning("coordinates in %s are read as metres", name)
+        else:
+            unit = "metres" if far else ""
+    if unit == "metres" or not any(groups):
+        return groups
+    remedy = (
+        "project the file to metres, e.g. with ogr2ogr -t_srs EPSG:32632 or in QGIS (Export, CRS)"
+    )
+    if unit:
+        raise InvalidData(
+            f"coordinates are degrees ({name or 'units'}), where metres are needed: {remedy}",
+            field="coordinates",
+        )
+    raise InvalidData(
+        "coordinates may be degrees, as GeoJSON prescribes, or metres: if they are metres, add --data "
+        f"units=metres (in Python: data={{'units': 'metres'}}), otherwise {remedy}",
+        field="units",
+    )
+
+
+def fleet_of_places(path: Path, *, units: Any = None, **data: Any) -> FleetRouting:
+    """Return the routing of a fleet through the points in a GeoJSON file."""
+    from ..models.fleet.model import FleetRouting
+
+    places = read_places(path, units)
+    places.require(path, FleetRouting.kind, "points")
+    fields: dict[str, Any] = {"points": [point[:2] for point in places.points], **_named(places)}
+    if places.depots:
+        fields["depots"] = places.depots
+    return FleetRouting.from_data({**fields, **data}, name=path.stem)
+
+
+def tour_of_places(path: Path, *, units: Any = None, **data: Any) -> MessengerTour:
+    """Return the tour over vehicles at rest at the points in a GeoJSON file."""
+    from ..models.messenger.model import MessengerTour
+
+    places = read_places(path, units)
+    places.require(path, MessengerTour.kind, "points")
+    fields = {"positions": [point[:2] for point in places.points], **_named(places)}
+    return MessengerTour.from_data({**fields, **data}, name=path.stem)
+
+
+def mission_of_places(path: Path, *, units: Any = None, **data: Any) -> FleetMission:
+    """Return the mission among the polygons and through the points in a GeoJSON file."""
+    from ..models.fleet_mission.model import FleetMission
+
+    places = read_places(path, units)
+    places.require(path, FleetMission.kind, "points", "areas")
+    nodes = [k for k in range(len(places.points)) if k not in places.depots[:1]]
+    fields: dict[str, Any] = {"obstacles": places.areas}
+    if places.depots:
+        fields["depot"] = places.points[places.depots[0]][:2]
+    if nodes:
+        fields["nodes"] = [places.points[k][:2] for k in nodes]
+    if nodes and places.ids is not None:
+        fields["ids"] = [places.ids[k] for k in nodes]
+    return FleetMission.from_data({**fields, **data}, name=path.stem)
+
+
+def path_among_areas(
+    path: Path, *, units: Any = None, bounds: Any, cell: Any, radius: Any = 0.0, **data: Any
+) -> GridPath:
+    """Return the path on the grid map of the polygons in a GeoJSON file."""
+    from ..models.grid_path.gridmap import GridMap
+    from ..models.grid_path.model import GridPath
+
+    places = read_places(path, units)
+    places.require(path, GridPath.kind, "areas")
+    grid = GridMap.from_polygons(places.areas, bounds, cell, radius)
+    return GridPath.from_data({"map": grid, **data}, name=path.stem)
+
+
+def path_of_places(path: Path, *, units: Any = None, **data: Any) -> MinimumSnap:
+    """Return the trajectory through the points, or along the only line, of a GeoJSON file."""
+    from ..models.minimum_snap.model import MinimumSnap
+
+    places = read_places(path, units)
+    places.require(path, MinimumSnap.kind, "lines" if places.lines else "points")
+    if len(places.lines) > 1:
+        raise InvalidData(
+            f"{path}: must have one line of waypoints, got {len(places.lines)}", field="waypoints"
+        )
+    rows = places.lines[0] if places.lines else places.points
+    width = min(map(len, rows), default=2)
+    fields = {"waypoints": [row[: min(width, 3)] for row in rows], **data}
+    return MinimumSnap.from_data(fields, name=path.stem)
+
+
+def _named(places: Places) -> dict[str, Any]:
+    """Return the field of the names of points, if they have names."""
+    return {} if places.ids is None else {"ids": places.ids}

@@ -1,0 +1,219 @@
+"""Every file of a newcomer is solved, or ends in a message with the remedy; damaged files are refused."""
+
+import json
+import random
+import re
+
+import everyday
+import pytest
+import strange
+from commands import run
+
+import crosstrack as ct
+from crosstrack.errors import (
+    BackendMissing,
+    InvalidData,
+    UnknownName,
+    UnsupportedFormulation,
+    UnsupportedOption,
+)
+from crosstrack.instances import FileFormat, Target, file_formats, recognise, register_format
+from crosstrack.models import FleetRouting, model_types
+
+
+def unique(files):
+    return [f"{number}-{file.name.rpartition('/')[2]}" for number, file in enumerate(files)]
+
+
+@pytest.mark.parametrize("file", everyday.FILES, ids=unique(everyday.FILES))
+def test_a_newcomer_gets_an_answer_or_the_remedy(file, tmp_path):
+    if file.content is None and not (everyday.DATA / file.name).exists():
+        pytest.skip(f"shared/data/{file.name} is not here")
+    if file.name.endswith((".pgm", ".yaml")):
+        pytest.importorskip("PIL", reason="images need Pillow")
+    kind, message = everyday.outcome(file, tmp_path, "solve", "--time-limit", "1")
+    if file.kind != "?":
+        assert kind == file.kind, message
+    if not kind:
+        assert message.startswith("exit 2: error: ")
+        assert str(everyday.write(file, tmp_path)) in message
+        assert re.search(file.words, message), message
+        assert re.search(everyday.REMEDY, message), message
+    else:
+        assert message in ("optimal", "feasible", "locally_optimal")
+
+
+def load(file, folder):
+    words = file.options.split()
+    pairs = [word.partition("=") for word in words if "=" in word]
+    model = words[words.index("--as") + 1] if "--as" in words else None
+    return ct.load(
+        everyday.write(file, folder),
+        data={key: json.loads(value) for key, _, value in pairs},
+        model=model,
+    )
+
+
+def named(name):
+    return next(file for file in everyday.FILES if file.name == name)
+
+
+def test_ros_maps_have_their_resolution_origin_and_thresholds(tmp_path):
+    pytest.importorskip("PIL", reason="images need Pillow")
+    grid = load(named("room.yaml"), tmp_path).map
+    assert grid.data()["blocked"] == ["....", "@@..", "...@"]  # gray 205 is unknown
+    assert (grid.cell, grid.origin.tolist(), grid.upward) == (0.05, [-10, -5], True)
+    assert load(named("room.pgm"), tmp_path).map.data() == grid.data()
+    dark = load(named("dark.yaml"), tmp_path).map
+    assert dark.data()["blocked"] == ["@@@@", "..@@", "@@@@"]
+    turned = named("room.yaml").content.replace("0.000000", "0.3")
+    for content, words in (
+        (turned, "yaw of the origin must be 0"),
+        (everyday.ROS.format("/etc/a.pgm", 0), "relative to the instance's folder"),
+    ):
+        with pytest.raises(InvalidData, match=words):
+            load(named("room.yaml")._replace(content=content), tmp_path)
+
+
+def test_a_constrained_path_of_the_or_library(tmp_path):
+    file = named("paths.txt")
+    assert ct.solve(load(file, tmp_path)).primal_bound == 8
+    tight = file._replace(content=file.content.replace("\n9\n", "\n7\n", 1))
+    assert ct.solve(load(tight, tmp_path)).primal_bound == 13
+    floor = file._replace(content=file.content.replace("\n0\n", "\n1\n", 1))
+    with pytest.raises(UnsupportedFormulation, match="lower limit > 0"):
+        load(floor, tmp_path)
+
+
+def test_geojson_keeps_names_depots_and_obstacles(tmp_path):
+    stops = load(named("stops.geojson"), tmp_path)
+    assert stops.ids == tuple(f"stop {k}" for k in range(5))
+    assert stops.points.tolist() == everyday.STOPS
+    mission = load(named("mission.geojson"), tmp_path)
+    assert (mission.depot.tolist(), mission.nodes.tolist()) == ([1, 1], [[8, 8], [8, 2]])
+    assert len(mission.obstacles) == 1
+    degrees = named("cafes.geojson").content.replace('"name": "layer"', '"units": "degrees"')
+    for content in (degrees, everyday.POINTS.replace("EPSG::32632", "OGC:1.3:CRS84")):
+        with pytest.raises(InvalidData, match="coordinates are degrees"):
+            load(named("cafes.geojson")._replace(content=content), tmp_path)
+    mixed = named("mission.geojson")._replace(options="--data vehicles=1 --as fleet-routing")
+    with pytest.raises(UnknownName, match="GeoJSON of points and polygons"):
+        load(mixed, tmp_path)
+
+
+def test_a_written_map_is_read_back_in_metres(tmp_path):
+    from crosstrack.instances.grid_path import write_geojson_polygons
+
+    path = write_geojson_polygons([[[4, 4], [6, 4], [5, 6]]], tmp_path / "walls.geojson")
+    data = {"bounds": [0, 0, 10, 10], "cell": 1, "start": [0, 0], "goals": [9, 9]}
+    assert ct.load(path, data=data).map.blocked.any()
+
+
+def test_data_and_model_are_checked(tmp_path):
+    file = everyday.write(named("room.map"), tmp_path)
+    with pytest.raises(UnknownName, match="grid map of MovingAI can become"):
+        ct.load(file, model="fleet-routing")
+    with pytest.raises(InvalidData, match="unknown key 'goal'"):
+        ct.load(file, data={"start": [0, 0], "goals": [2, 0], "goal": 1})
+    with pytest.raises(InvalidData, match="unknown key 'find'"):
+        ct.load(file, data={"start": [0, 0], "goals": [2, 0], "find": 1})
+    with pytest.raises(UnsupportedOption, match="whole instance"):
+        ct.load(everyday.write(named("line.sop"), tmp_path), data={"ids": []})
+    example = run("solve", file, code=2).stderr.splitlines()[1]
+    assert "--as grid-path --data 'start=[0, 0]' --data 'goals=[9, 9]'" in example
+
+
+def test_a_registered_format_is_read_first(tmp_path, monkeypatch):
+    from crosstrack.instances import formats
+
+    monkeypatch.setattr(formats, "_SESSION", {})
+
+    def read_stops(path, vehicles):
+        numbers = path.read_text("utf-8").split()[1:]
+        return FleetRouting(vehicles, points=[[float(x), 0.0] for x in numbers])
+
+    stops = Target(read_stops, {"vehicles": "2"})
+    register_format(FileFormat("stops", "stops on a line", {"fleet-routing": stops}, r"\Astops\b"))
+    path = tmp_path / "any.csv"
+    path.write_text("stops 0 1 2")
+    assert ct.load(path, data={"vehicles": 1}).name == "any"
+    with pytest.raises(InvalidData, match="stops on a line, which lacks data"):
+        ct.load(path)
+    with pytest.raises(InvalidData, match="unknown key 'speed'"):
+        ct.load(path, data={"vehicles": 1, "speed": 2})
+    with pytest.raises(InvalidData, match="targets, or a remedy"):
+        FileFormat("empty", "nothing")
+
+
+def test_the_table_of_formats_names_models_and_readers():
+    from crosstrack.models.problems import resolve
+
+    kinds = set()
+    for form in file_formats():
+        for kind, target in form.targets.items():
+            assert callable(resolve(target.reader)), form.name
+            kinds.add(kind)
+            for text in {**target.needs, **target.may}.values():
+                assert text == "metres" or json.loads(text) is not None
+    assert kinds - {""} <= set(model_types())
+
+
+def damaged(number):
+    """Return a file of a newcomer, damaged by a seed."""
+    draw = random.Random(number)
+    files = [file for file in everyday.FILES if file.content is not None]
+    file = files[number % len(files)]
+    content = file.content if isinstance(file.content, bytes) else file.content.encode()
+    try:
+        content = strange.damaged(content, draw)
+    except UnicodeDecodeError:  # a way for text only
+        content = content[: draw.randrange(len(content))]
+    return file._replace(content=content)
+
+
+def judge(numbers, folder):
+    """Return how many damaged files became models and how many were refused."""
+    models = refused = 0
+    for number in numbers:
+        file = damaged(number)
+        message = ""
+        try:
+            load(file, folder)
+            models += 1
+        except UnknownName:
+            refused += 1
+        except (InvalidData, UnsupportedFormulation, UnsupportedOption, BackendMissing) as error:
+            refused, message = refused + 1, str(error)
+        assert not message or str(folder / file.name) in message, number
+    return models, refused
+
+
+def test_damaged_files_are_refused_by_name(tmp_path):
+    models, refused = judge(range(250), tmp_path)
+    assert models > 20
+    assert refused > 100
+
+
+@pytest.mark.slow
+def test_two_thousand_damaged_files(tmp_path):
+    models, refused = judge(range(2000), tmp_path)
+    print(f"{models} models, {refused} refused")
+    assert models > 200
+    assert refused > 1000
+
+
+def test_content_decides_before_the_suffix(tmp_path):
+    for name, form in (
+        ("fleet.json", "instance"),
+        ("room.map", "movingai-map"),
+        ("model.lp", "program.lp"),
+    ):
+        path = tmp_path / "wrong.sop"
+        path.write_text(named(name).content)
+        assert recognise(path).name == form
+    path.write_text("nothing of this kind")
+    assert recognise(path).name == "sop"
+    path = path.rename(tmp_path / "words.bin")
+    assert recognise(path) is None
+    with pytest.raises(InvalidData, match="its format is unknown; convert it"):
+        ct.load(path)
