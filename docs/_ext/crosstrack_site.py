@@ -7,6 +7,7 @@ All directives are for MyST pages:
 * ``crosstrack-help [commands]``: the output of ``--help`` of the command line, or of every subcommand;
 * ``crosstrack-formulations KIND``: the formulations of a model, with the size of an instance;
 * ``crosstrack-instances PROBLEM``: the catalogue's instances of a problem;
+* ``crosstrack-formats``: the formats of files that can become models;
 * ``crosstrack-run COMMAND``: a command line and its output. All commands of a page share a folder.
 """
 
@@ -178,6 +179,37 @@ class Instances(Made):
         return markdown_table(("instance", "", "data"), rows)
 
 
+class Formats(Made):
+    """Table of the formats of files, and table of those that are refused with advice."""
+
+    wide = True
+
+    def make(self) -> str:
+        from crosstrack.instances import file_formats
+
+        rows, refused = [], []
+        for form in file_formats():
+            head = (f"`{form.name}`", form.title, ", ".join(f"`{item}`" for item in form.suffixes))
+            if not form.targets:
+                refused.append((*head, form.remedy.replace("{file}", "FILE")))
+            for kind, target in form.targets.items():
+                needs, may = (", ".join(f"`{key}`" for key in part) for part in target[1:])
+                rows.append((*head, f"`{kind}`" if kind else "", needs, may))
+                head = ("", "", "")
+        heads = (
+            "format",
+            "file",
+            "suffixes",
+            "model",
+            "data that it needs",
+            "data that it may need",
+        )
+        reasons = ("format", "file", "suffixes", "what to do")
+        return f"{markdown_table(heads, rows)}\n\n## Files that are refused\n\n" + markdown_table(
+            reasons, refused
+        )
+
+
 class Run(Made):
     """A command line and its output, run in a folder that all commands of the page share."""
 
@@ -278,5 +310,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("crosstrack-help", Help)
     app.add_directive("crosstrack-formulations", Formulations)
     app.add_directive("crosstrack-instances", Instances)
+    app.add_directive("crosstrack-formats", Formats)
     app.add_directive("crosstrack-run", Run)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
