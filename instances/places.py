@@ -1,4 +1,4 @@
-"""Models of the points, lines and polygons in GeoJSON files, whose coordinates are metres."""
+"""Models of the points, lines and polygons in GeoJSON files."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..files import read_text
 from ..models.fields import show
 from ..models.json_text import parse_json
 from .grid_path.geojson import as_polygons, geometries
+from .projection import project
 
 if TYPE_CHECKING:
     from ..models.fleet.model import FleetRouting
@@ -82,7 +83,7 @@ def read_places(path: Path, units: Any = None) -> Places:
     Raises
     ------
     InvalidData
-        The file is not valid GeoJSON, or its coordinates are or may be degrees.
+        The file is not valid GeoJSON, the unit of its coordinates is open, or polygons are in degrees.
     """
     try:
         content = parse_json(read_text(path))
@@ -90,7 +91,8 @@ def read_places(path: Path, units: Any = None) -> Places:
         rings = [ring for s in shapes if s.kind == "Polygon" for ring in s.coordinates]
         paths = [s.coordinates for s in shapes if s.kind == "LineString"]
         marks = [s for s in shapes if s.kind == "Point"]
-        flat = planar(content, [[mark.coordinates for mark in marks], *paths, *rings], units)
+        groups = [[mark.coordinates for mark in marks], *paths, *rings]
+        flat = planar(content, groups, units, str(path), not rings)
         left = iter(flat[1 + len(paths) :])
         areas = as_polygons(
             {s.place: [next(left) for _ in s.coordinates] for s in shapes if s.kind == "Polygon"}
@@ -112,8 +114,10 @@ def _distinct(labels: list[Any]) -> bool:
     return (words or whole) and len(set(labels)) == len(labels)
 
 
-def planar(content: Mapping[str, Any], groups: list[Any], units: Any) -> list[Any]:
-    """Return groups of positions in metres.
+def planar(
+    content: Mapping[str, Any], groups: list[Any], units: Any, where: str, projects: bool
+) -> list[Any]:
+    """Return groups of positions in metres, projected if they are degrees.
 
     Parameters
     ----------
@@ -123,11 +127,15 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any) -> list[An
         Lists of positions ``[x, y, …]``.
     units : {"metres", "degrees"}, optional
         Unit that the user states.
+    where : str
+        File of the positions, for messages.
+    projects : bool
+        Whether degrees are projected; otherwise they are refused.
 
     Raises
     ------
     InvalidData
-        A coordinate is not a number, or coordinates are or may be degrees.
+        A coordinate is not a number, the unit is open, or degrees are refused.
     """
     for group in groups:
         for position in group:
@@ -142,29 +150,37 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any) -> list[An
     name = show(crs) if crs is not None else ""
     if isinstance(crs, Mapping) and isinstance(crs.get("properties"), Mapping):
         name = str(crs["properties"].get("name", name))
+    far = any(abs(x) > 180 or abs(y) > 90 for group in groups for x, y, *_ in group)
     if unit not in ("metres", "degrees"):
-        far = any(abs(x) > 180 or abs(y) > 90 for group in groups for x, y, *_ in group)
         if name:
             unit = "degrees" if _DEGREES.search(name) else "metres"
             if unit == "metres":
-                log.warning("coordinates in %s are read as metres", name)
+                log.warning("%s: coordinates in %s are read as metres", where, name)
         else:
             unit = "metres" if far else ""
     if unit == "metres" or not any(groups):
         return groups
-    remedy = (
-        "project the file to metres, e.g. with ogr2ogr -t_srs EPSG:32632 or in QGIS (Export, CRS)"
-    )
-    if unit:
+    if not unit:
         raise InvalidData(
-            f"coordinates are degrees ({name or 'units'}), where metres are needed: {remedy}",
+            "coordinates may be degrees, as GeoJSON prescribes, or metres: add --data units=degrees or "
+            "--data units=metres (in Python: data={'units': 'degrees'})",
+            field="units",
+        )
+    if far:
+        raise InvalidData(
+            "coordinates must be longitudes within ±180 and latitudes within ±90, as they are degrees",
             field="coordinates",
         )
-    raise InvalidData(
-        "coordinates may be degrees, as GeoJSON prescribes, or metres: if they are metres, add --data "
-        f"units=metres (in Python: data={{'units': 'metres'}}), otherwise {remedy}",
-        field="units",
-    )
+    if not projects:
+        raise InvalidData(
+            "polygons must be in metres, as bounds and starts are, got degrees: project the file, e.g. "
+            "with ogr2ogr -t_srs EPSG:32632 or in QGIS (Export, CRS)",
+            field="coordinates",
+        )
+    flat = [position for group in groups for position in group]
+    places = project([y for _, y, *_ in flat], [x for x, *_ in flat], where).tolist()
+    rows = ([*place, *position[2:]] for place, position in zip(places, flat, strict=True))
+    return [[next(rows) for _ in group] for group in groups]
 
 
 def fleet_of_places(path: Path, *, units: Any = None, **data: Any) -> FleetRouting:

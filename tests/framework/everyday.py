@@ -129,6 +129,7 @@ FILES = (
     File("areas.geojson", AREAS, f"--data bounds=[0,0,10,10] --data cell=1 {ENDS}", "grid-path"),
     File("mission.geojson", MISSION, "--data bounds=[0,0,10,10] --data vehicles=1", "fleet-mission"),
     File("cafes.geojson", DEGREES, "--data vehicles=2", "", "may be degrees"),
+    File("cafes.geojson", DEGREES, "--data vehicles=2 --data units=degrees", "fleet-routing"),
     File("route.geojson", ROUTE, "--data times=[0,1,2]", "minimum-snap"),
     File("room.yaml", ROS.format("room.pgm", 0), ENDS, "grid-path", beside={"room.pgm": PGM}),
     File("room2.yaml", NAV2, ENDS, "grid-path", beside={"room.pgm": PGM}),

@@ -5,11 +5,13 @@ import random
 import re
 
 import everyday
+import numpy as np
 import pytest
 import strange
 from commands import run
 
 import crosstrack as ct
+from crosstrack.cli.options import pairs
 from crosstrack.errors import (
     BackendMissing,
     InvalidData,
@@ -45,11 +47,10 @@ def test_a_newcomer_gets_an_answer_or_the_remedy(file, tmp_path):
 
 def load(file, folder):
     words = file.options.split()
-    pairs = [word.partition("=") for word in words if "=" in word]
     model = words[words.index("--as") + 1] if "--as" in words else None
     return ct.load(
         everyday.write(file, folder),
-        data={key: json.loads(value) for key, _, value in pairs},
+        data=pairs([word for word in words if "=" in word], "--data"),
         model=model,
     )
 
@@ -92,10 +93,22 @@ def test_geojson_keeps_names_depots_and_obstacles(tmp_path):
     mission = load(named("mission.geojson"), tmp_path)
     assert (mission.depot.tolist(), mission.nodes.tolist()) == ([1, 1], [[8, 8], [8, 2]])
     assert len(mission.obstacles) == 1
-    degrees = named("cafes.geojson").content.replace('"name": "layer"', '"units": "degrees"')
-    for content in (degrees, everyday.POINTS.replace("EPSG::32632", "OGC:1.3:CRS84")):
-        with pytest.raises(InvalidData, match="coordinates are degrees"):
-            load(named("cafes.geojson")._replace(content=content), tmp_path)
+    for content, words in (
+        (everyday.AREAS.replace(everyday.UTM, ":OGC:1.3:CRS84"), "polygons must be in metres"),
+        (everyday.AREAS.replace('"crs"', '"c"'), "coordinates may be degrees"),
+    ):
+        with pytest.raises(InvalidData, match=words):
+            load(named("areas.geojson")._replace(content=content), tmp_path)
+    with pytest.raises(InvalidData, match="longitudes within ±180"):
+        load(
+            named("stops.geojson")._replace(options="--data vehicles=2 --data units=degrees"),
+            tmp_path,
+        )
+    cafes = next(file for file in everyday.FILES if "units=degrees" in file.options)
+    cafes = load(cafes._replace(options="--data vehicles=1 --data units=degrees"), tmp_path)
+    # A thousandth of a degree of longitude at 48.13° north, by the radius of curvature of WGS 84.
+    assert np.diff(cafes.points[:, 0]) == pytest.approx(74.43, abs=0.02)
+    assert np.ptp(cafes.points[:, 1]) < 0.01
     mixed = named("mission.geojson")._replace(options="--data vehicles=1 --as fleet-routing")
     with pytest.raises(UnknownName, match="GeoJSON of points and polygons"):
         load(mixed, tmp_path)
