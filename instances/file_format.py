@@ -24,7 +24,7 @@ _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*+"|[{}\[\]:,]')
 
 
 class Head(NamedTuple):
-    """Beginning of a file, from which its format is recognised.
+    """Beginning of a file, which identifies its format.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def _family(kinds: str) -> str:
     return rf"^[ \t]*TYPE[ \t]*:[ \t]*(?:{kinds})\b"
 
 
-#: Formats in the order in which their content is tried.
+#: Formats in the order of the attempts to match their content.
 _FORMATS = (
     FileFormat(
         "geojson-points", "GeoJSON of points",
@@ -259,7 +259,7 @@ def register_format(new: FileFormat) -> FileFormat:
 
 
 def file_formats() -> tuple[FileFormat, ...]:
-    """Return all formats of files that crosstrack recognises, in the order in which they are tried.
+    """Return all formats of files that crosstrack recognises, in the order of the attempts.
 
     Returns
     -------
@@ -288,7 +288,7 @@ def recognise(path: Any) -> FileFormat | None:
     Parameters
     ----------
     path : path-like
-        The file, of which at most 64 KiB are read.
+        The file; at most its first 64 KiB are read.
 
     Returns
     -------

@@ -89,7 +89,7 @@ def path_of_scenario(
         )
     if not isinstance(map_file, str):
         raise InvalidData(
-            f"{path}: map_file must name a file, got {show(map_file)}", field="map_file"
+            f"{path}: map_file must be a file name, got {show(map_file)}", field="map_file"
         )
     grid = read_map(find(map_file))
     rows = read_scenarios(path, grid)

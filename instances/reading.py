@@ -108,7 +108,7 @@ def _model(task: _Task, targets: Mapping[str, Target]) -> Model[Any]:
     raise InvalidData(
         f"{title}: {lines[0]} {_EXAMPLE}"
         if len(lines) == 1
-        else f"{title}; it can become several models, of which --as chooses\n  "
+        else f"{title}; it can become several models: choose with --as\n  "
         + "\n  ".join(lines)
         + f"\n{_EXAMPLE}"
     )
@@ -188,7 +188,7 @@ def read_instance(
         ]
         if kinds:
             raise InvalidData(
-                f"{path}: a plan (for {', '.join(kinds)}), where an instance was expected: verify it "
+                f"{path}: a plan (for {', '.join(kinds)}), but an instance is needed: verify it "
                 f"with crosstrack check INSTANCE {path}"
             )
     loaded = read_model(path, trusted=trusted, folder=folder)
