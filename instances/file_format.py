@@ -6,7 +6,6 @@ import re
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -138,7 +137,8 @@ class FileFormat:
     Raises
     ------
     InvalidData
-        A field has another type, or the format has neither targets nor a remedy.
+        A field has another type, `content` is not a regular expression, or the format has neither
+        targets nor a remedy.
     """
 
     name: str
@@ -151,17 +151,36 @@ class FileFormat:
     def __post_init__(self) -> None:
         for name in ("name", "title", "remedy"):
             required(name, getattr(self, name), str)
-        if not self.targets and not self.remedy:
+        targets, content = self.targets, self.content
+        if not isinstance(targets, Mapping) or not all(
+            isinstance(target, Target) for target in targets.values()
+        ):
+            raise InvalidData(
+                f"targets must be a mapping of models to Target, got {show(targets)}",
+                field="targets",
+            )
+        if not isinstance(self.suffixes, tuple) or not all(
+            isinstance(suffix, str) for suffix in self.suffixes
+        ):
+            raise InvalidData(
+                f"suffixes must be a tuple of str, got {show(self.suffixes)}", field="suffixes"
+            )
+        if not callable(content):
+            try:
+                re.compile(required("content", content, str), re.MULTILINE)
+            except re.error as error:
+                raise InvalidData(
+                    f"content must be a regular expression, got {show(content)}: {error}",
+                    field="content",
+                ) from None
+        if not targets and not self.remedy:
             raise InvalidData(
                 f"format {show(self.name)} must have targets, or a remedy", field="targets"
             )
-
-    @cached_property
-    def _pattern(self) -> re.Pattern[str]:
-        return re.compile(str(self.content), re.MULTILINE)
 
     def matches(self, head: Head) -> bool:
         """Return whether the beginning of a file has the form of this format."""
         if callable(self.content):
             return self.content(head)
-        return bool(self.content and self._pattern.search(head.text))
+        # The cache of re holds 512 patterns.
+        return bool(self.content and re.search(self.content, head.text, re.MULTILINE))

@@ -154,8 +154,14 @@ def test_a_registered_format_is_read_first(tmp_path, monkeypatch):
         ct.load(path)
     with pytest.raises(InvalidData, match="unknown key 'speed'"):
         ct.load(path, data={"vehicles": 1, "speed": 2})
-    with pytest.raises(InvalidData, match="targets, or a remedy"):
-        FileFormat("empty", "nothing")
+    for fields, words in (
+        ({}, "targets, or a remedy"),
+        ({"targets": {"fleet-routing": read_stops}}, "a mapping of models to Target"),
+        ({"remedy": "none", "content": "("}, "must be a regular expression"),
+        ({"remedy": "none", "suffixes": ".x"}, "must be a tuple of str"),
+    ):
+        with pytest.raises(InvalidData, match=words):
+            FileFormat("other", "stops", **fields)
 
 
 def test_the_table_of_formats_names_models_and_readers():
