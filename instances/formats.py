@@ -62,7 +62,7 @@ _DEGREES = (
 
 def _xml(tag: str) -> str:
     """Return the pattern of an XML file with this root."""
-    return rf"\A\s*(?:<[?!][^>]*>\s*)*+<{tag}\b"
+    return rf"\A\s*+(?:<[?!][^>]*>\s*)*+<{tag}\b"
 
 
 def _family(kinds: str) -> str:
@@ -151,7 +151,7 @@ _FORMATS = (
     ),
     FileFormat(
         "tour", "a tour of TSPLIB or routes of CVRPLIB, which is a plan",
-        content=rf"{_family('TOUR')}|\A\s*Route\s*#\s*1\b", suffixes=(".tour", ".sol"),
+        content=rf"{_family('TOUR')}|\A\s*+Route\s*#\s*1\b", suffixes=(".tour", ".sol"),
         remedy="solve the instance instead, such as its .tsp or .vrp file; crosstrack check reads plans as JSON",
     ),
     FileFormat(
@@ -169,12 +169,12 @@ _FORMATS = (
     FileFormat(
         "dtspn", "a Dubins tour over discs (x y radius)",
         {"messenger-tour": Target(".instances.messenger.dtspn:read_dtspn", {}, {"turning_radius": "0.25"})},
-        rf"\A\s*(?:{_NUMBERS}(?:\n\s*+|\Z))++\Z",
+        rf"\A\s*+(?:{_NUMBERS}(?:\n\s*+|\Z))++\Z",
     ),
     FileFormat(
         "rcsp", "a constrained shortest path of the OR-Library",
         {"resource-routing": Target(".instances.resource_routing.readers:read_rcsp")},
-        r"\A\s*\d+ +\d+ +\d+[ \t\r]*\n(?:[-+.\d \t]++\r?(?:\n|\Z))++\s*\Z",
+        r"\A\s*+\d+ +\d+ +\d+[ \t\r]*\n(?:[-+.\d \t]++\r?(?:\n|\Z))++\s*\Z",
     ),
     FileFormat(
         "spprclib", "a path problem of SPPRCLIB",
@@ -311,7 +311,7 @@ def recognise(path: Any) -> FileFormat | None:
     if result is None:
         # Any text may be a table, so its content decides last.
         guess = "instance" if re.match(r"\s*(?:[\[{]|\Z)", head.text) else ""
-        if not guess and "\0" not in head.text and re.match(r"\s*[^\n]*[,;\t]", head.text):
+        if not guess and "\0" not in head.text and re.match(r"\s*+[^\n]*[,;\t]", head.text):
             guess = "table"
         result = next((item for item in known if item.name == guess), None)
     return result

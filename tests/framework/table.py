@@ -285,8 +285,6 @@ def table() -> list[Call]:
     )
     add(instances.entry, "error-correction/7")
     add(instances.export_formats, path)
-    add(instances.FileFormat, "rows", "rows", {}, r"\Arows", (".rows",), "convert it to CSV")
-    add(instances.recognise, "there.is.none")
     add(instances.export_plan, path, flight, "out.csv", "samples")
     for name in (
         "read_bezier",

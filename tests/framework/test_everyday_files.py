@@ -3,6 +3,7 @@
 import json
 import random
 import re
+import time
 
 import everyday
 import numpy as np
@@ -236,3 +237,14 @@ def test_content_decides_before_the_suffix(tmp_path):
     assert recognise(path) is None
     with pytest.raises(InvalidData, match="its format is unknown; convert it"):
         ct.load(path)
+
+
+@pytest.mark.parametrize(
+    "part", [" ", "\n", "\t\n", "TYPE : ", "VEHICLE\n", "<?x", "a,", "{", "0 0 0\n"]
+)
+def test_recognition_is_linear_in_the_size_of_the_file(part, tmp_path):
+    path = tmp_path / "long"
+    path.write_text(part * (65_000 // len(part)))
+    begin = time.process_time()
+    recognise(path)
+    assert time.process_time() - begin < 0.8  # a quadratic pattern takes 1.8 s on a laptop
