@@ -247,4 +247,4 @@ def test_recognition_is_linear_in_the_size_of_the_file(part, tmp_path):
     path.write_text(part * (65_000 // len(part)))
     begin = time.process_time()
     recognise(path)
-    assert time.process_time() - begin < 0.8  # a quadratic pattern takes 1.8 s on a laptop
+    assert time.process_time() - begin < 0.8  # a quadratic pattern took 1.8 s
