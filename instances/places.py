@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import InvalidData
 from ..files import read_text
-from ..models.fields import show
+from ..models.fields import Array, show
 from ..models.json_text import parse_json
 from .grid_path.geojson import as_polygons, geometries
-from .projection import project
+from .projection import project_positions
 
 if TYPE_CHECKING:
     from ..models.fleet.model import FleetRouting
@@ -49,6 +49,8 @@ class Places(NamedTuple):
         Positions of each line, m.
     areas : tuple of Polygon
         Polygons, m.
+    others : list of list of float
+        Positions that the user gave in the unit of the file, m.
     """
 
     points: list[list[float]]
@@ -56,6 +58,7 @@ class Places(NamedTuple):
     depots: list[int]
     lines: list[list[list[float]]]
     areas: tuple[Polygon, ...]
+    others: list[list[float]]
 
     def require(self, file: Path, kind: str, *allowed: str) -> None:
         """Raise if the file has other geometries than those in `allowed`, which `kind` has no field for."""
@@ -69,8 +72,8 @@ class Places(NamedTuple):
                 )
 
 
-def read_places(path: Path, units: Any = None) -> Places:
-    """Return the geometries in a GeoJSON file in metres.
+def read_places(path: Path, units: Any = None, others: list[list[float]] | None = None) -> Places:
+    """Return the geometries in a GeoJSON file in metres; degrees are projected about their centre.
 
     Parameters
     ----------
@@ -79,11 +82,13 @@ def read_places(path: Path, units: Any = None) -> Places:
     units : {"metres", "degrees"}, optional
         Unit of the coordinates. By default that of the member ``"units"`` or of the reference system
         (``"crs"``), or metres if a coordinate cannot be in degrees.
+    others : list of list of float, optional
+        Further positions in the same unit.
 
     Raises
     ------
     InvalidData
-        The file is not valid GeoJSON, the unit of its coordinates is open, or polygons are in degrees.
+        The file is not valid GeoJSON, or the unit of its coordinates is open.
     """
     try:
         content = parse_json(read_text(path))
@@ -91,13 +96,15 @@ def read_places(path: Path, units: Any = None) -> Places:
         rings = [ring for s in shapes if s.kind == "Polygon" for ring in s.coordinates]
         paths = [s.coordinates for s in shapes if s.kind == "LineString"]
         marks = [s for s in shapes if s.kind == "Point"]
-        groups = [[mark.coordinates for mark in marks], *paths, *rings]
-        flat = planar(content, groups, units, str(path), not rings)
+        groups = [others or [], [mark.coordinates for mark in marks], *paths, *rings]
+        moved, *flat = planar(content, groups, units, str(path))
         left = iter(flat[1 + len(paths) :])
         areas = as_polygons(
             {s.place: [next(left) for _ in s.coordinates] for s in shapes if s.kind == "Polygon"}
         )
     except InvalidData as error:
+        if str(error).startswith(str(path)):
+            raise
         raise InvalidData(f"{path}: {error}", field=error.field) from None
     labels = (
         [mark.properties.get(key) for mark in marks] if marks else [None]
@@ -105,7 +112,7 @@ def read_places(path: Path, units: Any = None) -> Places:
     )
     ids = next((row for row in labels if _distinct(row)), None)
     depots = [k for k, mark in enumerate(marks) if mark.properties.get("depot") is True]
-    return Places(flat[0], ids, depots, flat[1 : 1 + len(paths)], areas)
+    return Places(flat[0], ids, depots, flat[1 : 1 + len(paths)], areas, moved)
 
 
 def _distinct(labels: list[Any]) -> bool:
@@ -114,9 +121,7 @@ def _distinct(labels: list[Any]) -> bool:
     return (words or whole) and len(set(labels)) == len(labels)
 
 
-def planar(
-    content: Mapping[str, Any], groups: list[Any], units: Any, where: str, projects: bool
-) -> list[Any]:
+def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str) -> list[Any]:
     """Return groups of positions in metres, projected if they are degrees.
 
     Parameters
@@ -129,13 +134,11 @@ def planar(
         Unit that the user states.
     where : str
         File of the positions, for messages.
-    projects : bool
-        Whether degrees are projected; otherwise they are refused.
 
     Raises
     ------
     InvalidData
-        A coordinate is not a number, the unit is open, or degrees are refused.
+        A coordinate is not a number, the unit is open, or degrees are out of range.
     """
     for group in groups:
         for position in group:
@@ -166,19 +169,9 @@ def planar(
             "--data units=metres (in Python: data={'units': 'degrees'})",
             field="units",
         )
-    if far:
-        raise InvalidData(
-            "coordinates must be longitudes within ±180 and latitudes within ±90, as they are degrees",
-            field="coordinates",
-        )
-    if not projects:
-        raise InvalidData(
-            "polygons must be in metres, as bounds and starts are, got degrees: project the file, e.g. "
-            "with ogr2ogr -t_srs EPSG:32632 or in QGIS (Export, CRS)",
-            field="coordinates",
-        )
     flat = [position for group in groups for position in group]
-    places = project([y for _, y, *_ in flat], [x for x, *_ in flat], where).tolist()
+    latitudes, longitudes = [y for _, y, *_ in flat], [x for x, *_ in flat]
+    places = project_positions(latitudes, longitudes, where).tolist()
     rows = ([*place, *position[2:]] for place, position in zip(places, flat, strict=True))
     return [[next(rows) for _ in group] for group in groups]
 
@@ -205,34 +198,65 @@ def tour_of_places(path: Path, *, units: Any = None, **data: Any) -> MessengerTo
     return MessengerTour.from_data({**fields, **data}, name=path.stem)
 
 
-def mission_of_places(path: Path, *, units: Any = None, **data: Any) -> FleetMission:
-    """Return the mission among the polygons and through the points in a GeoJSON file."""
+def mission_of_places(
+    path: Path, *, units: Any = None, bounds: Any, depot: Any = None, nodes: Any = None, **data: Any
+) -> FleetMission:
+    """Return the mission among the polygons and through the points in a GeoJSON file.
+
+    `bounds`, `depot` and `nodes` are in the unit of the file.
+    """
     from ..models.fleet_mission.model import FleetMission
 
-    places = read_places(path, units)
+    stops = [] if nodes is None else Array(("n", 2)).coerce("nodes", nodes, {}).tolist()
+    home = [] if depot is None else [Array((2,)).coerce("depot", depot, {}).tolist()]
+    places, limits, rest = _read_within(path, units, bounds, home + stops)
     places.require(path, FleetMission.kind, "points", "areas")
-    nodes = [k for k in range(len(places.points)) if k not in places.depots[:1]]
-    fields: dict[str, Any] = {"obstacles": places.areas}
-    if places.depots:
-        fields["depot"] = places.points[places.depots[0]][:2]
-    if nodes:
-        fields["nodes"] = [places.points[k][:2] for k in nodes]
-    if nodes and places.ids is not None:
-        fields["ids"] = [places.ids[k] for k in nodes]
-    return FleetMission.from_data({**fields, **data}, name=path.stem)
+    marked = places.depots[: 1 - len(home)]
+    home = rest[: len(home)] or [places.points[k][:2] for k in marked]
+    inner = [k for k in range(len(places.points)) if k not in marked]
+    fields: dict[str, Any] = {"obstacles": places.areas, "bounds": limits, **data}
+    if home:
+        fields["depot"] = home[0]
+    if nodes is None and inner:
+        fields["nodes"] = [places.points[k][:2] for k in inner]
+        if places.ids is not None:
+            fields.setdefault("ids", [places.ids[k] for k in inner])
+    elif nodes is not None:
+        if inner:
+            raise InvalidData(
+                f"{path}: nodes must not be given: the file holds them", field="nodes"
+            )
+        fields["nodes"] = rest[len(rest) - len(stops) :]
+    return FleetMission.from_data(fields, name=path.stem)
 
 
 def path_among_areas(
     path: Path, *, units: Any = None, bounds: Any, cell: Any, radius: Any = 0.0, **data: Any
 ) -> GridPath:
-    """Return the path on the grid map of the polygons in a GeoJSON file."""
+    """Return the path on the grid map of the polygons in a GeoJSON file.
+
+    `bounds` are in the unit of the file; `start` and `goals` in `data` are cells.
+    """
     from ..models.grid_path.gridmap import GridMap
     from ..models.grid_path.model import GridPath
 
-    places = read_places(path, units)
+    places, limits, _ = _read_within(path, units, bounds, [])
     places.require(path, GridPath.kind, "areas")
-    grid = GridMap.from_polygons(places.areas, bounds, cell, radius)
+    grid = GridMap.from_polygons(places.areas, limits, cell, radius)
     return GridPath.from_data({"map": grid, **data}, name=path.stem)
+
+
+def _read_within(
+    path: Path, units: Any, bounds: Any, others: list[list[float]]
+) -> tuple[Places, Any, list[list[float]]]:
+    """Return the content of a file, and the bounds and other positions in metres."""
+    west, south, east, north = Array((4,)).coerce("bounds", bounds, {}).tolist()
+    given = [[x, y] for x in (west, east) for y in (south, north)] + others
+    places = read_places(path, units, given)
+    if places.others is given:  # in metres
+        return places, bounds, others
+    xs, ys = zip(*places.others[:4], strict=True)
+    return places, [min(xs), min(ys), max(xs), max(ys)], places.others[4:]
 
 
 def path_of_places(path: Path, *, units: Any = None, **data: Any) -> MinimumSnap:

@@ -94,13 +94,9 @@ def test_geojson_keeps_names_depots_and_obstacles(tmp_path):
     mission = load(named("mission.geojson"), tmp_path)
     assert (mission.depot.tolist(), mission.nodes.tolist()) == ([1, 1], [[8, 8], [8, 2]])
     assert len(mission.obstacles) == 1
-    for content, words in (
-        (everyday.AREAS.replace(everyday.UTM, ":OGC:1.3:CRS84"), "polygons must be in metres"),
-        (everyday.AREAS.replace('"crs"', '"c"'), "coordinates may be degrees"),
-    ):
-        with pytest.raises(InvalidData, match=words):
-            load(named("areas.geojson")._replace(content=content), tmp_path)
-    with pytest.raises(InvalidData, match="longitudes within ±180"):
+    with pytest.raises(InvalidData, match="coordinates may be degrees"):
+        load(named("areas.geojson")._replace(content=everyday.AREAS.replace("crs", "c")), tmp_path)
+    with pytest.raises(InvalidData, match="latitudes"):
         load(
             named("stops.geojson")._replace(options="--data vehicles=2 --data units=degrees"),
             tmp_path,
@@ -110,9 +106,24 @@ def test_geojson_keeps_names_depots_and_obstacles(tmp_path):
     # A thousandth of a degree of longitude at 48.13° north, by the radius of curvature of WGS 84.
     assert np.diff(cafes.points[:, 0]) == pytest.approx(74.43, abs=0.02)
     assert np.ptp(cafes.points[:, 1]) < 0.01
+    mission = MISSION_IN_DEGREES
+    path = everyday.write(named("mission.geojson")._replace(content=mission), tmp_path)
+    bounds = [11.0, 48.0, 11.001, 48.001]
+    inner = ct.load(path, data={"bounds": bounds, "vehicles": 1, "depot": [11.0001, 48.0001]})
+    assert inner.bounds[2:] - inner.bounds[:2] == pytest.approx([74.6, 111.2], abs=0.1)
+    assert inner.depot - inner.bounds[:2] == pytest.approx([7.46, 11.12], abs=0.01)
+    assert inner.nodes[0] - inner.bounds[:2] == pytest.approx([59.7, 89.0], abs=0.1)
+    with pytest.raises(InvalidData, match="nodes must not be given"):
+        ct.load(path, data={"bounds": bounds, "vehicles": 1, "nodes": [[11, 48]]})
     mixed = named("mission.geojson")._replace(options="--data vehicles=1 --as fleet-routing")
     with pytest.raises(UnknownName, match="GeoJSON of points and polygons"):
         load(mixed, tmp_path)
+
+
+SQUARE = [[[11 + x / 1e4, 48 + y / 1e4] for x, y in everyday.SQUARE[0]]]
+MISSION_IN_DEGREES = everyday.collection(
+    ("Polygon", SQUARE, {}), ("Point", [11.0008, 48.0008], {}), crs="OGC:1.3:CRS84"
+)
 
 
 def test_a_written_map_is_read_back_in_metres(tmp_path):
