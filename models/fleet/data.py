@@ -134,8 +134,9 @@ class FleetData(Declared):
                 field="vehicles",
             )
         if (self.demands is None) != (self.capacity is None):
-            name = "demands" if self.demands is None else "capacity"
-            raise InvalidData(f"{name} must be given beside the other of the two", field=name)
+            names = ["demands", "capacity"]
+            name, other = names if self.demands is None else reversed(names)
+            raise InvalidData(f"{name} must be given together with {other}", field=name)
         if self.q and self.objective not in (Objective.VARIANCE, Objective.DEVIATION):
             raise InvalidData(
                 "q must be 0 unless the objective is 'sum-variance' or 'sum-deviation', got objective "
