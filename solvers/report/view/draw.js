@@ -45,8 +45,11 @@ const theme = (name) => getComputedStyle(document.documentElement).getPropertyVa
 const pictures = new Map();
 const picture = (source, mapped, ready) => {
   const key = source + scheme.matches;
-  if (pictures.has(key)) return pictures.get(key);
-  pictures.set(key, null);
+  const known = pictures.get(key);
+  if (Array.isArray(known)) known.push(ready); // several panels wait for the same image
+  if (known) return Array.isArray(known) ? null : known;
+  const waiting = [ready];
+  pictures.set(key, waiting);
   const image = new Image();
   image.onload = () => {
     const canvas = make("canvas", { width: image.width, height: image.height });
@@ -61,7 +64,7 @@ const picture = (source, mapped, ready) => {
       context.putImageData(pixels, 0, 0);
     }
     pictures.set(key, canvas);
-    ready();
+    waiting.forEach((call) => call());
   };
   image.src = source;
   return null;
@@ -94,9 +97,10 @@ const ticksOf = (low, high, log, count) => {
   }
   return result.filter((value) => !log || value > 0);
 };
-const split = (label) => { // "time (s)" gives a name and a unit
-  const parts = /^(.*?)\s*\(([^()]+)\)$/.exec(label.replace(/\s*\n\s*/g, " "));
-  return parts ? [parts[1], parts[2]] : [label.replace(/\s*\n\s*/g, " "), ""];
+const split = (label) => { // "time (s)" gives a name and a unit, "mass (–)" and "row (index, downward)" no unit
+  const text = label.replace(/\s*\n\s*/g, " ");
+  const parts = /^(.*?)\s*\(([^(),]+)[^()]*\)$/.exec(text);
+  return parts ? [parts[1], ["–", "-", "index"].includes(parts[2]) ? "" : parts[2]] : [text, ""];
 };
 
 // -- drawing ----------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 import webbrowser
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -217,7 +218,7 @@ def _section(view: _View, scenes: list[dict[str, Any]], frames: int, several: bo
         picture = plot(view.model, view.plan if view.solution is None else view.solution)
         scene = export_figure(picture)
         moving = _motion(view, frames)
-        if moving is not None and len(moving["axes"]) == len(scene["axes"]) > 1:
+        if moving is not None and not _names(scene) - _names(moving):
             # The animation is the picture with moving marks.
             scene, moving = {**moving, "pins": scene["pins"], "title": scene["title"]}, None
         drawn.append(_host(first, "picture" if several else "", scene["title"]))
@@ -233,6 +234,13 @@ def _section(view: _View, scenes: list[dict[str, Any]], frames: int, several: bo
         f'<section class="view" aria-label="{escape(view.title)}">{head}<div class="parts">'
         f'<div class="pictures">{"".join(drawn)}</div>'
         f'<div class="facts">{_facts(view)}{_checks(view.result, pins, first)}</div></div></section>'
+    )
+
+
+def _names(scene: Mapping[str, Any]) -> Counter[tuple[Any, ...]]:
+    """Return the kinds and names of the artists of a scene."""
+    return Counter(
+        tuple(artist[key] for key in ("a", "t", "g", "l")) for artist in scene["artists"]
     )
 
 
