@@ -303,7 +303,8 @@ def _places_of(model: FleetMission, plan: MissionPlan, check: Check) -> Iterator
             # The middle of a segment, or the beginning of the way to the next stop.
             stops = np.concatenate([entry.times[:1], plan.visits[robot], entry.times[-1:]])
             middles = entry.times[:-1] + 0.5 * entry.durations
-            time = float((stops if part[1] == "stop" else middles)[int(part[2])])
+            times = stops if part[1] == "stop" else middles
+            time = float(times[min(int(part[2]), len(times) - 1)])
         if time is not None:
             yield entry(np.clip(time, entry.times[0], entry.times[-1]))
         elif check.where.endswith((", start", ", end")):

@@ -17,7 +17,7 @@ from .curves import Curve
 __all__ = ["Pin", "pin", "pin_curves", "pin_places", "time_of"]
 
 #: Time in the text of a check.
-_TIME = re.compile(r"\bt = ([^\s,)]+)")
+_TIME = re.compile(r"\bt = (-?\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\w.])")
 
 
 class Pin(NamedTuple):

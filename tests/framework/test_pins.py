@@ -1,5 +1,6 @@
 """Pins of checks, animations, units and orientation in the pictures of all problems."""
 
+import dataclasses
 import json
 import re
 from functools import cache
@@ -313,3 +314,20 @@ def test_places_beyond_the_axes_move_to_their_edge_and_nan_is_ignored():
     kit.pin_places(axes, SimpleNamespace(checks=[check]), {"here": [[7, 3], [np.nan, 3]]})
     ((_, _, *place),) = axes.figure.crosstrack_pins
     assert place == [1, 3, None]
+
+
+@pytest.mark.parametrize(
+    ("where", "time"),
+    [("x at t = 1e-05 s of phase 'go'", 1e-5), ("robot 0 (t = -2.5 s)", -2.5), ("node t = 1.2.3", None),
+     ("node t = nan", None), ("at = 3 s", None)],
+)  # fmt: skip
+def test_only_a_number_is_read_as_a_time(where, time):
+    assert kit.time_of(SimpleNamespace(where=where)) == time
+
+
+def test_a_label_like_a_place_does_not_break_the_picture():
+    model, plan = example("fleet-mission")
+    odd = dataclasses.replace(model, ids=("robot 0, segment 99",))
+    missed = MissionPlan([[]], plan.trajectories, [[]])
+    found = pins(odd, missed, "each node visited once")
+    assert list(model.nodes[0]) in [place for _, place in found]
