@@ -26,8 +26,8 @@ MORE = 3
 AT_LEAST, TIMES = 60.0, 10.0
 
 #: Share of the time limit for the heuristic before a local solver of programs. Steering laws of a slew take
-#: 0.3 to 2 s, and the program 4 to 13 s.
-BEFORE = 0.5
+#: 0.3 to 2 s, and the program 4 to 13 s: below `SHORT` seconds the heuristic has all the time.
+BEFORE, SHORT = 0.5, 4.0
 
 _PROVEN = (Termination.OPTIMAL, Termination.INFEASIBLE, Termination.UNBOUNDED)
 
@@ -48,6 +48,9 @@ def run_automatic(
     """
     left = remaining()
     first = begin(left, run)
+    if first is not None and job.time_limit is not None and job.time_limit < SHORT:
+        tried = f"{first.backend}: {first.termination}"
+        return replace(first, statistics={**first.statistics, "backends tried": tried})
     solution = run(remaining())
     if job.has_fallback:
         solution = go_on(left, solution, run)
@@ -58,7 +61,8 @@ def begin(job: Job, run: Callable[[Job], Solution[Any]]) -> Solution[Any] | None
     """Return the plan of a native heuristic if the backend is a local solver of programs; else None.
 
     Such a solver may have no plan before its last mesh. Without a time limit it needs no other plan, and
-    options that the heuristic does not support rule it out.
+    options that the heuristic does not support rule it out. If a short time limit is exhausted, the
+    solution has no plan.
 
     Parameters
     ----------
@@ -75,11 +79,14 @@ def begin(job: Job, run: Callable[[Job], Solution[Any]]) -> Solution[Any] | None
     for backend in guaranteed(job.model, Guarantee.HEURISTIC):
         if not isinstance(job.model, backend.accepts):
             continue
+        is_short = job.time_limit < SHORT
+        share = job.time_limit * (1.0 if is_short else BEFORE)
         try:
-            result = run(replace(job, backend=backend, time_limit=BEFORE * job.time_limit))
+            result = run(replace(job, backend=backend, time_limit=share))
         except (BackendMissing, UnsupportedOption):
             continue
-        return result if result.plan is not None else None
+        late = is_short and not _leaves_time(job, result.seconds.get("total", 0.0))
+        return result if late or result.plan is not None else None
     return None
 
 

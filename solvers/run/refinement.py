@@ -26,6 +26,10 @@ from .starts import SECOND, look_again
 
 __all__ = ["refine"]
 
+#: Time kept for judging and verifying the answer of the next program, as a multiple of the mean time of
+#: judging the programs so far, and its largest share of the time left.
+RESERVE, MOST_RESERVE = 2.0, 0.5
+
 
 @dataclass
 class _Totals:
@@ -83,7 +87,9 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     def left() -> float | None:
         if deadline is None:
             return None
-        return min(deadline - clock(), run.limit.end - time.perf_counter())
+        seconds = min(deadline - clock(), run.limit.end - time.perf_counter())
+        judged = run.seconds.get("refine", 0.0) / max(1, len(run.spent))
+        return seconds - min(RESERVE * judged, MOST_RESERVE * seconds)
 
     answer = attend(problem, request)
     formulation = run.target.formulation
@@ -102,14 +108,17 @@ Left = Callable[[], float | None]
 
 
 def _refined(run: Run, answer: Answer) -> Any:
-    """Return the refined formulation with its program built; None if none is needed."""
+    """Return the refined formulation; None if none is needed."""
     formulation = run.target.formulation
     assert formulation is not None
     with run.clock("refine"):
-        finer = formulation.refined(answer.point, run.job.verification_tolerance, answer.duals)
-        if finer is not None:
-            finer.program  # noqa: B018 - built here, so that its seconds count as refinement
-        return finer
+        return formulation.refined(answer.point, run.job.verification_tolerance, answer.duals)
+
+
+def _program(run: Run, formulation: Any) -> Any:
+    """Return the program of a refined formulation; its seconds count as refinement."""
+    with run.clock("refine"):
+        return formulation.program
 
 
 def _reached(request: Request, seconds: float | None) -> Limit | None:
@@ -137,14 +146,14 @@ def _tighten(
             proven = proven_bound(problem, answer)
             bound = max(bound, -np.inf if proven is None else proven)
         solved = answer.termination is Termination.OPTIMAL
-        seconds = left()
-        limit = (answer.limit or _reached(request, seconds)) if solved else answer.limit
+        limit = (answer.limit or _reached(request, left())) if solved else answer.limit
         if limit is not None or not solved:
             # The point of a relaxation is not a plan of the model.
             message = _BETWEEN if solved else answer.message
             answer = Answer(Termination.NO_SOLUTION, limit, message=message)
             break
-        run.target, problem = replace(run.target, formulation=finer), finer.program
+        run.target, problem = replace(run.target, formulation=finer), _program(run, finer)
+        seconds = left()
         warm = None if request.warm_start is None else answer.point
         if warm is not None and not getattr(problem, "continuous", True):
             # The warm start is feasible for every program; a rounded fractional point is not.
@@ -179,14 +188,13 @@ def _approximate(
             break
         # A point that is not yet optimal is an adequate start.
         limit: Limit | None = None if answer.limit is Limit.ITERATIONS else answer.limit
-        seconds = left()
-        limit = _reached(request, seconds) or limit
+        limit = _reached(request, left()) or limit
         if limit is not None:
             answer = replace(answer, limit=limit, message=_BETWEEN)
             rounds[-1] = run.target, problem, answer
             break
-        program = finer.program
-        warm = None
+        program = _program(run, finer)
+        warm, seconds = None, left()
         if Feature.WARM_START in run.target.backend.features:
             warm = program.guess
         run.target, problem = replace(run.target, formulation=finer), program
@@ -206,7 +214,8 @@ def _approximate(
     if failure:
         answer = replace(answer, message=f"not settled: {failure}")
     if run.history and not (settled and (len(rounds) == 1 or run.history[-1].get("verified"))):
-        answer, problem = _best(run, rounds, answer, problem, settled)
+        late = _reached(request, left()) is not None
+        answer, problem = _best(run, rounds, answer, problem, settled, late)
     return replace(answer, statistics={**answer.statistics, **confirmed}), problem
 
 
@@ -215,21 +224,24 @@ _Round = tuple[Target, Any, Answer]
 
 
 def _best(
-    run: Run, rounds: list[_Round], answer: Answer, problem: Any, settled: bool
+    run: Run, rounds: list[_Round], answer: Answer, problem: Any, settled: bool, late: bool
 ) -> tuple[Answer, Any]:
     """Return the answer and program of the round whose plan violates the model least.
 
     Candidates are the last round, the last round that verified, and those with the smallest errors.
-    The last round is returned if it verifies.
+    The last round is returned if it verifies. After a limit, `late`, the reports of the rounds decide.
     """
     last = len(rounds) - 1
     rows = run.history[: last + 1]
     verified = [k for k in range(last) if rows[k].get("verified")][-1:]
     measured = [k for k in range(last) if rows[k].get("error") is not None]
     nearest = sorted(measured, key=lambda k: float(rows[k]["error"]))[:LOOKED]
-    excesses: list[tuple[float, int]] = []
+    candidates, excesses = (last, *verified, *nearest), list[tuple[float, int]]()
+    if late:  # a verification can take longer than the grace
+        is_verified = rows and rows[-1].get("verified")
+        excesses = [(0.0, last if is_verified else (*verified, *nearest, last)[0])]
     with run.clock("refine"):
-        for k in (last, *verified, *nearest):
+        for k in () if late else candidates:
             target, _, candidate = rounds[k]
             assert target.formulation is not None
             try:
