@@ -54,8 +54,8 @@ END = 0.3
 #: Time that the flight of the plan and its verification take, as a multiple of the time of as many steps
 #: in the search (2.3 to 2.4 measured).
 RESERVE = 2.5
-#: Seconds for the flight of the plan after a stop request, and after the time limit, which the reserve
-#: precedes. A flight of a minute takes half a second.
+#: Seconds for the flight of the plan after a stop request, and for a run with a time limit, which keeps
+#: the reserve. A flight of a minute takes half a second.
 EXTRA, EXTRA_IN_TIME = 1.0, 0.2
 
 
@@ -115,7 +115,7 @@ class EigenaxisSteering(Backend):
         trial = search.fastest() if peak_rate is None else search.flown(peak_rate, search.most, 0.0)
         limit = Limit.TIME if search.is_cut else _limit(request.control)
         statistics: dict[str, float | int | str] = {"flights": search.flights}
-        ending = _ending(request.control)
+        ending = _ending(request.control, EXTRA if request.time_limit is None else EXTRA_IN_TIME)
         flight = None if trial is None else trial.loop.fly(search.latest, FINE, ending=ending)
         if trial is None or flight is None or (not flight.settled and ending()):
             return Answer(
@@ -143,14 +143,13 @@ def _limit(control: Control) -> Limit | None:
     return (control.reason or Limit.INTERRUPTED) if control.stopped else None
 
 
-def _ending(control: Control) -> Callable[[], bool]:
-    """Return a function that returns True some seconds after it first noticed a stop request."""
+def _ending(control: Control, extra: float) -> Callable[[], bool]:
+    """Return a function that returns True `extra` seconds after it first noticed a stop request."""
     noticed: list[float] = []
 
     def ending() -> bool:
         if control.stopped and not noticed:
             noticed.append(clock())
-        extra = EXTRA_IN_TIME if control.reason is Limit.TIME else EXTRA
         return bool(noticed) and clock() - noticed[0] > extra
 
     return ending

@@ -5,11 +5,13 @@
     python tests/benchmarks/framework/short_limits.py records.jsonl --limits 1 3 10
     python tests/benchmarks/framework/short_limits.py records.jsonl --limits 1 --names "fleet/*"
     python tests/benchmarks/framework/short_limits.py records.jsonl --limits 1 --backends all
+    python tests/benchmarks/framework/short_limits.py records.jsonl --limits 1 2 5 --backends interrupt
 
 Each run is a process of its own with an empty cache of compiled code, and two processes run side by side.
 Runs that the file of records holds already are not repeated. ``--backends all`` runs each native backend of
-a model as well, and compares the recommended one with them; ``--warm`` uses the present cache of compiled
-code for that.
+a model as well, and compares the recommended one with them. ``--backends interrupt`` runs each backend that
+claims to stop soon after a stop request, by default on one larger entry per problem. ``--warm`` uses the
+present cache of compiled code.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ from typing import Any
 
 import crosstrack as ct
 from crosstrack.instances import catalogue
+from crosstrack.solvers.contract.enums import Feature
 from crosstrack.solvers.contract.registry import backend_names, find_backend
+from crosstrack.solvers.contract.selection import fitting
 
 #: Seconds beyond the limit that a call may take: the last polls of the clock, and the verification.
 GRACE = 0.5
@@ -37,7 +41,15 @@ GRACE = 0.5
 KILLED = 90.0
 #: Relative difference of objectives up to which the recommended backend is as good as another one.
 MARGIN = 0.01
-#: Script of one process: name, backend and limit in; a record out.
+#: Larger entry of each problem, for the test of every backend that claims to be interruptible.
+LARGER = (
+    "attractor/hunt-long", "black-box/sphere-100", "error-correction/suspect-327", "fleet/max-10",
+    "fleet-mission/paper", "grid-path/terrain", "guided-path/hard-20x20", "messenger/B-20-01",
+    "minimum-derivative/jerk", "minimum-snap/random-100", "optimal-control/free-flying-robot",
+    "resource-routing/network-40", "satellite-slew/roll-180", "sideslip/serpentine",
+    "time-allocation/lap-8s", "unknown-grid/large",
+)  # fmt: skip
+#: Script of one process: name, backend and limit (0: none) in; a record out.
 SOLVE = """
 import json, sys, time
 begin = time.perf_counter()
@@ -45,12 +57,13 @@ import crosstrack as ct
 from crosstrack import compilation
 name, backend, limit = sys.argv[1], sys.argv[2], float(sys.argv[3])
 model, solve = ct.load(name), ct.solve
-loaded = time.perf_counter()
-solution = solve(model, backend, time_limit=limit)
+loaded, used = time.perf_counter(), time.process_time()
+solution = solve(model, backend, time_limit=limit or None)
+seconds, cpu = time.perf_counter() - loaded, time.process_time() - used
 print("\\n" + json.dumps({
     "ran": solution.backend, "termination": solution.termination, "reason": solution.limit,
     "plan": solution.plan is not None, "objective": solution.primal_bound,
-    "seconds": time.perf_counter() - loaded, "load": loaded - begin,
+    "seconds": seconds, "cpu": cpu, "process_cpu": time.process_time(), "load": loaded - begin,
     "parts": {key: round(value, 3) for key, value in solution.seconds.items() if value > 0.01},
     "message": solution.message[:400],
 }))
@@ -90,6 +103,16 @@ def run(name: str, backend: str, limit: float, warm: bool = False) -> dict[str, 
     return {**record, **json.loads(lines[-1])}
 
 
+def interruptible(name: str) -> list[str]:
+    """Return the names of the backends for an entry that claim to stop soon after a stop request."""
+    model = ct.load(name)
+    return [
+        backend
+        for backend in fitting(model)
+        if Feature.INTERRUPT in find_backend(backend, model).features
+    ]
+
+
 def native(name: str) -> list[str]:
     """Return the names of the installed native backends for an entry."""
     model = ct.load(name)
@@ -107,24 +130,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("records", type=Path)
     parser.add_argument("--limits", type=float, nargs="+", default=[1.0, 3.0, 10.0])
-    parser.add_argument("--names", nargs="+", default=["*"])
-    parser.add_argument("--backends", choices=("auto", "all"), default="auto")
+    parser.add_argument("--names", nargs="+")
+    parser.add_argument("--backends", choices=("auto", "all", "interrupt"), default="auto")
     parser.add_argument(
         "--warm", action="store_true", help="use the present cache of compiled code"
     )
     parser.add_argument("--processes", type=int, default=2, help="processes side by side")
     options = parser.parse_args()
     done = read(options.records)
+    every = {"auto": lambda name: [], "all": native, "interrupt": interruptible}[options.backends]
+    patterns = options.names or (LARGER if options.backends == "interrupt" else ["*"])
     names = [
         entry.name
         for entry in catalogue.entries()
-        if any(fnmatch(entry.name, pattern) for pattern in options.names)
+        if any(fnmatch(entry.name, pattern) for pattern in patterns)
     ]
     runs = [
         (name, backend, limit)
         for limit in options.limits
         for name in names
-        for backend in ["auto", *(native(name) if options.backends == "all" else [])]
+        for backend in ["auto", *every(name)]
     ]
     missing = [key for key in runs if key not in done]
     begin = time.perf_counter()
@@ -153,6 +178,9 @@ def report(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         if row["backend"] == "auto":
             groups[row["name"].split("/")[0], row["limit"]].append(row)
+        elif is_late(row):
+            what = row.get("error") or f"{row['seconds']:.2f} s, cpu {row['cpu']:.2f} s, {row['parts']}"
+            print(f"{row['name']} with {row['backend']} at {row['limit']:g} s: {what}")
     print(
         f"{'problem':<18}{'limit':>6}{'entries':>9}{'without plan':>14}{'over limit':>12}{'worst':>8}"
     )
