@@ -1,4 +1,4 @@
-"""Background process that compiles kernels for later runs."""
+"""Background process that compiles kernels, for the run that waits for them and for later runs."""
 
 from __future__ import annotations
 
@@ -15,16 +15,20 @@ import struct
 import subprocess
 import sys
 import threading
+import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
 log = logging.getLogger("crosstrack")
 
-__all__ = ["is_cached", "may_be_cached", "name_by_key", "request", "serve"]
+__all__ = ["is_cached", "may_be_cached", "name_by_key", "request", "serve", "wait_for"]
 
-#: Niceness of the background process: it must not slow the run that it serves.
+#: Niceness of the background process if no run waits for it: it must not slow the run that it serves.
 _NICE = 10
+#: Seconds between two looks at the clock and at the process while a run waits.
+_POLL = 0.05
 #: Numbers from here on may have another compiled type.
 _LARGE = 2.0**63
 
@@ -33,9 +37,14 @@ _process: subprocess.Popen[bytes] | None = None
 #: Requests that its thread has not written yet.
 _bodies: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
 _writer: threading.Thread | None = None
+#: Events of the requests that have not ended, in order.
+_events: deque[threading.Event] = deque()
 #: Seconds that the end of this process waits for the thread.
 _LEAVING = 0.2
-_requested: set[bytes] = set()
+#: Events by request, set when the background process has ended the request.
+_requested: dict[bytes, threading.Event] = {}
+#: True in the background process, which compiles the kernels itself.
+_serves = False
 
 
 def may_be_cached(function: Callable[..., Any]) -> bool:
@@ -100,7 +109,9 @@ def name_by_key(file: Any, stamp: object) -> None:
     file.save = save
 
 
-def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
+def request(
+    module: str, name: str, arguments: tuple[Any, ...], *, nice: int = _NICE
+) -> threading.Event | None:
     """Compile the kernel `name` of `module` for the types of `arguments` in the background.
 
     The first request starts the background process. It ends after the last request, once this
@@ -115,34 +126,84 @@ def request(module: str, name: str, arguments: tuple[Any, ...]) -> None:
     arguments : tuple
         Arguments of a call; numbers, lists and arrays are described by type, not by value, so that
         calls with other values are no further requests.
+    nice : int
+        Niceness of the background process, if this request starts it.
+
+    Returns
+    -------
+    threading.Event or None
+        The event is set when the request has ended, with or without success. None if another process
+        cannot compile the kernel.
     """
     global _process, _bodies, _writer
     try:
         body = pickle.dumps((module, name, [_describe(value) for value in arguments]))
     except Exception as error:  # a class that other processes cannot import
         log.debug("%s.%s cannot be compiled elsewhere", module, name, exc_info=error)
-        return
+        return None
     with _lock:
         if body in _requested:
-            return
-        _requested.add(body)
-        if _process is None or _process.poll() is not None:
+            return _requested[body]
+        if not is_running():
             _bodies = queue.SimpleQueue()
-            command = "from crosstrack.compilation import serve; serve()"
-            _process = subprocess.Popen(
-                [sys.executable, "-P", "-c", command],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )
+            command = f"from crosstrack.compilation import serve; serve({nice})"
+            try:
+                _process = subprocess.Popen(
+                    [sys.executable, "-P", "-c", command],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=True,
+                    env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                )
+            except OSError as error:  # processes are not allowed, or memory is short
+                log.debug("no process can be started", exc_info=error)
+                return None
             log.info("kernels are being compiled in the background")
             # A thread writes, because the pipe of a process that compiles can be full for seconds.
             written = (_process.stdin, _bodies)
             _writer = threading.Thread(target=_send, args=written, daemon=True)
             _writer.start()
+            _events.clear()
+            read = (_process.stdout, _events)
+            threading.Thread(target=_receive, args=read, daemon=True).start()
+        _requested[body] = threading.Event()
+        _events.append(_requested[body])
         _bodies.put(body)
+        return _requested[body]
+
+
+def is_running() -> bool:
+    """Return whether the background process runs."""
+    return _process is not None and _process.poll() is None
+
+
+def wait_for(module: str, name: str, arguments: tuple[Any, ...], end: float) -> bool:
+    """Compile a kernel in the background, and wait for it.
+
+    Parameters
+    ----------
+    module, name, arguments
+        As in :func:`request`.
+    end : float
+        Time of ``time.perf_counter()`` at which the wait ends, in seconds.
+
+    Returns
+    -------
+    bool
+        False if the time is over. True also if the kernel cannot be compiled in another process.
+    """
+    event = None if _serves else request(module, name, arguments, nice=0)
+    while event is not None and not event.wait(_POLL) and is_running():
+        if time.perf_counter() > end:
+            return False
+    return True
+
+
+def _receive(stream: IO[bytes], events: deque[threading.Event]) -> None:
+    """Set the event of each request that has ended; the background process writes a byte for each."""
+    while stream.read(1):
+        events.popleft().set()
 
 
 def _send(stream: IO[bytes], bodies: queue.SimpleQueue[bytes | None]) -> None:
@@ -165,16 +226,21 @@ def _leave() -> None:
         _process.returncode = 0
 
 
-def serve() -> None:
-    """Compile the kernels requested on standard input until its end."""
+def serve(nice: int) -> None:
+    """Compile the kernels requested on standard input until its end, at this niceness."""
+    global _serves
+    _serves = True
     if hasattr(os, "nice"):
-        os.nice(_NICE)
-    stream = sys.stdin.buffer
+        os.nice(nice)
+    stream, answers = sys.stdin.buffer, os.dup(1)
+    os.dup2(2, 1)  # what a compiler prints is not an answer
     while len(head := stream.read(8)) == 8:
         module, name, description = pickle.loads(stream.read(struct.unpack("<Q", head)[0]))
         with contextlib.suppress(Exception):  # the run that needs the kernel reports the error
             kernel = operator.attrgetter(name)(importlib.import_module(module))
             kernel.compile_for(tuple(_sample(part) for part in description))
+        with contextlib.suppress(OSError):  # the run has ended; its requests are compiled anyway
+            os.write(answers, b".")
 
 
 def _describe(value: Any) -> Any:

@@ -5,9 +5,10 @@ first :data:`BUDGET` seconds that a process spends in kernels are interpreted. T
 and the results are equal bit for bit. A kernel that exhausts the budget restarts compiled. From then
 on every kernel is compiled at its first call, or loaded from the cache on disk.
 
-A run with a wall-clock limit (:func:`within`) compiles a kernel only if the expected time fits in
-the time left. Otherwise the kernel is interpreted until the limit, and a background process compiles
-it for later runs (:mod:`crosstrack.compilation`).
+A kernel that takes long to compile is compiled by a background process, for which the run waits
+(:mod:`crosstrack.compilation`): Numba would hold the interpreter's lock, so that neither Ctrl-C nor a
+limit could end the call. A run with a wall-clock limit (:func:`within`) waits only if the expected time
+fits in the time left. Otherwise the kernel is interpreted until the limit, and compiled for later runs.
 """
 
 from __future__ import annotations
@@ -62,6 +63,8 @@ BUDGET = 0.5
 _MOST = 30_000
 #: Measured compile time in seconds per bytecode of a kernel and of the kernels it calls.
 _PER_BYTECODE = 1.5e-3
+#: Expected compile time in seconds from which on the background process compiles. It starts in 0.7 s.
+_APART = 0.5
 #: Seconds of compiling after which a warning is logged.
 _SILENCE = 1.0
 #: Seconds for importing Numba and loading the first compiled code (0.35 measured), and for loading another
@@ -176,12 +179,10 @@ class Kernel:
         left = current_limit().end - perf_counter()
         if left == float("inf"):
             return
-        called = _callees(self)
-        size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in called)
         seconds = 0.0 if "numba" in sys.modules else _IMPORT
         if left <= seconds + _LOAD:
             raise _DoesNotFit
-        if seconds + _PER_BYTECODE * size <= _SHARE * left:
+        if seconds + self._compile_seconds <= _SHARE * left:
             return
         if "numba" not in sys.modules and not compilation.may_be_cached(self.py_func):
             raise _DoesNotFit  # and the import of Numba is saved
@@ -189,6 +190,26 @@ class Kernel:
             known = arguments is not None and compilation.is_cached(self.dispatcher, arguments)
         if not known:
             raise _DoesNotFit
+
+    @cached_property
+    def _compile_seconds(self) -> float:
+        """Expected compile time of the kernel and of those that it calls, in seconds."""
+        return _PER_BYTECODE * sum(len(it.py_func.__code__.co_code) // 2 for it in _callees(self))
+
+    def _compile_apart(self, arguments: tuple[Any, ...], timer: threading.Timer) -> None:
+        """Start the timer and wait for the background process, if compiling the kernel takes long."""
+        has_cache = hasattr(getattr(self.dispatcher, "_cache", None), "_cache_file")
+        is_long = has_cache and self._compile_seconds >= _APART
+        if not is_long or compilation.is_cached(self.dispatcher, arguments):
+            return
+        name, thread = (self.py_func.__module__, self.py_func.__qualname__), threading.get_ident()
+        timer.start()
+        _stretching.add(thread)  # so that a stop request ends the wait
+        try:
+            if not compilation.wait_for(*name, arguments, current_limit().end):
+                raise _DoesNotFit
+        finally:
+            _stretching.discard(thread)
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -217,7 +238,9 @@ class Kernel:
 
             def compile_for(*arguments: Any, **keywords: Any) -> Any:
                 self._require_time(None if keywords else arguments)
-                return self._timed(partial(compile_new, *arguments, **keywords))
+
+                apart = None if keywords else arguments
+                return self._timed(partial(compile_new, *arguments, **keywords), apart)
 
             dispatcher._compile_for_args = compile_for
         return dispatcher
@@ -242,11 +265,11 @@ class Kernel:
             if hasattr(self.dispatcher, "compile"):  # absent if NUMBA_DISABLE_JIT is set
                 self.dispatcher.compile(tuple(map(cast(Any, numba.typeof), arguments)))
 
-        self._timed(work)
+        self._timed(work, arguments)
         self._ready = True
 
-    def _timed(self, work: Callable[[], Any]) -> Any:
-        """Return the result of `work`, which compiles, run inside the watchers."""
+    def _timed(self, work: Callable[[], Any], arguments: tuple[Any, ...] | None) -> Any:
+        """Return the result of `work`, which compiles for `arguments`, run inside the watchers."""
         with ExitStack() as stack:
             stack.enter_context(_compiling)
             begin = perf_counter()
@@ -259,7 +282,7 @@ class Kernel:
             stack.callback(timer.cancel)
 
             class CompileListener(event.Listener):
-                """Listener that starts the timer when Numba compiles rather than loads from disk."""
+                """Starts the timer when Numba compiles rather than loads from disk."""
 
                 def on_start(self, event: Any) -> None:
                     if timer.ident is None:
@@ -269,14 +292,15 @@ class Kernel:
                     pass
 
             stack.enter_context(event.install_listener("numba:compile", CompileListener()))
+            if arguments is not None:
+                self._compile_apart(arguments, timer)
             result = work()
             add_compile_time(perf_counter() - begin)
         return result
 
     def _announce(self) -> None:
-        size = sum(len(kernel.py_func.__code__.co_code) // 2 for kernel in _callees(self))
-        seconds = max(1, round(_PER_BYTECODE * size))
-        log.warning("compiling once, about %d s (%s)", seconds, self.py_func.__name__)
+        text, seconds = "compiling once, about %d s (%s)", max(1, round(self._compile_seconds))
+        log.warning(text, seconds, self.py_func.__name__)
 
 
 @cache

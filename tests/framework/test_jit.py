@@ -403,7 +403,7 @@ def test_calls_with_other_values_are_compiled_in_the_background_once(monkeypatch
     process = SimpleNamespace(poll=lambda: None, stdin=None)
     monkeypatch.setattr(compilation, "_process", process)
     monkeypatch.setattr(compilation, "_bodies", bodies)
-    monkeypatch.setattr(compilation, "_requested", set())
+    monkeypatch.setattr(compilation, "_requested", {})
     for number in range(100):
         arguments = (number, number / 7, [(0.5 * number, number)], np.full(3, number), number > 3)
         compilation.request("module", "kernel", arguments)
@@ -419,7 +419,9 @@ from crosstrack import compilation
 
 start = subprocess.Popen
 compilation.subprocess.Popen = lambda *command, **options: start(
-    [sys.executable, "-c", "import time; time.sleep(20)"], stdin=subprocess.PIPE
+    [sys.executable, "-c", "import time; time.sleep(20)"],
+    stdin=subprocess.PIPE,
+    stdout=subprocess.PIPE,
 )
 begin = time.perf_counter()
 for count in range(300):  # tuples of different lengths are different types

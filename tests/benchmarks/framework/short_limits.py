@@ -179,7 +179,10 @@ def report(rows: list[dict[str, Any]]) -> None:
         if row["backend"] == "auto":
             groups[row["name"].split("/")[0], row["limit"]].append(row)
         elif is_late(row):
-            what = row.get("error") or f"{row['seconds']:.2f} s, cpu {row['cpu']:.2f} s, {row['parts']}"
+            what = (
+                row.get("error")
+                or f"{row['seconds']:.2f} s, cpu {row['cpu']:.2f} s, {row['parts']}"
+            )
             print(f"{row['name']} with {row['backend']} at {row['limit']:g} s: {what}")
     print(
         f"{'problem':<18}{'limit':>6}{'entries':>9}{'without plan':>14}{'over limit':>12}{'worst':>8}"
