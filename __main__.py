@@ -43,6 +43,7 @@ _HOMES = {
     "diagnose": "plans",
     "reproduce": "runs",
     "train": "training",
+    "compile": "kernels",
     "demo": "demo",
 }
 

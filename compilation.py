@@ -23,7 +23,15 @@ from typing import IO, Any
 
 log = logging.getLogger("crosstrack")
 
-__all__ = ["is_cached", "may_be_cached", "name_by_key", "request", "serve", "wait_for"]
+__all__ = [
+    "compile_here",
+    "is_cached",
+    "may_be_cached",
+    "name_by_key",
+    "request",
+    "serve",
+    "wait_for",
+]
 
 #: Niceness of the background process if no run waits for it: it must not slow the run that it serves.
 _NICE = 10
@@ -43,8 +51,8 @@ _events: deque[threading.Event] = deque()
 _LEAVING = 0.2
 #: Events by request, set when the background process has ended the request.
 _requested: dict[bytes, threading.Event] = {}
-#: True in the background process, which compiles the kernels itself.
-_serves = False
+#: True in a process that compiles the kernels itself, such as the background process.
+_is_here = False
 
 
 def may_be_cached(function: Callable[..., Any]) -> bool:
@@ -193,11 +201,17 @@ def wait_for(module: str, name: str, arguments: tuple[Any, ...], end: float) -> 
     bool
         False if the time is over. True also if the kernel cannot be compiled in another process.
     """
-    event = None if _serves else request(module, name, arguments, nice=0)
+    event = None if _is_here else request(module, name, arguments, nice=0)
     while event is not None and not event.wait(_POLL) and is_running():
         if time.perf_counter() > end:
             return False
     return True
+
+
+def compile_here() -> None:
+    """Compile every kernel in this process from now on."""
+    global _is_here
+    _is_here = True
 
 
 def _receive(stream: IO[bytes], events: deque[threading.Event]) -> None:
@@ -228,8 +242,7 @@ def _leave() -> None:
 
 def serve(nice: int) -> None:
     """Compile the kernels requested on standard input until its end, at this niceness."""
-    global _serves
-    _serves = True
+    compile_here()
     if hasattr(os, "nice"):
         os.nice(nice)
     stream, answers = sys.stdin.buffer, os.dup(1)
