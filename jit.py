@@ -73,7 +73,7 @@ _IMPORT, _LOAD = 0.4, 0.03
 #: Largest share of the time left for compiling; other processes may slow it down.
 _SHARE = 0.15
 #: Seconds that an interpreted kernel may run beyond the limit, to return its current result.
-_GRACE = 0.3
+_GRACE = 0.2
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -103,8 +103,8 @@ class _Here(threading.local):
 
 
 _here = _Here()
-#: Threads in kernels that :data:`_Here.stretched` interprets.
-_stretching: set[int] = set()
+#: Threads that a stop request may end: they interpret a kernel, or wait for one to be compiled.
+_ending: set[int] = set()
 
 
 class Kernel:
@@ -138,13 +138,9 @@ class Kernel:
             return self.py_func(*arguments)
         if not self._ready:
             if self.interpretable and _left > 0.0 and _is_small(arguments):
-                import numpy as np
-
-                begin = perf_counter()
-                _here.deadline = begin + _left
+                _here.deadline = (begin := perf_counter()) + _left
                 try:
-                    with np.errstate(all="ignore"):
-                        return self.py_func(*arguments)
+                    return self._interpret(arguments)
                 except _BudgetUsedUp:
                     log.debug("%s starts again, compiled", self.py_func.__name__)
                 finally:
@@ -162,17 +158,22 @@ class Kernel:
         limit = current_limit()
         limit.interpreted.add(self.py_func.__name__)
         compilation.request(self.py_func.__module__, self.py_func.__qualname__, arguments)
+        _here.stretched, _here.begun = limit, perf_counter()
+        try:
+            return self._interpret(arguments)
+        finally:
+            _here.stretched = None
+
+    def _interpret(self, arguments: tuple[Any, ...]) -> Any:
         import numpy as np
 
         thread = threading.get_ident()
-        _stretching.add(thread)
-        _here.stretched, _here.begun = limit, perf_counter()
+        _ending.add(thread)
         try:
             with np.errstate(all="ignore"):
                 return self.py_func(*arguments)
         finally:
-            _here.stretched = None
-            _stretching.discard(thread)
+            _ending.discard(thread)
 
     def _require_time(self, arguments: tuple[Any, ...] | None) -> None:
         """Raise unless the time left suffices to compile for `arguments` or to load compiled code."""
@@ -204,12 +205,12 @@ class Kernel:
             return
         name, thread = (self.py_func.__module__, self.py_func.__qualname__), threading.get_ident()
         timer.start()
-        _stretching.add(thread)  # so that a stop request ends the wait
+        _ending.add(thread)  # so that a stop request ends the wait
         try:
             if not compilation.wait_for(*name, arguments, current_limit().end):
                 raise _DoesNotFit
         finally:
-            _stretching.discard(thread)
+            _ending.discard(thread)
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -390,10 +391,10 @@ def compile_always() -> None:
 
 
 def end_interpretation(thread: int) -> None:
-    """Raise :class:`OutOfTime` in a thread that interprets a kernel beyond its limit.
+    """Raise :class:`OutOfTime` in a thread that interprets a kernel or waits until one is compiled.
 
-    Only a loop that neither calls a kernel nor polls the stop flag needs it.
+    Of the interpreted loops, only those need it that neither call a kernel nor poll the stop flag.
     """
-    if thread in _stretching:
+    if thread in _ending:
         error = ctypes.py_object(OutOfTime)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)

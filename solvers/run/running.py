@@ -40,7 +40,7 @@ PATIENCE = 2.0
 #: Seconds between two checks of the stopping criteria.
 POLL = 0.1
 #: Seconds after the limit before an interpreted loop that does not return is ended by an exception.
-STRETCH = 0.5
+STRETCH = 0.25
 #: Share of the time limit for the heuristic that runs before an exact backend.
 STARTING = 0.3
 

@@ -31,7 +31,7 @@ from typing import Any
 
 import crosstrack as ct
 from crosstrack.instances import catalogue
-from crosstrack.solvers.contract.enums import Feature
+from crosstrack.solvers.contract.job import Job
 from crosstrack.solvers.contract.registry import backend_names, find_backend
 from crosstrack.solvers.contract.selection import fitting
 
@@ -106,11 +106,8 @@ def run(name: str, backend: str, limit: float, warm: bool = False) -> dict[str, 
 def interruptible(name: str) -> list[str]:
     """Return the names of the backends for an entry that claim to stop soon after a stop request."""
     model = ct.load(name)
-    return [
-        backend
-        for backend in fitting(model)
-        if Feature.INTERRUPT in find_backend(backend, model).features
-    ]
+    targets = [Job(model, backend).find_target() for backend in fitting(model)]
+    return [target.backend.name for target in targets if target.backend.interrupts(target.kind)]
 
 
 def native(name: str) -> list[str]:

@@ -1,0 +1,122 @@
+"""Kernels that take long to compile: the background process compiles them, and the command compile."""
+
+import json
+import threading
+import time
+
+import pytest
+from commands import run
+
+from crosstrack import compilation, jit
+
+#: A module with a kernel, and a process that calls it.
+MODULE = """
+from crosstrack.jit import kernel
+
+@kernel
+def total(values):
+    result = 0.0
+    for value in values:
+        result += value
+    return result
+"""
+CALL = """
+import sys
+import numpy as np
+from crosstrack import compilation, jit
+import summing
+jit._APART = 0.0
+jit.compile_always()
+if sys.argv[1] == "here":
+    compilation.compile_here()
+stats = summing.total.dispatcher.stats
+print(summing.total(np.arange(4.0)), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+"""
+
+
+@pytest.mark.parametrize(("where", "loaded", "compiled"), [("apart", 1, 0), ("here", 0, 1)])
+def test_the_background_process_compiles_long_kernels(
+    run_python, tmp_path, where, loaded, compiled
+):
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+    (tmp_path / "summing.py").write_text(MODULE)
+    folder = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{CALL}"
+    words = run_python("-c", code, where, cwd=tmp_path, **folder).split()
+    assert words == ["6.0", str(loaded), str(compiled)]
+
+
+@pytest.fixture
+def never_ready(monkeypatch):
+    """Let the background process run, without an end of any request."""
+    monkeypatch.setattr(compilation, "request", lambda *arguments, **options: threading.Event())
+    monkeypatch.setattr(compilation, "is_running", lambda: True)
+
+
+def test_a_wait_ends_at_the_limit(never_ready):
+    begin = time.perf_counter()
+    assert not compilation.wait_for("module", "kernel", (), begin + 0.1)
+    assert time.perf_counter() - begin < 2.0
+
+
+def test_a_wait_ends_with_the_process(never_ready, monkeypatch):
+    monkeypatch.setattr(compilation, "is_running", lambda: False)
+    assert compilation.wait_for("module", "kernel", (), float("inf"))
+
+
+def test_a_stop_request_ends_a_wait(never_ready, monkeypatch):
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+
+    @jit.kernel
+    def increased(value):
+        return value + 1
+
+    monkeypatch.setattr(jit, "_APART", 0.0)
+    monkeypatch.setattr(compilation, "is_cached", lambda *arguments: False)
+    result = []
+
+    def call():
+        try:
+            result.append(increased(1))
+        except jit.OutOfTime:
+            result.append("out of time")
+
+    thread = threading.Thread(target=call, daemon=True)
+    thread.start()
+    for _ in range(200):
+        jit.end_interpretation(thread.ident)  # without effect before the wait
+        thread.join(0.05)
+    assert result == ["out of time"]
+
+
+COMMAND = """
+import importlib.util, sys
+import numpy as np
+from crosstrack.__main__ import main
+from crosstrack.cli import kernels
+from crosstrack.jit import compile_always
+
+def runs(problem):
+    spec = importlib.util.spec_from_file_location("crosstrack.summing", "summing.py")
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    compile_always()
+    module.total(np.arange(4.0))
+    return []
+
+kernels._runs = runs
+main(["compile", "grid-path", "--json"])
+"""
+
+
+def test_compile_counts_what_it_compiles_and_what_is_present(run_python, tmp_path):
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+    (tmp_path / "summing.py").write_text(MODULE)
+    folder = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    for counts in ({"compiled": 1, "present": 0}, {"compiled": 0, "present": 1}):
+        assert json.loads(run_python("-c", COMMAND, cwd=tmp_path, **folder)) == counts
+
+
+def test_compile_suggests_the_name_of_a_problem():
+    done = run("compile", "grid-pat", code=2)
+    assert "did you mean 'grid-path'" in done.stderr
