@@ -21,7 +21,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from functools import cache, cached_property, partial, update_wrapper
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import Any, TypeVar, cast, overload
 
 from . import compilation
@@ -55,8 +55,8 @@ __all__ = [
 
 #: Largest number of labels in one search, about 3 GB. A search that exceeds it stops.
 MOST_LABELS = 50_000_000
-#: Interpretation time of a process, in seconds. It equals the time to import Numba and load compiled
-#: code, so a run takes at most about twice the time of the better choice.
+#: Interpretation time of a process, in seconds of CPU. It equals the time to import Numba and load compiled
+#: code, so a run takes at most about twice the time of the better choice, on a busy machine, too.
 BUDGET = 0.5
 #: Largest array that is interpreted, in entries. A loop that calls no kernel detects only at its end
 #: that the budget is exhausted, and takes about 10 µs per entry.
@@ -95,7 +95,7 @@ class _DoesNotFit(Exception):
 class _Here(threading.local):
     """Thread-local state: the kernel being interpreted."""
 
-    #: End of the budget for the kernel being interpreted; 0 outside of interpreted kernels.
+    #: CPU time of the thread at which the budget ends; 0 outside of interpreted kernels.
     deadline = 0.0
     #: Limit of the kernel that is interpreted because compiling takes too long, and its start time.
     stretched: Limit | None = None
@@ -129,7 +129,7 @@ class Kernel:
         global _left
         deadline = _here.deadline
         if deadline:
-            if perf_counter() > deadline:
+            if thread_time() > deadline:
                 raise _BudgetUsedUp
             return self.py_func(*arguments)
         if _here.stretched is not None:
@@ -138,14 +138,14 @@ class Kernel:
             return self.py_func(*arguments)
         if not self._ready:
             if self.interpretable and _left > 0.0 and _is_small(arguments):
-                _here.deadline = (begin := perf_counter()) + _left
+                _here.deadline = (begin := thread_time()) + _left
                 try:
                     return self._interpret(arguments)
                 except _BudgetUsedUp:
                     log.debug("%s starts again, compiled", self.py_func.__name__)
                 finally:
                     _here.deadline = 0.0
-                    _left -= perf_counter() - begin
+                    _left -= thread_time() - begin
         try:
             if not self._ready:
                 self._compile(arguments)
