@@ -5,10 +5,11 @@
     python tests/benchmarks/framework/first_calls.py records.jsonl
     python tests/benchmarks/framework/first_calls.py records.jsonl --names "fleet/*" --each 2
 
-Each catalogue entry is solved by two processes in turn, with the recommended backend and no limit. The
-first has an empty cache of compiled code. The second starts when the background compiler of the first has
-ended. CPU is that of the calling process, with the import and the loading of the model; that of the
-background compiler is a column of its own. Runs that the file of records holds already are not repeated.
+Each catalogue entry is solved by two processes in turn, with the recommended backend and no limit; each
+Python block of README.md is run. The first process has an empty cache of compiled code. The second starts
+when the background compiler of the first has ended. CPU is that of the calling process, with the import and
+the loading of the model; that of its children, with the background compiler, is a column of its own. Runs
+that the file of records holds already are not repeated.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -27,22 +29,25 @@ from typing import Any
 
 from crosstrack.instances import catalogue
 
+ROOT = Path(__file__).resolve().parents[3]
 #: Largest CPU time of a first call, s.
 MOST = 3.0
 #: Seconds after which a process is killed.
 KILLED = 120.0
-#: Script of one process: the name of an entry in, a record out.
+#: Script of one process: the name of an entry, or the code of a block, in; a record out.
 SOLVE = """
 import json, resource, sys, time
 begin = time.perf_counter()
 import crosstrack as ct
 from crosstrack import compilation
-solution = ct.solve(ct.load(sys.argv[1]))
-record = {
-    "cpu": time.process_time(), "wall": time.perf_counter() - begin,
-    "backend": solution.backend, "termination": solution.termination,
-    "objective": solution.primal_bound, "compile": solution.seconds.get("compile", 0.0),
-}
+name, code = sys.argv[1:]
+if code:
+    exec(code, {"ct": ct})
+    what = {"backend": "", "compile": 0.0}
+else:
+    solution = ct.solve(ct.load(name))
+    what = {"backend": solution.backend, "compile": solution.seconds.get("compile", 0.0)}
+record = {"cpu": time.process_time(), "wall": time.perf_counter() - begin, **what}
 process = compilation._process
 if process is not None:  # let it end, for the second process
     compilation._bodies.put(None)
@@ -54,11 +59,20 @@ print("\\n" + json.dumps({**record, "children": usage.ru_utime + usage.ru_stime}
 """
 
 
+#: Python blocks of README.md, by name.
+BLOCKS = {
+    f"README/{number}": code
+    for number, code in enumerate(
+        re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL), 1
+    )
+}
+
+
 def run(name: str, folder: str) -> dict[str, Any]:
     """Return the record of one process whose cache of compiled code is in `folder`."""
     try:
         done = subprocess.run(
-            [sys.executable, "-c", SOLVE, name],
+            [sys.executable, "-c", SOLVE, name, BLOCKS.get(name, "")],
             env={**os.environ, "MPLBACKEND": "Agg", "NUMBA_CACHE_DIR": folder},
             cwd=folder, capture_output=True, text=True, timeout=KILLED, check=False,
         )  # fmt: skip
@@ -83,9 +97,9 @@ def main() -> None:
         rows = [json.loads(line) for line in options.records.read_text().splitlines()]
         done = {row["name"]: row for row in rows}
     names: dict[str, list[str]] = defaultdict(list)
-    for entry in catalogue.entries():
-        if any(fnmatch(entry.name, pattern) for pattern in options.names):
-            names[entry.name.split("/")[0]].append(entry.name)
+    for name in (*BLOCKS, *(entry.name for entry in catalogue.entries())):
+        if any(fnmatch(name, pattern) for pattern in options.names):
+            names[name.split("/")[0]].append(name)
     chosen = [name for group in names.values() for name in group[: options.each]]
     with options.records.open("a") as file:
         for name in chosen:
