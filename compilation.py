@@ -18,18 +18,25 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
 log = logging.getLogger("crosstrack")
 
 __all__ = [
+    "callees",
     "compile_here",
+    "copies_of",
     "is_cached",
+    "is_small",
     "may_be_cached",
     "name_by_key",
     "request",
+    "restore",
     "serve",
+    "stamp_of",
+    "type_of_callee",
     "wait_for",
 ]
 
@@ -39,6 +46,10 @@ _NICE = 10
 _POLL = 0.05
 #: Numbers from here on may have another compiled type.
 _LARGE = 2.0**63
+
+#: Largest array that is interpreted, in entries. A loop that calls no kernel detects only at its end
+#: that the budget is exhausted, and takes about 10 µs per entry.
+_MOST = 30_000
 
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
@@ -206,6 +217,80 @@ def wait_for(module: str, name: str, arguments: tuple[Any, ...], end: float) -> 
         if time.perf_counter() > end:
             return False
     return True
+
+
+def is_small(arguments: tuple[Any, ...]) -> bool:
+    """Return whether all arrays among the arguments are small enough for interpretation."""
+    parts = (
+        part for value in arguments for part in (value if isinstance(value, tuple) else (value,))
+    )
+    return all(getattr(array, "size", 0) <= _MOST for array in parts)
+
+
+def copies_of(arguments: tuple[Any, ...]) -> list[tuple[Any, Any]]:
+    """Return pairs of each array or random generator that a kernel may update and its present state."""
+    import numpy as np
+
+    result: list[tuple[Any, Any]] = []
+    for value in arguments:
+        if isinstance(value, tuple):
+            result += copies_of(value)
+        elif isinstance(value, np.random.Generator):
+            result.append((value, value.bit_generator.state))
+        elif isinstance(value, np.ndarray) and value.flags.writeable:
+            if value.dtype != np.int8 or value.size != 1:  # not the stop flag
+                result.append((value, value.copy()))
+    return result
+
+
+def restore(copies: list[tuple[Any, Any]]) -> None:
+    """Give arrays and random generators the state that :func:`copies_of` returned."""
+    for value, state in copies:
+        if hasattr(value, "bit_generator"):
+            value.bit_generator.state = state
+        else:
+            value[...] = state
+
+
+@cache
+def type_of_callee() -> Any:
+    """Return the class of Numba types of kernels that compiled code calls."""
+    from numba import types
+    from numba.extending import models, register_model
+
+    plain: Any = types.unliteral
+
+    class Callee(types.Dispatcher):
+        """Kernel called by kernels; constant arguments are compiled as variables of their type."""
+
+        def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+            return super().get_call_type(context, tuple(plain(argument) for argument in args), kws)
+
+    register_model(Callee)(models.OpaqueModel)
+    return Callee
+
+
+def callees(kernel: Any) -> set[Any]:
+    """Return `kernel` and the kernels that it calls, directly or through others."""
+    result: set[Any] = set()
+    todo = [kernel]
+    while todo:
+        item = todo.pop()
+        if item not in result:
+            result.add(item)
+            names = item.py_func.__code__.co_names
+            values = (item.py_func.__globals__.get(name) for name in names)
+            todo += [value for value in values if isinstance(value, type(kernel))]
+    return result
+
+
+def stamp_of(kernel: Any) -> tuple[tuple[str, int, int], ...]:
+    """Return name, time and size of all Python files in the folders of `kernel` and its callees."""
+    folders = {Path(item.py_func.__code__.co_filename).parent for item in callees(kernel)}
+    files = sorted(path for folder in folders for path in folder.glob("*.py"))
+    # An editor's lock file may be a dangling link, for which stat() raises.
+    stamps = ((path.name, path.lstat()) for path in files)
+    return tuple((name, stamp.st_mtime_ns, stamp.st_size) for name, stamp in stamps)
 
 
 def compile_here() -> None:

@@ -18,9 +18,8 @@ import logging
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
-from functools import cache, cached_property, partial, update_wrapper
-from pathlib import Path
+from contextlib import ExitStack, suppress
+from functools import cached_property, partial, update_wrapper
 from time import perf_counter, thread_time
 from typing import Any, TypeVar, cast, overload
 
@@ -58,9 +57,8 @@ MOST_LABELS = 50_000_000
 #: Interpretation time of a process, in seconds of CPU. It equals the time to import Numba and load compiled
 #: code, so a run takes at most about twice the time of the better choice, on a busy machine, too.
 BUDGET = 0.5
-#: Largest array that is interpreted, in entries. A loop that calls no kernel detects only at its end
-#: that the budget is exhausted, and takes about 10 µs per entry.
-_MOST = 30_000
+#: Further interpretation time, in seconds of CPU, of kernels that the background process compiles meanwhile.
+AHEAD = 0.75
 #: Measured compile time in seconds per bytecode of a kernel and of the kernels it calls.
 _PER_BYTECODE = 1.5e-3
 #: Expected compile time in seconds from which on the background process compiles. It starts in 0.7 s.
@@ -77,15 +75,12 @@ _GRACE = 0.2
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_left = BUDGET
+_left, _ahead = BUDGET, AHEAD
 _compiling = threading.RLock()
 
 
 class _BudgetUsedUp(Exception):
-    """The interpretation budget is exhausted.
-
-    Kernels called by an interpreted kernel raise it, and the outermost kernel catches it.
-    """
+    """The interpretation budget is exhausted; the outermost kernel catches it."""
 
 
 class _DoesNotFit(Exception):
@@ -97,6 +92,10 @@ class _Here(threading.local):
 
     #: CPU time of the thread at which the budget ends; 0 outside of interpreted kernels.
     deadline = 0.0
+    #: Event that ends the budget earlier, because the kernel has been compiled.
+    event: threading.Event | None = None
+    #: The kernel being interpreted, and its arguments.
+    call: tuple[Kernel, tuple[Any, ...]] | None = None
     #: Limit of the kernel that is interpreted because compiling takes too long, and its start time.
     stretched: Limit | None = None
     begun = 0.0
@@ -114,44 +113,74 @@ class Kernel:
     ----------
     function : callable
         The loop in Python, available as ``.py_func``.
-    interpretable : bool
+    interpretable, in_place : bool
         Whether calls from outside of kernels may be interpreted; see :func:`kernel`.
     """
 
-    def __init__(self, function: Callable[..., Any], interpretable: bool) -> None:
+    def __init__(self, function: Callable[..., Any], interpretable: bool, in_place: bool) -> None:
         self.py_func = function
-        self.interpretable = interpretable
+        self.interpretable, self.in_place = interpretable, in_place
         self._ready = False
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the loop; kernels called by a kernel run in the mode of their caller."""
-        global _left
         deadline = _here.deadline
         if deadline:
-            if thread_time() > deadline:
-                raise _BudgetUsedUp
+            if thread_time() > deadline or (_here.event is not None and _here.event.is_set()):
+                _extend_budget()
             return self.py_func(*arguments)
         if _here.stretched is not None:
             if perf_counter() > max(_here.stretched.interpretation_end, _here.begun) + _GRACE:
                 raise OutOfTime
             return self.py_func(*arguments)
-        if not self._ready:
-            if self.interpretable and _left > 0.0 and _is_small(arguments):
-                _here.deadline = (begin := thread_time()) + _left
-                try:
-                    return self._interpret(arguments)
-                except _BudgetUsedUp:
-                    log.debug("%s starts again, compiled", self.py_func.__name__)
-                finally:
-                    _here.deadline = 0.0
-                    _left -= thread_time() - begin
+        if not self._ready and self._may_interpret(arguments):
+            with suppress(_BudgetUsedUp):
+                return self._try(arguments)
+            log.debug("%s starts again, compiled", self.py_func.__name__)
         try:
             if not self._ready:
                 self._compile(arguments)
             return self.dispatcher(*arguments)
         except _DoesNotFit:
             return self._stretch(arguments)
+
+    def _may_interpret(self, arguments: tuple[Any, ...]) -> bool:
+        """Return whether a call may be interpreted within a budget and start again after it."""
+        if not self.interpretable or not compilation.is_small(arguments):
+            return False
+        return not self.in_place or (self._is_new and current_limit().end == float("inf"))
+
+    @cached_property
+    def _is_new(self) -> bool:
+        """Whether the cache on disk holds nothing of the kernel."""
+        return not compilation.may_be_cached(self.py_func)
+
+    def _start_compiling(self, arguments: tuple[Any, ...]) -> threading.Event | None:
+        """Start to compile in the background; None if this call does not interpret meanwhile."""
+        short = self._compile_seconds < _APART or current_limit().end < float("inf")
+        if _ahead <= 0.0 or short or not self._is_new:
+            return None
+        name = self.py_func.__module__, self.py_func.__qualname__
+        return compilation.request(*name, arguments, nice=0)
+
+    def _try(self, arguments: tuple[Any, ...]) -> Any:
+        """Interpret within the budget; restore the arguments if it does not suffice."""
+        global _left, _ahead
+        former = compilation.copies_of(arguments) if self.in_place else []
+        begin = thread_time()
+        _here.call, _here.deadline = (self, arguments), begin + _left
+        try:
+            if _left <= 0.0:
+                _extend_budget()
+            return self._interpret(arguments)
+        except _BudgetUsedUp:
+            compilation.restore(former)
+            raise
+        finally:
+            _here.call, _here.event, _here.deadline = None, None, 0.0
+            spent = thread_time() - begin
+            _left, _ahead = max(_left - spent, 0.0), _ahead - max(spent - _left, 0.0)
 
     def _stretch(self, arguments: tuple[Any, ...]) -> Any:
         """Interpret the loop until the limit of the run, and compile it in the background."""
@@ -195,7 +224,9 @@ class Kernel:
     @cached_property
     def _compile_seconds(self) -> float:
         """Expected compile time of the kernel and of those that it calls, in seconds."""
-        return _PER_BYTECODE * sum(len(it.py_func.__code__.co_code) // 2 for it in _callees(self))
+        return _PER_BYTECODE * sum(
+            len(it.py_func.__code__.co_code) // 2 for it in compilation.callees(self)
+        )
 
     def _compile_apart(self, arguments: tuple[Any, ...], timer: threading.Timer) -> None:
         """Start the timer and wait for the background process, if compiling the kernel takes long."""
@@ -229,7 +260,7 @@ class Kernel:
             # kernel in another file.
             file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
             if file is not None:  # None if NUMBA_DISABLE_JIT is set
-                compilation.name_by_key(file, _stamp(self))
+                compilation.name_by_key(file, compilation.stamp_of(self))
         except RuntimeError as error:
             # Neither the source folder nor the user's cache folder is writable.
             log.info("compiled code is not kept: %s", error)
@@ -249,7 +280,7 @@ class Kernel:
     @cached_property
     def _numba_type_(self) -> Any:
         """Numba type of the kernel if compiled code calls it."""
-        return _type_of_callee()(self.dispatcher)
+        return compilation.type_of_callee()(self.dispatcher)
 
     def compile_for(self, arguments: tuple[Any, ...]) -> None:
         """Compile for the types of `arguments` without running the loop."""
@@ -304,60 +335,16 @@ class Kernel:
         log.warning(text, seconds, self.py_func.__name__)
 
 
-@cache
-def _type_of_callee() -> Any:
-    from numba import types
-    from numba.extending import models, register_model
-
-    plain: Any = types.unliteral
-
-    class Callee(types.Dispatcher):
-        """Kernel called by kernels; constant arguments are compiled as variables of their type."""
-
-        def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-            return super().get_call_type(context, tuple(plain(argument) for argument in args), kws)
-
-    register_model(Callee)(models.OpaqueModel)
-    return Callee
-
-
-def _is_small(arguments: tuple[Any, ...]) -> bool:
-    arrays = (
-        part
-        for argument in arguments
-        for part in (argument if isinstance(argument, tuple) else (argument,))
-    )
-    return all(getattr(array, "size", 0) <= _MOST for array in arrays)
-
-
-def _callees(kernel: Kernel) -> set[Kernel]:
-    """Return `kernel` and the kernels that it calls, directly or through others."""
-    result: set[Kernel] = set()
-    todo = [kernel]
-    while todo:
-        item = todo.pop()
-        if item not in result:
-            result.add(item)
-            names = item.py_func.__code__.co_names
-            values = (item.py_func.__globals__.get(name) for name in names)
-            todo += [value for value in values if isinstance(value, Kernel)]
-    return result
-
-
-def _stamp(kernel: Kernel) -> tuple[tuple[str, int, int], ...]:
-    """Return name, time and size of all Python files in the folders of `kernel` and its callees."""
-    folders = {Path(item.py_func.__code__.co_filename).parent for item in _callees(kernel)}
-    files = sorted(path for folder in folders for path in folder.glob("*.py"))
-    # An editor's lock file may be a dangling link, for which stat() raises.
-    stamps = ((path.name, path.lstat()) for path in files)
-    return tuple((name, stamp.st_mtime_ns, stamp.st_size) for name, stamp in stamps)
-
-
 @overload
 def kernel(function: F) -> F: ...
 @overload
-def kernel(*, interpretable: bool) -> Callable[[F], F]: ...
-def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = False) -> Any:
+def kernel(*, interpretable: bool, in_place: bool = False) -> Callable[[F], F]: ...
+def kernel(
+    function: Callable[..., Any] | None = None,
+    *,
+    interpretable: bool = False,
+    in_place: bool = False,
+) -> Any:
     """Return a :class:`Kernel` for `function`, a loop over arrays and numbers.
 
     Parameters
@@ -367,7 +354,10 @@ def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = 
     interpretable : bool
         Whether calls from outside of kernels may be interpreted. The loop must be restartable, so it
         may fill arguments but not update them. It must not sum arrays with NumPy, which adds in
-        another order than compiled code.
+        another order than compiled code, nor use other powers than squares.
+    in_place : bool
+        Whether the loop updates arguments. They are copied and restored for a restart, except for a
+        stop flag. Runs with a time limit do not interpret it on trial.
 
     Returns
     -------
@@ -375,8 +365,18 @@ def kernel(function: Callable[..., Any] | None = None, *, interpretable: bool = 
         The callable, or a decorator if `function` is None.
     """
     if function is None:
-        return lambda function: Kernel(function, interpretable)
-    return Kernel(function, interpretable)
+        return lambda function: Kernel(function, interpretable, in_place)
+    return Kernel(function, interpretable, in_place)
+
+
+def _extend_budget() -> None:
+    """Let the background process compile and extend the budget once, or raise ``_BudgetUsedUp``."""
+    event = (
+        _here.call[0]._start_compiling(_here.call[1]) if _here.call and not _here.event else None
+    )
+    if event is None or event.is_set():
+        raise _BudgetUsedUp
+    _here.event, _here.deadline = event, thread_time() + _ahead
 
 
 def interpreting() -> bool:
@@ -386,8 +386,8 @@ def interpreting() -> bool:
 
 def compile_always() -> None:
     """Compile every kernel at its first call from now on, for measurements and tests."""
-    global _left
-    _left = 0.0
+    global _left, _ahead
+    _left = _ahead = 0.0
 
 
 def end_interpretation(thread: int) -> None:

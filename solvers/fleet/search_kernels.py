@@ -73,7 +73,7 @@ class Routes(NamedTuple):
     counts: Whole
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def measure(fleet: Fleet, routes: Routes) -> tuple[float, float, float]:
     """Return the energy, the objective and the relative violation of limits."""
     loads, carried, capacity = routes.loads, routes.carried, fleet.capacity
@@ -306,7 +306,7 @@ def _copied(routes: Routes) -> Routes:
     )  # fmt: skip
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def anneal(
     fleet: Fleet,
     routes: Routes,

@@ -254,7 +254,7 @@ def _move(stops: Stops, new: Stops, count: int, scene: Scene, draw: Generator) -
     return _ruin(new.order, count, draw)
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def anneal(
     stops: Stops, count: int, scene: Scene, iterations: int, hot: float, cold: float,
     draw: Generator, flag: NDArray[np.int8],

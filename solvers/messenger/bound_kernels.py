@@ -128,7 +128,7 @@ def _end_terms(
     return value
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def tabulate(data: Data, stops: Indices, directions: Floats, table: Floats) -> float:
     """Fill `table` with the parts of the bound that `directions` prove; return the sum of their sizes.
 

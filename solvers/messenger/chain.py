@@ -140,13 +140,13 @@ def arrive(
     return intercept_heading(x, y, h, t, qx, qy, vx, vy, pose[2], speed, r)[0]
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def where(node: Floats, pose: Floats, t: float) -> tuple[float, float, float]:
     """Return the configuration of `pose` of `node` at time t."""
     return node[0] + node[2] * t + pose[0], node[1] + node[3] * t + pose[1], pose[2]
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def leg(
     x: float, y: float, h: float, ex: float, ey: float, eh: float, r: float, length: float
 ) -> tuple[float, float, float, int]:  # fmt: skip
@@ -213,7 +213,7 @@ def beyond(
     return met
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def confine(pose: Floats, radius: float, freedom: int) -> None:
     """Move the offset of `pose` into the disc, or onto its boundary."""
     size = math.sqrt(pose[0] * pose[0] + pose[1] * pose[1])

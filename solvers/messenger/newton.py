@@ -320,7 +320,7 @@ def _begin(y: Floats, u: Floats, legs: Legs, lam: Floats, mu: float) -> tuple[Po
     return Point(y, u, t), Prices(lam, mu / u, nu, np.zeros((len(u), 3)))
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def improve(
     y: Floats, u: Floats, legs: Legs, lam: Floats, mu: float, most: int, tolerance: float
 ) -> int:

@@ -30,7 +30,7 @@ PIECES = 2 * (int(2.0 * math.pi / CUT) + 2) + 1
 CLOSEST, TIME, LEG, GAP = 3, 3, 4, 5
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def trace(stops: Stops, count: int, scene: Scene, pieces: Floats) -> int:
     """Fill `pieces` with the path of a chain; return the number of pieces."""
     order, times, poses, nodes = stops.order, stops.times, stops.poses, scene.nodes
@@ -68,7 +68,7 @@ def trace(stops: Stops, count: int, scene: Scene, pieces: Floats) -> int:
     return size
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def passes(
     node: Floats, pieces: Floats, count: int, rim: bool, speed: float, r: float, near: Floats
 ) -> bool:

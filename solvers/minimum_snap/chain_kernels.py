@@ -34,7 +34,7 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def row_values(rows: Floats, start: Ints, knots: Floats, inner: Floats) -> Floats:
     """Return the values of the bound rows. Segment k has rows ``start[k]`` to ``start[k+1]``."""
     n = knots.shape[1]
@@ -51,7 +51,7 @@ def row_values(rows: Floats, start: Ints, knots: Floats, inner: Floats) -> Float
     return value
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def bound_gradient(rows: Floats, start: Ints, value: Floats, knots: Floats, inner: Floats) -> None:
     """Add ``G' value`` to the gradients `knots` and `inner`."""
     n = knots.shape[1]
@@ -74,14 +74,14 @@ def _flatten(rows: Floats) -> tuple[Floats, Ints]:
     return rows.reshape(count * c, width), np.arange(count + 1) * c
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def multiply(rows: Floats, knots: Floats, inner: Floats) -> Floats:
     """Return ``rows[k] @ local[k]`` for dense rows of every segment, shape (segments, c)."""
     flat, start = _flatten(rows)
     return row_values(flat, start, knots, inner).reshape(rows.shape[0], rows.shape[1])
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def transposed(rows: Floats, value: Floats, knots: Floats, inner: Floats) -> None:
     """Add ``rows[k]' @ value[k]`` to the gradients `knots` and `inner`."""
     flat, start = _flatten(rows)
@@ -131,7 +131,7 @@ def _reflect(work: Floats, rows: int, first: int, pivots: int, width: int, where
     return taken
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def factorise(
     cost: Floats,
     rows: Floats,
@@ -205,7 +205,7 @@ def factorise(
             last[i, j] = carry[i, j]
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def solve_factors(
     factors: Floats, last: Floats, fixed: Flags, knots: Floats, inner: Floats
 ) -> None:

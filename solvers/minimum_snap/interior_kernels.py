@@ -189,7 +189,7 @@ def _advance(now: Iterate, alpha: float, x_knots: Floats, x_inner: Floats, work:
     advance(now.z, alpha, work.d_z)
 
 
-@kernel
+@kernel(interpretable=True, in_place=True)
 def interior_point(
     posed: Posed, now: Iterate, gap: float, tolerance: float, most: int, nothing: float,
     flag: NDArray[np.int8],
@@ -236,7 +236,8 @@ def interior_point(
             for side in range(2):
                 slack = now.slack[side, q] + alpha * d_slack[side, q]
                 ahead += slack * (now.z[side, q] + alpha * d_z[side, q])
-        sigma = (ahead / max(comp, 1e-300)) ** 3
+        share = ahead / max(comp, 1e-300)
+        sigma = share * share * share
         for q in range(size):
             for side in range(2):
                 if posed.edge[side, q] > -np.inf:

@@ -4,6 +4,7 @@ import json
 import threading
 import time
 
+import numpy as np
 import pytest
 from commands import run
 
@@ -87,6 +88,42 @@ def test_a_stop_request_ends_a_wait(never_ready, monkeypatch):
         jit.end_interpretation(thread.ident)  # without effect before the wait
         thread.join(0.05)
     assert result == ["out of time"]
+
+
+@jit.kernel
+def remainder(value):
+    return (3.0 * value + 1.0) % 7.0
+
+
+@jit.kernel(interpretable=True, in_place=True)
+def iterate(values, steps):
+    """Replace each value by a remainder, again and again."""
+    for _ in range(steps):
+        for i in range(len(values)):
+            values[i] = remainder(values[i])
+
+
+@pytest.mark.parametrize("budget", [1e-3, 60.0])
+def test_a_kernel_that_works_in_place_starts_again_from_its_arguments(monkeypatch, budget):
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+    monkeypatch.setattr(jit, "_left", budget)
+    monkeypatch.setattr(jit, "_ahead", 0.0)
+    monkeypatch.setattr(iterate, "_ready", False)
+    monkeypatch.setattr(iterate, "_is_new", True)
+    values = np.array([0.1, 1.7, 4.0])
+    expected = values.copy()
+    iterate.dispatcher(expected, 5000)
+    iterate(values, 5000)
+    assert np.array_equal(values, expected)
+    assert iterate._ready == (budget < 1.0)
+
+
+def test_a_restart_keeps_the_stop_flag_and_restores_the_rest():
+    flag, values, draws = np.zeros(1, np.int8), np.arange(3.0), np.random.default_rng(1)
+    former = compilation.copies_of((flag, (values, 2.0), draws))
+    flag[0], values[:], first = 1, 0.0, draws.random()
+    compilation.restore(former)
+    assert flag[0] == 1 and values.tolist() == [0.0, 1.0, 2.0] and draws.random() == first
 
 
 COMMAND = """
