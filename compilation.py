@@ -331,7 +331,7 @@ def serve(nice: int) -> None:
     if hasattr(os, "nice"):
         os.nice(nice)
     stream, answers = sys.stdin.buffer, os.dup(1)
-    os.dup2(2, 1)  # what a compiler prints is not an answer
+    os.dup2(2, 1)  # output of a compiler is not an answer
     while len(head := stream.read(8)) == 8:
         module, name, description = pickle.loads(stream.read(struct.unpack("<Q", head)[0]))
         with contextlib.suppress(Exception):  # the run that needs the kernel reports the error

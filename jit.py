@@ -61,7 +61,7 @@ BUDGET = 0.5
 AHEAD = 0.75
 #: Measured compile time in seconds per bytecode of a kernel and of the kernels it calls.
 _PER_BYTECODE = 1.5e-3
-#: Expected compile time in seconds from which on the background process compiles. It starts in 0.7 s.
+#: Least expected compile time of a kernel that the background process compiles, in seconds. It starts in 0.7 s.
 _APART = 0.5
 #: Seconds of compiling after which a warning is logged.
 _SILENCE = 1.0
@@ -149,7 +149,7 @@ class Kernel:
         """Return whether a call may be interpreted within a budget and start again after it."""
         if not self.interpretable or not compilation.is_small(arguments):
             return False
-        return not self.in_place or (self._is_new and current_limit().end == float("inf"))
+        return not self.in_place or (self._is_new and current_limit().allows_trial)
 
     @cached_property
     def _is_new(self) -> bool:
@@ -158,7 +158,7 @@ class Kernel:
 
     def _start_compiling(self, arguments: tuple[Any, ...]) -> threading.Event | None:
         """Start to compile in the background; None if this call does not interpret meanwhile."""
-        short = self._compile_seconds < _APART or current_limit().end < float("inf")
+        short = self._compile_seconds < _APART or not current_limit().allows_trial
         if _ahead <= 0.0 or short or not self._is_new:
             return None
         name = self.py_func.__module__, self.py_func.__qualname__

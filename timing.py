@@ -43,6 +43,9 @@ class Limit:
         Seconds from now; None for no limit.
     share : float
         Share of `seconds` that interpreted kernels may use, in 0..1.
+    allows_trial : bool
+        Whether kernels may be interpreted while the background process compiles them. The seconds that
+        this takes reduce what a run with a time limit or a stopping criterion achieves.
 
     Attributes
     ----------
@@ -50,11 +53,14 @@ class Limit:
         Names of the kernels that were interpreted because compiling does not fit.
     """
 
-    def __init__(self, seconds: float | None, share: float = 1.0) -> None:
+    def __init__(
+        self, seconds: float | None, share: float = 1.0, allows_trial: bool = True
+    ) -> None:
         begin = perf_counter()
         whole = float("inf") if seconds is None else seconds
         self.end, self.interpretation_end = begin + whole, begin + share * whole
         self.interpreted: set[str] = set()
+        self.allows_trial = allows_trial
 
     @property
     def is_interpreted_too_long(self) -> bool:

@@ -92,7 +92,8 @@ def claim(
 ) -> Claim:
     """Run `job` here and return what its backend claims; the parameters are those of :func:`execute`."""
     share = INTERPRETED if job.has_fallback else 1.0
-    limit = timing.Limit(job.time_limit if job.counts_compilation else None, share)
+    may_try = job.time_limit is None and job.criterion is None
+    limit = timing.Limit(job.time_limit if job.counts_compilation else None, share, may_try)
     run = Run(job, job.find_target(), listener, limit)
     control = control or Control()
     control.criterion = job.criterion

@@ -116,7 +116,7 @@ def _refined(run: Run, answer: Answer) -> Any:
 
 
 def _program(run: Run, formulation: Any) -> Any:
-    """Return the program of a refined formulation; its seconds count as refinement."""
+    """Return the program of a refined formulation; its seconds are those of the refinement."""
     with run.clock("refine"):
         return formulation.program
 
