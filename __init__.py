@@ -15,13 +15,13 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .lazy import attach
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from . import errors as errors, instances as instances, models as models, solvers as solvers
     from .errors import CrosstrackError as CrosstrackError
     from .instances.catalogue import load as load
     from .models.optimal_control.declaration.tables import table as table
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .solvers.bench.running import bench as bench
     from .solvers.contract.limits import Limits as Limits
     from .solvers.contract.solution import Solution as Solution
-    from .solvers.contract.states import backend_states as backends  # noqa: F401 (exported)
+    from .solvers.contract.states import backends as backends
     from .solvers.optimal_control.prepared import prepare as prepare
     from .solvers.report.view.page import Page as Page, show as show
     from .solvers.run.crosscheck import Comparison as Comparison, compare as compare
@@ -39,18 +39,6 @@ if TYPE_CHECKING:
     from .solvers.run.pareto import front as front
     from .solvers.run.verification import verify as verify
 
-_get, _, _names = attach(__name__, __file__)
-__all__ = sorted(["__version__", *_names])
-
-#: Sub-packages, imported at first use.
-_PACKAGES = ("errors", "instances", "models", "solvers")
-
-
-def __getattr__(name: str) -> Any:
-    if name in _PACKAGES:
-        return importlib.import_module(f".{name}", __name__)
-    return _get(name)
-
-
-def __dir__() -> list[str]:
-    return sorted([*__all__, *_PACKAGES])
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)
+    __all__ += ["__version__"]

@@ -40,7 +40,8 @@ def attach(
         ``__all__``, sorted.
     """
     homes = {
-        alias.asname or alias.name: (f".{node.module}", alias.name)
+        # ``from . import name`` exports a sub-package.
+        alias.asname or alias.name: (f".{node.module or alias.name}", node.module and alias.name)
         for block in ast.parse(Path(file).read_bytes()).body
         if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
         for node in block.body
@@ -52,8 +53,9 @@ def attach(
     def get(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        module, original = homes[name]
-        return getattr(importlib.import_module(module, package), original)
+        home, original = homes[name]
+        module = importlib.import_module(home, package)
+        return getattr(module, original) if original else module
 
     return get, lambda: names, names
 

@@ -57,4 +57,5 @@ if TYPE_CHECKING:
         write_text as write_text,
     )
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

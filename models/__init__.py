@@ -2,29 +2,98 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..lazy import attach
 
 if TYPE_CHECKING:
+    from .attractor import (
+        AttractorAnalysis as AttractorAnalysis,
+        AttractorEstimate as AttractorEstimate,
+        Judgement as Judgement,
+        Slope as Slope,
+        SurrogateTest as SurrogateTest,
+    )
+    from .black_box import (
+        BlackBoxMinimisation as BlackBoxMinimisation,
+        BlackBoxPoint as BlackBoxPoint,
+        Named as Named,
+        PythonFunction as PythonFunction,
+        WaypointPath as WaypointPath,
+        as_grid_plan as as_grid_plan,
+        path_problem as path_problem,
+    )
     from .error_correction import (
         ErrorCorrectionRouting as ErrorCorrectionRouting,
         Route as Route,
+        Stop as Stop,
+    )
+    from .fleet import (
+        Deviation as Deviation,
+        FleetPlan as FleetPlan,
+        FleetRouting as FleetRouting,
+        Metric as Metric,
+        Objective as Objective,
+    )
+    from .fleet_mission import (
+        FleetMission as FleetMission,
+        MissionPlan as MissionPlan,
+        lengths_of as lengths_of,
     )
     from .formulation import Formulation as Formulation
+    from .grid_path import (
+        Connectivity as Connectivity,
+        GridMap as GridMap,
+        GridPath as GridPath,
+        GridPlan as GridPlan,
+        Polygon as Polygon,
+        Polygons as Polygons,
+        Reach as Reach,
+        Sight as Sight,
+        as_shapely as as_shapely,
+        distances as distances,
+        line_of_sight as line_of_sight,
+        path_between as path_between,
+        trail as trail,
+    )
+    from .guided_path import (
+        GuidedPathPlan as GuidedPathPlan,
+        GuidedPathTour as GuidedPathTour,
+    )
+    from .messenger import (
+        MessengerTour as MessengerTour,
+        Primitive as Primitive,
+        TourPlan as TourPlan,
+    )
     from .minimum_snap import (
         FREE as FREE,
+        Bound as Bound,
+        Extremes as Extremes,
+        Halfspaces as Halfspaces,
         MinimumDerivative as MinimumDerivative,
         MinimumSnap as MinimumSnap,
         TimeAllocation as TimeAllocation,
         Trajectory as Trajectory,
+        derivative_name as derivative_name,
     )
     from .model import Model as Model
     from .optimal_control import (
+        Breach as Breach,
         ControlPlan as ControlPlan,
+        HamiltonianReport as HamiltonianReport,
         OptimalControlProblem as OptimalControlProblem,
         PhasePlan as PhasePlan,
+        Piecewise as Piecewise,
+        Reintegration as Reintegration,
+        RoundedPlan as RoundedPlan,
+        Signal as Signal,
+        Simulation as Simulation,
+        Table as Table,
+        hamiltonian_spread as hamiltonian_spread,
+        motion as motion,
+        round_controls as round_controls,
+        simulate as simulate,
+        table as table,
     )
     from .problems import (
         model_type as model_type,
@@ -42,26 +111,32 @@ if TYPE_CHECKING:
         ProgramBuilder as ProgramBuilder,
         QuadraticProgram as QuadraticProgram,
     )
+    from .resource_routing import (
+        Resource as Resource,
+        ResourceRouting as ResourceRouting,
+    )
     from .satellite_slew import (
         SatelliteSlew as SatelliteSlew,
         Tracking as Tracking,
         track as track,
     )
+    from .sideslip import (
+        Recording as Recording,
+        SideslipEstimate as SideslipEstimate,
+        SideslipEstimation as SideslipEstimation,
+        Tyre as Tyre,
+        Vehicle as Vehicle,
+    )
+    from .unknown_grid import (
+        Camera as Camera,
+        Hover as Hover,
+        NavigationRuns as NavigationRuns,
+        Outcome as Outcome,
+        Rendering as Rendering,
+        UnknownGridNavigation as UnknownGridNavigation,
+        World as World,
+    )
     from .verification import Check as Check, Verification as Verification
 
-_get, _, __all__ = attach(__name__, __file__)
-
-
-def __getattr__(name: str) -> Any:
-    if name in __all__ or name.startswith("_"):
-        return _get(name)
-    problems = importlib.import_module(".problems", __name__)
-    for problem in problems.PROBLEMS:
-        folder = importlib.import_module(f".{problem}", __name__)
-        if name in folder.__all__:
-            return getattr(folder, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return __all__
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -28,4 +28,5 @@ if TYPE_CHECKING:
         unwritable as unwritable,
     )
 
-__getattr__, __dir__, __all__ = attach(__package__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__package__, __file__)

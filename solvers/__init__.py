@@ -52,7 +52,8 @@ if TYPE_CHECKING:
     from .run.probing import probe as probe
     from .run.verification import verify as verify
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)
 
 #: Modules that were in this folder itself before it had rooms, by room.
 _ROOMS = {

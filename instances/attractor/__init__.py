@@ -23,4 +23,5 @@ PAPER_TABLES = {
     "attractor/systems": ".paper_tables:systems",
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -24,4 +24,5 @@ PAPER_TABLES = {
     "black-box/paths": ".paper_tables:paths",
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

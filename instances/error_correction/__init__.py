@@ -37,4 +37,5 @@ PAPERS = {"error-correction": ".paper:PAPER"}
 PAPER_TABLES = {f"error-correction/table-{k}": f".paper_tables:table_{k}" for k in (1, 2, 3)}
 DEMOS = {"error-correction": ".demo:DEMO"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -27,4 +27,5 @@ EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exp
 PAPERS = {"fleet": ".paper:PAPER"}
 PAPER_TABLES = {"fleet/table-1": ".paper_tables:table_1", "fleet/table-2": ".paper_tables:table_2"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

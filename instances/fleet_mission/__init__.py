@@ -22,4 +22,5 @@ REFERENCES = {"fleet-mission": ".files:resolve_references"}
 DEMOS = {"fleet-mission": "fleet-mission/example"}
 EXPORTS = {"samples": ".files:SAMPLES", "poly7": ".files:POLY7", "geojson": ".files:GEOJSON"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

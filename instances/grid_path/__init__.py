@@ -46,4 +46,5 @@ REFERENCES = {"grid-path": ".maps:resolve_references"}
 DEMOS = {"grid-path": ".demo:DEMO"}
 EXPORTS = {"csv": ".paths:CSV", "geojson": ".paths:GEOJSON"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -27,4 +27,5 @@ PAPER_TABLES = {
     "guided-path/table-1b": ".paper_tables:table_1b",
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -23,4 +23,5 @@ PAPER_TABLES = {
     for name in ("table-3", "table-4", "table-5", "table-6", "figure-5", "figure-7")
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -56,4 +56,5 @@ HINTS = {"trajectory": ".tables:describe_table"}
 DEMOS = {"minimum-snap": "minimum-snap/square"}
 EXPORTS = {"poly7": ".poly7:POLY7", "samples": ".tables:SAMPLES", "bezier": ".bezier:BEZIER"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

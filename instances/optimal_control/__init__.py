@@ -63,4 +63,5 @@ CATALOGUE = {"optimal-control": ".listing:catalogue_entries"}
 EXPORTS = {"samples": ".tables:SAMPLES"}
 PAPERS = {"optimal-control": ".paper:PAPER"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

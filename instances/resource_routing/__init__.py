@@ -16,4 +16,5 @@ if TYPE_CHECKING:
 CATALOGUE = {"resource-routing": ".listing:catalogue_entries"}
 DEMOS = {"resource-routing": "resource-routing/network-20"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -18,4 +18,5 @@ EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"sideslip": ".paper:PAPER"}
 PAPER_TABLES = {f"sideslip/table-{number}": f".paper_tables:table_{number}" for number in (1, 2, 3)}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

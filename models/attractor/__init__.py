@@ -19,4 +19,5 @@ MODELS = {"attractor": ".model:AttractorAnalysis"}
 PICTURES = {"attractor": ".plot:draw"}
 ANIMATIONS = {"attractor": ".plot:animate_states"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

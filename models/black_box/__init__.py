@@ -20,4 +20,5 @@ MODELS = {"black-box": ".model:BlackBoxMinimisation"}
 PICTURES = {"black-box": ".plot:draw"}
 ANIMATIONS = {"black-box": ".plot:animate_search"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, suggestion
 from ..declaration import Declared, Nested
 from ..fields import Array, Flag, Optional, Real, Spec, declared, show
+from ..inputs import Field, Numbers
 from ..problems import resolve
 from ..records import Anything, Member
 
@@ -111,8 +112,8 @@ class Named(BlackBoxFunction):
         uses values without noise.
     """
 
-    name: Landscape = declared(Member(Landscape))
-    shift: Floats | None = declared(Optional(Array(("d",))), default=None)
+    name: Field[str, Landscape] = declared(Member(Landscape))
+    shift: Field[Numbers | None, Floats | None] = declared(Optional(Array(("d",))), default=None)
     stretch: float = declared(Real(lower=0, strict=True), default=1.0)
     deviation: float = declared(Real(lower=0), default=0.0)
 
@@ -241,7 +242,7 @@ class FunctionSpec(Spec):
         if isinstance(value, BlackBoxFunction):
             return value
         if isinstance(value, str):
-            return Named(value)  # type: ignore[arg-type]  # coerced
+            return Named(value)
         if isinstance(value, Mapping):
             data = {**value}
             kind = data.pop("type", "named")

@@ -7,15 +7,16 @@ Artificial Fish Swarm Algorithm", Mathematical Problems in Engineering 2016, art
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Whole, declared, required, show
+from ..inputs import Field, Numbers
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .functions import BlackBoxFunction, FunctionSpec
@@ -67,8 +68,10 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
     0.0
     """
 
-    function: BlackBoxFunction = declared(FunctionSpec(), hidden=True)
-    bounds: Floats = declared(Array(("d", 2)))
+    function: Field[
+        str | Mapping[str, Any] | Callable[..., Any] | BlackBoxFunction, BlackBoxFunction
+    ] = declared(FunctionSpec(), hidden=True)
+    bounds: Field[Numbers, Floats] = declared(Array(("d", 2)))
     budget: int = declared(Whole(1, 10**9), default=10_000)
     samples: int = declared(Whole(1, 10**6), default=1)
 

@@ -7,6 +7,7 @@ obstacles is penalised in addition, so that every point has a value.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -19,6 +20,7 @@ from ...jit import kernel
 from ..declaration import Nested
 from ..fields import Array, Optional, Real, Whole, declared, required, show
 from ..grid_path import GridMap, GridPath, GridPlan, path_between
+from ..inputs import Field, Numbers
 from .functions import BlackBoxFunction
 from .model import MOST, BlackBoxMinimisation
 from .plan import BlackBoxPoint
@@ -81,11 +83,11 @@ class WaypointPath(BlackBoxFunction):
     [2.828 5.   ]
     """
 
-    map: GridMap = declared(Nested(GridMap))
-    start: Floats = declared(Array((2,)))
-    goal: Floats = declared(Array((2,)))
+    map: Field[GridMap | Mapping[str, Any], GridMap] = declared(Nested(GridMap))
+    start: Field[Numbers, Floats] = declared(Array((2,)))
+    goal: Field[Numbers, Floats] = declared(Array((2,)))
     waypoints: int = declared(Whole(1, MOST // 2), default=5)
-    penalty: float = declared(Optional(Real(lower=0)), default=None)
+    penalty: Field[float | None, float] = declared(Optional(Real(lower=0)), default=None)
 
     type: ClassVar[str] = "waypoints"
 
@@ -218,7 +220,7 @@ def path_problem(
         )
     grid_map: GridMap = grid.map
     start, goal = grid_map.centres([grid.start, grid.goals[0]])
-    function = WaypointPath(grid_map, start, goal, waypoints, penalty)  # type: ignore[arg-type]
+    function = WaypointPath(grid_map, start, goal, waypoints, penalty)
     box = np.column_stack(
         [grid_map.origin, grid_map.origin + grid_map.cell * np.array(grid_map.shape[::-1])]
     )

@@ -17,4 +17,5 @@ MODELS = {"error-correction": ".model:ErrorCorrectionRouting"}
 PICTURES = {"error-correction": ".plot:draw"}
 ANIMATIONS = {"error-correction": ".plot:animate_route"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..declaration import Declared
 from ..fields import Array, Flag, Optional, Real, Whole, declared, frozen, show
+from ..inputs import Field, Numbers
 from ..labels import Ids
+from ..model import Model
+from ..resource_routing.route import Route
 from ..verification import ROUNDING
 from .points import END, KIND_WORDS, START, Kinds
 
@@ -19,11 +23,11 @@ __all__ = ["RoutingData"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RoutingData(Declared):
+class RoutingData(Model[Route]):
     """Fields of :class:`~crosstrack.models.ErrorCorrectionRouting`, documented there."""
 
-    points: NDArray[np.float64] = declared(Array(("n", 3)))
-    kinds: NDArray[np.str_] = declared(Kinds())
+    points: Field[Numbers, NDArray[np.float64]] = declared(Array(("n", 3)))
+    kinds: Field[Sequence[str] | NDArray[Any], NDArray[np.str_]] = declared(Kinds())
     alpha1: float = declared(Real(lower=0))
     alpha2: float = declared(Real(lower=0))
     beta1: float = declared(Real(lower=0))
@@ -32,8 +36,10 @@ class RoutingData(Declared):
     horizontal_rate: float = declared(Real(lower=0), default=None)
     vertical_rate: float = declared(Real(lower=0), default=None)
     revisits: bool = declared(Flag(), default=False)
-    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
-    suspect: NDArray[np.bool_] | None = declared(
+    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
+        Optional(Ids()), default=None
+    )
+    suspect: Field[Numbers | None, NDArray[np.bool_] | None] = declared(
         Optional(Array(("n",), bool)), added=True, default=None
     )
     residual: float | None = declared(Optional(Real(lower=0)), added=True, default=None)

@@ -7,13 +7,11 @@ Integrated Manufacturing Systems, 2022, doi 10.13196/j.cims.2022.04.003.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ...errors import InvalidData
-from ..model import Model
 from ..resource_routing.model import ResourceRouting
 from ..resource_routing.resource import Resource
 from ..resource_routing.route import Route, route_from_data, route_to_data
@@ -28,8 +26,7 @@ __all__ = ["END", "HORIZONTAL", "START", "VERTICAL", "ErrorCorrectionRouting", "
 _SUSPECT = "suspect "
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ErrorCorrectionRouting(RoutingData, Model[Route]):
+class ErrorCorrectionRouting(RoutingData):
     """Shortest route from A to B with corrections of the positioning errors.
 
     Flying a distance d adds ``horizontal_rate * d`` to the horizontal error and

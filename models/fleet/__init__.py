@@ -17,4 +17,5 @@ MODELS = {"fleet-routing": ".model:FleetRouting"}
 PICTURES = {"fleet-routing": ".plot:draw"}
 ANIMATIONS = {"fleet-routing": ".plot:animate_routes"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

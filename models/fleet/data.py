@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -11,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..declaration import Declared, Nested
+from ..declaration import Nested
 from ..fields import Array, Flag, Optional, Real, Whole, declared, frozen, show
 from ..grid_path import GridMap
+from ..inputs import Field, Numbers
 from ..labels import Ids
+from ..model import Model
 from ..records import Member
+from .plan import FleetPlan
 
 __all__ = ["Deviation", "FleetData", "Metric", "Objective"]
 
@@ -84,26 +88,38 @@ class Depots(Array):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FleetData(Declared):
+class FleetData(Model[FleetPlan]):
     """Fields of :class:`~crosstrack.models.fleet.model.FleetRouting`, documented there."""
 
     vehicles: int = declared(Count(1, MOST))
-    costs: Floats | None = declared(Optional(Array(("n", "n"), lower=0)), default=None)
-    points: Floats | None = declared(Optional(Array(("n", 2))), default=None)
-    map: GridMap | None = declared(Optional(Nested(GridMap)), default=None)
-    metric: Metric | None = declared(Optional(Member(Metric)), default=None)
-    depots: NDArray[np.int64] = declared(Depots(("d",), int, lower=0), default=0)
+    costs: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("n", "n"), lower=0)), default=None
+    )
+    points: Field[Numbers | None, Floats | None] = declared(Optional(Array(("n", 2))), default=None)
+    map: Field[GridMap | Mapping[str, Any] | None, GridMap | None] = declared(
+        Optional(Nested(GridMap)), default=None
+    )
+    metric: Field[str | None, Metric | None] = declared(Optional(Member(Metric)), default=None)
+    depots: Field[Numbers, NDArray[np.int64]] = declared(Depots(("d",), int, lower=0), default=0)
     use_all: bool = declared(Flag(), default=True)
-    objective: Objective = declared(Member(Objective), default=Objective.MAX)
+    objective: Field[str, Objective] = declared(Member(Objective), default=Objective.MAX)
     q: float = declared(Real(lower=0), default=0.0)
-    deviation: Deviation = declared(Member(Deviation), default=Deviation.SAMPLE)
-    demands: Floats | None = declared(Optional(Array(("n",), lower=0)), default=None)
-    capacity: Floats | None = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
-    battery: Floats | None = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
+    deviation: Field[str, Deviation] = declared(Member(Deviation), default=Deviation.SAMPLE)
+    demands: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("n",), lower=0)), default=None
+    )
+    capacity: Field[Numbers | None, Floats | None] = declared(
+        Optional(EachVehicle(("vehicles",), lower=0)), default=None
+    )
+    battery: Field[Numbers | None, Floats | None] = declared(
+        Optional(EachVehicle(("vehicles",), lower=0)), default=None
+    )
     budget: float | None = declared(Optional(Real(lower=0)), default=None)
     deviation_limit: float | None = declared(Optional(Real(lower=0)), default=None)
     range_limit: float | None = declared(Optional(Real(lower=0)), default=None)
-    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
+        Optional(Ids()), default=None
+    )
 
     def check(self) -> None:
         """Fill in defaults and validate constraints between fields."""

@@ -6,12 +6,10 @@ in Obstacle Environment", Wireless Communications and Mobile Computing, 2021.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..model import Model
 from ..verification import TOLERANCE, Verification
 from .checks import LIMITS, loads_of, measure_of, verify_routes
 from .data import FleetData, Objective
@@ -23,8 +21,7 @@ __all__ = ["FleetRouting"]
 SUM_NODES, BALANCE_NODES = 100, 12
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FleetRouting(FleetData, Model[FleetPlan]):
+class FleetRouting(FleetData):
     r"""Routes of m vehicles from their depots through all nodes, each visited once.
 
     With L_k the length of the route of vehicle k, from its depot and back, minimise one of

@@ -15,4 +15,5 @@ MODELS = {"fleet-mission": ".model:FleetMission"}
 PICTURES = {"fleet-mission": ".plot:draw"}
 ANIMATIONS = {"fleet-mission": ".plot:animate_mission"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -11,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..declaration import Declared
 from ..fields import Array, Optional, Real, Whole, declared, frozen, show
 from ..fleet.data import Deviation, Objective
 from ..grid_path.gridmap import GridMap
 from ..grid_path.polygons import Polygon, Polygons, as_shapely
+from ..inputs import Field, Numbers
 from ..labels import Ids
+from ..model import Model
 from ..records import Member
+from .plan import MissionPlan
 
 if TYPE_CHECKING:
     from .collision import Solids
@@ -41,24 +44,30 @@ class EachAxis(Array):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MissionData(Declared):
+class MissionData(Model[MissionPlan]):
     """Fields of :class:`~crosstrack.models.FleetMission`, documented there."""
 
-    obstacles: tuple[Polygon, ...] = declared(Polygons())
-    bounds: Floats = declared(Array((4,)))
-    nodes: Floats = declared(Array(("n", 2)))
-    depot: Floats = declared(Array((2,)))
+    obstacles: Field[Iterable[Any], tuple[Polygon, ...]] = declared(Polygons())
+    bounds: Field[Numbers, Floats] = declared(Array((4,)))
+    nodes: Field[Numbers, Floats] = declared(Array(("n", 2)))
+    depot: Field[Numbers, Floats] = declared(Array((2,)))
     vehicles: int = declared(Whole(1, MOST))
     cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
     radius: float = declared(Real(lower=0, unit="m"), default=0.0)
-    velocity_limit: Floats = declared(EachAxis((2,)), default=1.0)
-    acceleration_limit: Floats = declared(EachAxis((2,)), default=1.0)
-    separation: float = declared(Optional(Real(lower=0, unit="m")), default=None)
-    depot_radius: float = declared(Optional(Real(lower=0, unit="m")), default=None)
-    objective: Objective = declared(Member(Objective), default=Objective.DEVIATION)
+    velocity_limit: Field[Numbers, Floats] = declared(EachAxis((2,)), default=1.0)
+    acceleration_limit: Field[Numbers, Floats] = declared(EachAxis((2,)), default=1.0)
+    separation: Field[float | None, float] = declared(
+        Optional(Real(lower=0, unit="m")), default=None
+    )
+    depot_radius: Field[float | None, float] = declared(
+        Optional(Real(lower=0, unit="m")), default=None
+    )
+    objective: Field[str, Objective] = declared(Member(Objective), default=Objective.DEVIATION)
     q: float = declared(Real(lower=0), default=0.4)
-    deviation: Deviation = declared(Member(Deviation), default=Deviation.SAMPLE)
-    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+    deviation: Field[str, Deviation] = declared(Member(Deviation), default=Deviation.SAMPLE)
+    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
+        Optional(Ids()), default=None
+    )
     continuity: int = declared(Whole(2, 3), default=3, added=True)
 
     # -- checks ----------------------------------------------------------------------------------

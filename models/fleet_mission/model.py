@@ -6,12 +6,10 @@ Multirobot in Obstacle Environment", Wireless Communications and Mobile Computin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from ..model import Model
 from ..verification import TOLERANCE, Verification
 from .checks import verify_mission
 from .data import MissionData
@@ -20,8 +18,7 @@ from .plan import MissionPlan
 __all__ = ["FleetMission"]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FleetMission(MissionData, Model[MissionPlan]):
+class FleetMission(MissionData):
     r"""Trajectories of m round robots that share the nodes among obstacles and balance their lengths.
 
     Every robot starts at rest at the depot, passes its nodes and returns to rest. Every node is

@@ -20,4 +20,5 @@ MODELS = {"grid-path": ".model:GridPath"}
 PICTURES = {"grid-path": ".plot:draw"}
 ANIMATIONS = {"grid-path": ".plot:animate_paths"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

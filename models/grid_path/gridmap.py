@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Flag, Real, declared, show
+from ..inputs import Field, Numbers
 from .polygons import Polygons, as_shapely
 from .raster import SHRINK, rasterise
 
@@ -126,9 +127,9 @@ class GridMap(Declared):
         number is not finite. The message names the field.
     """
 
-    blocked: Truths = declared(Cells(("rows", "columns"), bool))
+    blocked: Field[Numbers | Sequence[str], Truths] = declared(Cells(("rows", "columns"), bool))
     cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
-    origin: Floats = declared(Array((2,)), default=(0.0, 0.0))
+    origin: Field[Numbers, Floats] = declared(Array((2,)), default=(0.0, 0.0))
     upward: bool = declared(Flag(), default=False)
 
     def check(self) -> None:

@@ -6,6 +6,7 @@ Multirobot in Obstacle Environment", Wireless Communications and Mobile Computin
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Nested
 from ..fields import Array, Optional, declared, show
+from ..inputs import Field, Numbers
 from ..model import Model
 from ..records import Member
 from ..verification import TOLERANCE, Verification
@@ -90,12 +92,14 @@ class GridPath(Model[GridPlan]):
     3 × 4 cells, 17% blocked, 8 neighbours
     """
 
-    map: GridMap = declared(Nested(GridMap))
-    start: NDArray[np.int64] = declared(Array((2,), int))
-    goals: NDArray[np.int64] = declared(Goals(("k", 2), int))
-    connectivity: Connectivity = declared(Member(Connectivity), default=Connectivity.EIGHT)
-    reach: Reach = declared(Member(Reach), default=Reach.NEAREST)
-    weights: NDArray[np.float64] | None = declared(
+    map: Field[GridMap | Mapping[str, Any], GridMap] = declared(Nested(GridMap))
+    start: Field[Numbers, NDArray[np.int64]] = declared(Array((2,), int))
+    goals: Field[Numbers, NDArray[np.int64]] = declared(Goals(("k", 2), int))
+    connectivity: Field[str, Connectivity] = declared(
+        Member(Connectivity), default=Connectivity.EIGHT
+    )
+    reach: Field[str, Reach] = declared(Member(Reach), default=Reach.NEAREST)
+    weights: Field[Numbers | None, NDArray[np.float64] | None] = declared(
         Optional(Array(("rows", "columns"), lower=0)), default=None
     )
 

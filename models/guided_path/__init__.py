@@ -14,4 +14,5 @@ MODELS = {"guided-path-tour": ".model:GuidedPathTour"}
 PICTURES = {"guided-path-tour": ".plot:draw"}
 ANIMATIONS = {"guided-path-tour": ".plot:animate_tour"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..declaration import Declared
 from ..fields import Array, Optional, declared
+from ..inputs import Field, Numbers
 from ..labels import Ids
+from ..model import Model
+from .plan import GuidedPathPlan
 from .relation import Chains, chain_cover, closure_of, joined_chains, sorted_customers
 
 __all__ = ["MOST", "GuidedPathData"]
@@ -26,13 +29,19 @@ DENSE = 50_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GuidedPathData(Declared):
+class GuidedPathData(Model[GuidedPathPlan]):
     """Data fields of :class:`~crosstrack.models.guided_path.GuidedPathTour`, which documents them."""
 
-    coordinates: Floats = declared(Array(("n",)))
-    chains: tuple[tuple[int, ...], ...] = declared(Chains(), default=())
-    precedence: NDArray[np.int64] = declared(Array(("pairs", 2), int, lower=0), default=())
-    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+    coordinates: Field[Numbers, Floats] = declared(Array(("n",)))
+    chains: Field[Sequence[Sequence[int]], tuple[tuple[int, ...], ...]] = declared(
+        Chains(), default=()
+    )
+    precedence: Field[Numbers, NDArray[np.int64]] = declared(
+        Array(("pairs", 2), int, lower=0), default=()
+    )
+    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
+        Optional(Ids()), default=None
+    )
 
     def check(self) -> None:
         """Validate customer numbers, and reject chains with a common customer and cycles."""

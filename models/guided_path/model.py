@@ -6,12 +6,10 @@ Mathematical Problems in Engineering 2016, article 5040513, doi 10.1155/2016/504
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..model import Model
 from ..verification import TOLERANCE, Verification
 from .checks import verify_tour
 from .data import GuidedPathData
@@ -20,8 +18,7 @@ from .plan import GuidedPathPlan
 __all__ = ["GuidedPathTour"]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class GuidedPathTour(GuidedPathData, Model[GuidedPathPlan]):
+class GuidedPathTour(GuidedPathData):
     r"""Shortest tour along a line from the start through all customers and back.
 
     With the coordinates :math:`x_i` and the order :math:`\pi` of service, minimise

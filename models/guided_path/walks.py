@@ -97,7 +97,7 @@ def _reduced(model: GuidedPathData, passing: bool) -> tuple[GuidedPathData, tupl
     at = {c: k for k, c in enumerate(numbers)}
     pairs = [(at[entry], at[other]) for entry in relevant for other in after[entry]]
     relation = np.array(sorted(pairs), np.int64).reshape(-1, 2)
-    return GuidedPathData(model.coordinates[list(numbers)], precedence=relation), numbers
+    return type(model)(model.coordinates[list(numbers)], precedence=relation), numbers
 
 
 def served(model: GuidedPathData, stops: Iterable[int]) -> tuple[int, ...]:

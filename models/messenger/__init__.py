@@ -14,4 +14,5 @@ MODELS = {"messenger-tour": ".model:MessengerTour"}
 PICTURES = {"messenger-tour": ".plot:draw"}
 ANIMATIONS = {"messenger-tour": ".plot:animate_tour"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

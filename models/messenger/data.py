@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..declaration import Declared
 from ..fields import Array, Flag, Optional, Real, declared, show
+from ..inputs import Field, Numbers
 from ..labels import Ids
+from ..model import Model
+from .plan import TourPlan
 
 __all__ = ["TourData"]
 
@@ -31,17 +34,21 @@ class EachVehicle(Array):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TourData(Declared):
+class TourData(Model[TourPlan]):
     """Data fields of :class:`~crosstrack.models.messenger.model.MessengerTour`, which documents them."""
 
-    positions: Floats = declared(Array(("n", 2)))
-    velocities: Floats = declared(Optional(Array(("n", 2))), default=None)
-    radius: Floats = declared(EachVehicle(("n",), lower=0), default=5.0)
+    positions: Field[Numbers, Floats] = declared(Array(("n", 2)))
+    velocities: Field[Numbers | None, Floats] = declared(Optional(Array(("n", 2))), default=None)
+    radius: Field[Numbers, Floats] = declared(EachVehicle(("n",), lower=0), default=5.0)
     speed: float = declared(Real(lower=0, strict=True, unit="m/s"), default=10.0)
     turning_radius: float = declared(Real(lower=0, unit="m"), default=5.0)
-    start: Floats | None = declared(Optional(Array(("k",))), default=(0.0, 0.0, 0.5 * math.pi))
+    start: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("k",))), default=(0.0, 0.0, 0.5 * math.pi)
+    )
     closed: bool = declared(Flag(), default=False)
-    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
+        Optional(Ids()), default=None
+    )
 
     def check(self) -> None:
         """Fill in the velocities and validate vehicles and start."""

@@ -7,12 +7,10 @@ Coordination", IEEE Transactions on Automation Science and Engineering, doi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..model import Model
 from ..verification import TOLERANCE, Verification
 from .checks import verify_tour
 from .data import TourData
@@ -21,8 +19,7 @@ from .plan import TourPlan
 __all__ = ["MessengerTour"]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class MessengerTour(TourData, Model[TourPlan]):
+class MessengerTour(TourData):
     r"""Shortest flight of a fixed-wing UAV that comes within radio range of every vehicle.
 
     Vehicle i drives along the known line P_i + V_i t. The UAV flies at a constant speed v along a

@@ -33,4 +33,5 @@ MODELS = {
 PICTURES = dict.fromkeys(MODELS, ".plot.picture:draw")
 ANIMATIONS = dict.fromkeys(MODELS, ".plot.picture:animate_flight")
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Broadcast, Optional, Whole, declared, frozen, show
+from ..inputs import Field, Numbers
 from ..model import Model
 from .trajectory import Trajectory
 
@@ -137,37 +138,41 @@ class PathData(Model[Trajectory]):
     parameters.
     """
 
-    waypoints: Floats = declared(Coordinates(("knots", "dimensions"), infinity=1))
-    times: Floats = declared(Array(("knots",)))
+    waypoints: Field[Numbers, Floats] = declared(Coordinates(("knots", "dimensions"), infinity=1))
+    times: Field[Numbers, Floats] = declared(Array(("knots",)))
     order: int = declared(Whole(1, 8), default=4)
-    weights: Floats | None = declared(Optional(Array(("orders",), lower=0)), default=None)
-    start: Floats = declared(
+    weights: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("orders",), lower=0)), default=None
+    )
+    start: Field[Numbers | None, Floats] = declared(
         Optional(Coordinates(("start rows", "dimensions"), infinity=1)), default=None
     )
-    end: Floats = declared(
+    end: Field[Numbers | None, Floats] = declared(
         Optional(Coordinates(("end rows", "dimensions"), infinity=1)), default=None
     )
-    derivatives: Floats | None = declared(
+    derivatives: Field[Numbers | None, Floats | None] = declared(
         Optional(Coordinates(("knots", "derivative rows", "dimensions"), infinity=1)), default=None
     )
-    corridor_lower: Floats | None = declared(
+    corridor_lower: Field[Numbers | None, Floats | None] = declared(
         Optional(Broadcast(("knots", "dimensions"), infinity=-1)), default=None
     )
-    corridor_upper: Floats | None = declared(
+    corridor_upper: Field[Numbers | None, Floats | None] = declared(
         Optional(Broadcast(("knots", "dimensions"), infinity=1)), default=None
     )
-    velocity_limit: Floats | None = declared(_LIMIT, default=None)
-    acceleration_limit: Floats | None = declared(_LIMIT, default=None)
-    jerk_limit: Floats | None = declared(_LIMIT, default=None)
-    polytope_segments: NDArray[np.int64] | None = declared(
+    velocity_limit: Field[Numbers | None, Floats | None] = declared(_LIMIT, default=None)
+    acceleration_limit: Field[Numbers | None, Floats | None] = declared(_LIMIT, default=None)
+    jerk_limit: Field[Numbers | None, Floats | None] = declared(_LIMIT, default=None)
+    polytope_segments: Field[Numbers | None, NDArray[np.int64] | None] = declared(
         Optional(Array(("halfspaces",), int, lower=0)), default=None
     )
-    polytope_normals: Floats | None = declared(
+    polytope_normals: Field[Numbers | None, Floats | None] = declared(
         Optional(Array(("halfspaces", "dimensions"))), default=None
     )
-    polytope_offsets: Floats | None = declared(Optional(Array(("halfspaces",))), default=None)
-    degree: int = declared(Optional(Whole(1, 31)), default=None)
-    continuity: int = declared(Optional(Whole(0)), default=None)
+    polytope_offsets: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("halfspaces",))), default=None
+    )
+    degree: Field[int | None, int] = declared(Optional(Whole(1, 31)), default=None)
+    continuity: Field[int | None, int] = declared(Optional(Whole(0)), default=None)
 
     plan_type: ClassVar[type] = Trajectory
 

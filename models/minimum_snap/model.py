@@ -8,13 +8,14 @@ Mellinger and Kumar 2011; Richter, Bry and Roy 2013; MINCO (Wang, Zhou, Xu, Gao)
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import frozen
+from ..inputs import Field, Numbers
 from ..verification import TOLERANCE, Verification
 from .bounds import PathData, derivative_name
 from .checks import check_conditions, verify_trajectory
@@ -23,13 +24,14 @@ from .trajectory import Trajectory, increasing
 __all__ = ["MinimumDerivative", "MinimumSnap"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Limit = Field[Numbers | None, Floats | None]
 
 
 #: Samples per segment when two paths are compared.
 SAMPLES = 32
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class MinimumDerivative(PathData):
     """Piecewise polynomial through waypoints that minimises ∫ (x^(r))² dt.
 
@@ -231,6 +233,23 @@ jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, conti
 
     order: int = field(init=False, default=4)
     weights: Floats | None = field(init=False, default=None)
+
+    if TYPE_CHECKING:  # mypy gives inherited fields of a frozen class the type of the argument
+        waypoints: Field[Numbers, Floats] = PathData.waypoints
+        times: Field[Numbers, Floats] = PathData.times
+        start: Field[Numbers | None, Floats] = PathData.start
+        end: Field[Numbers | None, Floats] = PathData.end
+        derivatives: Limit = PathData.derivatives
+        corridor_lower: Limit = PathData.corridor_lower
+        corridor_upper: Limit = PathData.corridor_upper
+        velocity_limit: Limit = PathData.velocity_limit
+        acceleration_limit: Limit = PathData.acceleration_limit
+        jerk_limit: Limit = PathData.jerk_limit
+        polytope_normals: Limit = PathData.polytope_normals
+        polytope_offsets: Limit = PathData.polytope_offsets
+        polytope_segments: Field[Numbers | None, Ints | None] = PathData.polytope_segments
+        degree: Field[int | None, int] = PathData.degree
+        continuity: Field[int | None, int] = PathData.continuity
 
     kind: ClassVar[str] = "minimum-snap"
     objective_unit: ClassVar[str] = "m²/s⁷"

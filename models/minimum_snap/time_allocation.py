@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..fields import Optional, Real, declared, frozen, required
+from ..inputs import Field, Numbers
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification
 from .bounds import Bound, Halfspaces, derivative_name
@@ -83,24 +84,26 @@ continuity
     (<Termination.LOCALLY_OPTIMAL: 'locally_optimal'>, [2.602, 2.487])
     """
 
-    waypoints: Floats = _shared("waypoints")
+    waypoints: Field[Numbers, Floats] = _shared("waypoints")
     time_weight: float = declared(Real(0.0), default=0.0)
     total_time: float | None = declared(Optional(Real(0.0, strict=True, unit="s")), default=None)
     order: int = _shared("order")
-    weights: Floats | None = _shared("weights")
-    start: Floats = _shared("start")
-    end: Floats = _shared("end")
-    derivatives: Floats | None = _shared("derivatives")
-    corridor_lower: Floats | None = _shared("corridor_lower")
-    corridor_upper: Floats | None = _shared("corridor_upper")
-    velocity_limit: Floats | None = _shared("velocity_limit")
-    acceleration_limit: Floats | None = _shared("acceleration_limit")
-    jerk_limit: Floats | None = _shared("jerk_limit")
-    polytope_segments: NDArray[np.int64] | None = _shared("polytope_segments")
-    polytope_normals: Floats | None = _shared("polytope_normals")
-    polytope_offsets: Floats | None = _shared("polytope_offsets")
-    degree: int = _shared("degree")
-    continuity: int = _shared("continuity")
+    weights: Field[Numbers | None, Floats | None] = _shared("weights")
+    start: Field[Numbers | None, Floats] = _shared("start")
+    end: Field[Numbers | None, Floats] = _shared("end")
+    derivatives: Field[Numbers | None, Floats | None] = _shared("derivatives")
+    corridor_lower: Field[Numbers | None, Floats | None] = _shared("corridor_lower")
+    corridor_upper: Field[Numbers | None, Floats | None] = _shared("corridor_upper")
+    velocity_limit: Field[Numbers | None, Floats | None] = _shared("velocity_limit")
+    acceleration_limit: Field[Numbers | None, Floats | None] = _shared("acceleration_limit")
+    jerk_limit: Field[Numbers | None, Floats | None] = _shared("jerk_limit")
+    polytope_segments: Field[Numbers | None, NDArray[np.int64] | None] = _shared(
+        "polytope_segments"
+    )
+    polytope_normals: Field[Numbers | None, Floats | None] = _shared("polytope_normals")
+    polytope_offsets: Field[Numbers | None, Floats | None] = _shared("polytope_offsets")
+    degree: Field[int | None, int] = _shared("degree")
+    continuity: Field[int | None, int] = _shared("continuity")
 
     kind: ClassVar[str] = "time-allocation"
     formulations: ClassVar[dict[str, Any]] = {

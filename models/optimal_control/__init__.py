@@ -32,4 +32,5 @@ MODELS = {"optimal-control": ".model:OptimalControlProblem"}
 PICTURES = {"optimal-control": ".plot:draw"}
 ANIMATIONS = {"optimal-control": ".plot:animate_control"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -32,4 +32,5 @@ OBJECTS = {
     "qpsolvers": ".sources.arrays:program_of_qpsolvers",
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -28,4 +28,5 @@ MODELS = {"resource-routing": ".model:ResourceRouting"}
 PICTURES = {"resource-routing": ".plot:draw"}
 ANIMATIONS = {"resource-routing": ".plot:animate_route"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

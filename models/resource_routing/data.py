@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..declaration import Declared, Listed
+from ..declaration import Listed
 from ..fields import Array, Flag, Optional, Spec, Whole, declared, frozen, show, unwritable
+from ..inputs import Field, Numbers
 from ..labels import Ids
+from ..model import Model
 from ..verification import ROUNDING
 from .resource import Resource
+from .route import Route
 
 __all__ = ["RoutingData"]
 
@@ -45,19 +48,31 @@ class Words(Spec):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RoutingData(Declared):
+class RoutingData(Model[Route]):
     """Fields of :class:`~crosstrack.models.ResourceRouting`, documented there."""
 
-    kinds: tuple[str, ...] = declared(Words())
-    resources: tuple[Resource, ...] = declared(Listed(Resource))
+    kinds: Field[Sequence[str], tuple[str, ...]] = declared(Words())
+    resources: Field[Sequence[Resource | Mapping[str, Any]], tuple[Resource, ...]] = declared(
+        Listed(Resource)
+    )
     start: int = declared(Whole(0))
     end: int = declared(Whole(0))
-    points: Floats | None = declared(Optional(Array(("n", "axes"))), default=None)
-    arcs: NDArray[np.int64] | None = declared(Optional(Array(("m", 2), int, 0)), default=None)
-    lengths: Floats | None = declared(Optional(Array(("m",), lower=0)), default=None)
-    uses: Floats | None = declared(Optional(Array(("m", "r"), lower=0)), default=None)
+    points: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("n", "axes"))), default=None
+    )
+    arcs: Field[Numbers | None, NDArray[np.int64] | None] = declared(
+        Optional(Array(("m", 2), int, 0)), default=None
+    )
+    lengths: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("m",), lower=0)), default=None
+    )
+    uses: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("m", "r"), lower=0)), default=None
+    )
     revisits: bool = declared(Flag(), default=False)
-    ids: tuple[int | str, ...] | None = declared(Optional(Ids()), default=None)
+    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
+        Optional(Ids()), default=None
+    )
 
     def check(self) -> None:
         """Raise for references to missing points or kinds, and for inconsistent fields."""

@@ -8,10 +8,8 @@ Computer Integrated Manufacturing Systems, 2022, doi 10.13196/j.cims.2022.04.003
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..model import Model
 from ..verification import TOLERANCE, Verification
 from .checks import verify_route, walk_route
 from .data import RoutingData
@@ -20,8 +18,7 @@ from .route import Route, route_from_data, route_to_data
 __all__ = ["ResourceRouting"]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ResourceRouting(RoutingData, Model[Route]):
+class ResourceRouting(RoutingData):
     """Shortest route from `start` to `end` within the limits of all resources.
 
     Parameters

@@ -15,4 +15,5 @@ MODELS = {"satellite-slew": ".model:SatelliteSlew"}
 PICTURES = {"satellite-slew": ".plot:draw"}
 ANIMATIONS = {"satellite-slew": ".plot:animate_slew"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -7,7 +7,6 @@ Pseudospectral Method", Mathematical Problems in Engineering, 2016.
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -16,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from ...errors import InvalidData
 from ..fields import Array, Real
-from ..model import Model
 from ..optimal_control.model import OptimalControlProblem
 from ..optimal_control.plan import ControlPlan
 from ..verification import TOLERANCE, Verification
@@ -31,8 +29,7 @@ __all__ = ["SatelliteSlew"]
 AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0)}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class SatelliteSlew(SlewData, Model[ControlPlan]):
+class SatelliteSlew(SlewData):
     r"""Fastest rest-to-rest slew of a satellite by control moment gyros without singularities.
 
     The state is x = [q0, q1, q2, q3, wx, wy, wz, δ1, …, δ4]: the attitude q, a unit quaternion from

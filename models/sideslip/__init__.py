@@ -15,4 +15,5 @@ MODELS = {"sideslip": ".model:SideslipEstimation"}
 PICTURES = {"sideslip": ".plot:draw"}
 ANIMATIONS = {"sideslip": ".plot:animate_estimate"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

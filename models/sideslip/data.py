@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Optional, Real, declared, show
+from ..inputs import Field, Numbers
 from ..records import Member
 
 __all__ = ["GRAVITY", "LOW_SPEED", "MOST_GAP", "UNKNOWN", "Recording", "Tyre", "Vehicle"]
@@ -67,7 +68,7 @@ class Vehicle(Declared):
     cornering_front: float = declared(Real(lower=0, strict=True, unit="N/rad"))
     cornering_rear: float = declared(Real(lower=0, strict=True, unit="N/rad"))
     friction: float = declared(Real(lower=0, strict=True), default=0.9)
-    tyre: Tyre = declared(Member(Tyre), default=Tyre.LINEAR)
+    tyre: Field[str, Tyre] = declared(Member(Tyre), default=Tyre.LINEAR)
 
     @property
     def wheelbase(self) -> float:
@@ -135,12 +136,14 @@ class Recording(Declared):
         True sideslip angle, rad. Required for training drives, None for a drive to estimate.
     """
 
-    times: Floats = declared(Times(("n",)))
-    speed: Floats = declared(Array(("n",), lower=0.0))
-    steering: Floats = declared(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2))
-    yaw_rate: Floats = declared(Array(("n",), lower=-100.0, upper=100.0))
-    lateral_acceleration: Floats = declared(Array(("n",), lower=-1000.0, upper=1000.0))
-    sideslip: Floats | None = declared(
+    times: Field[Numbers, Floats] = declared(Times(("n",)))
+    speed: Field[Numbers, Floats] = declared(Array(("n",), lower=0.0))
+    steering: Field[Numbers, Floats] = declared(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2))
+    yaw_rate: Field[Numbers, Floats] = declared(Array(("n",), lower=-100.0, upper=100.0))
+    lateral_acceleration: Field[Numbers, Floats] = declared(
+        Array(("n",), lower=-1000.0, upper=1000.0)
+    )
+    sideslip: Field[Numbers | None, Floats | None] = declared(
         Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2)), default=None
     )
 

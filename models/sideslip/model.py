@@ -6,6 +6,7 @@ Problems in Engineering 2016, article 3107910, doi 10.1155/2016/3107910.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Listed, Nested
 from ..fields import Array, Optional, Real, declared, required
+from ..inputs import Field, Numbers
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .checks import kinematic_error, mean_error
@@ -81,15 +83,19 @@ class SideslipEstimation(Model[SideslipEstimate]):
     341 samples in 17 s, 15 drives to learn from, linear tyres
     """
 
-    vehicle: Vehicle = declared(Nested(Vehicle))
-    recording: Recording = declared(Nested(Recording))
-    training: tuple[Recording, ...] = declared(Listed(Recording), default=())
-    disturbance: Floats = declared(Array((2,), lower=1e-9), default=(0.002, 0.01))
+    vehicle: Field[Vehicle | Mapping[str, Any], Vehicle] = declared(Nested(Vehicle))
+    recording: Field[Recording | Mapping[str, Any], Recording] = declared(Nested(Recording))
+    training: Field[Sequence[Recording | Mapping[str, Any]], tuple[Recording, ...]] = declared(
+        Listed(Recording), default=()
+    )
+    disturbance: Field[Numbers, Floats] = declared(Array((2,), lower=1e-9), default=(0.002, 0.01))
     yaw_rate_noise: float = declared(Real(lower=0, strict=True, unit="rad/s"), default=0.002)
     acceleration_noise: float = declared(Real(lower=0, strict=True, unit="m/s²"), default=0.05)
-    initial: Floats = declared(Array((2,)), default=(0.0, 0.0))
-    initial_deviation: Floats = declared(Array((2,), lower=1e-9), default=(0.02, 0.1))
-    truth: Floats | None = declared(
+    initial: Field[Numbers, Floats] = declared(Array((2,)), default=(0.0, 0.0))
+    initial_deviation: Field[Numbers, Floats] = declared(
+        Array((2,), lower=1e-9), default=(0.02, 0.1)
+    )
+    truth: Field[Numbers | None, Floats | None] = declared(
         Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2)), hidden=True, default=None
     )
 

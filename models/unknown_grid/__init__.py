@@ -17,4 +17,5 @@ MODELS = {"unknown-grid": ".model:UnknownGridNavigation"}
 PICTURES = {"unknown-grid": ".plot:draw"}
 ANIMATIONS = {"unknown-grid": ".plot:animate_run"}
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..declaration import Declared
 from ..fields import Array, Real, Whole, declared
+from ..inputs import Field, Numbers
 from ..records import Member
 
 __all__ = ["PIXELS", "Camera", "Pinhole", "Rendering", "crop", "overlaps"]
@@ -49,7 +50,7 @@ class Camera(Declared):
         A field is outside its allowed range.
     """
 
-    rendering: Rendering = declared(Member(Rendering), default=Rendering.PLAIN)
+    rendering: Field[str, Rendering] = declared(Member(Rendering), default=Rendering.PLAIN)
     seed: int = declared(Whole(0, 2**32 - 1), default=0)
 
 
@@ -86,8 +87,8 @@ class Pinhole(Declared):
     moves a pixel to another cell.
     """
 
-    view: Ints = declared(Array((2,), int, lower=1))
-    corner: Ints = declared(Array((2,), int), default=(0, 0))
+    view: Field[Numbers, Ints] = declared(Array((2,), int, lower=1))
+    corner: Field[Numbers, Ints] = declared(Array((2,), int), default=(0, 0))
     side: float = declared(Real(0.0, strict=True, unit="m"), default=1.0)
 
     @property

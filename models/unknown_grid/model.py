@@ -6,7 +6,7 @@ Systems under Partial Observation from UAV", IROS 2020, doi 10.1109/IROS45743.20
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -18,6 +18,7 @@ from ..declaration import Nested
 from ..fields import Array, Optional, Whole, declared, required, show
 from ..grid_path import GridMap, distances
 from ..grid_path.gridmap import read_cells
+from ..inputs import Field, Numbers
 from ..model import Model
 from ..records import Member
 from ..verification import TOLERANCE, Verification, check_tolerance
@@ -144,14 +145,18 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     1 scene of 3 × 5 cells, view 3 × 3, 40 steps
     """
 
-    blocked: Truths = declared(Maps(("k", "rows", "columns"), bool), hidden=True)
-    starts: Ints = declared(Array(("k", 2), int))
-    targets: Ints = declared(Array(("k", 2), int))
-    shape: Ints = declared(Array((2,), int, lower=1))
-    view: Ints = declared(Array((2,), int, lower=1), default=(11, 11))
+    blocked: Field[Numbers | Sequence[str | Sequence[str]], Truths] = declared(
+        Maps(("k", "rows", "columns"), bool), hidden=True
+    )
+    starts: Field[Numbers, Ints] = declared(Array(("k", 2), int))
+    targets: Field[Numbers, Ints] = declared(Array(("k", 2), int))
+    shape: Field[Numbers, Ints] = declared(Array((2,), int, lower=1))
+    view: Field[Numbers, Ints] = declared(Array((2,), int, lower=1), default=(11, 11))
     steps: int = declared(Whole(1, 10**6), default=40)
-    uav: Hover = declared(Member(Hover), default=Hover.PAPER)
-    camera: Camera | None = declared(Optional(Nested(Camera)), default=None)
+    uav: Field[str, Hover] = declared(Member(Hover), default=Hover.PAPER)
+    camera: Field[Camera | Mapping[str, Any] | None, Camera | None] = declared(
+        Optional(Nested(Camera)), default=None
+    )
 
     kind: ClassVar[str] = "unknown-grid"
     objective_unit: ClassVar[str] = "steps"

@@ -20,4 +20,5 @@ if TYPE_CHECKING:
         success_interval as success_interval,
     )
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -11,7 +11,7 @@ from ...models.model import as_model
 from .registry import Declaration, declarations
 from .selection import refusals
 
-__all__ = ["BackendState", "backend_states"]
+__all__ = ["BackendState", "backend_states", "backends"]
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,10 @@ def backend_states(model: Any = None) -> tuple[BackendState, ...]:
         states.append(replace(state, state="refused", cause=reason) if reason else state)
     order = ("installed", "missing", "broken", "refused")
     return tuple(sorted(states, key=lambda state: order.index(state.state)))
+
+
+#: Name under which the root package exports :func:`backend_states`.
+backends = backend_states
 
 
 def _state(declared: Declaration) -> BackendState:

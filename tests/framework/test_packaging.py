@@ -1,5 +1,6 @@
 """The package as it is installed: its list of packages, its wheel, and how light it is to import."""
 
+import importlib
 import json
 import os
 import re
@@ -10,9 +11,12 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from pathlib import Path
 
 import pytest
 from imports import TOP
+
+from crosstrack.models.problems import PROBLEMS
 
 HEAVY = (
     "casadi", "click", "cvxpy", "gurobipy", "highspy", "matplotlib", "numba", "numpy", "ortools",
@@ -237,6 +241,64 @@ def test_the_command_line_and_workers_run_from_the_wheel(installed, run_python, 
     script = "import sys; from importlib.metadata import distribution as d; [e] = d('crosstrack')"
     script += ".entry_points.select(group='console_scripts'); sys.exit(e.load()(['--version']))"
     assert "version" in run_python("-c", script, **plain)
+
+
+def test_type_checkers_accept_right_calls_and_report_wrong_ones(installed, tmp_path):
+    """mypy reads both files beside the installed wheel: right_calls.py passes, wrong_calls.py does not."""
+    data = Path(__file__).parent / "data"
+    files = [data / "right_calls.py", data / "wrong_calls.py"]
+    options = ["--strict", "--follow-imports=silent", "--no-error-summary", "--config-file="]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "mypy",
+        *options,
+        "--cache-dir",
+        tmp_path / "cache",
+        *files,
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=240, check=False, cwd=tmp_path,
+        env={**os.environ, "MYPYPATH": str(installed)},
+    )  # fmt: skip
+    reports = re.findall(r"(\w+)\.py:(\d+): error: .*\[([a-z-]+)\]$", done.stdout, re.M)
+    marks = enumerate(files[1].read_text("utf-8").splitlines(), 1)
+    expected = [
+        ("wrong_calls", str(number), line.rpartition("  # ")[2])
+        for number, line in marks
+        if "  # " in line
+    ]
+    assert sorted(reports) == sorted(expected), done.stdout + done.stderr
+
+
+def test_the_calls_for_type_checkers_run_and_name_every_model():
+    from crosstrack.models import Model
+    from crosstrack.models.problems import loadable_models
+
+    data = Path(__file__).parent / "data"
+    names = runpy.run_path(str(data / "right_calls.py"))
+    built = {value.kind for value in names.values() if isinstance(value, Model)}
+    texts = [(data / file).read_text("utf-8") for file in ("right_calls.py", "wrong_calls.py")]
+    for kind, cls in loadable_models():
+        if cls.__module__.startswith("crosstrack.models.programs"):
+            continue  # built with ProgramBuilder
+        assert kind in built, f"right_calls.py has no model of kind {kind!r}"
+        assert all(f"m.{cls.__name__}" in text for text in texts), cls
+
+
+@pytest.mark.parametrize("problem", PROBLEMS)
+def test_public_names_of_a_problem_are_typed_exports_of_models(problem):
+    """A name that models/__init__.py lacks is Any to type checkers and missing from completion."""
+    import crosstrack.models
+
+    folder = importlib.import_module(f"crosstrack.models.{problem}")
+    missing = set(folder.__all__) - set(crosstrack.models.__all__)
+    assert not missing, (
+        f"add to the TYPE_CHECKING block of models/__init__.py: from .{problem} import "
+        + ", ".join(f"{name} as {name}" for name in sorted(missing))
+    )
+    assert set(folder.__all__) <= set(dir(crosstrack.models))
 
 
 @pytest.mark.slow

@@ -10,4 +10,5 @@ if TYPE_CHECKING:
     from .conversion import program_of as program_of
     from .link import Source as Source
 
-__getattr__, __dir__, __all__ = attach(__name__, __file__)
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,0 +1,41 @@
+"""Types of declared fields for type checkers: what a constructor accepts, and what the field contains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar, overload
+
+from numpy.typing import NDArray
+
+__all__ = ["Field", "Numbers"]
+
+InputT = TypeVar("InputT", contravariant=True)
+ValueT = TypeVar("ValueT", covariant=True)
+
+
+class Field(Generic[InputT, ValueT]):
+    """Annotation of a field: the type that the constructor accepts, and the type of the attribute.
+
+    The field of an array is ``Field[Numbers, Floats]``: the constructor accepts nested lists, and the
+    attribute is an array. Type checkers read both from the methods of a descriptor, which exist for
+    them alone. Annotations are not evaluated at run time.
+    """
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __get__(self, instance: None, owner: type) -> Field[InputT, ValueT]: ...
+        @overload
+        def __get__(self, instance: object, owner: type) -> ValueT: ...
+        def __get__(self, instance: object, owner: type) -> Any: ...
+        def __set__(self, instance: object, value: InputT) -> None: ...
+
+
+class _HasArray(Protocol):
+    def __array__(self) -> NDArray[Any]: ...
+
+
+_Entry: TypeAlias = float | _HasArray | None
+#: Argument that becomes an array: a number, an array, or lists nested to a depth of three, with None
+#: for infinity. ``numpy.typing.ArrayLike`` also accepts strings, which crosstrack rejects.
+Numbers: TypeAlias = float | _HasArray | Sequence[_Entry | Sequence[_Entry | Sequence[_Entry]]]
