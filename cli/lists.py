@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Mapping, Sequence
+from shlex import join
 from typing import Any
 
 import click
 
-from .options import VERIFIED, as_json, reading
+from ..errors import UnsupportedOption
+from .options import VERIFIED, as_json, reading, select
 
 __all__ = ["backends", "instances", "models"]
 
 
 @click.command(short_help="List the backends and what they prove.")
+@click.argument("patterns", nargs=-1, metavar="[PATTERN]...")
 @click.option("--probe", is_flag=True, help="Load each backend in a worker to find broken ones.")
 @click.option(
     "--for",
@@ -22,8 +27,17 @@ __all__ = ["backends", "instances", "models"]
 )
 @reading
 @as_json
-def backends(probe: bool, instance: str | None, reading: dict[str, Any], as_json: bool) -> int:
-    """List the backends with their state, version, accepted models, guarantee and features."""
+def backends(
+    patterns: Sequence[str],
+    probe: bool,
+    instance: str | None,
+    reading: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """List the backends with their state, version, accepted models, guarantee and features.
+
+    PATTERN is a name or a glob in quotation marks, such as 'ortools*'.
+    """
     from ..instances.catalogue import load
     from ..solvers.contract.states import backend_states
     from ..solvers.report.tables import table
@@ -31,6 +45,8 @@ def backends(probe: bool, instance: str | None, reading: dict[str, Any], as_json
     from ..solvers.run.probing import probe as probed
 
     states = backend_states(None if instance is None else load(instance, **reading))
+    names = select("backend", patterns, dict.fromkeys(state.name for state in states))
+    states = tuple(state for state in states if state.name in names)
     if probe:
         with progress("loading every backend"):
             states = probed(states)
@@ -58,30 +74,37 @@ def backends(probe: bool, instance: str | None, reading: dict[str, Any], as_json
     return VERIFIED
 
 
-@click.command(short_help="List the models with their formulations.")
+@click.command(short_help="List the models, or describe one.")
+@click.argument("name", required=False)
+@click.option(
+    "--template",
+    type=click.Choice(["json", "csv", "xlsx"]),
+    help="Write a file to fill in: a small valid instance of NAME, or its table.",
+)
+@click.option("--output", metavar="FILE", help="File for the template (default: standard output).")
 @as_json
-def models(as_json: bool) -> int:
-    """List the models with their formulations."""
-    from ..models.problems import loadable_models
+def models(name: str | None, template: str | None, output: str | None, as_json: bool) -> int:
+    """List the models with their formulations.
+
+    With NAME, list the fields of this model with units, defaults and meaning, its formulations and the
+    backends that accept it.
+    """
+    from ..models.problems import loadable_models, model_type
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, show
 
-    result: list[dict[str, Any]] = []
-    for kind, cls in loadable_models():
-        unit = cls.objective_unit
-        result.append(
-            {
-                "model": kind,
-                "class": f"{cls.__module__}.{cls.__qualname__}",
-                "formulations": {
-                    name: cls.formulation_type(name).summary for name in cls.formulations
-                },
-                "default_formulation": cls.default_formulation or None,
-                # None if each problem of the kind has its own unit.
-                "objective_unit": unit if isinstance(unit, str) else None,
-                "summary": (cls.__doc__ or "").strip().partition("\n")[0],
-            }
-        )
+    if name is None and (template or output):
+        raise click.UsageError("--template and --output need the NAME of a model")
+    if output and not template:
+        raise click.UsageError("--output needs --template json, csv or xlsx")
+    if name is not None:
+        cls = model_type(name)
+        if template is not None:
+            _write_template(name, template, output)
+        else:
+            _show_model(cls, as_json)
+        return VERIFIED
+    result = [_summary(kind, cls) for kind, cls in loadable_models()]
     if as_json:
         emit(result)
     else:
@@ -90,15 +113,110 @@ def models(as_json: bool) -> int:
     return VERIFIED
 
 
+def _summary(kind: str, cls: Any) -> dict[str, Any]:
+    """Return the facts about a model that the list of all models contains."""
+    unit = cls.objective_unit
+    return {
+        "model": kind,
+        "class": f"{cls.__module__}.{cls.__qualname__}",
+        "formulations": {name: cls.formulation_type(name).summary for name in cls.formulations},
+        "default_formulation": cls.default_formulation or None,
+        # None if each problem of the kind has its own unit.
+        "objective_unit": unit if isinstance(unit, str) else None,
+        "summary": (cls.__doc__ or "").strip().partition("\n")[0],
+    }
+
+
+def _show_model(cls: Any, as_json: bool) -> None:
+    """Print fields, formulations and backends of a model."""
+    from ..instances.templates import example, template_formats
+    from ..models.facts import field_facts
+    from ..solvers.contract.states import backend_states
+    from ..solvers.report.tables import table
+    from ..solvers.report.terminal import emit, show
+
+    facts = _summary(cls.kind, cls)
+    fields = [fact._asdict() for fact in field_facts(cls)]
+    formats = template_formats(cls.kind)
+    try:
+        states = backend_states(example(cls.kind))
+    except UnsupportedOption:  # without an instance, by the declared kinds alone
+        states = tuple(s for s in backend_states() if cls.kind in s.accepts.split(", "))
+    backends = [
+        {"backend": s.name, "state": s.state, "guarantee": s.guarantee, "summary": s.summary}
+        for s in states
+        if s.state != "refused"
+    ]
+    if as_json:
+        emit({**facts, "fields": fields, "backends": backends, "templates": formats})
+        return
+    unit = facts["objective_unit"]
+    columns = ("field", "unit", "default", "meaning")
+    rows = [(f["name"], f["unit"], _default(f), f["meaning"]) for f in fields]
+    parts: list[Any] = [
+        f"{cls.kind}: {_plain(facts['summary'])}" + (f" (objective in {unit})" if unit else ""),
+        table("fields", columns, rows, whole=("unit",)),
+    ]
+    if facts["formulations"]:
+        forms = facts["formulations"].items()
+        parts.append(table("formulations", ("formulation", "summary"), forms))
+    columns = ("backend", "state", "guarantee", "summary")
+    listed = [tuple(backend.values()) for backend in backends]
+    parts.append(table("backends", columns, listed, whole=columns[1:3]))
+    show(
+        *parts,
+        f"crosstrack models {cls.kind} --template {'|'.join(formats)} writes a file to fill in",
+    )
+
+
+def _default(fact: Mapping[str, Any]) -> str:
+    """Return the default of a field as text."""
+    if fact["required"]:
+        parent = fact["name"].rpartition(".")[0]
+        return f"required in {parent}" if parent else "required"
+    value = fact["default"]
+    return "none" if value in (None, "") else json.dumps(value, ensure_ascii=False)
+
+
+def _write_template(kind: str, form: str, output: str | None) -> None:
+    """Write a template to a file or to standard output, and name the command that reads it."""
+    from ..files import writable, write_bytes
+    from ..instances.templates import template
+    from ..solvers.report.terminal import say, write
+
+    if form == "xlsx" and output is None:
+        raise click.UsageError("an Excel file is binary: name it with --output FILE.xlsx")
+    file = None if output is None else writable(output, [f".{form}"])
+    content, data = template(kind, form)
+    if file is None:
+        write(content.decode())
+    else:
+        write_bytes(file, content)
+    more = [
+        word for key, value in data.items() for word in ("--data", f"{key}={json.dumps(value)}")
+    ]
+    if form != "json":
+        more += ["--model", kind]
+    elif kind in ("nonlinear-program", "optimal-control"):
+        more.append("--trusted")  # functions in CasADi's text format
+    say(f"solve it: crosstrack solve {join([str(file or f'FILE.{form}'), *more])}")
+
+
 @click.command(short_help="List the instances of the catalogue.")
+@click.argument("patterns", nargs=-1, metavar="[PATTERN]...")
 @as_json
-def instances(as_json: bool) -> int:
-    """List the catalogue with papers, published values and sources of the data."""
+def instances(patterns: Sequence[str], as_json: bool) -> int:
+    """List the catalogue with papers, published values and sources of the data.
+
+    PATTERN is a name or a glob in quotation marks, such as 'fleet/*'.
+    """
     from ..instances.catalogue import entries
     from ..solvers.report.tables import table
     from ..solvers.report.terminal import emit, show
 
     catalogue = entries()
+    names = select("instance", patterns, [entry.name for entry in catalogue])
+    catalogue = tuple(entry for entry in catalogue if entry.name in names)
     if as_json:
         emit([entry.to_dict() for entry in catalogue])
     else:

@@ -6,18 +6,21 @@ import functools
 import io
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..errors import UnknownName
 from ..solvers.report.terminal import reserved
 
 if TYPE_CHECKING:
     from ..solvers.run.crosscheck import Comparison
 
 __all__ = [
+    "DURATION",
     "INFEASIBLE",
     "INTERNAL",
     "INTERRUPTED",
@@ -36,6 +39,7 @@ __all__ = [
     "pairs",
     "picture_path",
     "reading",
+    "select",
     "verdict_code",
 ]
 
@@ -47,6 +51,33 @@ VERIFIED, INTERNAL, USAGE, INFEASIBLE, NO_ANSWER, MISSING, VIOLATED = range(7)
 INTERRUPTED = 130
 
 _PLOT_SUFFIXES = (".png", ".pdf", ".svg")
+
+
+class _Duration(click.ParamType):  # type: ignore[type-arg]  # generic in recent versions of click only
+    """Seconds as a number, or a number with a unit such as ``2min``."""
+
+    name = "duration"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        try:
+            return float(value)
+        except ValueError:
+            from ..instances.tables import NUMBER, TIMES
+
+        match = re.fullmatch(r"(.*[0-9.])\s*([^\W\d]+)", value.strip())
+        if match and NUMBER.fullmatch(match[1]) and match[2] in TIMES:
+            return float(match[1]) * TIMES[match[2]]
+        raise click.BadParameter(
+            f"{value!r} is not a duration: write seconds, or a number with one of the units "
+            f"{', '.join(TIMES)}, such as 500ms, 10s, 2min or 1.5h",
+            ctx,
+            param,
+        )
+
+
+DURATION = _Duration()
 
 
 def _pairs(context: click.Context, parameter: click.Parameter, value: Sequence[str]) -> Any:
@@ -80,6 +111,8 @@ def _criterion(context: click.Context, parameter: click.Parameter, value: Sequen
         if kind not in kinds:
             known = ", ".join(kinds)
             raise click.BadParameter(f"{kind!r} is unknown; known: {known}", param_hint="--stop")
+        if kind in ("seconds", "stalled") and isinstance(limit, str):
+            limit = DURATION.convert(limit, parameter, context)
         part = kinds[kind](limit)
         criterion = part if criterion is None else criterion | part
     return criterion
@@ -94,8 +127,8 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     },
     "formulation": {"help": "Formulation for backends that take programs."},
     "time_limit": {
-        "type": float,
-        "help": "Wall-clock seconds for a run, with building and compiling.",
+        "type": DURATION,
+        "help": "Wall-clock seconds for a run, with building and compiling, or a duration such as 2min.",
     },
     "memory_limit": {"type": float, "help": "Memory limit of a run in MiB, at least 64 (Linux)."},
     "gap": {"type": float, "help": "Relative gap at which an exact backend may stop."},
@@ -251,6 +284,31 @@ def pairs(values: Sequence[str], option: str) -> dict[str, Any]:
         except json.JSONDecodeError:
             result[key] = text
     return result
+
+
+def select(what: str, patterns: Sequence[str], names: Iterable[str]) -> list[str]:
+    """Return the names that match a glob in `patterns`, each once.
+
+    Parameters
+    ----------
+    what : str
+        Kind of the objects for the message, such as ``"instance"``.
+    patterns : sequence of str
+        Names or globs; empty for all names.
+    names : iterable of str
+        The names to choose from.
+
+    Raises
+    ------
+    UnknownName
+        A pattern matches no name; the message suggests similar names or groups such as ``fleet/*``.
+    """
+    known = [*names]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in known):
+            groups = {f"{name.partition('/')[0]}/*" for name in known if "/" in name}
+            raise UnknownName(what, pattern, groups if "*" in pattern and groups else known)
+    return [x for x in known if not patterns or any(fnmatchcase(x, p) for p in patterns)]
 
 
 def only(**options: Any) -> dict[str, Any]:

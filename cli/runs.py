@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from glob import glob, has_magic
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from .options import (
+    DURATION,
     INFEASIBLE,
     INTERNAL,
     INTERRUPTED,
@@ -24,6 +27,7 @@ from .options import (
     pairs,
     picture_path,
     reading,
+    select,
 )
 
 if TYPE_CHECKING:
@@ -142,7 +146,7 @@ def _solve_code(solution: Solution[Any]) -> int:
 @as_json
 @click.option(
     "--grace",
-    type=float,
+    type=DURATION,
     default=10.0,
     show_default=True,
     help="Seconds past the time limit before a worker is killed.",
@@ -156,7 +160,10 @@ def compare(
     instances: Sequence[str], reading: dict[str, Any], names: str | None, backend: Sequence[str], as_json: bool,
     jsonl: str | None, resume: bool, warm_start: str | None, **limits: Any,
 ) -> int:  # fmt: skip
-    """Solve every INSTANCE with several backends in worker processes and compare the answers."""
+    """Solve every INSTANCE with several backends in worker processes and compare the answers.
+
+    INSTANCE may be a glob of catalogue names or files in quotation marks, such as 'fleet/*'.
+    """
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
     from ..solvers.contract.selection import fitting
@@ -169,7 +176,7 @@ def compare(
         raise click.UsageError("--resume needs --jsonl FILE")
     if jsonl == "-":
         raise click.UsageError("--jsonl takes a file, which --resume reads: use --json to print")
-    models = [load(instance, **reading) for instance in instances]
+    models = [load(instance, **reading) for instance in _expand(instances)]
     listed = [name.strip() for name in (names or "").split(",") if name.strip()] or [*backend]
     chosen = listed or list(fitting(models[0]))
     start = None if warm_start is None else [read_plan(model, warm_start) for model in models]
@@ -193,6 +200,20 @@ def compare(
     else:
         show(*result.parts())
     return compare_code(result)
+
+
+def _expand(patterns: Sequence[str]) -> list[str]:
+    """Return names and files with each glob replaced by its matches, each once."""
+    from ..instances.catalogue import entries
+
+    result: list[str] = []
+    for pattern in patterns:
+        matches = [pattern]
+        if has_magic(pattern) and not Path(pattern).exists():
+            files = sorted(glob(pattern))  # noqa: PTH207 (Path.glob refuses absolute patterns)
+            matches = files or select("instance", [pattern], [entry.name for entry in entries()])
+        result += [name for name in matches if name not in result]
+    return result
 
 
 @click.command(short_help="Trade the objective for a second one.")

@@ -30,6 +30,8 @@ class Array(Spec):
         Closed range of the entries; None for no limit.
     infinity : {0, -1, 1}
         Infinite value that is allowed: none (0), -inf (-1) or inf (1). JSON writes it as null.
+    unit : str
+        Unit of the entries, for lists of the fields; empty for none.
     """
 
     shape: tuple[int | str, ...]
@@ -37,6 +39,7 @@ class Array(Spec):
     lower: float | None = None
     upper: float | None = None
     infinity: int = 0
+    unit: str = ""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
         array = self._numbers(name, value)
@@ -163,7 +166,7 @@ class NumberTuple(Array):
     ----------
     shape : tuple of one int or str
         Number of entries, or its name.
-    dtype, lower, upper, infinity
+    dtype, lower, upper, infinity, unit
         See :class:`Array`.
     """
 
@@ -204,7 +207,7 @@ class Broadcast(Array):
     ----------
     shape : tuple of str
         Names of the dimensions of the knots and of the columns, which an earlier field must fix.
-    dtype, lower, upper, infinity
+    dtype, lower, upper, infinity, unit
         See :class:`Array`.
     """
 

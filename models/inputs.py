@@ -1,4 +1,4 @@
-"""Types of declared fields for type checkers: what a constructor accepts, and what the field contains."""
+"""Types of declared fields for type checkers: of the constructor's argument and of the attribute."""
 
 from __future__ import annotations
 

@@ -16,6 +16,8 @@ folder                    table         keys and objects
 ``instances/<problem>``   CATALOGUE     catalogue prefix: function that returns the entries
 ``instances/<problem>``   REFERENCES    model kind: function that reads the files it refers to
 ``instances/<problem>``   TABLE_FILES   model kind: function ``(file) -> data`` of a CSV or Excel file
+``instances/<problem>``   TABLE_COLUMNS model kind: attributes of the columns of such a file by label, to write one
+``instances/<problem>``   TEMPLATES     model kind: catalogue name of the instance in templates (default: the smallest)
 ``instances/<problem>``   HINTS         any: function ``(file, header) -> str`` with a hint on a CSV file
 ``instances/<problem>``   EXPORTS       format: an ``ExportFormat``
 ``instances/<problem>``   DEMOS         name: a ``Demo``, or the catalogue name of an instance
@@ -76,8 +78,8 @@ KITS = ("programs",)
 #: Names of the tables that a problem may declare, explained in the module's docstring.
 TABLES = (
     *("MODELS", "PICTURES", "ANIMATIONS", "BACKENDS", "DIAGNOSES", "DESCRIPTIONS", "TRAININGS"),
-    *("CATALOGUE", "REFERENCES", "TABLE_FILES", "HINTS", "EXPORTS", "DEMOS", "EXAMPLES"),
-    *("PAPERS", "PAPER_TABLES", "OBJECTS", "FILES", "FORMATS"),
+    *("CATALOGUE", "REFERENCES", "TABLE_FILES", "TABLE_COLUMNS", "TEMPLATES", "HINTS", "EXPORTS"),
+    *("DEMOS", "EXAMPLES", "PAPERS", "PAPER_TABLES", "OBJECTS", "FILES", "FORMATS"),
 )
 
 #: Model types registered by the user in this session, by kind.

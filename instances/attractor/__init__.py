@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"attractor": ".listing:catalogue_entries"}
 TABLE_FILES = {"attractor": ".readers:table_file"}
+TEMPLATES = {"attractor": "attractor/samples-50"}
 DEMOS = {"attractor": "attractor/hunt"}
 EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"attractor": ".paper:PAPER"}
@@ -22,6 +23,7 @@ PAPER_TABLES = {
     "attractor/slopes": ".paper_tables:slopes",
     "attractor/systems": ".paper_tables:systems",
 }
+TABLE_COLUMNS = {"attractor": {"time [s]": "times", "value": "series"}}
 
 if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

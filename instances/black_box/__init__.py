@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from .paths import path_grid as path_grid, path_instance as path_instance
 
 CATALOGUE = {"black-box": ".listing:catalogue_entries"}
+TEMPLATES = {"black-box": "black-box/all-fixed"}
 DEMOS = {"black-box": "black-box/example"}
 EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"black-box": ".paper:PAPER"}

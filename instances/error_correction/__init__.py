@@ -33,6 +33,13 @@ if TYPE_CHECKING:
 CATALOGUE = {"error-correction": ".listing:catalogue_entries"}
 REFERENCES = {"error-correction": ".files:resolve_references"}
 TABLE_FILES = {"error-correction": ".files:points_of_table"}
+TABLE_COLUMNS = {
+    "error-correction": {
+        "id": "ids",
+        **{x: f"points.{k}" for k, x in enumerate("xyz")},
+        "kind": "kinds",
+    }
+}
 PAPERS = {"error-correction": ".paper:PAPER"}
 PAPER_TABLES = {f"error-correction/table-{k}": f".paper_tables:table_{k}" for k in (1, 2, 3)}
 DEMOS = {"error-correction": ".demo:DEMO"}

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 CATALOGUE = {"fleet": ".listing:catalogue_entries"}
 REFERENCES = {"fleet-routing": ".readers:resolve_references"}
 TABLE_FILES = {"fleet-routing": ".readers:table_file"}
+TABLE_COLUMNS = {
+    "fleet-routing": {"x": "points.0", "y": "points.1", "demand": "demands", "id": "ids"}
+}
+TEMPLATES = {"fleet-routing": "fleet/each-its-own"}
 DEMOS = {"fleet": "fleet/max-10"}
 EXPORTS = {"csv": ".exports:CSV", "geojson": ".exports:GEOJSON", "vrplib": ".exports:VRPLIB"}
 PAPERS = {"fleet": ".paper:PAPER"}

@@ -19,6 +19,7 @@ CATALOGUE = {"fleet-mission": ".listing:catalogue_entries"}
 PAPERS = {"fleet-mission": ".paper:PAPER"}
 PAPER_TABLES = {"fleet-mission/table-3": ".table_3:measure_table_3"}
 REFERENCES = {"fleet-mission": ".files:resolve_references"}
+TEMPLATES = {"fleet-mission": "fleet-mission/one-place"}
 DEMOS = {"fleet-mission": "fleet-mission/example"}
 EXPORTS = {"samples": ".files:SAMPLES", "poly7": ".files:POLY7", "geojson": ".files:GEOJSON"}
 

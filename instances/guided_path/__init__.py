@@ -26,6 +26,7 @@ PAPER_TABLES = {
     "guided-path/table-1a": ".paper_tables:table_1a",
     "guided-path/table-1b": ".paper_tables:table_1b",
 }
+TABLE_COLUMNS = {"guided-path-tour": {"coordinate": "coordinates", "id": "ids"}}
 
 if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

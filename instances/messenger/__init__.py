@@ -22,6 +22,12 @@ PAPER_TABLES = {
     f"messenger/{name}": f".paper_tables:{name.replace('-', '_')}"
     for name in ("table-3", "table-4", "table-5", "table-6", "figure-5", "figure-7")
 }
+TABLE_COLUMNS = {
+    "messenger-tour": {
+        "x": "positions.0", "y": "positions.1", "vx": "velocities.0", "vy": "velocities.1",
+        "radius": "radius", "id": "ids",
+    }
+}  # fmt: skip
 
 if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -52,6 +52,7 @@ TABLE_FILES = {
     "minimum-derivative": ".tables:waypoints_of_table",
     "time-allocation": ".tables:waypoints_of_table",
 }
+TABLE_COLUMNS = {kind: {x: f"waypoints.{k}" for k, x in enumerate("xyz")} for kind in TABLE_FILES}
 HINTS = {"trajectory": ".tables:describe_table"}
 DEMOS = {"minimum-snap": "minimum-snap/square"}
 EXPORTS = {"poly7": ".poly7:POLY7", "samples": ".tables:SAMPLES", "bezier": ".bezier:BEZIER"}

@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     )
 
 CATALOGUE = {"optimal-control": ".listing:catalogue_entries"}
+TEMPLATES = {"optimal-control": "optimal-control/linear-regulator"}
 EXPORTS = {"samples": ".tables:SAMPLES"}
 PAPERS = {"optimal-control": ".paper:PAPER"}
 

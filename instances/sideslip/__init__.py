@@ -13,6 +13,15 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"sideslip": ".listing:catalogue_entries"}
 TABLE_FILES = {"sideslip": ".readers:table_file"}
+TABLE_COLUMNS = {
+    "sideslip": {
+        "time [s]": "recording.times", "speed [m/s]": "recording.speed", "steering [rad]": "recording.steering",
+        "yaw_rate [rad/s]": "recording.yaw_rate",
+        "lateral_acceleration [m/s²]": "recording.lateral_acceleration",
+        "sideslip [rad]": "truth",
+    }
+}  # fmt: skip
+TEMPLATES = {"sideslip": "sideslip/untrained"}
 DEMOS = {"sideslip": "sideslip/lane-change"}
 EXPORTS = {"csv": ".exports:CSV"}
 PAPERS = {"sideslip": ".paper:PAPER"}

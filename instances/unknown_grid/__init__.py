@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 CATALOGUE = {"unknown-grid": ".listing:catalogue_entries"}
 REFERENCES = {"unknown-grid": ".readers:resolve_references"}
+TEMPLATES = {"unknown-grid": "unknown-grid/u-trap"}
 DEMOS = {"unknown-grid": "unknown-grid/u-trap"}
 EXAMPLES = {"unknown-grid": ".laws:draw_scene_arrays"}
 EXPORTS = {"csv": ".exports:CSV"}

@@ -82,6 +82,12 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     #: Backends answer different questions: an exponent, a dimension or an embedding.
     rivals: ClassVar[bool] = False
 
+    @property
+    def times(self) -> Floats:
+        """Times of the samples in seconds from the first one, shape (n,)."""
+        times: Floats = self.period * np.arange(float(len(self.series)))
+        return times
+
     def check(self) -> None:
         """Reject series that are too short, constant, or whose squares overflow."""
         count = len(self.series)

@@ -84,8 +84,8 @@ class WaypointPath(BlackBoxFunction):
     """
 
     map: Field[GridMap | Mapping[str, Any], GridMap] = declared(Nested(GridMap))
-    start: Field[Numbers, Floats] = declared(Array((2,)))
-    goal: Field[Numbers, Floats] = declared(Array((2,)))
+    start: Field[Numbers, Floats] = declared(Array((2,), unit="m"))
+    goal: Field[Numbers, Floats] = declared(Array((2,), unit="m"))
     waypoints: int = declared(Whole(1, MOST // 2), default=5)
     penalty: Field[float | None, float] = declared(Optional(Real(lower=0)), default=None)
 

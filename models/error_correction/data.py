@@ -26,7 +26,7 @@ __all__ = ["RoutingData"]
 class RoutingData(Model[Route]):
     """Fields of :class:`~crosstrack.models.ErrorCorrectionRouting`, documented there."""
 
-    points: Field[Numbers, NDArray[np.float64]] = declared(Array(("n", 3)))
+    points: Field[Numbers, NDArray[np.float64]] = declared(Array(("n", 3), unit="m"))
     kinds: Field[Sequence[str] | NDArray[Any], NDArray[np.str_]] = declared(Kinds())
     alpha1: float = declared(Real(lower=0))
     alpha2: float = declared(Real(lower=0))

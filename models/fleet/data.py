@@ -95,7 +95,9 @@ class FleetData(Model[FleetPlan]):
     costs: Field[Numbers | None, Floats | None] = declared(
         Optional(Array(("n", "n"), lower=0)), default=None
     )
-    points: Field[Numbers | None, Floats | None] = declared(Optional(Array(("n", 2))), default=None)
+    points: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array(("n", 2), unit="m")), default=None
+    )
     map: Field[GridMap | Mapping[str, Any] | None, GridMap | None] = declared(
         Optional(Nested(GridMap)), default=None
     )

@@ -48,14 +48,14 @@ class MissionData(Model[MissionPlan]):
     """Fields of :class:`~crosstrack.models.FleetMission`, documented there."""
 
     obstacles: Field[Iterable[Any], tuple[Polygon, ...]] = declared(Polygons())
-    bounds: Field[Numbers, Floats] = declared(Array((4,)))
-    nodes: Field[Numbers, Floats] = declared(Array(("n", 2)))
-    depot: Field[Numbers, Floats] = declared(Array((2,)))
+    bounds: Field[Numbers, Floats] = declared(Array((4,), unit="m"))
+    nodes: Field[Numbers, Floats] = declared(Array(("n", 2), unit="m"))
+    depot: Field[Numbers, Floats] = declared(Array((2,), unit="m"))
     vehicles: int = declared(Whole(1, MOST))
     cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
     radius: float = declared(Real(lower=0, unit="m"), default=0.0)
-    velocity_limit: Field[Numbers, Floats] = declared(EachAxis((2,)), default=1.0)
-    acceleration_limit: Field[Numbers, Floats] = declared(EachAxis((2,)), default=1.0)
+    velocity_limit: Field[Numbers, Floats] = declared(EachAxis((2,), unit="m/s"), default=1.0)
+    acceleration_limit: Field[Numbers, Floats] = declared(EachAxis((2,), unit="m/s²"), default=1.0)
     separation: Field[float | None, float] = declared(
         Optional(Real(lower=0, unit="m")), default=None
     )

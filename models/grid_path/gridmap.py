@@ -129,7 +129,7 @@ class GridMap(Declared):
 
     blocked: Field[Numbers | Sequence[str], Truths] = declared(Cells(("rows", "columns"), bool))
     cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
-    origin: Field[Numbers, Floats] = declared(Array((2,)), default=(0.0, 0.0))
+    origin: Field[Numbers, Floats] = declared(Array((2,), unit="m"), default=(0.0, 0.0))
     upward: bool = declared(Flag(), default=False)
 
     def check(self) -> None:

@@ -32,7 +32,7 @@ DENSE = 50_000
 class GuidedPathData(Model[GuidedPathPlan]):
     """Data fields of :class:`~crosstrack.models.guided_path.GuidedPathTour`, which documents them."""
 
-    coordinates: Field[Numbers, Floats] = declared(Array(("n",)))
+    coordinates: Field[Numbers, Floats] = declared(Array(("n",), unit="m"))
     chains: Field[Sequence[Sequence[int]], tuple[tuple[int, ...], ...]] = declared(
         Chains(), default=()
     )

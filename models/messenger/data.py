@@ -37,9 +37,11 @@ class EachVehicle(Array):
 class TourData(Model[TourPlan]):
     """Data fields of :class:`~crosstrack.models.messenger.model.MessengerTour`, which documents them."""
 
-    positions: Field[Numbers, Floats] = declared(Array(("n", 2)))
-    velocities: Field[Numbers | None, Floats] = declared(Optional(Array(("n", 2))), default=None)
-    radius: Field[Numbers, Floats] = declared(EachVehicle(("n",), lower=0), default=5.0)
+    positions: Field[Numbers, Floats] = declared(Array(("n", 2), unit="m"))
+    velocities: Field[Numbers | None, Floats] = declared(
+        Optional(Array(("n", 2), unit="m/s")), default=None
+    )
+    radius: Field[Numbers, Floats] = declared(EachVehicle(("n",), lower=0, unit="m"), default=5.0)
     speed: float = declared(Real(lower=0, strict=True, unit="m/s"), default=10.0)
     turning_radius: float = declared(Real(lower=0, unit="m"), default=5.0)
     start: Field[Numbers | None, Floats | None] = declared(

@@ -126,8 +126,9 @@ class Halfspaces(NamedTuple):
     offsets: Floats
 
 
-#: Non-negative limit of each axis on each segment.
-_LIMIT = Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1))
+def _limit(unit: str) -> Optional:
+    """Return the specification of a non-negative limit of each axis on each segment."""
+    return Optional(Broadcast(("knots", "dimensions"), lower=0, infinity=1, unit=unit))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,8 +139,10 @@ class PathData(Model[Trajectory]):
     parameters.
     """
 
-    waypoints: Field[Numbers, Floats] = declared(Coordinates(("knots", "dimensions"), infinity=1))
-    times: Field[Numbers, Floats] = declared(Array(("knots",)))
+    waypoints: Field[Numbers, Floats] = declared(
+        Coordinates(("knots", "dimensions"), infinity=1, unit="m")
+    )
+    times: Field[Numbers, Floats] = declared(Array(("knots",), unit="s"))
     order: int = declared(Whole(1, 8), default=4)
     weights: Field[Numbers | None, Floats | None] = declared(
         Optional(Array(("orders",), lower=0)), default=None
@@ -154,14 +157,16 @@ class PathData(Model[Trajectory]):
         Optional(Coordinates(("knots", "derivative rows", "dimensions"), infinity=1)), default=None
     )
     corridor_lower: Field[Numbers | None, Floats | None] = declared(
-        Optional(Broadcast(("knots", "dimensions"), infinity=-1)), default=None
+        Optional(Broadcast(("knots", "dimensions"), infinity=-1, unit="m")), default=None
     )
     corridor_upper: Field[Numbers | None, Floats | None] = declared(
-        Optional(Broadcast(("knots", "dimensions"), infinity=1)), default=None
+        Optional(Broadcast(("knots", "dimensions"), infinity=1, unit="m")), default=None
     )
-    velocity_limit: Field[Numbers | None, Floats | None] = declared(_LIMIT, default=None)
-    acceleration_limit: Field[Numbers | None, Floats | None] = declared(_LIMIT, default=None)
-    jerk_limit: Field[Numbers | None, Floats | None] = declared(_LIMIT, default=None)
+    velocity_limit: Field[Numbers | None, Floats | None] = declared(_limit("m/s"), default=None)
+    acceleration_limit: Field[Numbers | None, Floats | None] = declared(
+        _limit("m/s²"), default=None
+    )
+    jerk_limit: Field[Numbers | None, Floats | None] = declared(_limit("m/s³"), default=None)
     polytope_segments: Field[Numbers | None, NDArray[np.int64] | None] = declared(
         Optional(Array(("halfspaces",), int, lower=0)), default=None
     )
@@ -169,7 +174,7 @@ class PathData(Model[Trajectory]):
         Optional(Array(("halfspaces", "dimensions"))), default=None
     )
     polytope_offsets: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("halfspaces",))), default=None
+        Optional(Array(("halfspaces",), unit="m")), default=None
     )
     degree: Field[int | None, int] = declared(Optional(Whole(1, 31)), default=None)
     continuity: Field[int | None, int] = declared(Optional(Whole(0)), default=None)

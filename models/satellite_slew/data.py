@@ -109,7 +109,7 @@ def _matrix(rows: Any, **options: Any) -> Any:
 class SlewData(Model[ControlPlan]):
     """Data of a slew; see :class:`~crosstrack.models.SatelliteSlew`."""
 
-    inertia: Floats = _matrix((228.0, 188.0, 176.0))
+    inertia: Field[Numbers, Floats] = _matrix((228.0, 188.0, 176.0))
     pyramid_angle: float = declared(Real(0.0, 90.0, strict=True, unit="degrees"), default=54.73)
     momentum: float = declared(Real(0.0, strict=True, unit="N m s"), default=17.53)
     rate_weight: Field[Numbers, Floats] = declared(_PerGyro((4,), lower=0.0), default=0.1)
@@ -123,11 +123,15 @@ class SlewData(Model[ControlPlan]):
     final_attitude: Field[Numbers, Floats] = declared(
         Attitude((4,)), default=(float(np.cos(np.pi / 8)), float(np.sin(np.pi / 8)), 0.0, 0.0)
     )
-    initial_gimbals: Field[Numbers, Floats] = declared(Array((4,)), default=(0.0, 0.0, 0.0, 0.0))
-    final_gimbals: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array((4,))), default=(0.0, 0.0, 0.0, 0.0)
+    initial_gimbals: Field[Numbers, Floats] = declared(
+        Array((4,), unit="rad"), default=(0.0, 0.0, 0.0, 0.0)
     )
-    time_range: Field[Numbers, Floats] = declared(Array((2,), lower=0.0), default=(1.0, 60.0))
+    final_gimbals: Field[Numbers | None, Floats | None] = declared(
+        Optional(Array((4,), unit="rad")), default=(0.0, 0.0, 0.0, 0.0)
+    )
+    time_range: Field[Numbers, Floats] = declared(
+        Array((2,), lower=0.0, unit="s"), default=(1.0, 60.0)
+    )
     margin: float = declared(Real(0.0), default=0.0)
     vector_limits: Field[str, VectorLimits] = declared(
         Member(VectorLimits), default=VectorLimits.COMPONENTS, added=True

@@ -136,15 +136,19 @@ class Recording(Declared):
         True sideslip angle, rad. Required for training drives, None for a drive to estimate.
     """
 
-    times: Field[Numbers, Floats] = declared(Times(("n",)))
-    speed: Field[Numbers, Floats] = declared(Array(("n",), lower=0.0))
-    steering: Field[Numbers, Floats] = declared(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2))
-    yaw_rate: Field[Numbers, Floats] = declared(Array(("n",), lower=-100.0, upper=100.0))
+    times: Field[Numbers, Floats] = declared(Times(("n",), unit="s"))
+    speed: Field[Numbers, Floats] = declared(Array(("n",), lower=0.0, unit="m/s"))
+    steering: Field[Numbers, Floats] = declared(
+        Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad")
+    )
+    yaw_rate: Field[Numbers, Floats] = declared(
+        Array(("n",), lower=-100.0, upper=100.0, unit="rad/s")
+    )
     lateral_acceleration: Field[Numbers, Floats] = declared(
-        Array(("n",), lower=-1000.0, upper=1000.0)
+        Array(("n",), lower=-1000.0, upper=1000.0, unit="m/s²")
     )
     sideslip: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2)), default=None
+        Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad")), default=None
     )
 
     def check(self) -> None:

@@ -96,7 +96,9 @@ class SideslipEstimation(Model[SideslipEstimate]):
         Array((2,), lower=1e-9), default=(0.02, 0.1)
     )
     truth: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2)), hidden=True, default=None
+        Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad")),
+        hidden=True,
+        default=None,
     )
 
     kind: ClassVar[str] = "sideslip"

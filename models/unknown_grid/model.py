@@ -151,7 +151,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     starts: Field[Numbers, Ints] = declared(Array(("k", 2), int))
     targets: Field[Numbers, Ints] = declared(Array(("k", 2), int))
     shape: Field[Numbers, Ints] = declared(Array((2,), int, lower=1))
-    view: Field[Numbers, Ints] = declared(Array((2,), int, lower=1), default=(11, 11))
+    view: Field[Numbers, Ints] = declared(Array((2,), int, lower=1, unit="cells"), default=(11, 11))
     steps: int = declared(Whole(1, 10**6), default=40)
     uav: Field[str, Hover] = declared(Member(Hover), default=Hover.PAPER)
     camera: Field[Camera | Mapping[str, Any] | None, Camera | None] = declared(
