@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar, overload
 
+import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Field", "Numbers"]
+__all__ = ["Field", "FloatArray", "FloatsOrNone", "Names", "Numbers"]
 
 InputT = TypeVar("InputT", contravariant=True)
 ValueT = TypeVar("ValueT", covariant=True)
@@ -39,3 +40,8 @@ _Entry: TypeAlias = float | _HasArray | None
 #: Argument that becomes an array: a number, an array, or lists nested to a depth of three, with None
 #: for infinity. ``numpy.typing.ArrayLike`` also accepts strings, which crosstrack rejects.
 Numbers: TypeAlias = float | _HasArray | Sequence[_Entry | Sequence[_Entry | Sequence[_Entry]]]
+#: Field that contains an array of floats, and one that may be None.
+FloatArray: TypeAlias = Field[Numbers, NDArray[np.float64]]
+FloatsOrNone: TypeAlias = Field[Numbers | None, NDArray[np.float64] | None]
+#: Field that contains the names of rows, or None.
+Names: TypeAlias = Field[Sequence[int | str] | None, tuple[int | str, ...] | None]

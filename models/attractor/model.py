@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Flag, Optional, Real, Text, declared, required
-from ..inputs import Field, Numbers
+from ..inputs import FloatArray
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .checks import Sample, prediction_error
@@ -69,7 +69,7 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     2000 samples, one each 1 s
     """
 
-    series: Field[Numbers, Floats] = declared(Array(("n",)))
+    series: FloatArray = declared(Array(("n",)))
     period: float = declared(Real(lower=0, strict=True, unit="s"), default=1.0)
     unit: str = declared(Text(), default="")
     true_exponent: float | None = declared(Optional(Real()), hidden=True, default=None)

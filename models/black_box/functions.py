@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, suggestion
 from ..declaration import Declared, Nested
 from ..fields import Array, Flag, Optional, Real, Spec, declared, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatsOrNone
 from ..problems import resolve
 from ..records import Anything, Member
 
@@ -113,7 +113,7 @@ class Named(BlackBoxFunction):
     """
 
     name: Field[str, Landscape] = declared(Member(Landscape))
-    shift: Field[Numbers | None, Floats | None] = declared(Optional(Array(("d",))), default=None)
+    shift: FloatsOrNone = declared(Optional(Array(("d",))), default=None)
     stretch: float = declared(Real(lower=0, strict=True), default=1.0)
     deviation: float = declared(Real(lower=0), default=0.0)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Whole, declared, required, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .functions import BlackBoxFunction, FunctionSpec
@@ -71,7 +71,7 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
     function: Field[
         str | Mapping[str, Any] | Callable[..., Any] | BlackBoxFunction, BlackBoxFunction
     ] = declared(FunctionSpec(), hidden=True)
-    bounds: Field[Numbers, Floats] = declared(Array(("d", 2)))
+    bounds: FloatArray = declared(Array(("d", 2)))
     budget: int = declared(Whole(1, 10**9), default=10_000)
     samples: int = declared(Whole(1, 10**6), default=1)
 

@@ -20,7 +20,7 @@ from ...jit import kernel
 from ..declaration import Nested
 from ..fields import Array, Optional, Real, Whole, declared, required, show
 from ..grid_path import GridMap, GridPath, GridPlan, path_between
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray
 from .functions import BlackBoxFunction
 from .model import MOST, BlackBoxMinimisation
 from .plan import BlackBoxPoint
@@ -84,8 +84,8 @@ class WaypointPath(BlackBoxFunction):
     """
 
     map: Field[GridMap | Mapping[str, Any], GridMap] = declared(Nested(GridMap))
-    start: Field[Numbers, Floats] = declared(Array((2,), unit="m"))
-    goal: Field[Numbers, Floats] = declared(Array((2,), unit="m"))
+    start: FloatArray = declared(Array((2,), unit="m"))
+    goal: FloatArray = declared(Array((2,), unit="m"))
     waypoints: int = declared(Whole(1, MOST // 2), default=5)
     penalty: Field[float | None, float] = declared(Optional(Real(lower=0)), default=None)
 

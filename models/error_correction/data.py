@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Flag, Optional, Real, Whole, declared, frozen, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from ..resource_routing.route import Route
@@ -26,7 +26,7 @@ __all__ = ["RoutingData"]
 class RoutingData(Model[Route]):
     """Fields of :class:`~crosstrack.models.ErrorCorrectionRouting`, documented there."""
 
-    points: Field[Numbers, NDArray[np.float64]] = declared(Array(("n", 3), unit="m"))
+    points: FloatArray = declared(Array(("n", 3), unit="m"))
     kinds: Field[Sequence[str] | NDArray[Any], NDArray[np.str_]] = declared(Kinds())
     alpha1: float = declared(Real(lower=0))
     alpha2: float = declared(Real(lower=0))
@@ -36,9 +36,7 @@ class RoutingData(Model[Route]):
     horizontal_rate: float = declared(Real(lower=0), default=None)
     vertical_rate: float = declared(Real(lower=0), default=None)
     revisits: bool = declared(Flag(), default=False)
-    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
-        Optional(Ids()), default=None
-    )
+    ids: Names = declared(Optional(Ids()), default=None)
     suspect: Field[Numbers | None, NDArray[np.bool_] | None] = declared(
         Optional(Array(("n",), bool)), added=True, default=None
     )

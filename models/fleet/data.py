@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -15,7 +15,7 @@ from ...errors import InvalidData
 from ..declaration import Nested
 from ..fields import Array, Flag, Optional, Real, Whole, declared, frozen, show
 from ..grid_path import GridMap
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from ..records import Member
@@ -92,12 +92,8 @@ class FleetData(Model[FleetPlan]):
     """Fields of :class:`~crosstrack.models.fleet.model.FleetRouting`, documented there."""
 
     vehicles: int = declared(Count(1, MOST))
-    costs: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("n", "n"), lower=0)), default=None
-    )
-    points: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("n", 2), unit="m")), default=None
-    )
+    costs: FloatsOrNone = declared(Optional(Array(("n", "n"), lower=0)), default=None)
+    points: FloatsOrNone = declared(Optional(Array(("n", 2), unit="m")), default=None)
     map: Field[GridMap | Mapping[str, Any] | None, GridMap | None] = declared(
         Optional(Nested(GridMap)), default=None
     )
@@ -107,21 +103,13 @@ class FleetData(Model[FleetPlan]):
     objective: Field[str, Objective] = declared(Member(Objective), default=Objective.MAX)
     q: float = declared(Real(lower=0), default=0.0)
     deviation: Field[str, Deviation] = declared(Member(Deviation), default=Deviation.SAMPLE)
-    demands: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("n",), lower=0)), default=None
-    )
-    capacity: Field[Numbers | None, Floats | None] = declared(
-        Optional(EachVehicle(("vehicles",), lower=0)), default=None
-    )
-    battery: Field[Numbers | None, Floats | None] = declared(
-        Optional(EachVehicle(("vehicles",), lower=0)), default=None
-    )
+    demands: FloatsOrNone = declared(Optional(Array(("n",), lower=0)), default=None)
+    capacity: FloatsOrNone = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
+    battery: FloatsOrNone = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
     budget: float | None = declared(Optional(Real(lower=0)), default=None)
     deviation_limit: float | None = declared(Optional(Real(lower=0)), default=None)
     range_limit: float | None = declared(Optional(Real(lower=0)), default=None)
-    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
-        Optional(Ids()), default=None
-    )
+    ids: Names = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
         """Fill in defaults and validate constraints between fields."""

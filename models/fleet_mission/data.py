@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from ..fields import Array, Optional, Real, Whole, declared, frozen, show
 from ..fleet.data import Deviation, Objective
 from ..grid_path.gridmap import GridMap
 from ..grid_path.polygons import Polygon, Polygons, as_shapely
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, Names
 from ..labels import Ids
 from ..model import Model
 from ..records import Member
@@ -48,14 +48,14 @@ class MissionData(Model[MissionPlan]):
     """Fields of :class:`~crosstrack.models.FleetMission`, documented there."""
 
     obstacles: Field[Iterable[Any], tuple[Polygon, ...]] = declared(Polygons())
-    bounds: Field[Numbers, Floats] = declared(Array((4,), unit="m"))
-    nodes: Field[Numbers, Floats] = declared(Array(("n", 2), unit="m"))
-    depot: Field[Numbers, Floats] = declared(Array((2,), unit="m"))
+    bounds: FloatArray = declared(Array((4,), unit="m"))
+    nodes: FloatArray = declared(Array(("n", 2), unit="m"))
+    depot: FloatArray = declared(Array((2,), unit="m"))
     vehicles: int = declared(Whole(1, MOST))
     cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
     radius: float = declared(Real(lower=0, unit="m"), default=0.0)
-    velocity_limit: Field[Numbers, Floats] = declared(EachAxis((2,), unit="m/s"), default=1.0)
-    acceleration_limit: Field[Numbers, Floats] = declared(EachAxis((2,), unit="m/s²"), default=1.0)
+    velocity_limit: FloatArray = declared(EachAxis((2,), unit="m/s"), default=1.0)
+    acceleration_limit: FloatArray = declared(EachAxis((2,), unit="m/s²"), default=1.0)
     separation: Field[float | None, float] = declared(
         Optional(Real(lower=0, unit="m")), default=None
     )
@@ -65,9 +65,7 @@ class MissionData(Model[MissionPlan]):
     objective: Field[str, Objective] = declared(Member(Objective), default=Objective.DEVIATION)
     q: float = declared(Real(lower=0), default=0.4)
     deviation: Field[str, Deviation] = declared(Member(Deviation), default=Deviation.SAMPLE)
-    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
-        Optional(Ids()), default=None
-    )
+    ids: Names = declared(Optional(Ids()), default=None)
     continuity: int = declared(Whole(2, 3), default=3, added=True)
 
     # -- checks ----------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Flag, Real, declared, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, Numbers
 from .polygons import Polygons, as_shapely
 from .raster import SHRINK, rasterise
 
@@ -129,7 +129,7 @@ class GridMap(Declared):
 
     blocked: Field[Numbers | Sequence[str], Truths] = declared(Cells(("rows", "columns"), bool))
     cell: float = declared(Real(lower=0, strict=True, unit="m"), default=1.0)
-    origin: Field[Numbers, Floats] = declared(Array((2,), unit="m"), default=(0.0, 0.0))
+    origin: FloatArray = declared(Array((2,), unit="m"), default=(0.0, 0.0))
     upward: bool = declared(Flag(), default=False)
 
     def check(self) -> None:

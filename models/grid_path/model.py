@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Nested
 from ..fields import Array, Optional, declared, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatsOrNone, Numbers
 from ..model import Model
 from ..records import Member
 from ..verification import TOLERANCE, Verification
@@ -99,9 +99,7 @@ class GridPath(Model[GridPlan]):
         Member(Connectivity), default=Connectivity.EIGHT
     )
     reach: Field[str, Reach] = declared(Member(Reach), default=Reach.NEAREST)
-    weights: Field[Numbers | None, NDArray[np.float64] | None] = declared(
-        Optional(Array(("rows", "columns"), lower=0)), default=None
-    )
+    weights: FloatsOrNone = declared(Optional(Array(("rows", "columns"), lower=0)), default=None)
 
     kind: ClassVar[str] = "grid-path"
     objective_unit: ClassVar[str] = "m"

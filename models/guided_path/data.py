@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Optional, declared
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from .plan import GuidedPathPlan
@@ -32,16 +32,14 @@ DENSE = 50_000
 class GuidedPathData(Model[GuidedPathPlan]):
     """Data fields of :class:`~crosstrack.models.guided_path.GuidedPathTour`, which documents them."""
 
-    coordinates: Field[Numbers, Floats] = declared(Array(("n",), unit="m"))
+    coordinates: FloatArray = declared(Array(("n",), unit="m"))
     chains: Field[Sequence[Sequence[int]], tuple[tuple[int, ...], ...]] = declared(
         Chains(), default=()
     )
     precedence: Field[Numbers, NDArray[np.int64]] = declared(
         Array(("pairs", 2), int, lower=0), default=()
     )
-    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
-        Optional(Ids()), default=None
-    )
+    ids: Names = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
         """Validate customer numbers, and reject chains with a common customer and cycles."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Flag, Optional, Real, declared, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from .plan import TourPlan
@@ -37,20 +36,16 @@ class EachVehicle(Array):
 class TourData(Model[TourPlan]):
     """Data fields of :class:`~crosstrack.models.messenger.model.MessengerTour`, which documents them."""
 
-    positions: Field[Numbers, Floats] = declared(Array(("n", 2), unit="m"))
+    positions: FloatArray = declared(Array(("n", 2), unit="m"))
     velocities: Field[Numbers | None, Floats] = declared(
         Optional(Array(("n", 2), unit="m/s")), default=None
     )
-    radius: Field[Numbers, Floats] = declared(EachVehicle(("n",), lower=0, unit="m"), default=5.0)
+    radius: FloatArray = declared(EachVehicle(("n",), lower=0, unit="m"), default=5.0)
     speed: float = declared(Real(lower=0, strict=True, unit="m/s"), default=10.0)
     turning_radius: float = declared(Real(lower=0, unit="m"), default=5.0)
-    start: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("k",))), default=(0.0, 0.0, 0.5 * math.pi)
-    )
+    start: FloatsOrNone = declared(Optional(Array(("k",))), default=(0.0, 0.0, 0.5 * math.pi))
     closed: bool = declared(Flag(), default=False)
-    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
-        Optional(Ids()), default=None
-    )
+    ids: Names = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
         """Fill in the velocities and validate vehicles and start."""

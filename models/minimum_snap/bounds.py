@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Broadcast, Optional, Whole, declared, frozen, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..model import Model
 from .trajectory import Trajectory
 
@@ -139,41 +139,35 @@ class PathData(Model[Trajectory]):
     parameters.
     """
 
-    waypoints: Field[Numbers, Floats] = declared(
-        Coordinates(("knots", "dimensions"), infinity=1, unit="m")
-    )
-    times: Field[Numbers, Floats] = declared(Array(("knots",), unit="s"))
+    waypoints: FloatArray = declared(Coordinates(("knots", "dimensions"), infinity=1, unit="m"))
+    times: FloatArray = declared(Array(("knots",), unit="s"))
     order: int = declared(Whole(1, 8), default=4)
-    weights: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("orders",), lower=0)), default=None
-    )
+    weights: FloatsOrNone = declared(Optional(Array(("orders",), lower=0)), default=None)
     start: Field[Numbers | None, Floats] = declared(
         Optional(Coordinates(("start rows", "dimensions"), infinity=1)), default=None
     )
     end: Field[Numbers | None, Floats] = declared(
         Optional(Coordinates(("end rows", "dimensions"), infinity=1)), default=None
     )
-    derivatives: Field[Numbers | None, Floats | None] = declared(
+    derivatives: FloatsOrNone = declared(
         Optional(Coordinates(("knots", "derivative rows", "dimensions"), infinity=1)), default=None
     )
-    corridor_lower: Field[Numbers | None, Floats | None] = declared(
+    corridor_lower: FloatsOrNone = declared(
         Optional(Broadcast(("knots", "dimensions"), infinity=-1, unit="m")), default=None
     )
-    corridor_upper: Field[Numbers | None, Floats | None] = declared(
+    corridor_upper: FloatsOrNone = declared(
         Optional(Broadcast(("knots", "dimensions"), infinity=1, unit="m")), default=None
     )
-    velocity_limit: Field[Numbers | None, Floats | None] = declared(_limit("m/s"), default=None)
-    acceleration_limit: Field[Numbers | None, Floats | None] = declared(
-        _limit("m/s²"), default=None
-    )
-    jerk_limit: Field[Numbers | None, Floats | None] = declared(_limit("m/s³"), default=None)
+    velocity_limit: FloatsOrNone = declared(_limit("m/s"), default=None)
+    acceleration_limit: FloatsOrNone = declared(_limit("m/s²"), default=None)
+    jerk_limit: FloatsOrNone = declared(_limit("m/s³"), default=None)
     polytope_segments: Field[Numbers | None, NDArray[np.int64] | None] = declared(
         Optional(Array(("halfspaces",), int, lower=0)), default=None
     )
-    polytope_normals: Field[Numbers | None, Floats | None] = declared(
+    polytope_normals: FloatsOrNone = declared(
         Optional(Array(("halfspaces", "dimensions"))), default=None
     )
-    polytope_offsets: Field[Numbers | None, Floats | None] = declared(
+    polytope_offsets: FloatsOrNone = declared(
         Optional(Array(("halfspaces",), unit="m")), default=None
     )
     degree: Field[int | None, int] = declared(Optional(Whole(1, 31)), default=None)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import frozen
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..verification import TOLERANCE, Verification
 from .bounds import PathData, derivative_name
 from .checks import check_conditions, verify_trajectory
@@ -25,7 +25,6 @@ __all__ = ["MinimumDerivative", "MinimumSnap"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Limit = Field[Numbers | None, Floats | None]
 
 
 #: Samples per segment when two paths are compared.
@@ -235,18 +234,18 @@ jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, conti
     weights: Floats | None = field(init=False, default=None)
 
     if TYPE_CHECKING:  # mypy gives inherited fields of a frozen class the type of the argument
-        waypoints: Field[Numbers, Floats] = PathData.waypoints
-        times: Field[Numbers, Floats] = PathData.times
+        waypoints: FloatArray = PathData.waypoints
+        times: FloatArray = PathData.times
         start: Field[Numbers | None, Floats] = PathData.start
         end: Field[Numbers | None, Floats] = PathData.end
-        derivatives: Limit = PathData.derivatives
-        corridor_lower: Limit = PathData.corridor_lower
-        corridor_upper: Limit = PathData.corridor_upper
-        velocity_limit: Limit = PathData.velocity_limit
-        acceleration_limit: Limit = PathData.acceleration_limit
-        jerk_limit: Limit = PathData.jerk_limit
-        polytope_normals: Limit = PathData.polytope_normals
-        polytope_offsets: Limit = PathData.polytope_offsets
+        derivatives: FloatsOrNone = PathData.derivatives
+        corridor_lower: FloatsOrNone = PathData.corridor_lower
+        corridor_upper: FloatsOrNone = PathData.corridor_upper
+        velocity_limit: FloatsOrNone = PathData.velocity_limit
+        acceleration_limit: FloatsOrNone = PathData.acceleration_limit
+        jerk_limit: FloatsOrNone = PathData.jerk_limit
+        polytope_normals: FloatsOrNone = PathData.polytope_normals
+        polytope_offsets: FloatsOrNone = PathData.polytope_offsets
         polytope_segments: Field[Numbers | None, Ints | None] = PathData.polytope_segments
         degree: Field[int | None, int] = PathData.degree
         continuity: Field[int | None, int] = PathData.continuity

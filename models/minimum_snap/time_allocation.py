@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..fields import Optional, Real, declared, frozen, required
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification
 from .bounds import Bound, Halfspaces, derivative_name
@@ -84,24 +84,24 @@ continuity
     (<Termination.LOCALLY_OPTIMAL: 'locally_optimal'>, [2.602, 2.487])
     """
 
-    waypoints: Field[Numbers, Floats] = _shared("waypoints")
+    waypoints: FloatArray = _shared("waypoints")
     time_weight: float = declared(Real(0.0), default=0.0)
     total_time: float | None = declared(Optional(Real(0.0, strict=True, unit="s")), default=None)
     order: int = _shared("order")
-    weights: Field[Numbers | None, Floats | None] = _shared("weights")
+    weights: FloatsOrNone = _shared("weights")
     start: Field[Numbers | None, Floats] = _shared("start")
     end: Field[Numbers | None, Floats] = _shared("end")
-    derivatives: Field[Numbers | None, Floats | None] = _shared("derivatives")
-    corridor_lower: Field[Numbers | None, Floats | None] = _shared("corridor_lower")
-    corridor_upper: Field[Numbers | None, Floats | None] = _shared("corridor_upper")
-    velocity_limit: Field[Numbers | None, Floats | None] = _shared("velocity_limit")
-    acceleration_limit: Field[Numbers | None, Floats | None] = _shared("acceleration_limit")
-    jerk_limit: Field[Numbers | None, Floats | None] = _shared("jerk_limit")
+    derivatives: FloatsOrNone = _shared("derivatives")
+    corridor_lower: FloatsOrNone = _shared("corridor_lower")
+    corridor_upper: FloatsOrNone = _shared("corridor_upper")
+    velocity_limit: FloatsOrNone = _shared("velocity_limit")
+    acceleration_limit: FloatsOrNone = _shared("acceleration_limit")
+    jerk_limit: FloatsOrNone = _shared("jerk_limit")
     polytope_segments: Field[Numbers | None, NDArray[np.int64] | None] = _shared(
         "polytope_segments"
     )
-    polytope_normals: Field[Numbers | None, Floats | None] = _shared("polytope_normals")
-    polytope_offsets: Field[Numbers | None, Floats | None] = _shared("polytope_offsets")
+    polytope_normals: FloatsOrNone = _shared("polytope_normals")
+    polytope_offsets: FloatsOrNone = _shared("polytope_offsets")
     degree: Field[int | None, int] = _shared("degree")
     continuity: Field[int | None, int] = _shared("continuity")
 

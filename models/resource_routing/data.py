@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Listed
 from ..fields import Array, Flag, Optional, Spec, Whole, declared, frozen, show, unwritable
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from ..verification import ROUNDING
@@ -57,22 +57,14 @@ class RoutingData(Model[Route]):
     )
     start: int = declared(Whole(0))
     end: int = declared(Whole(0))
-    points: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("n", "axes"))), default=None
-    )
+    points: FloatsOrNone = declared(Optional(Array(("n", "axes"))), default=None)
     arcs: Field[Numbers | None, NDArray[np.int64] | None] = declared(
         Optional(Array(("m", 2), int, 0)), default=None
     )
-    lengths: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("m",), lower=0)), default=None
-    )
-    uses: Field[Numbers | None, Floats | None] = declared(
-        Optional(Array(("m", "r"), lower=0)), default=None
-    )
+    lengths: FloatsOrNone = declared(Optional(Array(("m",), lower=0)), default=None)
+    uses: FloatsOrNone = declared(Optional(Array(("m", "r"), lower=0)), default=None)
     revisits: bool = declared(Flag(), default=False)
-    ids: Field[Sequence[int | str] | None, tuple[int | str, ...] | None] = declared(
-        Optional(Ids()), default=None
-    )
+    ids: Names = declared(Optional(Ids()), default=None)
 
     def check(self) -> None:
         """Raise for references to missing points or kinds, and for inconsistent fields."""

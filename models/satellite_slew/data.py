@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Optional, Real, declared, frozen, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, FloatsOrNone
 from ..model import Model
 from ..optimal_control.plan import ControlPlan
 from ..records import Member
@@ -109,29 +109,23 @@ def _matrix(rows: Any, **options: Any) -> Any:
 class SlewData(Model[ControlPlan]):
     """Data of a slew; see :class:`~crosstrack.models.SatelliteSlew`."""
 
-    inertia: Field[Numbers, Floats] = _matrix((228.0, 188.0, 176.0))
+    inertia: FloatArray = _matrix((228.0, 188.0, 176.0))
     pyramid_angle: float = declared(Real(0.0, 90.0, strict=True, unit="degrees"), default=54.73)
     momentum: float = declared(Real(0.0, strict=True, unit="N m s"), default=17.53)
-    rate_weight: Field[Numbers, Floats] = declared(_PerGyro((4,), lower=0.0), default=0.1)
+    rate_weight: FloatArray = declared(_PerGyro((4,), lower=0.0), default=0.1)
     rate_limit: float = declared(Real(0.0, strict=True, unit="rad/s"), default=0.125)
     gimbal_rate_limit: float = declared(Real(0.0, strict=True, unit="rad/s"), default=1.0)
     torque_limit: float = declared(Real(0.0, strict=True, unit="N m"), default=25.0)
     singularity_limit: float = declared(Real(0.0), default=0.2)
-    initial_attitude: Field[Numbers, Floats] = declared(
-        Attitude((4,)), default=(1.0, 0.0, 0.0, 0.0)
-    )
-    final_attitude: Field[Numbers, Floats] = declared(
+    initial_attitude: FloatArray = declared(Attitude((4,)), default=(1.0, 0.0, 0.0, 0.0))
+    final_attitude: FloatArray = declared(
         Attitude((4,)), default=(float(np.cos(np.pi / 8)), float(np.sin(np.pi / 8)), 0.0, 0.0)
     )
-    initial_gimbals: Field[Numbers, Floats] = declared(
-        Array((4,), unit="rad"), default=(0.0, 0.0, 0.0, 0.0)
-    )
-    final_gimbals: Field[Numbers | None, Floats | None] = declared(
+    initial_gimbals: FloatArray = declared(Array((4,), unit="rad"), default=(0.0, 0.0, 0.0, 0.0))
+    final_gimbals: FloatsOrNone = declared(
         Optional(Array((4,), unit="rad")), default=(0.0, 0.0, 0.0, 0.0)
     )
-    time_range: Field[Numbers, Floats] = declared(
-        Array((2,), lower=0.0, unit="s"), default=(1.0, 60.0)
-    )
+    time_range: FloatArray = declared(Array((2,), lower=0.0, unit="s"), default=(1.0, 60.0))
     margin: float = declared(Real(0.0), default=0.0)
     vector_limits: Field[str, VectorLimits] = declared(
         Member(VectorLimits), default=VectorLimits.COMPONENTS, added=True

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Optional, Real, declared, show
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, FloatsOrNone
 from ..records import Member
 
 __all__ = ["GRAVITY", "LOW_SPEED", "MOST_GAP", "UNKNOWN", "Recording", "Tyre", "Vehicle"]
@@ -136,18 +136,14 @@ class Recording(Declared):
         True sideslip angle, rad. Required for training drives, None for a drive to estimate.
     """
 
-    times: Field[Numbers, Floats] = declared(Times(("n",), unit="s"))
-    speed: Field[Numbers, Floats] = declared(Array(("n",), lower=0.0, unit="m/s"))
-    steering: Field[Numbers, Floats] = declared(
-        Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad")
-    )
-    yaw_rate: Field[Numbers, Floats] = declared(
-        Array(("n",), lower=-100.0, upper=100.0, unit="rad/s")
-    )
-    lateral_acceleration: Field[Numbers, Floats] = declared(
+    times: FloatArray = declared(Times(("n",), unit="s"))
+    speed: FloatArray = declared(Array(("n",), lower=0.0, unit="m/s"))
+    steering: FloatArray = declared(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad"))
+    yaw_rate: FloatArray = declared(Array(("n",), lower=-100.0, upper=100.0, unit="rad/s"))
+    lateral_acceleration: FloatArray = declared(
         Array(("n",), lower=-1000.0, upper=1000.0, unit="m/s²")
     )
-    sideslip: Field[Numbers | None, Floats | None] = declared(
+    sideslip: FloatsOrNone = declared(
         Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad")), default=None
     )
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Listed, Nested
 from ..fields import Array, Optional, Real, declared, required
-from ..inputs import Field, Numbers
+from ..inputs import Field, FloatArray, FloatsOrNone
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .checks import kinematic_error, mean_error
@@ -88,14 +88,12 @@ class SideslipEstimation(Model[SideslipEstimate]):
     training: Field[Sequence[Recording | Mapping[str, Any]], tuple[Recording, ...]] = declared(
         Listed(Recording), default=()
     )
-    disturbance: Field[Numbers, Floats] = declared(Array((2,), lower=1e-9), default=(0.002, 0.01))
+    disturbance: FloatArray = declared(Array((2,), lower=1e-9), default=(0.002, 0.01))
     yaw_rate_noise: float = declared(Real(lower=0, strict=True, unit="rad/s"), default=0.002)
     acceleration_noise: float = declared(Real(lower=0, strict=True, unit="m/s²"), default=0.05)
-    initial: Field[Numbers, Floats] = declared(Array((2,)), default=(0.0, 0.0))
-    initial_deviation: Field[Numbers, Floats] = declared(
-        Array((2,), lower=1e-9), default=(0.02, 0.1)
-    )
-    truth: Field[Numbers | None, Floats | None] = declared(
+    initial: FloatArray = declared(Array((2,)), default=(0.0, 0.0))
+    initial_deviation: FloatArray = declared(Array((2,), lower=1e-9), default=(0.02, 0.1))
+    truth: FloatsOrNone = declared(
         Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad")),
         hidden=True,
         default=None,
