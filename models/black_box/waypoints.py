@@ -42,7 +42,7 @@ _FAR = 1e9
 class WaypointPath(BlackBoxFunction):
     """Length of the path from a start through waypoints to a goal, with a penalty for blocked parts.
 
-    The variables are x and y of one waypoint after another, m. The value is the length of the polyline,
+    The variables are x and y of one waypoint after another, in metres. The value is the length of the polyline,
     plus `penalty` times its length in blocked cells, on a side between two of them, and outside of the
     map. A path may touch blocked cells, as with any direction in :class:`~crosstrack.models.GridPath`.
     A move between free cells across a corner at which two blocked cells touch, or a turn at such a
@@ -62,7 +62,7 @@ class WaypointPath(BlackBoxFunction):
     map : GridMap
         Free and blocked cells.
     start, goal : ndarray, shape (2,)
-        x, y (m), in free cells or on their borders.
+        x and y in metres, in free cells or on their borders.
     waypoints : int
         Number of waypoints, >= 1.
     penalty : float, optional

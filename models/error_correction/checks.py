@@ -27,7 +27,7 @@ class Stop:
     kind : str
         Kind of the point.
     distance : float
-        Length of the route up to the point, m.
+        Length of the route up to the point, in metres.
     horizontal, vertical : float
         Errors on arrival.
     horizontal_after, vertical_after : float

@@ -42,7 +42,7 @@ class ErrorCorrectionRouting(RoutingData):
     Parameters
     ----------
     points : ndarray, shape (n, 3)
-        Coordinates (m).
+        Coordinates in metres.
     kinds : sequence of str, length n
         ``"A"`` (once), ``"horizontal"``, ``"vertical"``, ``"B"`` (once), in any order.
     alpha1, alpha2 : float

@@ -39,11 +39,11 @@ class FleetRouting(FleetData):
     Parameters
     ----------
     vehicles : int
-        m.
+        Number of vehicles m.
     costs : ndarray, shape (n, n), optional
-        d_ij >= 0, the cost from i to j, with a zero diagonal; may be asymmetric.
+        Costs d_ij >= 0 from node i to node j, with a zero diagonal; may be asymmetric.
     points : ndarray, shape (n, 2), optional
-        Positions of the nodes, m, instead of `costs`.
+        Positions of the nodes in metres, instead of `costs`.
     map : GridMap, optional
         Map under the points; paths then avoid blocked cells.
     metric : {"euclidean", "rounded", "paper", "grid"}, optional
@@ -56,7 +56,7 @@ class FleetRouting(FleetData):
     objective : {"max", "sum", "sum-variance", "sum-deviation", "range", "max-sum"}
         Objective to minimise; "max" by default.
     q : float
-        Weight of the variance (1/m) or of the standard deviation (no unit), for the objectives
+        Weight of the variance, per metre, or of the standard deviation (no unit), for the objectives
         "sum-variance" and "sum-deviation".
     deviation : {"sample", "population"}
         Divisor in the standard deviation: m - 1, as in the paper's Table 3, or m. The variance of
@@ -64,7 +64,8 @@ class FleetRouting(FleetData):
     demands, capacity : ndarray, shape (n,) and (vehicles,), optional
         Demand of each node and capacity of each vehicle; one number applies to all vehicles.
     battery : float or ndarray, shape (vehicles,), optional
-        Upper limit on the route length of each vehicle; one number applies to all vehicles.
+        Upper limit on the route length of each vehicle, in metres or in the unit of `costs`; one
+        number applies to all vehicles.
     budget, deviation_limit, range_limit : float, optional
         Upper limits on the sum, the standard deviation and the range of the route lengths.
     ids : sequence of int or str, optional

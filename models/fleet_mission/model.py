@@ -31,26 +31,27 @@ class FleetMission(MissionData):
     Parameters
     ----------
     obstacles : list of polygons
-        Each a ring of shape (k, 2), m, or ``{"shell": ring, "holes": [ring, …]}``; they may touch,
+        Each a ring of shape (k, 2) in metres, or ``{"shell": ring, "holes": [ring, …]}``; they may touch,
         overlap and nest.
     bounds : ndarray, shape (4,)
-        Minimum x and y, maximum x and y of the robots' centres, m.
+        Minimum x and y, maximum x and y of the robots' centres in metres.
     nodes : ndarray, shape (n, 2)
-        Positions x, y of the nodes, m.
+        Positions x, y of the nodes in metres.
     depot : ndarray, shape (2,)
-        Start and end x, y of all routes, m. The depot has a queue off the map: a robot waits there
+        Start and end x, y of all routes in metres. The depot has a queue off the map: a robot waits there
         before its departure and after its return and takes no room.
     vehicles : int
-        m, the number of robots; each visits at least one node.
+        Number of robots m; each visits at least one node.
     cell : float
-        Side of the cells of :attr:`map`, m, and length scale of the tolerance of positions; 1 by
+        Side of the cells of :attr:`map`, in metres, and length scale of the tolerance of positions; 1 by
         default.
     radius : float
-        Radius of each robot, m; 0 by default.
+        Radius of each robot in metres; 0 by default.
     velocity_limit, acceleration_limit : float or ndarray, shape (2,)
-        Largest absolute value of each component, m/s and m/s²; 1 by default.
+        Largest absolute value of each component, in metres per second and metres per second
+        squared; 1 by default.
     separation : float, optional
-        Least distance of the centres of two robots under way, m; two radii by default. With 0 no
+        Least distance of the centres of two robots under way, in metres; two radii by default. With 0 no
         distance is required, and the verification reports it.
     depot_radius : float, optional
         Deprecated and without effect: robots near the depot keep the separation as well.

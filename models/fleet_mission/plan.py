@@ -49,10 +49,10 @@ class MissionPlan(Plan):
     routes : tuple of tuple of int
         Nodes of each robot in the order of its visits; empty for an idle robot.
     trajectories : tuple of Trajectory or None
-        x, y (m) of each robot over time, from the depot and back; the first knot is the departure.
+        x and y of each robot over time, in metres, from the depot and back; the first knot is the departure.
         None for an idle robot.
     visits : tuple of ndarray
-        Times at which each robot passes the nodes of its route, s.
+        Times at which each robot passes the nodes of its route, in seconds.
 
     Raises
     ------

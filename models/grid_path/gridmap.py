@@ -114,9 +114,9 @@ class GridMap(Declared):
         Cells, true if blocked, at most 2**26. In text, ``.`` and ``G`` are free, ``@``, ``O``, ``T``, ``W``
         and ``#`` are blocked, and the first line is row 0.
     cell : float, default 1
-        Side of a cell, m.
+        Side of a cell in metres.
     origin : ndarray, shape (2,), default (0, 0)
-        Corner of the cell in row 0 and column 0 with the lowest x and y, m.
+        Corner of the cell in row 0 and column 0 with the lowest x and y, in metres.
     upward : bool, default False
         Whether plots draw y upward, as for terrain. Otherwise row 0 is at the top, as in text and images.
 

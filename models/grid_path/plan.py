@@ -24,7 +24,7 @@ class GridPlan(Plan):
     Parameters
     ----------
     paths : tuple of ndarray, each of shape (k, 2)
-        Points x, y of each path, m. The plan has one path, or one per goal if the model's `reach` is
+        Points x, y of each path in metres. The plan has one path, or one per goal if the model's `reach` is
         "each".
 
     Raises

@@ -23,9 +23,9 @@ class Polygon(NamedTuple):
     Attributes
     ----------
     shell : ndarray, shape (k, 2)
-        Points x, y of the outer ring in either direction, m.
+        Points x, y of the outer ring in metres, in either direction.
     holes : tuple of ndarray, each of shape (k, 2), default ()
-        Rings of the holes, m.
+        Rings of the holes in metres.
     """
 
     shell: Floats

@@ -30,7 +30,7 @@ class GuidedPathTour(GuidedPathData):
     Parameters
     ----------
     coordinates : ndarray, shape (n + 1,)
-        Positions of the start (entry 0) and of the customers 1 … n along the path, in m; of any
+        Positions of the start (entry 0) and of the customers 1 … n along the path, in metres; of any
         sign, not necessarily distinct.
     chains : list of lists of int
         Customers of each chain in their order of service. A customer may be in at most one chain.

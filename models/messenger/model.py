@@ -35,18 +35,19 @@ class MessengerTour(TourData):
     Parameters
     ----------
     positions : ndarray, shape (n, 2)
-        P_i, positions of the vehicles at time 0, in m.
+        Positions P_i of the vehicles at time 0 in metres.
     velocities : ndarray, shape (n, 2)
-        V_i, in m/s. Default: 0. Each vehicle must be slower than the UAV.
+        Velocities V_i in metres per second; 0 by default. Each vehicle must be slower than the UAV.
     radius : ndarray, shape (n,)
-        r_i, largest distance at an encounter, in m; a scalar applies to all vehicles (paper:
+        Largest distance r_i at an encounter in metres; a scalar applies to all vehicles (paper:
         r_com).
     speed : float
-        v, speed of the UAV, in m/s (paper: v_A).
+        Speed v of the UAV in metres per second (paper: v_A).
     turning_radius : float
-        r_min, in m; 0 if the UAV can turn on the spot.
+        Smallest turning radius r_min in metres; 0 if the UAV can turn on the spot.
     start : ndarray, shape (2,) or (3,), optional
-        Start of the path: x, y (m) and the heading (rad, counter-clockwise from the x axis).
+        Start of the path: x and y in metres, and the heading in radians, counter-clockwise
+        from the x axis.
         Without a heading, the heading is free. None leaves the start free, which is allowed only
         for a closed tour over vehicles at rest.
     closed : bool

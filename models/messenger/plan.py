@@ -35,9 +35,9 @@ class Primitive(NamedTuple):
     turn : {"L", "S", "R"}
         Left turn, straight line or right turn.
     length : float
-        Length, in m.
+        Length in metres.
     heading : float
-        Heading at the beginning, in rad, counter-clockwise from the x axis.
+        Heading at the beginning in radians, counter-clockwise from the x axis.
     """
 
     leg: int
@@ -84,11 +84,11 @@ class TourPlan(Plan):
     order : tuple of int
         Indices of the vehicles in the order of their encounters.
     times : ndarray, shape (n,)
-        Time of each encounter, in that order, in s.
+        Time of each encounter in seconds, in that order.
     points : ndarray, shape (n, 2)
-        Position of the UAV at each encounter, in m.
+        Position of the UAV at each encounter, in metres.
     start : ndarray, shape (3,)
-        Start of the path: x, y (m), heading (rad).
+        Start of the path: x and y, in metres, heading in radians.
     primitives : tuple of Primitive
         The path.
 

@@ -118,7 +118,7 @@ class Halfspaces(NamedTuple):
     normals : ndarray, shape (halfspaces, dimensions)
         Normals of length 1, so that a violation is a distance.
     offsets : ndarray, shape (halfspaces,)
-        Right-hand sides, m.
+        Right-hand sides in metres.
     """
 
     segments: NDArray[np.int64]

@@ -42,11 +42,11 @@ class MinimumDerivative(PathData):
     Parameters
     ----------
     waypoints : ndarray, shape (knots, dimensions)
-        Positions at the knots (m). None (or :data:`FREE`) leaves a coordinate free.
+        Positions at the knots in metres. None (or :data:`FREE`) leaves a coordinate free.
     times : ndarray, shape (knots,)
-        Times of the knots (s), increasing.
+        Times of the knots in seconds, increasing.
     order : int
-        r, the order of the minimised derivative: 4 snap (default), 3 jerk, 2 acceleration.
+        Order r of the minimised derivative: 4 snap (default), 3 jerk, 2 acceleration.
     weights : ndarray, shape (order,), optional
         Non-negative weights of the orders 1 … r in the objective. The last must be positive. By
         default, only order r has a weight.
@@ -56,10 +56,11 @@ class MinimumDerivative(PathData):
     derivatives : ndarray, shape (knots, k, dimensions), optional
         Velocity, acceleration, … at every knot, in addition to `start` and `end`. None is free.
     corridor_lower, corridor_upper : float or ndarray, shape (segments, dimensions), optional
-        Box of each segment (m), broadcast from one number, one entry per axis or a column with one
+        Box of each segment in metres, broadcast from one number, one entry per axis or a column with one
         entry per segment.
     velocity_limit, acceleration_limit, jerk_limit : float or ndarray, optional
-        Largest absolute value of each component (m/s, m/s², m/s³), broadcast in the same way.
+        Largest absolute value of each component, in metres per second, metres per second squared
+        and metres per second cubed, broadcast in the same way.
     polytope_segments : ndarray of int, shape (halfspaces,), optional
         Segment of each half-space ``normal @ x <= offset``, which contains the positions of that
         segment. The three polytope fields go together.
@@ -209,9 +210,9 @@ class MinimumSnap(MinimumDerivative):
     Parameters
     ----------
     waypoints : ndarray, shape (knots, dimensions)
-        Positions at the knots (m). None (or :data:`FREE`) leaves a coordinate free.
+        Positions at the knots in metres. None (or :data:`FREE`) leaves a coordinate free.
     times : ndarray, shape (knots,)
-        Times of the knots (s), increasing.
+        Times of the knots in seconds, increasing.
     start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, acceleration_limit, \
 jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, continuity
         As in :class:`MinimumDerivative`.

@@ -58,11 +58,12 @@ class TimeAllocation(Model[Trajectory]):
     Parameters
     ----------
     waypoints : ndarray, shape (knots, dimensions)
-        Positions at the knots (m). None leaves a coordinate free.
+        Positions at the knots in metres. None leaves a coordinate free.
     time_weight : float
-        ρ, the cost per second (m²/s^2r), at least 0. Must be positive without `total_time`.
+        Cost ρ of a second in square metres per second to the power 2r, at least 0. It must be positive
+        without `total_time`.
     total_time : float, optional
-        ΣT (s), positive. ρ ΣT is then a constant. By default the total time is free.
+        Total time ΣT in seconds, positive. ρ ΣT is then a constant. By default the total time is free.
     order, weights, start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, \
 acceleration_limit, jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, \
 continuity

@@ -48,7 +48,7 @@ class Extremes(NamedTuple):
     least, largest : ndarray, shape (segments, dimensions)
         Minimum and maximum, m/s^derivative.
     least_time, largest_time : ndarray, shape (segments, dimensions)
-        Times of the minimum and of the maximum, s.
+        Times of the minimum and of the maximum, in seconds.
     """
 
     least: Floats
@@ -77,9 +77,9 @@ class Trajectory(Plan):
     Parameters
     ----------
     times : ndarray, shape (segments + 1,)
-        Knots (s), strictly increasing.
+        Knots in seconds, strictly increasing.
     coefficients : ndarray, shape (segments, degree + 1, dimensions)
-        Coefficients (m) of ascending powers of the scaled time of each segment,
+        Coefficients in metres of ascending powers of the scaled time of each segment,
         ``s = (t - t_k) / (t_{k+1} - t_k)``. Powers of seconds would lose digits for short or long
         segments.
 

@@ -61,23 +61,23 @@ class Tracking:
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Sampling times of the controller, s; the last is the end.
+        Sampling times of the controller in seconds; the last is the end.
     attitudes : ndarray, shape (n, 4)
         Simulated quaternions.
     rates : ndarray, shape (n, 3)
-        Simulated body rates, rad/s.
+        Simulated body rates in radians per second.
     gimbals : ndarray, shape (n, 4)
-        Gimbal angles, rad.
+        Gimbal angles in radians.
     quaternion_errors : ndarray, shape (n, 4)
         q_e, eq. 25; its vector part is half the angle of a small error.
     rate_errors : ndarray, shape (n, 3)
-        w_e = w - w_d, rad/s.
+        Error of the body rates, w_e = w - w_d, in radians per second.
     commanded : ndarray, shape (n - 1, 3)
-        Control torque T_c commanded by the controller in each sample, N m.
+        Control torque T_c commanded by the controller in each sample, in newton metres.
     applied : ndarray, shape (n - 1, 3)
-        Control torque produced by the gyros, averaged over each sample, N m.
+        Control torque produced by the gyros, averaged over each sample, in newton metres.
     gimbal_rates : ndarray, shape (n - 1, 4)
-        Gimbal rates, constant over each sample, rad/s.
+        Gimbal rates, constant over each sample, in radians per second.
     saturated : ndarray, shape (n - 1,)
         Whether limits of torque and gimbal rates, or a singularity, reduced the commanded torque.
     measures : ndarray, shape (n,)

@@ -52,29 +52,29 @@ class SatelliteSlew(SlewData):
     Parameters
     ----------
     inertia : ndarray, shape (3, 3)
-        I, kg m², in body axes; a vector of three is the diagonal.
+        Moments of inertia I in kilogram square metres, in body axes; a vector of three is the diagonal.
     pyramid_angle : float
-        β, skew angle of the pyramid, degrees.
+        Skew angle β of the pyramid in degrees.
     momentum : float
-        h0, momentum of one wheel, N m s.
+        Momentum h0 of one wheel in newton metre seconds.
     rate_weight : ndarray, shape (4,)
-        R, diagonal of the weight of gimbal rates, s²; one number applies to all.
+        Diagonal of the weight R of gimbal rates in square seconds; one number applies to all.
     rate_limit : float
-        Limit of the body rates, rad/s (`vector_limits`).
+        Limit of the body rates in radians per second (`vector_limits`).
     gimbal_rate_limit : float
-        Limit of each gimbal rate, rad/s.
+        Limit of each gimbal rate in radians per second.
     torque_limit : float
-        Limit of the control torque, N m (`vector_limits`).
+        Limit of the control torque in newton metres (`vector_limits`).
     singularity_limit : float
         Smallest allowed det(A_t A_tᵀ).
     initial_attitude, final_attitude : ndarray, shape (4,)
         Unit quaternions, scalar first, from body to inertial axes.
     initial_gimbals : ndarray, shape (4,)
-        Gimbal angles at the start, rad.
+        Gimbal angles at the start in radians.
     final_gimbals : ndarray, shape (4,), optional
-        Gimbal angles at the end, rad; None for free angles.
+        Gimbal angles at the end in radians; None for free angles.
     time_range : ndarray, shape (2,)
-        Smallest and largest final time, s.
+        Smallest and largest final time in seconds.
     margin : float
         Share of the limits of torque and gimbal rate that is reserved for the controller that
         tracks the plan, in 0 <= margin < 1.

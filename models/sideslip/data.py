@@ -48,13 +48,13 @@ class Vehicle(Declared):
     Parameters
     ----------
     mass : float
-        Mass, kg.
+        Mass in kilograms.
     yaw_inertia : float
-        Moment of inertia about the vertical axis, kg m².
+        Moment of inertia about the vertical axis, in kilogram square metres.
     front, rear : float
-        Distances of the axles from the centre of mass, m.
+        Distances of the axles from the centre of mass, in metres.
     cornering_front, cornering_rear : float
-        Cornering stiffness of each axle, both tyres together, N/rad, > 0.
+        Cornering stiffness of each axle, both tyres together, in newtons per radian, > 0.
     friction : float
         Coefficient of friction between tyre and road, > 0, 0.9 by default; unused for linear tyres.
     tyre : Tyre
@@ -123,17 +123,17 @@ class Recording(Declared):
     Parameters
     ----------
     times : ndarray, shape (n,)
-        Times, s, strictly increasing, at most 2 s apart.
+        Times in seconds, strictly increasing, at most 2 seconds apart.
     speed : ndarray, shape (n,)
-        Forward speed, m/s, >= 0, assumed exact.
+        Forward speed in metres per second, >= 0, assumed exact.
     steering : ndarray, shape (n,)
-        Steering angle of the front wheels, rad, assumed exact.
+        Steering angle of the front wheels, in radians, assumed exact.
     yaw_rate : ndarray, shape (n,)
-        Measured yaw rate, rad/s.
+        Measured yaw rate in radians per second.
     lateral_acceleration : ndarray, shape (n,)
-        Measured lateral acceleration at the centre of mass, m/s².
+        Measured lateral acceleration at the centre of mass, in metres per second squared.
     sideslip : ndarray, shape (n,), optional
-        True sideslip angle, rad. Required for training drives, None for a drive to estimate.
+        True sideslip angle in radians. Required for training drives, None for a drive to estimate.
     """
 
     times: FloatArray = declared(Times(("n",), unit="s"))

@@ -52,17 +52,20 @@ class SideslipEstimation(Model[SideslipEstimate]):
     training : sequence of Recording
         Drives with a known angle, for estimators that learn; empty by default.
     disturbance : ndarray, shape (2,)
-        Standard deviation of the noise on angle (rad/√s) and yaw rate (rad/s/√s), >= 1e-9; (0.002, 0.01) by default.
+        Standard deviation of the noise on the angle, in radians, and on the yaw rate, in radians per second,
+        both per square root of a second, >= 1e-9; (0.002, 0.01) by default.
     yaw_rate_noise : float
-        Standard deviation of the measured yaw rate, rad/s, > 0; 0.002 by default.
+        Standard deviation of the measured yaw rate, in radians per second, > 0; 0.002 by default.
     acceleration_noise : float
-        Standard deviation of the measured lateral acceleration, m/s², > 0; 0.05 by default.
+        Standard deviation of the measured lateral acceleration, in metres per second squared,
+        > 0; 0.05 by default.
     initial : ndarray, shape (2,)
-        Expected state (rad, rad/s) before the first measurement; zero by default.
+        Expected state in radians and radians per second before the first measurement; zero by default.
     initial_deviation : ndarray, shape (2,)
-        Standard deviation of the initial state (rad, rad/s), >= 1e-9; (0.02, 0.1) by default.
+        Standard deviation of the initial state, in radians and radians per second, >= 1e-9;
+        (0.02, 0.1) by default.
     truth : ndarray, shape (n,), optional
-        True angle, rad. It is hidden from backends. None if it is unknown.
+        True angle in radians. It is hidden from backends. None if it is unknown.
 
     Notes
     -----

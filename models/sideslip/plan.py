@@ -22,9 +22,9 @@ class SideslipEstimate(Plan):
     Parameters
     ----------
     sideslip : ndarray, shape (n,)
-        Estimated angle, rad.
+        Estimated angle in radians.
     deviation : ndarray, shape (n,)
-        Standard deviation claimed by the estimator, rad, >= 0.
+        Standard deviation claimed by the estimator, in radians, >= 0.
     """
 
     sideslip: Floats = declared(Array(("n",)))
