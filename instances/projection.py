@@ -74,12 +74,12 @@ def project_positions(
     chords = np.linalg.norm(offsets, axis=-1)
     angles = 2.0 * np.arcsin(np.minimum(chords / (2.0 * radii), 1.0))
     widest = float(angles.max())
-    error = widest / np.sin(widest) - 1.0 if 0.0 < widest < np.pi / 2 else np.inf * bool(widest)
+    excess = widest / np.sin(widest) - 1.0 if 0.0 < widest < np.pi / 2 else np.inf * bool(widest)
     place = (
         f"{abs(np.degrees(lat)):.4f}° {'NS'[bool(lat < 0)]}, "
         f"{abs(np.degrees(lon)):.4f}° {'EW'[bool(lon < 0)]}"
     )
-    if not mean.any() or not error <= LARGEST_ERROR:
+    if not mean.any() or not excess <= LARGEST_ERROR:
         raise InvalidData(
             f"{where}: positions must be within 1100 km of their centre, {place}, so that distances in "
             f"the plane are within {LARGEST_ERROR:.1%}; got {float((radii * angles).max()) / 1e3:.0f} km: "
@@ -89,7 +89,7 @@ def project_positions(
     log.warning(
         "%s: latitudes and longitudes are projected to metres (azimuthal equidistant about %s); "
         "distances are at most %.2g %% too long",
-        where, place, 100.0 * error,
+        where, place, 100.0 * excess,
     )  # fmt: skip
     directions: Floats = np.stack([np.sin(azimuths), np.cos(azimuths)], axis=-1)
     directions *= (radii * angles)[:, None]
