@@ -9,14 +9,20 @@ USGS 1395, 1987, section 25). Angles at the centre are of the normal sections.
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping, Sequence, Set as AbstractSet
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidData
 from ..models.fields import Array
+from .tables import Column
+from .units import LENGTHS
 
-__all__ = ["LARGEST_ERROR", "project_positions"]
+__all__ = [
+    "LARGEST_ERROR", "POSITIONS", "has_positions", "positions_of", "project_positions", "project_rings",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +31,30 @@ LARGEST_ERROR = 0.005
 #: Equatorial radius, m, and squared eccentricity of WGS 84.
 _RADIUS, _SQUARE = 6378137.0, 6.69437999014e-3
 
+_DEGREES = {"deg": 1.0, "°": 1.0, "degrees": 1.0}
+#: Columns of positions; the first pair has precedence.
+POSITIONS = (
+    Column("x", units=LENGTHS, bare=True, optional=True, aliases=("easting",)),
+    Column("y", units=LENGTHS, bare=True, optional=True, aliases=("northing",)),
+    Column("lat", units=_DEGREES, bare=True, optional=True, aliases=("latitude",)),
+    Column("lon", units=_DEGREES, bare=True, optional=True, aliases=("longitude", "lng", "long")),
+)
+
 log = logging.getLogger("crosstrack")
+
+
+def has_positions(names: AbstractSet[str]) -> bool:
+    """Return whether columns contain ``x,y`` or ``lat,lon``, and no incomplete pair."""
+    pairs = [{"x", "y"} & names, {"lat", "lon"} & names]
+    return any(pairs) and all(len(pair) in (0, 2) for pair in pairs)
+
+
+def positions_of(values: Mapping[str, list[Any]], where: str) -> list[tuple[float, float]]:
+    """Return the positions (m) in the columns of a table; latitudes and longitudes are projected."""
+    if "x" in values:
+        return list(zip(values["x"], values["y"], strict=True))
+    plane = project_positions(values["lat"], values["lon"], where)
+    return [(x, y) for x, y in plane.tolist()]
 
 
 def project_positions(
@@ -57,8 +86,8 @@ def project_positions(
     try:
         north = Array(("n",), lower=-90.0, upper=90.0).coerce("latitudes", latitudes, sizes)
         east = Array(("n",), lower=-180.0, upper=360.0).coerce("longitudes", longitudes, sizes)
-    except InvalidData as error:
-        raise InvalidData(f"{where}: {error}", field=error.field) from None
+    except InvalidData as fault:
+        raise InvalidData(f"{where}: {fault}", field=fault.field) from None
     if not north.size:
         raise InvalidData(f"{where}: latitudes must hold at least one entry", field="latitudes")
     points, up, _ = _geocentric(np.radians(north), np.radians(east))
@@ -103,3 +132,40 @@ def _geocentric(lat: Floats, lon: Floats) -> tuple[Floats, Floats, tuple[Floats,
     across = _RADIUS / np.sqrt(root)
     along = across * (1.0 - _SQUARE) / root
     return across[..., None] * up * [1.0, 1.0, 1.0 - _SQUARE], up, (along, across)
+
+
+def project_rings(
+    polygons: Sequence[Any], positions: ArrayLike, where: str
+) -> tuple[list[dict[str, Any]], Floats]:
+    """Return polygons and further positions, both of longitudes and latitudes, in a common plane.
+
+    Parameters
+    ----------
+    polygons : sequence of Polygon
+        Polygons with longitudes and latitudes in degrees. Edges are straight in the plane.
+    positions : array-like, shape (k, 2)
+        Further longitudes and latitudes in degrees.
+    where : str
+        File of the polygons, for messages.
+
+    Returns
+    -------
+    list of dict, ndarray of shape (k, 2)
+        ``shell`` and ``holes`` of each polygon, and the positions, in metres.
+
+    Raises
+    ------
+    InvalidData
+        A longitude or latitude is out of range, positions are too far apart, or the file has no polygon.
+    """
+    rings = [ring for polygon in polygons for ring in (polygon.shell, *polygon.holes)]
+    parts = [np.asarray(part, float).reshape(-1, 2) for part in (*rings, positions)]
+    points = np.concatenate(parts)
+    plane = project_positions(points[:, 1], points[:, 0], where)
+    *flat, rest = np.split(plane, np.cumsum([len(part) for part in parts])[:-1])
+    queue = iter(flat)
+    shapes = [
+        {"shell": next(queue), "holes": [next(queue) for _ in polygon.holes]}
+        for polygon in polygons
+    ]
+    return shapes, rest

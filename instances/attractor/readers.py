@@ -50,8 +50,7 @@ def read_series(
     name : str, optional
         Name of the model. Default: name of the file.
     **options
-        Map of columns, encoding, sheet and missing values, see
-        :class:`~crosstrack.instances.TableOptions`. With ``missing="interpolate"``, at most 5
+        See :class:`~crosstrack.instances.TableOptions`. With ``missing="interpolate"``, at most 5
         consecutive samples are interpolated, with a warning in the log.
 
     Raises
@@ -66,7 +65,7 @@ def read_series(
     UnknownName
         The column does not exist.
     """
-    data = _with_period(path, column, period, options)
+    data = table_file(path, column=column, period=period, **options)
     try:
         return AttractorAnalysis(**data, name=Path(path).stem if name is None else name)
     except InvalidData as error:
@@ -74,31 +73,24 @@ def read_series(
 
 
 def table_file(
-    file: Path,
+    file: str | os.PathLike[str],
     *,
     column: str | None = None,
     period: float | None = None,
     **options: Unpack[TableOptions],
 ) -> dict[str, Any]:
-    """Return the data of an instance from a file of times and values; see :func:`read_series`."""
-    return _with_period(file, column, period, options)
-
-
-def _with_period(
-    path: str | os.PathLike[str], column: str | None, period: float | None, options: TableOptions
-) -> dict[str, Any]:
-    """Return the series with the period from the file or as given."""
+    """Return the data of an instance from a file of times and values, see :func:`read_series`."""
     lag = Optional(Real(0, strict=True, unit="s")).coerce("period", period, {})
-    data = _read(path, None if column is None else required("column", column, str), options)
+    data = _read(file, None if column is None else required("column", column, str), options)
     if "period" in data and lag is not None:
         raise InvalidData(
-            f"{path}: period must not be given: the file has times, {data['period']:.6g} s apart",
+            f"{file}: period must not be given: the file has times, {data['period']:.6g} s apart",
             field="period",
         )
     if "period" not in data:
         if lag is None:
             raise InvalidData(
-                f"{path}: has no column of times, such as 'time [s]': period must be given",
+                f"{file}: has no column of times, such as 'time [s]': period must be given",
                 field="period",
             )
         data["period"] = lag

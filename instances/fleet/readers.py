@@ -21,11 +21,10 @@ from ...models.fields import Flag, Whole, show
 from ...models.fleet.data import MOST, Metric, Objective
 from ...models.fleet.model import FleetRouting
 from ..grid_path.maps import resolve_references as resolve_map
-from ..projection import project_positions
+from ..projection import POSITIONS, has_positions, positions_of
 from ..sections import KeywordFile
 from ..storage import Find, reference
 from ..tables import NUMBER, Column, TableOptions, read_table
-from ..units import LENGTHS
 
 __all__ = ["read_nodes", "read_tsplib", "read_vrplib", "resolve_references"]
 
@@ -287,19 +286,11 @@ def _matrix(content: KeywordFile, size: int) -> Floats:
     )
 
 
-_DEGREES = {"deg": 1.0, "°": 1.0, "degrees": 1.0}
 _COLUMNS = (
-    Column("x", units=LENGTHS, bare=True, optional=True, aliases=("easting",)),
-    Column("y", units=LENGTHS, bare=True, optional=True, aliases=("northing",)),
-    Column("lat", units=_DEGREES, bare=True, optional=True, aliases=("latitude",),
-           lower=-90.0, upper=90.0),
-    Column("lon", units=_DEGREES, bare=True, optional=True, aliases=("longitude", "lng", "long"),
-           lower=-180.0, upper=360.0),
+    *POSITIONS,
     Column("demand", free=True, optional=True),
     Column("id", field="ids", text=True, optional=True, aliases=("name",)),
-)  # fmt: skip
-#: Columns of positions; the first pair has precedence.
-_POSITIONS = (("x", "y"), ("lat", "lon"))
+)
 
 
 def read_nodes(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -> dict[str, Any]:
@@ -336,17 +327,10 @@ def read_nodes(path: str | os.PathLike[str], **options: Unpack[TableOptions]) ->
         "x,y, or lat,lon in degrees, with optional demand and id",
         row="node",
         field="points",
-        suits=lambda names: (
-            any(names.issuperset(pair) for pair in _POSITIONS)
-            and all(names.issuperset(pair) or names.isdisjoint(pair) for pair in _POSITIONS)
-        ),
+        suits=has_positions,
         **options,
     ).values
-    data: dict[str, Any] = {
-        "points": list(zip(table["x"], table["y"], strict=True))
-        if "x" in table
-        else project_positions(table["lat"], table["lon"], str(path))
-    }
+    data: dict[str, Any] = {"points": positions_of(table, str(path))}
     for name, field in (("demand", "demands"), ("id", "ids")):
         if name in table:
             data[field] = table[name]
@@ -361,11 +345,8 @@ def table_file(file: Path, *, depots: Any = 0, **options: Unpack[TableOptions]) 
         ids = data.get("ids", [])
         for name in names:
             if ids.count(name) != 1:
-                raise InvalidData(
-                    f"{file}: depots must be ids of one node each, got {show(name)}, which "
-                    f"{ids.count(name)} nodes have",
-                    field="depots",
-                )
+                text = f"{file}: depots must be ids of one node each, got {show(name)}"
+                raise InvalidData(text, field="depots")
         depots = [ids.index(name) for name in names]
     return {**data, "depots": depots}
 

@@ -12,20 +12,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from ...errors import InvalidData
 from ...files import as_path, read_text
 from ...models.fields import Flag, show
 from ...models.grid_path.polygons import Polygon, Polygons
 from ...models.json_text import parse_json
 from ..exports import closed_ring, write_geojson
-from ..projection import project_positions
+from ..projection import project_rings
 
 __all__ = [
-    "Shape", "as_polygons", "geometries", "project_polygons", "read_geojson_polygons",
-    "write_geojson_polygons",
+    "Shape", "as_polygons", "geometries", "read_geojson_polygons", "write_geojson_polygons",
 ]  # fmt: skip
 #: Kinds of single geometries.
 _KINDS = ("Point", "LineString", "Polygon")
@@ -60,50 +56,14 @@ def read_geojson_polygons(
     """
     file = as_path(path)
     if Flag().coerce("geographic", geographic, {}):
-        return project_polygons(read_geojson_polygons(file), (), str(file))[0]
+        shapes, _ = project_rings(read_geojson_polygons(file), (), str(file))
+        return tuple(Polygons().coerce("polygons", shapes, {}))
     text = read_text(file)
     try:
         shapes = geometries(parse_json(text), ("Polygon",))
         return as_polygons({shape.place: shape.coordinates for shape in shapes})
     except InvalidData as error:
         raise InvalidData(f"{file}: {error}", field=error.field) from None
-
-
-def project_polygons(
-    polygons: Sequence[Polygon], positions: ArrayLike, where: str
-) -> tuple[tuple[Polygon, ...], NDArray[np.float64]]:
-    """Return polygons and further positions, both of longitudes and latitudes, in a common plane.
-
-    Parameters
-    ----------
-    polygons : sequence of Polygon
-        Polygons with longitudes and latitudes in degrees. Edges are straight in the plane.
-    positions : array-like, shape (k, 2)
-        Further longitudes and latitudes in degrees.
-    where : str
-        File of the polygons, for messages.
-
-    Returns
-    -------
-    tuple of Polygon, ndarray of shape (k, 2)
-        Both in metres.
-
-    Raises
-    ------
-    InvalidData
-        A longitude or latitude is out of range, positions are too far apart, or the file has no polygon.
-    """
-    rings = [ring for polygon in polygons for ring in (polygon.shell, *polygon.holes)]
-    parts = [np.asarray(part, float).reshape(-1, 2) for part in (*rings, positions)]
-    points = np.concatenate(parts)
-    plane = project_positions(points[:, 1], points[:, 0], where)
-    *flat, rest = np.split(plane, np.cumsum([len(part) for part in parts])[:-1])
-    queue = iter(flat)
-    shapes = [
-        {"shell": next(queue), "holes": [next(queue) for _ in polygon.holes]}
-        for polygon in polygons
-    ]
-    return tuple(Polygons().coerce("polygons", shapes, {})), rest
 
 
 class Shape(NamedTuple):

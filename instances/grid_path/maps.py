@@ -14,8 +14,9 @@ from ...errors import InvalidData, suggestion
 from ...files import as_path, read_text, write_text
 from ...models.fields import Array, Flag, required, show
 from ...models.grid_path.gridmap import GridMap, read_cells
+from ..projection import project_rings
 from ..storage import Find
-from .geojson import project_polygons, read_geojson_polygons
+from .geojson import read_geojson_polygons
 from .images import SUFFIXES, read_image
 from .movingai import read_map
 
@@ -117,11 +118,11 @@ def read_polygon_map(
     InvalidData
         The file or an argument is invalid.
     """
-    polygons = read_geojson_polygons(path)
+    polygons: Any = read_geojson_polygons(path)
     if Flag().coerce("geographic", geographic, {}):
         west, south, east, north = Array((4,)).coerce("bounds", bounds, {})
         corners = [(x, y) for x in (west, east) for y in (south, north)]
-        polygons, plane = project_polygons(polygons, corners, str(path))
+        polygons, plane = project_rings(polygons, corners, str(path))
         bounds = [*plane.min(axis=0), *plane.max(axis=0)]
     return GridMap.from_polygons(polygons, bounds, cell, radius)
 
