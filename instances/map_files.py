@@ -13,6 +13,7 @@ from ..files import read_text
 from ..models.fields import Whole, show
 from ..models.grid_path.gridmap import GridMap
 from ..models.grid_path.model import GridPath
+from .formats import recognise
 from .grid_path.images import read_image
 from .grid_path.maps import read_text_map
 from .grid_path.movingai import read_map, read_scenarios
@@ -42,8 +43,10 @@ def map_of_file(
     beside = path.with_suffix(".yaml")
     names = inspect.signature(_READERS[form]).parameters.keys() - {"path", "find"}
     options = {key: data.pop(key) for key in names & data.keys()}
-    if form == "image" and not options and beside.is_file():
-        if PurePosixPath(image_of_ros(beside)).name == path.name:
+    if form == "image" and options.keys() <= {"unknown"} and beside.is_file():
+        companion = recognise(beside)
+        is_ros = companion is not None and companion.name == "ros-map"
+        if is_ros and PurePosixPath(image_of_ros(beside)).name == path.name:
             log.warning("%s: resolution and origin are those in %s", path, beside)
             path, form = find(beside.name), "ros-map"
     if form == "image" and "cell" not in options:

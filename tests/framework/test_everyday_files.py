@@ -66,6 +66,12 @@ def test_ros_maps_have_their_resolution_origin_and_thresholds(tmp_path):
     assert grid.data()["blocked"] == ["....", "@@..", "...@"]  # gray 205 is unknown
     assert (grid.cell, grid.origin.tolist(), grid.upward) == (0.05, [-10, -5], True)
     assert load(named("room.pgm"), tmp_path).map.data() == grid.data()
+    for name in ("room.yaml", "room.pgm"):
+        free = named(name)._replace(options=f"{everyday.ENDS} --data unknown=free")
+        assert load(free, tmp_path).map.data()["blocked"] == ["....", "@@..", "...."]
+        assert load(free, tmp_path).map.cell == 0.05
+    other = named("room.pgm")._replace(beside={"room.yaml": "title: a room\n"})
+    assert load(other, tmp_path).map.cell == 1
     dark = load(named("dark.yaml"), tmp_path).map
     assert dark.data()["blocked"] == ["@@@@", "..@@", "@@@@"]
     turned = named("room.yaml").content.replace("0.000000", "0.3")
