@@ -200,7 +200,7 @@ def test_click_on_a_check_points_at_its_place(opened, routed, tmp_path):
 
 def test_legend_hides_and_shows_a_curve(opened, routed, tmp_path):
     sheet = opened(ct.show(routed, path=tmp_path / "p.html", open=False))
-    assert sheet.locator("table").count() == 1  # without a plan there are no checks
+    assert sheet.locator("table").count() == 1  # checks need a plan
     button = sheet.locator(".legend button")
     points = "plots[0].panels[0].points().length"
     assert sheet.evaluate(points) == 3
@@ -257,6 +257,17 @@ def test_solution_is_shown_in_a_notebook_with_its_picture():
         ct.show(record, open=False)
     with pytest.raises(InvalidData, match="plan must be None"):
         ct.show(solution, solution.plan, open=False)
+
+
+def test_infeasible_instance_is_shown_without_a_plan(tmp_path):
+    model = ct.models.ErrorCorrectionRouting(
+        [[0, 0, 0], [9.0, 0, 0]], ["A", "B"], 0.3, 0.3, 0.3, 0.3, 0.3, delta=0.1
+    )
+    solution = ct.solve(model, "label-setting")
+    page = ct.show(solution, path=tmp_path / "p.html", open=False)
+    assert "infeasible" in page.html
+    assert "data-scene" in page.html
+    assert "Checks" not in page.html.partition("<main>")[2].partition("</main>")[0]
 
 
 def test_program_without_a_picture_has_its_checks(tmp_path):

@@ -215,7 +215,7 @@ def _section(view: _View, scenes: list[dict[str, Any]], frames: int, several: bo
     first = len(scenes)
     drawn = []
     try:
-        picture = plot(view.model, view.plan if view.solution is None else view.solution)
+        picture = plot(view.model, view.plan if view.plan is None else view.solution or view.plan)
         scene = export_figure(picture)
         moving = _motion(view, frames)
         if moving is not None and not _names(scene) - _names(moving):

@@ -387,7 +387,16 @@ class Panel {
   points() {
     const result = [];
     this.plot.artists.forEach((artist, at) => {
-      if (artist.a !== this.index || artist.h === 1 || this.plot.hidden.has(at) || artist.k || !["line", "points"].includes(artist.t)) return;
+      if (artist.a !== this.index || artist.h === 1 || this.plot.hidden.has(at) || artist.k) return;
+      if (artist.t === "paths" && artist.g && !(artist.f || []).some(Boolean)) { // routes; polygons have a face
+        const [step, names] = this.space ? [3, ["x", "y", "z"]] : [2, ["x", "y"]];
+        for (const line of artist.p.flat()) {
+          for (let i = 0; i < line.length && line[0] !== "o"; i += step) {
+            result.push({ artist, ...Object.fromEntries(names.map((name, k) => [name, [line[i + k]]])) });
+          }
+        }
+      }
+      if (artist.t !== "line" && artist.t !== "points") return;
       if (artist.t === "line" && !artist.g && !artist.l && !artist.m) return;
       artist.x.forEach((value, i) => {
         if (value !== null && artist.y[i] !== null) result.push({ artist, x: [value], y: [artist.y[i]], ...(artist.z ? { z: [artist.z[i]] } : {}) });
