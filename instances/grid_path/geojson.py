@@ -56,8 +56,8 @@ def read_geojson_polygons(
     """
     file = as_path(path)
     if Flag().coerce("geographic", geographic, {}):
-        shapes, _ = project_rings(read_geojson_polygons(file), (), str(file))
-        return tuple(Polygons().coerce("polygons", shapes, {}))
+        rings, _ = project_rings(read_geojson_polygons(file), (), str(file))
+        return tuple(Polygons().coerce("polygons", rings, {}))
     text = read_text(file)
     try:
         shapes = geometries(parse_json(text), ("Polygon",))
