@@ -116,6 +116,8 @@ def main() -> None:
         run("solve", f"{name}.json", "--output", "plan.json")
         run("check", f"{name}.json", "plan.json")
     for kind, instance in instances.items():
+        run("models", kind)
+        run("models", kind, "--template", "json", "--output", "template.json")
         run("solve", instance, "--output", "plan.json")
         run("check", instance, "plan.json")
         form = export_format(kind)

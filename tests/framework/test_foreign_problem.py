@@ -74,6 +74,8 @@ def test_every_command_works_on_it(installed, place):
     small, dynamic = "covering/small", "dynamic-programming"
     commands = {
         "models": ["models", "--json"],
+        "model": ["models", "covering", "--json"],
+        "template": ["models", "covering", "--template", "json"],
         "instances": ["instances", "--json"],
         "backends": ["backends", "--json"],
         "backends in words": ["backends"],
@@ -117,6 +119,9 @@ def test_every_command_works_on_it(installed, place):
     listed = {one["model"]: one for one in data("models")}
     assert listed["covering"]["formulations"] == {"paper": "one column per item"}
     assert "error-correction" in listed
+    assert {"costs", "weights", "demand"} <= {field["name"] for field in data("model")["fields"]}
+    assert {dynamic, "highs"} <= {backend["backend"] for backend in data("model")["backends"]}
+    assert data("template")["model"] == "covering"
     assert {small, EXAMPLE} <= {one["name"] for one in data("instances")}
     owners = {one["problem"] for one in data("backends") if one["name"] == dynamic}
     assert owners == {"covering", "error_correction", "guided_path"}
