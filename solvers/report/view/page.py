@@ -194,9 +194,14 @@ def _tolerance(solution: Any) -> dict[str, Any]:
 def _page(item: Any, plan: Any, frames: int) -> str:
     title, views, remark = _views(item, plan)
     scenes: list[dict[str, Any]] = []
-    parts = [_section(view, scenes, frames, len(views) > 1) for view in views]
-    if len(views) > 1:
-        _share_limits(scenes)
+    parts = []
+    digests: dict[str, list[dict[str, Any]]] = {}
+    for view in views:
+        first = len(scenes)
+        parts.append(_section(view, scenes, frames, len(views) > 1))
+        digests.setdefault(view.model.digest, []).extend(scenes[first:])
+    for alike in digests.values():
+        _share_limits(alike)
     css = (
         resource("crosstrack.solvers.bench", "page.css"), resource(__package__, "view.css"),
     )  # fmt: skip
@@ -212,8 +217,8 @@ def _page(item: Any, plan: Any, frames: int) -> str:
 
 def _section(view: _View, scenes: list[dict[str, Any]], frames: int, several: bool) -> str:
     """Return the HTML of a view, and append its scenes."""
-    first = len(scenes)
-    drawn = []
+    first, drawn = len(scenes), []
+    group = view.model.digest[:12] if several else ""
     try:
         picture = plot(view.model, view.plan if view.plan is None else view.solution or view.plan)
         scene = export_figure(picture)
@@ -221,13 +226,18 @@ def _section(view: _View, scenes: list[dict[str, Any]], frames: int, several: bo
         if moving is not None and not _names(scene) - _names(moving):
             # The animation is the picture with moving marks.
             scene, moving = {**moving, "pins": scene["pins"], "title": scene["title"]}, None
-        drawn.append(_host(first, "picture" if several else "", scene["title"]))
+        drawn.append(_host(first, group, scene["title"]))
         scenes.append(scene)
         if moving is not None:
-            drawn.append("<h3>In motion</h3>" + _host(len(scenes), "motion" if several else "", ""))
+            drawn.append("<h3>In motion</h3>" + _host(len(scenes), group and f"{group} moving", ""))
             scenes.append(moving)
     except UnknownName:
         drawn.append(f"<p>Models of kind {escape(view.model.kind)} have no picture.</p>")
+    except CrosstrackError:
+        raise
+    except Exception as error:  # such as coordinates of an invalid plan that overflow
+        log.warning("picture of %r: %s", view.title, error)
+        drawn.append(f"<p>No picture: {escape(str(error))}</p>")
     pins = scenes[first]["pins"] if len(scenes) > first else []
     head = f"<h2>{escape(view.title)}</h2>" if several else ""
     return (
@@ -265,13 +275,13 @@ def _motion(view: _View, frames: int) -> dict[str, Any] | None:
             return None
     try:
         return export_animation(function(view.model, content, frames=frames, title=""))
-    except CrosstrackError as error:  # the picture shows what is wrong with an invalid plan
+    except Exception as error:  # the picture shows what is wrong with an invalid plan
         log.info("animation of %r: %s", view.title, error)
         return None
 
 
 def _share_limits(scenes: Sequence[dict[str, Any]]) -> None:
-    """Give the axes of pictures with the same labels the same limits."""
+    """Give the axes of pictures of a model with the same labels the same limits."""
     for moving in (False, True):
         alike = [scene for scene in scenes if ("frames" in scene) is moving]
         for twins in zip(*(scene["axes"] for scene in alike), strict=False):
