@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..fields import required
 from ..plots import kit
 from ..verification import Verification
 from .checks import SOME, Sample
@@ -355,22 +354,10 @@ def _finish(curve: _Curve, axes: Axes, label: str) -> None:
         kit.log_ticks(axes.xaxis, curve.x[0], curve.x[-1])
 
 
-@kit.documented
-def animate_states(
-    model: AttractorAnalysis,
-    plan: AttractorEstimate | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, AttractorEstimate)
+def animate_states(model: AttractorAnalysis, plan: AttractorEstimate | Any, figure: Any) -> Any:
     """Animate the picture of an estimate: the state on the attractor, and its sample of the series."""
-    plan = required("plan", model.as_plan(plan), AttractorEstimate)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    lines: dict[Any, Any] = {
-        line.get_gid(): line for axes in stage.figure.axes for line in axes.lines
-    }
+    lines: dict[Any, Any] = {line.get_gid(): line for axes in figure.axes for line in axes.lines}
     times, values = lines["series"].get_data()
     space = lines["states"].axes
     states = _states(model, space, plan.delay)[0][: len(times)]
@@ -378,4 +365,4 @@ def animate_states(
         kit.Mover(space, times[: len(states)], states, kit.RED),
         kit.Mover(lines["series"].axes, times, np.column_stack([times, values]), kit.RED),
     ]
-    return kit.follow(stage, movers, "t =", "s")
+    return movers, "t =", "s"

@@ -227,24 +227,14 @@ def _levels(
     return levels
 
 
-@kit.documented
-def animate_route(
-    model: ErrorCorrectionRouting,
-    plan: Route | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, Route)
+def animate_route(model: ErrorCorrectionRouting, plan: Route | Any, figure: Any) -> Any:
     """Animate the picture of a route: the UAV on its way, and its errors."""
-    plan = required("plan", model.as_plan(plan), Route)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
     stops = model.walk(plan)
     kit.check_option("plan", plan, bool(stops), "have stops")
-    movers = kit.curve_movers(stage.figure)
+    movers = kit.curve_movers(figure)
     scale, unit = _unit(model, stops)
     flown = np.array([stop.distance for stop in stops]) * scale
     way = model.points[[stop.point for stop in stops]] * scale
-    space = next(axes for axes in stage.figure.axes if axes.name == "3d")
-    return kit.follow(stage, [*movers, kit.Mover(space, flown, way, kit.RED)], "flown", unit)
+    space = next(axes for axes in figure.axes if axes.name == "3d")
+    return [*movers, kit.Mover(space, flown, way, kit.RED)], "flown", unit

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ...errors import UnsupportedOption
-from ..fields import required
 from ..grid_path import trail
 from ..plots import kit
 from ..verification import Verification
@@ -222,24 +221,14 @@ def _draw_bars(model: FleetRouting, plan: FleetPlan, axes: Any, tolerance: float
     )  # fmt: skip
 
 
-@kit.documented
-def animate_routes(
-    model: FleetRouting,
-    plan: FleetPlan | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, FleetPlan)
+def animate_routes(model: FleetRouting, plan: FleetPlan | Any, figure: Any) -> Any:
     """Animate the picture of a plan: the vehicles on their routes, at the same speed.
 
     The clock is the distance on the map, which differs from the cost if costs are scaled to a plane.
     """
-    plan = required("plan", model.as_plan(plan), FleetPlan)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    axes: Any = stage.figure.axes[0]
+    axes: Any = figure.axes[0]
     routes = [c.get_paths() for c in axes.collections if c.get_gid() == "route"]
     kit.check_option("plan", plan, any(plan.routes) and bool(routes), "have routes on a map")
     paths = [path.vertices for path in routes[0]]
-    return kit.follow(stage, kit.route_movers(axes, paths), "distance", kit.unit_of(axes))
+    return kit.route_movers(axes, paths), "distance", kit.unit_of(axes)

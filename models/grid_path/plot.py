@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..fields import required
 from ..plots import kit
 from ..plots.progress import draw_progress
 from ..verification import Check
@@ -211,19 +210,9 @@ def _place(grid: GridMap, plan: GridPlan, check: Check) -> kit.Floats | None:
     return np.asarray(way[inside[len(inside) // 2] if inside.size else 500])
 
 
-@kit.documented
-def animate_paths(
-    model: GridPath,
-    plan: GridPlan | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, GridPlan)
+def animate_paths(model: GridPath, plan: GridPlan | Any, figure: Any) -> Any:
     """Animate the picture of a plan: an agent on each path, at the same speed."""
-    plan = required("plan", model.as_plan(plan), GridPlan)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    axes: Any = stage.figure.axes[0]
+    axes: Any = figure.axes[0]
     paths = [line.get_xydata() for line in axes.lines if line.get_gid() == "path"]
-    return kit.follow(stage, kit.route_movers(axes, paths), "distance", kit.unit_of(axes))
+    return kit.route_movers(axes, paths), "distance", kit.unit_of(axes)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import UnsupportedOption
-from ..fields import required
 from ..plots import kit
 from ..verification import Check, Verification
 from .definition import Definition, Guess, Quantity, Restriction, entry_names
@@ -285,18 +284,8 @@ def _deviation(
     return kit.Panel("deviation", "relative", curves, [limit], log=True)
 
 
-@kit.documented
-def animate_control(
-    model: OptimalControlProblem,
-    plan: ControlPlan | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, ControlPlan)
+def animate_control(model: OptimalControlProblem, plan: ControlPlan | Any, figure: Any) -> Any:
     """Animate the picture of a plan: a marker on every curve, over time."""
-    plan = required("plan", model.as_plan(plan), ControlPlan)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
     unit = model.definition.phases[0].time_unit
-    return kit.follow(stage, kit.curve_movers(stage.figure), "t =", unit)
+    return kit.curve_movers(figure), "t =", unit

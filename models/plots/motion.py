@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .options import check_frames
+from ..fields import required
+from .options import check_frames, documented
 from .scene import Frame, Stage
 from .style import BLACK, DARK, colour_of, number
 
@@ -16,22 +17,44 @@ if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
     from matplotlib.figure import Figure
 
-__all__ = ["Mover", "curve_movers", "follow", "route_movers", "stage_over", "unit_of"]
+__all__ = ["Mover", "animated", "curve_movers", "follow", "route_movers", "unit_of"]
+
+_Markers = Callable[[Any, Any, Any], Any]
 
 
-def stage_over(
-    draw: Callable[..., Figure], model: Any, plan: Any, frames: Any, interval: Any, title: Any,
-    size: Any,
-) -> Stage:  # fmt: skip
-    """Return the stage of a finished picture, with the clock in its upper right corner."""
-    check_frames(frames, interval)
-    stage = Stage.__new__(Stage)
-    text = (model.name or model.outline()) if title is None else title
-    Frame.__init__(stage, draw(model, plan, title=text, size=size))
-    stage.frames, stage.interval = frames, interval
-    place = (1 - 0.1 / stage.broad, 1 - 0.1 / stage.tall)
-    stage.clock = stage.figure.text(*place, "", ha="right", va="top", fontsize=8, color=DARK)
-    return stage
+def animated(
+    draw: Callable[..., Figure], kind: type
+) -> Callable[[_Markers], Callable[..., FuncAnimation]]:
+    """Return a decorator that makes an animation of the picture `draw` from a function of its markers.
+
+    The function accepts the model, a plan of type `kind` and the picture. It returns the markers, and the name and
+    the unit of the clock, which is in the upper right corner.
+    """
+
+    def decorate(markers: _Markers) -> Callable[..., FuncAnimation]:
+        def animate(
+            model: Any, plan: Any, *, frames: int = 120, interval: float = 60.0, title: str | None = None,
+            size: tuple[float, float] | None = None,
+        ) -> FuncAnimation:  # fmt: skip
+            check_frames(frames, interval)
+            plan = required("plan", model.as_plan(plan), kind)
+            stage = Stage.__new__(Stage)
+            text = (model.name or model.outline()) if title is None else title
+            Frame.__init__(stage, draw(model, plan, title=text, size=size))
+            stage.frames, stage.interval = frames, interval
+            place = (1 - 0.1 / stage.broad, 1 - 0.1 / stage.tall)
+            look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 8, "color": DARK}
+            stage.clock = stage.figure.text(*place, "", **look)
+            return follow(stage, *markers(model, plan, stage.figure))
+
+        for name in ("__module__", "__name__", "__qualname__", "__doc__"):
+            setattr(animate, name, getattr(markers, name))
+        animate.__annotations__ |= {
+            name: markers.__annotations__[name] for name in ("model", "plan")
+        }
+        return documented(animate)
+
+    return decorate
 
 
 class Mover(NamedTuple):

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import required
 from ..plots import kit
 from .checks import Visit, walk_route
 from .model import ResourceRouting
@@ -157,27 +156,17 @@ def _levels(
     return levels
 
 
-@kit.documented
-def animate_route(
-    model: ResourceRouting,
-    plan: Route | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, Route)
+def animate_route(model: ResourceRouting, plan: Route | Any, figure: Any) -> Any:
     """Animate the picture of a route: the vehicle on its way, and the levels of its resources.
 
     The model needs coordinates or resources, and each leg of the route an arc.
     """
-    plan = required("plan", model.as_plan(plan), Route)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    movers, where = kit.curve_movers(stage.figure), places_of(model)
+    movers, where = kit.curve_movers(figure), places_of(model)
     visits = walk_route(model, plan)[0]
     far = np.array([visit.distance for visit in visits])
     if where is not None and len(far) and np.isfinite(far).all():
         way = where[[visit.point for visit in visits]]
-        movers.append(kit.Mover(stage.figure.axes[-1], far, way, kit.RED))
+        movers.append(kit.Mover(figure.axes[-1], far, way, kit.RED))
     kit.check_option("plan", plan, bool(movers), "have arcs and something to draw")
-    return kit.follow(stage, movers, "distance", "")
+    return movers, "distance", ""

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..fields import required
 from ..plots import kit
 from .data import LOW_SPEED, Recording
 from .model import SideslipEstimation
@@ -231,17 +230,7 @@ def _draw_band(axes: Any, panel: kit.Panel, samples: _Samples, main: _Named, row
         axes.plot(samples.times, edge, color=kit.DARK, lw=0.5, zorder=3.5, gid="edge of the band")
 
 
-@kit.documented
-def animate_estimate(
-    model: SideslipEstimation,
-    plan: SideslipEstimate | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, SideslipEstimate)
+def animate_estimate(model: SideslipEstimation, plan: SideslipEstimate | Any, figure: Any) -> Any:
     """Animate the picture of an estimate: a marker on every curve, over time."""
-    plan = required("plan", model.as_plan(plan), SideslipEstimate)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    return kit.follow(stage, kit.curve_movers(stage.figure), "t =", "s")
+    return kit.curve_movers(figure), "t =", "s"

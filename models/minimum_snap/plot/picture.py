@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...fields import required
 from ...plots import kit
 from ..bounds import derivative_name, derivative_unit
 from ..trajectory import Trajectory
@@ -234,16 +233,8 @@ def _limits(scene: Scene, order: int, axes: list[int]) -> list[kit.Limit]:
     return result
 
 
-@kit.documented
-def animate_flight(
-    model: Any,
-    plan: Trajectory | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
+@kit.animated(draw, Trajectory)
+def animate_flight(model: Any, plan: Trajectory | Any, figure: Any) -> Any:
     """Animate the picture of a trajectory: the vehicle with its velocity, and markers on every curve.
 
     A line from the vehicle shows its velocity. At the highest speed, it is a quarter as long as the path is wide.
@@ -253,9 +244,7 @@ def animate_flight(
     model : MinimumDerivative
         Model, or any other model with ``waypoints``.
     """
-    plan = required("plan", model.as_plan(plan), Trajectory)
-    stage = kit.stage_over(draw, model, plan, frames, interval, title, size)
-    scene, axes = Scene(model, plan, None), stage.figure.axes[0]
+    scene, axes = Scene(model, plan, None), figure.axes[0]
     chosen = list(_shown(None, scene.dimensions))
     places, steps = (scene.samples(order)[:, chosen] for order in (0, 1))
     if len(chosen) == 1:
@@ -263,4 +252,4 @@ def animate_flight(
         steps = np.insert(steps, 0, 1.0, axis=1)
     steps *= 0.25 * np.ptp(places, axis=0).max() / (np.linalg.norm(steps, axis=1).max() or 1.0)
     vehicle = kit.Mover(axes, scene.sample_times, places, kit.RED, steps)
-    return kit.follow(stage, [*kit.curve_movers(stage.figure), vehicle], "t =", "s")
+    return [*kit.curve_movers(figure), vehicle], "t =", "s"
