@@ -96,8 +96,9 @@ def draw(
         middle = sum(curve.region) / 2
         line: Any = axes.lines[0]
         height = np.interp(middle, *line.get_data())
-        name = f"{curve.title} is the slope of its curve"
-        kit.pin_places(axes, result, {c.where: (middle, height) for c in checks if c.name == name})
+        name = "correlation" if curve.log else "exponent"
+        places_of = {c.where: (middle, height) for c in checks if c.name.startswith(name)}
+        kit.pin_places(axes, result, places_of)
     if lines:
         place = (0.5, (0.08 + foot) / scene.tall)
         scene.figure.text(*place, "\n".join(lines), ha="center", va="bottom", fontsize=8)
@@ -202,18 +203,13 @@ def _draw_series(model: AttractorAnalysis, axes: Axes) -> None:
         axes.set_title(words, fontsize=7.5, color="#505050", loc="left", pad=3)
 
 
-def _states(model: AttractorAnalysis, axes: Any, delay: int) -> tuple[kit.Floats, int]:
-    """Return the states in the dimension of `axes`, and their delay: 1 for a short series."""
-    shown = 3 if axes.name == "3d" else 2
-    if len(model.series) <= (shown - 1) * delay + 1:
-        delay = 1
-    return model.states(delay, shown), delay
-
-
 def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
     """Draw the first two or three coordinates, depending on `axes`, as a line if the series is smooth."""
-    states, delay = _states(model, axes, delay)
-    shown, series = states.shape[1], model.series
+    shown = 3 if axes.name == "3d" else 2
+    series = model.series
+    if len(series) <= (shown - 1) * delay + 1:
+        delay = 1
+    states = model.states(delay, shown)
     look: dict[str, Any] = {"color": kit.colour_of(0), "gid": "states"}
     if float(np.sqrt((np.diff(series / model.deviation) ** 2).mean())) < _SMOOTH:
         axes.plot(*states[:_JOINED].T, lw=0.5, alpha=0.8, **look)
@@ -254,11 +250,6 @@ class _Curve(NamedTuple):
     region: tuple[float, float]
     labels: tuple[str, str]
     log: bool
-
-    @property
-    def title(self) -> str:
-        """Name of the figure in its check."""
-        return "correlation dimension" if self.log else "exponent"
 
     def read(self, x: kit.Floats) -> kit.Floats:
         """Return the variable of the slope's derivative: `x` or its logarithm."""
@@ -359,10 +350,10 @@ def animate_states(model: AttractorAnalysis, plan: AttractorEstimate | Any, figu
     """Animate the picture of an estimate: the state on the attractor, and its sample of the series."""
     lines: dict[Any, Any] = {line.get_gid(): line for axes in figure.axes for line in axes.lines}
     times, values = lines["series"].get_data()
-    space = lines["states"].axes
-    states = _states(model, space, plan.delay)[0][: len(times)]
-    movers = [
-        kit.Mover(space, times[: len(states)], states, kit.RED),
-        kit.Mover(lines["series"].axes, times, np.column_stack([times, values]), kit.RED),
-    ]
-    return movers, "t =", "s"
+    space, shown = lines["states"].axes, 3 if lines["states"].axes.name == "3d" else 2
+    # As in the picture, the delay of a short series is 1.
+    fits = len(model.series) > (shown - 1) * plan.delay + 1
+    states = model.states(plan.delay if fits else 1, shown)[: len(times)]
+    state = kit.Mover(space, times[: len(states)], states, kit.RED)
+    sample = kit.Mover(lines["series"].axes, times, np.column_stack([times, values]), kit.RED)
+    return [state, sample], "t =", "s"

@@ -223,10 +223,7 @@ def _draw_bars(model: FleetRouting, plan: FleetPlan, axes: Any, tolerance: float
 
 @kit.animated(draw, FleetPlan)
 def animate_routes(model: FleetRouting, plan: FleetPlan | Any, figure: Any) -> Any:
-    """Animate the picture of a plan: the vehicles on their routes, at the same speed.
-
-    The clock is the distance on the map, which differs from the cost if costs are scaled to a plane.
-    """
+    """Animate the picture of a plan: the vehicles on their routes; the clock is the distance on the map."""
     axes: Any = figure.axes[0]
     routes = [c.get_paths() for c in axes.collections if c.get_gid() == "route"]
     kit.check_option("plan", plan, any(plan.routes) and bool(routes), "have routes on a map")

@@ -105,24 +105,16 @@ def _curve_of(
     """Return axes, curve and time of a check; a check of the times is on the first curve."""
     text, _, name = check.where.partition(" of phase ")
     part = next((part for part in plan if name.startswith(repr(part.name))), plan.phases[0])
-    time, (entry, _, late) = kit.time_of(check), text.partition("t = ")
-    if not late:
-        time = {"start": part.start, "end": part.end}.get(text)
-    if time is None:
-        return None
-    entry = entry.removesuffix(" at ").removesuffix("at ")
-    number = entry.removeprefix("entry ")
-    names = {entry, f"{check.name}[{number}]"} if entry else {check.name}
-    curves = [
-        (axes, curve)
-        for axes, panel in places
-        for curve in panel.curves
-        if not late or curve.name in names
-    ]
-    if not curves:
+    entry, mark, _ = text.partition("t = ")
+    time = kit.time_of(check) if mark else {"start": part.start, "end": part.end}.get(text)
+    entry = entry.removesuffix("at ").strip()
+    names = {entry or check.name, f"{check.name}[{entry.removeprefix('entry ')}]"}
+    pairs = [(axes, curve) for axes, panel in places for curve in panel.curves]
+    pairs = [pair for pair in pairs if not mark or pair[1].name in names]
+    if time is None or not pairs:
         return None
     # A name has one curve per phase.
-    axes, curve = min(curves, key=lambda pair: abs(pair[1].times[0] - part.start))
+    axes, curve = min(pairs, key=lambda pair: abs(pair[1].times[0] - part.start))
     return axes, curve, time
 
 
@@ -287,5 +279,4 @@ def _deviation(
 @kit.animated(draw, ControlPlan)
 def animate_control(model: OptimalControlProblem, plan: ControlPlan | Any, figure: Any) -> Any:
     """Animate the picture of a plan: a marker on every curve, over time."""
-    unit = model.definition.phases[0].time_unit
-    return kit.curve_movers(figure), "t =", unit
+    return kit.curve_movers(figure), "t =", model.definition.phases[0].time_unit
