@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from crosstrack_pages import best_known, figures_of
-from crosstrack_pictures import answers_to, best_plan, model_of, picture
+from crosstrack_pictures import QUICK, answers_to, best_plan, model_of, picture
 from crosstrack_tables import EQUAL, best, proof
 from sphinx.application import Sphinx
 
@@ -64,7 +64,9 @@ def plan_rows(model: Any, answers: list[Any]) -> dict[str, str]:
     }
 
 
-def body_of(entry: Any, model: Any, answers: list[Any], image: str, files: dict[str, str]) -> str:
+def body_of(
+    entry: Any, model: Any, answers: list[Any], image: str, shown: str, files: dict[str, str]
+) -> str:
     """Return the content of the page of an entry as HTML.
 
     Parameters
@@ -75,8 +77,8 @@ def body_of(entry: Any, model: Any, answers: list[Any], image: str, files: dict[
         Its model.
     answers : list of Solution
         All recorded answers to the model.
-    image : str
-        URL of the picture, relative to the page.
+    image, shown : str
+        URL of the picture, relative to the page, and the backend of the plan in it; ``""`` without a plan.
     files : dict
         Label of each file to download by its URL, relative to the page.
     """
@@ -95,12 +97,15 @@ def body_of(entry: Any, model: Any, answers: list[Any], image: str, files: dict[
     value, origin = best_known(entry, None)
     other = figures_of(entry)
     published = {"objective": value, "source": html.escape(origin), "other": html.escape(other)}
+    caption = (
+        f"Picture: plan of <code>{shown}</code>." if shown else "Picture: data without a plan."
+    )
     commands = [f"crosstrack solve {name}"]
     commands += [f"crosstrack check {name} {file}" for file in files if file.endswith(".plan.json")]
     links = "".join(f'<li><a href="{url}" download>{text}</a></li>' for url, text in files.items())
     parts = [
         f"<h1>{name}</h1><p>{html.escape(entry.title)}</p>",
-        f'<p><img src="{image}" alt="Picture of {name}"></p>',
+        f'<p><img src="{image}" alt="Picture of {name}"><br>{caption}</p>',
         f"<h2>Data</h2>{table(data)}",
         f"<h2>Best verified plan</h2>{table(plan_rows(model, answers))}",
         f"<h2>Published values</h2>{table(published)}" if any(published.values()) else "",
@@ -132,7 +137,8 @@ def _pages(app: Sphinx) -> Iterator[tuple[str, dict[str, Any], str]]:
         # The catalogue has the same picture.
         image = app.env.images[picture(source, model)][1]
         files = {file: f"{words} (JSON)" for file, (_, words) in texts.items()}
-        body = body_of(entry, model, answers, f"../../_images/{image}", files)
+        shown = QUICK.get(entry.name, "") if planned is None else planned.backend
+        body = body_of(entry, model, answers, f"../../_images/{image}", shown, files)
         yield f"instances/{entry.name}", {"title": entry.name, "body": body}, "page.html"
 
 

@@ -290,7 +290,7 @@ def test_a_page_of_an_instance_has_its_plan_its_bound_and_its_backend():
     def body(name, **files):
         model = crosstrack_pictures.model_of(name)
         answers = crosstrack_pictures.answers_to(DOCS, model)
-        return crosstrack_entries.body_of(found[name], model, answers, "picture.webp", files)
+        return crosstrack_entries.body_of(found[name], model, answers, "picture.webp", "", files)
 
     page = body("fleet/max-10", **{"max-10.plan.json": "plan"})
     for text in ("3 vehicles, 10 nodes", "251.983408 m", "<td>optimal</td>", "fixed seed"):
