@@ -121,6 +121,12 @@ def _check_play(sheet):
         time.locator(".play").click()
         slider.fill("0")
         assert time.locator(".clock").inner_text() == clock
+    if sheet.locator(".time").count():
+        sheet.locator(".stage").first.focus()
+        sheet.keyboard.press(" ")
+        slider = sheet.locator(".time input").first
+        sheet.wait_for_function("(slider) => slider.value >= 1", arg=slider.element_handle())
+        sheet.keyboard.press(" ")
 
 
 def _check_keyboard(sheet):

@@ -463,6 +463,7 @@ class Panel {
     const moves = { ArrowLeft: [30, 0], ArrowRight: [-30, 0], ArrowUp: [0, 30], ArrowDown: [0, -30] };
     stage.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
+      const moving = this.plot.toggle ? this.plot : plots.find((plot) => plot.toggle);
       if (moves[event.key]) this.pan(...moves[event.key].map((step) => (this.space ? -step / 2 : step)));
       else if (event.key === "+" || event.key === "=") this.zoom(1.4);
       else if (event.key === "-") this.zoom(1 / 1.4);
@@ -472,7 +473,7 @@ class Panel {
         this.cursor = ((this.cursor ?? (event.key === "." ? -1 : 0)) + (event.key === "." ? 1 : -1) + points.length) % points.length;
         this.show(points[this.cursor]);
         this.plot.say(this.tip.innerText.replace(/\n/g, ", "));
-      } else if (event.key === "Escape") { this.show(null); this.pin = null; this.request(); } else if (event.key === " " && this.plot.toggle) this.plot.toggle();
+      } else if (event.key === "Escape") { this.show(null); this.pin = null; this.request(); } else if (event.key === " " && moving) moving.toggle();
       else return;
       event.preventDefault();
     });
