@@ -67,7 +67,8 @@ class FleetRouting(FleetData):
         Upper limit on the route length of each vehicle, in metres or in the unit of `costs`; one
         number applies to all vehicles.
     budget, deviation_limit, range_limit : float, optional
-        Upper limits on the sum, the standard deviation and the range of the route lengths.
+        Upper limits on the sum, the standard deviation and the range of the route lengths, in metres or in
+        the unit of `costs`.
     ids : sequence of int or str, optional
         Names of the nodes.
 
