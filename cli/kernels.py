@@ -40,7 +40,7 @@ def compile(problem: tuple[str, ...], as_json: bool) -> int:  # noqa: A001 - the
     from ..models.problems import PROBLEMS
     from ..solvers.contract.enums import Limit
     from ..solvers.contract.job import Job
-    from ..solvers.report.terminal import emit, say
+    from ..solvers.report.terminal import emit
     from ..solvers.run.execution import execute
 
     names = {name.replace("_", "-"): name for name in PROBLEMS}
@@ -70,7 +70,7 @@ def compile(problem: tuple[str, ...], as_json: bool) -> int:  # noqa: A001 - the
     if as_json:
         emit({"compiled": done, "present": present})
     else:
-        say(f"{done} loops compiled, {present} were in the cache")
+        click.echo(f"{done} loops compiled, {present} were in the cache")
     return VERIFIED
 
 
@@ -102,5 +102,5 @@ def _kernels() -> Iterator[Kernel]:
     modules = [module for name, module in sys.modules.items() if name.partition(".")[0] == root]
     values = {id(value): value for module in modules for value in vars(module).values()}
     for value in values.values():
-        if isinstance(value, Kernel) and "dispatcher" in vars(value):
+        if isinstance(value, Kernel) and hasattr(vars(value).get("dispatcher"), "stats"):
             yield value
