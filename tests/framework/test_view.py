@@ -11,7 +11,7 @@ from strange import examples
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData
-from crosstrack.models import Model, plots
+from crosstrack.models import Model, plots, problems
 from crosstrack.models.plots import kit
 from crosstrack.models.problems import PROBLEMS, problem_of
 
@@ -168,7 +168,6 @@ def test_page_without_data_is_small(pages):
 # -- checks and legends -------------------------------------------------------------------------------
 
 
-@ct.models.register_model
 class Shown(ct.models.ErrorCorrectionRouting):
     """Model whose picture has a pin and a legend."""
 
@@ -187,10 +186,12 @@ def _draw(model, plan=None):
 
 @pytest.fixture(scope="module")
 def routed():
-    plots.register_plot("shown", _draw)
     points = [[0, 0, 0], [1.0, 0, 0], [1.5, 0, 0], [3.5, 0, 0]]
     kinds = ["A", "horizontal", "vertical", "B"]
-    return Shown(points, kinds, 0.3, 0.3, 0.3, 0.3, 0.3, delta=0.1, name="<b>&'\" </script>")
+    with pytest.MonkeyPatch.context() as patch:  # other tests list all kinds of models
+        patch.setitem(problems._SESSION, "shown", Shown)
+        patch.setitem(plots._REGISTERED, "shown", _draw)
+        yield Shown(points, kinds, 0.3, 0.3, 0.3, 0.3, 0.3, delta=0.1, name="<b>&'\" </script>")
 
 
 def test_click_on_a_check_points_at_its_place(opened, routed, tmp_path):

@@ -40,7 +40,7 @@ def test_a_model_without_times_takes_those_of_the_plan():
     for axes in (None, (0,)):
         alone = trajectory.draw(free, axes=axes)
         assert alone.get_suptitle() == "times to choose"
-    assert path(alone).get_xlabel() == "knot"
+    assert path(alone).get_xlabel() == "knot (number)"
 
 
 def test_data_alone():

@@ -318,6 +318,7 @@ def test_declared_sizes_need_little_memory(tmp_path, monkeypatch, suffix):
         text = lines(f"VER; 1; OBJSENSE; MIN; {sizes}; BCOORD; 9")
     # The buffer for reading has the size of the largest file.
     monkeypatch.setattr("crosstrack.instances.programs.lines.read_raw", lambda _: text.encode())
+    (tmp_path / f"model{suffix}").write_text(text, "utf-8")
     tracemalloc.start()
     try:
         with pytest.raises(InvalidData, match=r"the file ends|index of constraint matrix|finite"):
