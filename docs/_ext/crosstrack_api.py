@@ -64,8 +64,8 @@ MORE = {
 #: Module and name of the plot function if it is not ``plot`` with all its public names.
 PLOTS = {
     "minimum_snap": ("plot.picture", ""),
-    "error_correction": ("plot", "draw"),
-    "optimal_control": ("plot", "draw"),
+    "error_correction": ("plot", "draw, animate_route"),
+    "optimal_control": ("plot", "draw, animate_control"),
 }
 
 

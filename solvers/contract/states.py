@@ -97,7 +97,7 @@ def backend_states(model: Any = None) -> tuple[BackendState, ...]:
     return tuple(sorted(states, key=lambda state: order.index(state.state)))
 
 
-#: Name under which the root package exports :func:`backend_states`.
+# The root package exports the function under this name.
 backends = backend_states
 
 
