@@ -27,7 +27,7 @@ _HEAD = 3
 #: Numbers with separators of thousands.
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}([.,'’ ][0-9]{3})+([.,][0-9]*)?")
 #: Cells without a value, in lower case.
-MISSING = frozenset(("", "na", "n/a", "nan", "-"))
+MISSING = frozenset(("", "na", "n/a", "#n/a", "nan", "-"))
 #: Value of the option `missing` that fills missing cells of samples over time.
 INTERPOLATE = "interpolate"
 #: Prefix of a column whose name the map of columns gives to another one.
@@ -74,7 +74,10 @@ def _advice(text: str) -> str:
     if text.casefold() in MISSING:
         return ": the value is missing"
     if COMMA.fullmatch(text):
-        return ": a decimal comma needs semicolons or tabs between the columns"
+        return (
+            ": a decimal comma needs semicolons or tabs between the columns of a text file; "
+            "separators of thousands are not allowed"
+        )
     return ": write it without thousands separators" if _THOUSANDS.fullmatch(text) else ""
 
 

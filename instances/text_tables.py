@@ -26,6 +26,8 @@ NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 COMMA = re.compile(r"[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?")
 #: Start of a line of comment.
 _COMMENTS = ("#", "%", "//")
+#: Error values of spreadsheets in the first cell, such as #N/A, #DIV/0! and #NAME?: no comments.
+_ERROR = re.compile(r"#(N/A|NV|N/D|[^\W\d_]+(/0)?[!?])\s*($|[,;\t])")
 #: Encodings of text files. UTF-8 is the default, and UTF-16 with a byte-order mark is recognised.
 ENCODINGS = (
     "utf-8", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "iso-8859-1", "iso-8859-15",
@@ -121,8 +123,9 @@ def separator_of(text: str) -> str:
 
 
 def is_comment(line: str) -> bool:
-    """Return whether a line begins with a mark of comments."""
-    return line.lstrip().startswith(_COMMENTS)
+    """Return whether a line begins with a mark of comments, and not with an error value."""
+    text = line.lstrip()
+    return text.startswith(_COMMENTS) and not _ERROR.match(text)
 
 
 def csv_rows(text: str, file: str, separator: str | None = None) -> Iterator[tuple[int, list[str]]]:
