@@ -51,11 +51,14 @@ _HEADERS = (_AXES, ("px", "py", "pz"), ("east", "north", "up"), ("e", "n", "u"))
 def numeric_rows(rows: Iterable[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
     """Yield line and cells of every row with a value, without the comma at the end of a row.
 
-    Several tools write such a comma. Spreadsheets write rows of commas below a table: they are skipped,
-    as by every reader of tables.
+    Several tools write such a comma. An empty cell within the width of the first row is a missing value.
+    Spreadsheets write rows of commas below a table: they are skipped, as by every reader of tables.
     """
+    width = 1
     for line, cells in rows:
-        yield line, cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+        row = cells[:-1] if len(cells) > width and not cells[-1] else cells
+        width = max(width, len(row))
+        yield line, row
 
 
 # -- samples -----------------------------------------------------------------------------------------
@@ -173,6 +176,8 @@ def read_samples(path: str | os.PathLike[str], **options: Unpack[TableOptions]) 
         return np.nan if fills else reader.number(cell, where, field)
 
     for line, values in rows:
+        if file.suffix.casefold() == ".xlsx":  # openpyxl omits empty cells at the end of a row
+            values += [""] * (len(names) - len(values))
         places.append(f"{file}, line {line}")
         table.append(numbers(values, names, places[-1], "samples", read))
         if len(table) > 1 and table[-1][0] <= table[-2][0]:
