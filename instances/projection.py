@@ -9,7 +9,7 @@ USGS 1395, 1987, section 25). Angles at the centre are of the normal sections.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence, Set as AbstractSet
+from collections.abc import Iterable, Mapping, Sequence, Set as AbstractSet
 from typing import Any
 
 import numpy as np
@@ -32,13 +32,15 @@ LARGEST_ERROR = 0.005
 _RADIUS, _SQUARE = 6378137.0, 6.69437999014e-3
 
 _DEGREES = {"deg": 1.0, "°": 1.0, "degrees": 1.0}
-#: Columns of positions; the first pair has precedence.
+#: Columns of positions; the first pair has precedence, unless the user maps only the second one.
 POSITIONS = (
     Column("x", units=LENGTHS, bare=True, optional=True, aliases=("easting",)),
     Column("y", units=LENGTHS, bare=True, optional=True, aliases=("northing",)),
-    Column("lat", units=_DEGREES, bare=True, optional=True, aliases=("latitude",)),
-    Column("lon", units=_DEGREES, bare=True, optional=True, aliases=("longitude", "lng", "long")),
-)
+    Column("lat", units=_DEGREES, bare=True, optional=True, aliases=("latitude",),
+           lower=-90.0, upper=90.0),
+    Column("lon", units=_DEGREES, bare=True, optional=True, aliases=("longitude", "lng", "long"),
+           lower=-180.0, upper=360.0),
+)  # fmt: skip
 
 log = logging.getLogger("crosstrack")
 
@@ -49,9 +51,19 @@ def has_positions(names: AbstractSet[str]) -> bool:
     return any(pairs) and all(len(pair) in (0, 2) for pair in pairs)
 
 
-def positions_of(values: Mapping[str, list[Any]], where: str) -> list[tuple[float, float]]:
-    """Return the positions (m) in the columns of a table; latitudes and longitudes are projected."""
-    if "x" in values:
+def positions_of(
+    values: Mapping[str, list[Any]], where: str, mapped: Iterable[str] = ()
+) -> list[tuple[float, float]]:
+    """Return the positions (m) in the columns of a table; latitudes and longitudes are projected.
+
+    `mapped` are the columns in the user's map. Of two pairs, the unread one is named in the log.
+    """
+    chosen = {name.strip().casefold() for name in mapped}
+    flat = "x" in values
+    if flat and "lat" in values:
+        flat = bool(chosen & {"x", "y"}) or not chosen & {"lat", "lon"}
+        log.warning("%s: columns that are not read: %s", where, "lat, lon" if flat else "x, y")
+    if flat:
         return list(zip(values["x"], values["y"], strict=True))
     plane = project_positions(values["lat"], values["lon"], where)
     return [(x, y) for x, y in plane.tolist()]

@@ -330,7 +330,7 @@ def read_nodes(path: str | os.PathLike[str], **options: Unpack[TableOptions]) ->
         suits=has_positions,
         **options,
     ).values
-    data: dict[str, Any] = {"points": positions_of(table, str(path))}
+    data: dict[str, Any] = {"points": positions_of(table, str(path), options.get("columns") or ())}
     for name, field in (("demand", "demands"), ("id", "ids")):
         if name in table:
             data[field] = table[name]
