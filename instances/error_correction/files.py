@@ -28,7 +28,7 @@ from ..rows import Rows, TableOptions
 from ..storage import pretty, reference, write_model
 from ..tables import number, table_text, write_rows
 from ..text_tables import csv_rows
-from ..units import LENGTHS
+from ..units import LENGTHS, factor_of
 
 __all__ = [
     "PointTable",
@@ -259,7 +259,10 @@ def _layout(rows: Sequence[tuple[int, list[str]]], file: str) -> _Layout | None:
             if names.count("kind") and any(names.count(axis) for axis in "xyz"):
                 places = _header(names, header, f"{file}, line {line}")
                 unused = [name for name, known in zip(header, names, strict=True) if not known]
-                factors = {name: _factor(header[at]) for name, at in places.items()}
+                factors = {
+                    axis: _factor(header[places[axis]], f"{file}, line {line}, column {axis}", axis)
+                    for axis in "xyz"
+                }
                 return _Layout(places, tuple(unused), first + 1, factors)
     for kind in (4, 3):  # id,x,y,z,kind or x,y,z,kind, and what may follow
         kinds = [as_kind(row[kind]) for _, row in rows if len(row) > kind]
@@ -279,10 +282,10 @@ def _bare(name: str) -> str:
     return re.sub(r"[(（\[].*", "", name).strip().casefold()
 
 
-def _factor(label: str) -> float:
-    """Return the metres of the unit at the end of a label, 1 if it has no known unit."""
+def _factor(label: str, where: str, axis: str) -> float:
+    """Return the metres of the unit at the end of a label, 1 without a unit, or raise."""
     match = re.search(r"[(（\[](?:.*[:：])?\s*([^:：()（）\[\]]*)[)）\]]$", label)
-    return LENGTHS.get(match[1].strip().casefold(), 1.0) if match else 1.0
+    return factor_of(match[1].strip() if match else "", LENGTHS, where, axis, bare=True)
 
 
 def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:
