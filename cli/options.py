@@ -92,7 +92,11 @@ def _columns(
     bad = next((entry for entry in entries if not all(entry.partition("=")[::2])), None)
     if bad is not None:
         raise click.BadParameter(f"{bad!r} is not NAME=COLUMN", param_hint="--columns")
-    return {name: column for name, _, column in (entry.partition("=") for entry in entries)} or None
+    result: dict[str, str] = {}
+    for name, _, column in (entry.partition("=") for entry in entries):
+        if result.setdefault(name, column) != column:
+            raise click.BadParameter(f"{name!r} is given twice", param_hint="--columns")
+    return result or None
 
 
 def _criterion(context: click.Context, parameter: click.Parameter, value: Sequence[str]) -> Any:

@@ -80,7 +80,8 @@ def _rows(rows: Iterable[Sequence[Any]], file: Path) -> Iterator[tuple[int, list
             row.pop()
         if line > ROWS or len(row) > COLUMNS:
             raise InvalidData(
-                f"{file}, row {line}: at most {ROWS} rows and {COLUMNS} columns are read"
+                f"{file}, row {line}: at most {ROWS} rows and {COLUMNS} columns are read: remove the "
+                "others, or save the sheet as CSV"
             )
         if row:
             yield line, row
@@ -98,7 +99,7 @@ def _sheet(sheets: Sequence[Any], wanted: str | int | None, file: Path) -> Any:
                 field="sheet",
             )
         return full[0] if full else sheets[0]
-    if wanted in titles:
+    if isinstance(wanted, str) and wanted in titles:
         return titles[wanted]
     text = str(wanted)
     if text.isascii() and text.isdigit() and len(text) < 5 and 1 <= int(text) <= len(sheets):

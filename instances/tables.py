@@ -164,9 +164,10 @@ class Sheet:
         plain = {column.name: column for column in columns if not column.units}
         with_unit = {x.name: x for x in columns if x.units or x.free}
         for target in self._reader.columns.keys() - plain.keys() - with_unit.keys():
+            hint = suggestion(target, [x.name for x in columns]).rstrip()
             raise InvalidData(
                 f"columns must name columns of {self.row}s, {', '.join(x.name for x in columns)}, got "
-                f"{show(target)}{suggestion(target, [x.name for x in columns])}",
+                f"{show(target)}{hint and f': {hint}'}",
                 field="columns",
             )
         result: dict[int, Column] = {}
@@ -189,9 +190,13 @@ class Sheet:
         lost = [x.name for x in columns if not x.optional and x.name not in present]
         if lost and not fault:
             fault = f"missing: {', '.join(lost)}"
-        refused = strict and any(
-            bare[at] not in _HARMLESS and not self.names[at].startswith(UNMAPPED) for at in unknown
-        )
+        refused = [
+            self.names[at] or f"number {at + 1} (without a name)"
+            for at in unknown
+            if strict and bare[at] not in _HARMLESS and not self.names[at].startswith(UNMAPPED)
+        ]
+        if refused and not fault:
+            fault = f"remove or rename the other columns, {show(', '.join(refused))}"
         if fault or refused or (suits is not None and not suits(set(present))):
             raise InvalidData(
                 f"{self.where}: must be a header of {self.row}s: {header}; "

@@ -86,7 +86,7 @@ def _bare(cell: str) -> str:
 def is_unit_row(cells: Sequence[str]) -> bool:
     """Return whether every cell is a known unit or empty.
 
-    A single unit is enough for at most two columns only: it could be the id of an incomplete row.
+    Several columns need two units: a single one could be the id of an incomplete row.
     """
     units = [_bare(cell).casefold() for cell in cells if _bare(cell) not in ("", "-")]
     return len(units) >= min(2, len(cells)) > 0 and _KNOWN.issuperset(units)

@@ -62,7 +62,11 @@ def test_spellings_of_one_table(text, tmp_path):
         ("x [m],y\nkm,km\n1,1\n", "column 'x .m.' must have one unit, got 'km' below it"),
         ("x [furlong],y\n1,1\n", "must state its unit in brackets, one of m, km"),
         ("id,x,y\na,1,2\n#b,3\n", "line 3: 2 values where the header has 3"),
-        ("x,y,due\n1,2,3\n", "must be a header of nodes.*due"),
+        ("x,y,due\n1,2,3\n", "must be a header of nodes.*remove or rename .*'due'; got"),
+        (",x,y\n0,1,2\n", r"remove or rename the other columns, 'number 1 \(without a name\)'"),
+        ("x,y\n0,0\n#N/A,3\n", "line 3, column x: .* got '#N/A': the value is missing"),
+        ("x,y\n0,0\n#DIV/0!,3\n", "line 3, column x: must be a finite number, got '#DIV/0!'"),
+        ("x;y\n0;0\n#BEZUG! ;3\n", "line 3, column x: must be a finite number, got '#BEZUG!'"),
     ],
 )
 def test_ambiguous_cells_are_refused(text, message, tmp_path):
@@ -82,6 +86,29 @@ def test_ids_that_look_like_comments_or_units_are_rows(tmp_path):
         [1e3, 2e-3, 0.03],
         [4e3, 5e-3, 0.06],
     ]
+
+
+def test_points_with_an_unknown_unit_are_refused(tmp_path):
+    file = written(tmp_path, "x [inch],y,z,kind\n1,2,3,A\n4,5,6,B\n")
+    with pytest.raises(InvalidData, match=r"line 1, column x: must state its unit.*got 'inch'"):
+        read_points(file)
+
+
+def test_error_values_of_spreadsheets_are_no_comments(tmp_path):
+    rows = [np.sin(k / 3) for k in range(60)]
+    lines = [*map(str, rows[:20]), "#N/A", *map(str, rows[21:])]
+    file = written(tmp_path, "\n".join(["height", *lines]))
+    book = openpyxl.Workbook()
+    for cell in ["height", *rows[:20], "#N/A", *rows[21:]]:
+        book.active.append([cell])
+    book.save(tmp_path / "a.xlsx")
+    for path in (file, tmp_path / "a.xlsx"):
+        with pytest.raises(InvalidData, match=r"line 22, column height: .* got '#N/A'"):
+            read_series(path, period=0.1)
+        series = read_series(path, period=0.1, missing="interpolate").series
+        assert len(series) == 60 and series[20] == pytest.approx((rows[19] + rows[21]) / 2)
+    file = written(tmp_path, "x,y\n0,0\n#Attention! 2 rows\n3,4\n")
+    assert len(read_nodes(file)["points"]) == 2
 
 
 def test_encodings(tmp_path):
@@ -133,6 +160,8 @@ def test_columns_are_mapped(tmp_path, caplog):
     with pytest.raises(UnsupportedOption, match="data, model, columns are for "):
         ct.load("fleet/example", columns={"x": "a"})
     assert "not NAME=COLUMN" in run("solve", file, "--columns", "x", code=2).stderr
+    twice = run("solve", file, "--columns", "x=Easting", "--columns", "x=Load", code=2)
+    assert "'x' is given twice" in twice.stderr
 
 
 def test_waypoints_and_points_take_a_map(tmp_path):
@@ -237,6 +266,16 @@ def test_samples_with_missing_cells(tmp_path):
     with pytest.raises(InvalidData, match="line 4, column x: must be a finite number, got ''"):
         read_samples(file)
     assert read_samples(file, missing="interpolate").values[0, 2, 0] == pytest.approx(5.0)
+    last = written(tmp_path, "t,x,y\n0,0,0\n0.05,2,\n0.1,4,6\n")
+    assert read_samples(last, missing="interpolate").values[0, 1].tolist() == [2.0, 3.0]
+    with pytest.raises(InvalidData, match=r"line 3, column y: .* the value is missing"):
+        read_samples(last)
+    book = openpyxl.Workbook()
+    for row in (["t", "x", "y"], [0, 0, 0], [0.05], [0.1, 4, 6]):
+        book.active.append(row)
+    book.save(tmp_path / "a.xlsx")
+    filled = read_samples(tmp_path / "a.xlsx", missing="interpolate")
+    assert filled.values[0, 1].tolist() == [2.0, 3.0]
     for read in (read_nodes, read_points, read_waypoints, read_stops):
         with pytest.raises(InvalidData, match="are not samples over time"):
             read(file, missing="interpolate")
@@ -298,10 +337,15 @@ def test_fleets_with_latitudes(tmp_path, caplog):
     assert np.linalg.norm(model.points[1] - model.points[0]) == pytest.approx(11126.1, rel=1e-4)
     assert np.linalg.norm(model.points[2] - model.points[0]) == pytest.approx(6867.9, rel=1e-4)
     assert "azimuthal equidistant about 52.0333° N, 4.0334° E" in caplog.text
+    both = written(tmp_path, "x,y,B,L\n0,0,52.0,4.0\n1,1,52.1,4.0\n")
+    with caplog.at_level(logging.WARNING, "crosstrack"):
+        points = read_nodes(both, columns={"lat": "B", "lon": "L"})["points"]
+    assert np.linalg.norm(np.subtract(*points)) == pytest.approx(11126.1, rel=1e-4)
+    assert "columns that are not read: x, y" in caplog.text
     for text, message in (
         ("lat,lon\n52,4\n60,40\n", "must be within 1100 km of their centre"),
         ("lat,lon\n0,0\n0,180\n", "must be within 1100 km"),
-        ("lat,lon\n91,0\n", "latitudes.0. must be .*91"),
+        ("lat,lon\n91,0\n", "line 2, column lat: must be -90 … 90 deg, got '91'"),
         ("lat,y\n1,0\n", "must be a header of nodes"),
     ):
         with pytest.raises(InvalidData, match=message):
