@@ -13,17 +13,33 @@ __all__ = ["insert_rows", "interpolate"]
 
 log = logging.getLogger("crosstrack")
 
+#: Largest number of inserted rows per row of the file, which bounds the memory.
+MOST_INSERTED = 10
+
 
 def insert_rows(table: Table, longest: float, time: str = "time") -> None:
     """Insert the missing rows of a table, in place, with NaN in all columns but `time`.
 
     Rows are missing if a step exceeds 1.5 times the median and is at most `longest`.
+
+    Raises
+    ------
+    InvalidData
+        More than 10 rows are missing per row of the file.
     """
     times = np.array(table.values[time])
     steps = np.diff(times)
     usual = float(np.median(steps)) if steps.size else 0.0
     (gaps,) = np.nonzero((steps > 1.5 * usual) & (steps <= longest) & (usual > 0.0))
-    counts = np.rint(steps[gaps] / (usual or 1.0)).astype(int) - 1
+    lacking = np.rint(steps[gaps] / (usual or 1.0)) - 1
+    if lacking.sum() > MOST_INSERTED * len(times):
+        raise InvalidData(
+            f"{table.places[gaps[lacking.argmax()] + 1]}, column {time}: {lacking.sum():.6g} rows are "
+            f"missing for {len(times)} rows of a step of {usual:.6g}; at most {MOST_INSERTED} per row "
+            "are interpolated: resample the file evenly",
+            field=time,
+        )
+    counts = lacking.astype(int)
     after = np.repeat(gaps + 1, counts)
     share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in counts] or [np.zeros(0)])
     fresh = times[after - 1] + share * steps[after - 1]

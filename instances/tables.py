@@ -138,6 +138,10 @@ class Sheet:
         """Return name and unit of column `at` as written; both may be empty."""
         return label_parts(self.labels[at])
 
+    def _title(self, at: int) -> str:
+        """Return the name of column `at` in lower case, or its number if it has no name."""
+        return self.names[at] or f"number {at + 1} (without a name)"
+
     def factor(
         self, at: int, units: Mapping[str, float], field: str, *, bare: bool = False
     ) -> float:
@@ -191,7 +195,7 @@ class Sheet:
         if lost and not fault:
             fault = f"missing: {', '.join(lost)}"
         refused = [
-            self.names[at] or f"number {at + 1} (without a name)"
+            self._title(at)
             for at in unknown
             if strict and bare[at] not in _HARMLESS and not self.names[at].startswith(UNMAPPED)
         ]
@@ -204,7 +208,7 @@ class Sheet:
                 field="header",
             )
         if unknown:
-            names = ", ".join(self.names[at] for at in unknown)
+            names = ", ".join(map(self._title, unknown))
             log.warning("%s: columns that are not read: %s", self.where, names)
         return result
 

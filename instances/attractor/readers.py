@@ -139,9 +139,8 @@ def _values(sheet: Sheet, times: list[int], wanted: str | None) -> int:
     names, where = sheet.names, sheet.where
     if any(not re.search("[^\\W\\d_]", name) for name in names):
         raise InvalidData(
-            f"{where}: must be a header of a series with a name for each column, such as "
-            "'time [s],x [m]', got "
-            f"{show(','.join(names))}",
+            f"{where}: must be a header of a series, such as 'time [s],x [m]', got "
+            f"{show(','.join(names))}: every column must have a name",
             field="header",
         )
     if len(set(names)) < len(names):

@@ -237,6 +237,14 @@ def test_recordings_with_a_steering_wheel_and_gaps(tmp_path, caplog):
             )
 
 
+def test_missing_rows_of_a_recording_are_limited(tmp_path):
+    steps = np.where(np.arange(60) % 3, 1e-6, 0.2)
+    times = np.append(0.0, np.cumsum(steps))
+    text = "\n".join([HEADER.replace(";", ","), *(f"{time:.6f},40,1,1,1" for time in times)])
+    with pytest.raises(InvalidData, match=r"column time: 3\.99998e\+06 rows are missing for 61"):
+        read_recording(written(tmp_path, text), steering_ratio=16, missing="interpolate")
+
+
 def test_series_with_several_columns_and_gaps(tmp_path):
     heights = [round(np.sin(k / 3), 6) for k in range(60)]
     rows = [f"{k},{height},{k}" for k, height in enumerate(heights)]
