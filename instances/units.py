@@ -54,13 +54,15 @@ _OTHER = (  # noqa: SIM905
 _KNOWN = frozenset(_OTHER).union(TIMES, LENGTHS, ANGLES, RATES, SPEEDS, ACCELERATIONS)
 
 #: Label of a column: a name, and optionally a unit in brackets.
-_LABEL = re.compile(r"([^\[\]()]*?)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
+_LABEL = re.compile(r"([^\[\]()]*)(?:\[([^\[\]]*)\]|\(([^()]*)\))?")
 
 
 def label_parts(label: str) -> tuple[str, str]:
     """Return name and unit of a column's label as written; the unit may be empty."""
     match = _LABEL.fullmatch(label)
-    return (match[1], (match[2] or match[3] or "").strip()) if match else (label, "")
+    if match is None:
+        return label, ""
+    return match[1].rstrip(), (match[2] or match[3] or "").strip()
 
 
 def factor_of(

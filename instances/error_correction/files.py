@@ -284,8 +284,8 @@ def _bare(name: str) -> str:
 
 def _factor(label: str, where: str, axis: str) -> float:
     """Return the metres of the unit at the end of a label, 1 without a unit, or raise."""
-    match = re.search(r"[(（\[](?:.*[:：])?\s*([^:：()（）\[\]]*)[)）\]]$", label)
-    return factor_of(match[1].strip() if match else "", LENGTHS, where, axis, bare=True)
+    unit = re.split(r"[(（\[:：]", label[:-1])[-1] if label[-1:] in (")", "）", "]") else ""
+    return factor_of(unit.strip(), LENGTHS, where, axis, bare=True)
 
 
 def _header(names: list[str], header: list[str], where: str) -> dict[str, int]:

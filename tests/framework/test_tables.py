@@ -22,6 +22,7 @@ from crosstrack.instances.guided_path import read_stops
 from crosstrack.instances.minimum_snap import read_samples, read_waypoints
 from crosstrack.instances.projection import project_positions
 from crosstrack.instances.sideslip import read_recording
+from crosstrack.instances.units import label_parts
 
 
 def written(tmp_path: Path, content: str | bytes, name: str = "table.csv") -> Path:
@@ -92,6 +93,12 @@ def test_points_with_an_unknown_unit_are_refused(tmp_path):
     file = written(tmp_path, "x [inch],y,z,kind\n1,2,3,A\n4,5,6,B\n")
     with pytest.raises(InvalidData, match=r"line 1, column x: must state its unit.*got 'inch'"):
         read_points(file)
+
+
+def test_labels_of_many_blanks_take_linear_time():
+    label = f"x{100_000 * ' '}("
+    assert label_parts(label) == (label, "")
+    assert label_parts(f"x{100_000 * ' '}(km )") == ("x", "km")
 
 
 def test_error_values_of_spreadsheets_are_no_comments(tmp_path):
