@@ -115,7 +115,7 @@ def project_positions(
     chords = np.linalg.norm(offsets, axis=-1)
     angles = 2.0 * np.arcsin(np.minimum(chords / (2.0 * radii), 1.0))
     widest = float(angles.max())
-    excess = widest / np.sin(widest) - 1.0 if 0.0 < widest < np.pi / 2 else np.inf * bool(widest)
+    excess = np.inf if widest >= np.pi / 2 else 1.0 / np.sinc(widest / np.pi) - 1.0
     place = (
         f"{abs(np.degrees(lat)):.4f}° {'NS'[bool(lat < 0)]}, "
         f"{abs(np.degrees(lon)):.4f}° {'EW'[bool(lon < 0)]}"

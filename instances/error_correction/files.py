@@ -124,6 +124,11 @@ def read_points(path: str | os.PathLike[str], **options: Unpack[TableOptions]) -
     """
     file = as_path(path)
     reader = Rows(file, "point", **options)
+    for target in reader.columns.keys() - _NAMES.keys():
+        raise InvalidData(
+            f"columns must name columns of points, {', '.join((*_COLUMNS, 'fail'))}, got {show(target)}",
+            field="columns",
+        )
     rows = list(reader)
     if file.suffix.casefold() == ".xlsx":
         # Excel stores no empty cells at the end of a row, so rows are padded.

@@ -182,6 +182,8 @@ def test_waypoints_and_points_take_a_map(tmp_path):
     file = written(tmp_path, "Nr.;X-Koord.;Y;Z;Art\n1;0,5;0;0;A\n2;1;1;1;B\n")
     columns = {"id": "Nr.", "x": "X-Koord.", "kind": "Art"}
     assert read_points(file, columns=columns).points.tolist() == [[0.5, 0, 0], [1, 1, 1]]
+    with pytest.raises(InvalidData, match=r"columns must name columns of points, .* got 'fial'"):
+        read_points(file, columns={"fial": "Nr."})
 
 
 def test_sheets_of_excel_files(tmp_path):
@@ -342,6 +344,8 @@ def test_the_projection_agrees_with_known_distances():
         plane = project_positions(lat, lon, "a.csv")
         assert np.linalg.norm(plane[1] - plane[0]) == pytest.approx(metres, rel=3e-5)
     assert np.allclose(project_positions([5, 5], [7, 7], "a.csv"), 0.0, atol=1e-6)
+    for lat in (0.0, 90.0, -90.0):
+        assert np.allclose(project_positions([lat], [0.0], "a.csv"), 0.0, atol=1e-6)
 
 
 def test_fleets_with_latitudes(tmp_path, caplog):
