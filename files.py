@@ -82,16 +82,22 @@ def decoded(raw: bytes, file: str | Path) -> str:
     Raises
     ------
     InvalidData
-        `raw` has more than :data:`LARGEST_FILE` bytes or is not UTF-8; the message names the line.
+        `raw` has more than :data:`LARGEST_FILE` bytes, is compressed, or is not UTF-8 (field
+        ``encoding``); the message names the line.
     """
     if len(raw) > LARGEST_FILE:
         raise InvalidData(f"{file}: holds more than {LARGEST_FILE} bytes")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if raw[:2] == b"\x1f\x8b":
+            raise InvalidData(
+                f"{file}: compressed with gzip, but must be text: decompress it first, such as with gunzip"
+            ) from None
         line = raw.count(b"\n", 0, error.start) + 1
         raise InvalidData(
-            f"{file}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8: save it as UTF-8"
+            f"{file}, line {line}: byte 0x{raw[error.start]:02x} is no UTF-8: save it as UTF-8",
+            field="encoding",
         ) from None
 
 

@@ -38,6 +38,8 @@ def read_file(
     table_options: TableOptions,
 ) -> Model[Any]:
     """Return the model in a file of any format; see :func:`crosstrack.load` for the parameters."""
+    if file.is_file() and not file.stat().st_size:
+        raise InvalidData(f"{file}: the file is empty")
     form = recognise(file)
     if form is None:
         known = ", ".join(item.name for item in file_formats() if item.targets)

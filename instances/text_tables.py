@@ -47,6 +47,8 @@ def read_table_text(file: Path, encoding: str | None) -> str:
             try:
                 return decoded(raw, file)
             except InvalidData as error:
+                if error.field != "encoding":
+                    raise
                 raise InvalidData(
                     f"{error}, or give its encoding, such as encoding='windows-1252' (on the command "
                     "line --encoding windows-1252)",

@@ -233,7 +233,8 @@ def test_points_of_a_csv_with_thresholds(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "no valid JSON"),
+        ("", "the file is empty"),
+        ("\n", "no valid JSON"),
         ("[]", "a model must be an object"),
         ("{", "no valid JSON"),
         ('{"model": "error-correction"}', "'data' is missing"),
