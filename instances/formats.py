@@ -30,12 +30,17 @@ _GEOJSON = re.compile(
 _GEOMETRY = re.compile(r'"type"\s*:\s*"(?:Multi)?(Point|LineString|Polygon)"')
 
 
+def _is_geojson(head: Head) -> bool:
+    """Return whether a file is GeoJSON; with sorted keys, the type of a long one is not in its head."""
+    kind = "FeatureCollection" if "features" in head.keys else ""
+    return bool(_GEOJSON.fullmatch(head.keys.get("type", kind)))
+
+
 def _geometry(*kinds: str) -> Callable[[Head], bool]:
     """Return a recogniser of GeoJSON with these geometries."""
 
     def matches(head: Head) -> bool:
-        is_geojson = _GEOJSON.fullmatch(head.keys.get("type", ""))
-        return bool(is_geojson) and set(_GEOMETRY.findall(head.text)) == set(kinds)
+        return _is_geojson(head) and set(_GEOMETRY.findall(head.text)) == set(kinds)
 
     return matches
 
@@ -49,7 +54,9 @@ _SCENES = {"starts": "[[0, 0]]", "targets": "[[9, 9]]"}
 _MISSION = {"bounds": "[0, 0, 100, 100]", "vehicles": "2"}
 _ON_MAP = {
     "grid-path": Target(f"{_MAPS}path_on_map", _ENDS),
-    "unknown-grid": Target(".instances.unknown_grid.readers:scenes_on_map", _SCENES),
+    "unknown-grid": Target(
+        ".instances.unknown_grid.readers:scenes_on_map", _SCENES, {"view": "[3, 3]"}
+    ),
 }
 _FLEET = Target(f"{_PLACES}fleet_of_places", {"vehicles": "2"}, _UNITS)
 _WAYPOINTS = Target(f"{_PLACES}path_of_places", {"times": "[0, 1, 2]"}, _UNITS)
@@ -92,8 +99,9 @@ _FORMATS = (
                 f"{_PLACES}path_among_areas",
                 {"bounds": "[0, 0, 100, 100]", "cell": "1", **_ENDS}, {"radius": "0", **_UNITS},
             ),
+            # The points may follow the first 64 KiB.
             "fleet-mission": Target(
-                f"{_PLACES}mission_of_places", {**_MISSION, "nodes": "[[10, 10], [20, 5]]"}, _DEPOT
+                f"{_PLACES}mission_of_places", _MISSION, {"nodes": "[[10, 10], [20, 5]]", **_DEPOT}
             ),
         },
         _geometry("Polygon"),
@@ -101,7 +109,7 @@ _FORMATS = (
     FileFormat(
         "geojson", "GeoJSON of points and polygons",
         {"fleet-mission": Target(f"{_PLACES}mission_of_places", _MISSION, _DEPOT)},
-        lambda head: bool(_GEOJSON.fullmatch(head.keys.get("type", ""))), (".geojson",),
+        _is_geojson, (".geojson",),
     ),
     FileFormat(
         "solution", "a solution, which is no instance",
