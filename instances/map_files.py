@@ -18,7 +18,7 @@ from .grid_path.images import read_image
 from .grid_path.maps import read_text_map
 from .grid_path.movingai import read_map, read_scenarios
 from .grid_path.ros import image_of_ros, read_ros_map
-from .storage import Find
+from .storage import Find, joined
 
 __all__ = ["map_of_file", "path_of_scenario", "path_on_map"]
 
@@ -59,7 +59,7 @@ def map_of_file(
 def path_on_map(path: Path, *, form: str, find: Find, **data: Any) -> GridPath:
     """Return the model on the map in a file, with `start` and `goals` in `data`."""
     grid, fields = map_of_file(path, form, find, data)
-    return GridPath.from_data({"map": grid, **fields}, name=path.stem)
+    return GridPath.from_data(joined({"map": grid}, fields), name=path.stem)
 
 
 def path_of_scenario(
@@ -82,7 +82,7 @@ def path_of_scenario(
         Further fields of the model.
     """
     if map_file is None:
-        lines = read_text(path).splitlines()
+        lines = [line for line in read_text(path).splitlines() if line.strip()]
         words = lines[1].split("\t" if "\t" in lines[1] else None) if len(lines) > 1 else []
         if len(words) < 2:
             raise InvalidData(f"{path}: must have a row for each scenario", field="map_file")
@@ -102,6 +102,6 @@ def path_of_scenario(
             "has one agent)",
             field="scenario",
         )
-    row = Whole(0, len(rows) - 1).coerce("scenario", scenario or 0, {})
-    fields = {"map": grid, "start": rows[row].start, "goals": rows[row].goal, **data}
-    return GridPath.from_data(fields, name=f"{path.stem}-{row}")
+    row = Whole(0, len(rows) - 1).coerce("scenario", 0 if scenario is None else scenario, {})
+    fields = {"map": grid, "start": rows[row].start, "goals": rows[row].goal}
+    return GridPath.from_data(joined(fields, data), name=f"{path.stem}-{row}")

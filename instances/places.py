@@ -14,6 +14,7 @@ from ..models.fields import Array, show
 from ..models.json_text import parse_json
 from .grid_path.geojson import as_polygons, geometries
 from .projection import project_positions
+from .storage import joined
 
 if TYPE_CHECKING:
     from ..models.fleet.model import FleetRouting
@@ -31,7 +32,10 @@ __all__ = [
 log = logging.getLogger("crosstrack")
 
 #: Reference systems whose coordinates are degrees.
-_DEGREES = re.compile(r"CRS(84|83|27)\b|EPSG:+.*\b(4326|4258|4269|4267|4979)\b", re.IGNORECASE)
+_DEGREES = re.compile(
+    r"CRS(84|83|27)\b|EPSG:+.*\b(4326|4258|4269|4267|4979|4171|4283|7844|4490|4612|6668|4674|4617|4277|4314)\b",
+    re.IGNORECASE,
+)
 
 
 class Places(NamedTuple):
@@ -149,12 +153,18 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
     unit = content.get("units") if units is None else units
     if units is not None and unit not in ("metres", "degrees"):
         raise InvalidData(f"units must be metres or degrees, got {show(units)}", field="units")
+    if unit is not None and unit not in ("metres", "degrees"):
+        raise InvalidData(
+            f'the member "units" must be metres or degrees, got {show(unit)}: convert the coordinates, '
+            "or give their unit by --data units=…",
+            field="coordinates",
+        )
     crs = content.get("crs")
     name = show(crs) if crs is not None else ""
     if isinstance(crs, Mapping) and isinstance(crs.get("properties"), Mapping):
         name = str(crs["properties"].get("name", name))
     far = any(abs(x) > 180 or abs(y) > 90 for group in groups for x, y, *_ in group)
-    if unit not in ("metres", "degrees"):
+    if unit is None:
         if name:
             unit = "degrees" if _DEGREES.search(name) else "metres"
             if unit == "metres":
@@ -182,10 +192,11 @@ def fleet_of_places(path: Path, *, units: Any = None, **data: Any) -> FleetRouti
 
     places = read_places(path, units)
     places.require(path, FleetRouting.kind, "points")
-    fields: dict[str, Any] = {"points": [point[:2] for point in places.points], **_named(places)}
-    if places.depots:
-        fields["depots"] = places.depots
-    return FleetRouting.from_data({**fields, **data}, name=path.stem)
+    depots = {"depots": places.depots} if places.depots else {}
+    fields = {"points": [point[:2] for point in places.points]}
+    return FleetRouting.from_data(
+        joined(fields, {**_named(places), **depots, **data}), name=path.stem
+    )
 
 
 def tour_of_places(path: Path, *, units: Any = None, **data: Any) -> MessengerTour:
@@ -194,8 +205,8 @@ def tour_of_places(path: Path, *, units: Any = None, **data: Any) -> MessengerTo
 
     places = read_places(path, units)
     places.require(path, MessengerTour.kind, "points")
-    fields = {"positions": [point[:2] for point in places.points], **_named(places)}
-    return MessengerTour.from_data({**fields, **data}, name=path.stem)
+    fields = {"positions": [point[:2] for point in places.points]}
+    return MessengerTour.from_data(joined(fields, {**_named(places), **data}), name=path.stem)
 
 
 def mission_of_places(
@@ -214,7 +225,7 @@ def mission_of_places(
     marked = places.depots[: 1 - len(home)]
     home = rest[: len(home)] or [places.points[k][:2] for k in marked]
     inner = [k for k in range(len(places.points)) if k not in marked]
-    fields: dict[str, Any] = {"obstacles": places.areas, "bounds": limits, **data}
+    fields = joined({"obstacles": places.areas, "bounds": limits}, data)
     if home:
         fields["depot"] = home[0]
     if nodes is None and inner:
@@ -243,7 +254,7 @@ def path_among_areas(
     places, limits, _ = _read_within(path, units, bounds, [])
     places.require(path, GridPath.kind, "areas")
     grid = GridMap.from_polygons(places.areas, limits, cell, radius)
-    return GridPath.from_data({"map": grid, **data}, name=path.stem)
+    return GridPath.from_data(joined({"map": grid}, data), name=path.stem)
 
 
 def _read_within(
@@ -271,8 +282,8 @@ def path_of_places(path: Path, *, units: Any = None, **data: Any) -> MinimumSnap
         )
     rows = places.lines[0] if places.lines else places.points
     width = min(map(len, rows), default=2)
-    fields = {"waypoints": [row[: min(width, 3)] for row in rows], **data}
-    return MinimumSnap.from_data(fields, name=path.stem)
+    fields = {"waypoints": [row[: min(width, 3)] for row in rows]}
+    return MinimumSnap.from_data(joined(fields, data), name=path.stem)
 
 
 def _named(places: Places) -> dict[str, Any]:

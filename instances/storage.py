@@ -32,6 +32,7 @@ __all__ = [
     "Assumed",
     "Find",
     "ReferredFiles",
+    "joined",
     "model_of_table",
     "plan_in",
     "read_content",
@@ -214,10 +215,11 @@ class ReferredFiles:
     def without_content(self, error: InvalidData) -> InvalidData:
         """Return `error` without quoted content of a referenced file."""
         for file in self.files:
-            if str(error).startswith(str(file)):
-                line = re.match(", line [0-9]+", str(error)[len(str(file)) :])
+            # Not a longer name: room.map.scen refers to room.map.
+            match = re.match(f"({re.escape(str(file))}(?:, line [0-9]+)?)[:, ]", str(error))
+            if match:
                 return InvalidData(
-                    f"{file}{line[0] if line else ''}: not in the form that the model reads; with "
+                    f"{match[1]}: not in the form that the model reads; with "
                     "trusted=True, on the command line with --trusted, the message says why",
                     field=error.field,
                 )
@@ -255,11 +257,9 @@ def model_of_table(
             key: value.value for key, value in contents.items() if isinstance(value, Assumed)
         }
         try:
-            for key in contents:
-                if key in given and key not in (*assumed, *taken):
-                    raise InvalidData(f"{key} must not be given: the file holds it", field=key)
+            known = {key: value for key, value in contents.items() if key not in assumed}
             rest = {key: value for key, value in given.items() if key not in taken}
-            data = {**contents, **assumed, **rest}
+            data = {**assumed, **joined(known, rest)}
             result: Model[Any] = model_type(candidate).from_data(data, name=file.stem)
         except InvalidData as error:
             lacking[candidate] = str(error)
@@ -286,6 +286,14 @@ def model_of_table(
         + "\ngive what is missing with --data KEY=VALUE on the command line or data={…} in Python, or "
         "in an instance file beside it that names this file in its data"
     )
+
+
+def joined(contents: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields in a file and those that the user gives, or raise for a field in both."""
+    for key in contents:
+        if key in given:
+            raise InvalidData(f"{key} must not be given: the file holds it", field=key)
+    return {**contents, **given}
 
 
 def _hint(file: Path) -> None:

@@ -27,6 +27,7 @@ from ...models.fields import Flag
 from ...models.minimum_snap.bounds import derivative_name, derivative_unit
 from ...models.minimum_snap.trajectory import Trajectory
 from ..exports import ExportFormat
+from ..storage import joined
 from .pieces import Poly7, Precision
 
 __all__ = [
@@ -248,9 +249,8 @@ def model_of_trajectory(path: Path, *, form: str, **data: Any) -> MinimumSnap:
         "%s: a trajectory, which is a plan; its waypoints and times become an instance", path
     )
     times = trajectory.times
-    return MinimumSnap.from_data(
-        {"waypoints": trajectory(times), "times": times, **data}, name=path.stem
-    )
+    fields = {"waypoints": trajectory(times), "times": times}
+    return MinimumSnap.from_data(joined(fields, data), name=path.stem)
 
 
 POLY7 = ExportFormat("pieces of degree 7 as a Crazyflie flies them (CSV)", ".csv", write_poly7)

@@ -19,6 +19,7 @@ from ...models.fields import Array, Whole, required, show
 from ...models.records import Member
 from ...models.unknown_grid.checks import has_way
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ..storage import joined
 
 __all__ = ["SceneArrays", "SceneLaw", "draw_scene_arrays", "draw_scenes", "training_generator"]
 
@@ -64,10 +65,10 @@ class SceneArrays(NamedTuple):
     starts: Ints
     targets: Ints
 
-    def pose(self, **fields: Any) -> UnknownGridNavigation:
+    def pose(self, /, *, name: str = "", **fields: Any) -> UnknownGridNavigation:
         """Return the model of the scenes; `fields` are its further fields, such as `view`."""
-        shape = np.array(self.blocked.shape[1:])
-        return UnknownGridNavigation(self.blocked, self.starts, self.targets, shape, **fields)
+        contents = {**self._asdict(), "shape": self.blocked.shape[1:]}
+        return UnknownGridNavigation.from_data(joined(contents, fields), name=name)
 
 
 def draw_scenes(

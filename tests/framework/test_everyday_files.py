@@ -1,5 +1,6 @@
 """Every file of a newcomer is solved, or ends in a message with the remedy; damaged files are refused."""
 
+import gzip
 import json
 import random
 import re
@@ -152,6 +153,89 @@ def test_data_and_model_are_checked(tmp_path):
         ct.load(everyday.write(named("line.sop"), tmp_path), data={"ids": []})
     example = run("solve", file, code=2).stderr.splitlines()[1]
     assert "--as grid-path --data 'start=[0, 0]' --data 'goals=[9, 9]'" in example
+
+
+def test_data_do_not_replace_the_content_of_a_file(tmp_path):
+    for name, key, value in (
+        ("stops.geojson", "points", [[0, 0], [1, 0]]),
+        ("mission.geojson", "obstacles", []),
+        ("route.geojson", "waypoints", [[0, 0], [1, 1], [2, 0]]),
+        ("room.map", "map", {"blocked": ["..."]}),
+        ("room.map.scen", "start", [1, 0]),
+        ("scenes.txt", "blocked", [["..."]]),
+        ("flight.csv", "times", [0, 1, 2]),
+    ):
+        file = named(name)
+        words = pairs([word for word in file.options.split() if "=" in word], "--data")
+        with pytest.raises(InvalidData, match=f"{key} must not be given: the file holds it"):
+            ct.load(everyday.write(file, tmp_path), data={**words, key: value})
+    path = everyday.write(named("scenes.txt"), tmp_path)
+    with pytest.raises(InvalidData, match="unknown key 'zzz'"):
+        ct.load(path, data={"view": [3, 3], "zzz": 1})
+    with pytest.raises(UnknownName, match="can become"):
+        ct.load(path, model="grid-path")
+
+
+@pytest.mark.parametrize("suffix", [".map.scen", ".scen"])
+def test_a_row_of_scenarios_is_required_and_checked(suffix, tmp_path):
+    file = named("room.map.scen")
+    row = file.content.partition("\n")[2]
+    everyday.write(file, tmp_path)
+    path = tmp_path / f"room{suffix}"
+    path.write_text(f"version 1\n\n{row.replace('maps/', '')}{row}")
+    with pytest.raises(InvalidData, match=r"one of its 2 rows(?s:.*)--data scenario=0"):
+        ct.load(path)
+    assert ct.load(path, data={"scenario": 1}).name == f"{path.stem}-1"
+    for value in ("", False, [], "0", 2):
+        with pytest.raises(InvalidData, match="scenario must be"):
+            ct.load(path, data={"scenario": value})
+
+
+def test_geojson_states_its_unit(tmp_path):
+    path = tmp_path / "stops.geojson"
+    path.write_text(POINTS_IN.format('"units": "feet",'))
+    with pytest.raises(InvalidData, match="\"units\" must be metres or degrees, got 'feet'"):
+        ct.load(path, data={"vehicles": 1})
+    assert ct.load(path, data={"vehicles": 1, "units": "metres"}).points[1, 0] == 100.5
+    name = "urn:ogc:def:crs:EPSG::4490"  # China Geodetic Coordinate System 2000
+    crs = f'"crs": {{"type": "name", "properties": {{"name": "{name}"}}}},'
+    path.write_text(POINTS_IN.format(crs))
+    fleet = ct.load(path, data={"vehicles": 1})
+    assert np.ptp(fleet.points[:, 0]) == pytest.approx(42_697.6, rel=1e-4)
+
+
+POINTS_IN = '{{"type": "MultiPoint", {} "coordinates": [[100, 40], [100.5, 40]]}}'
+
+
+def test_geojson_is_recognised_if_it_is_longer_than_the_head(tmp_path):
+    path = tmp_path / "layer.json"
+    points = [("Point", [k, 1], {}) for k in range(1000)]
+    path.write_text(
+        json.dumps(json.loads(everyday.collection(*points, units="metres")), sort_keys=True)
+    )
+    assert path.stat().st_size > 1 << 16
+    assert len(ct.load(path, data={"vehicles": 1}, model="fleet-routing").points) == 1000
+    areas = [("Polygon", everyday.SQUARE, {})] * 600
+    path.write_text(everyday.collection(*areas, *points[:3], units="metres"))
+    data = {"bounds": [0, 0, 10, 10], "vehicles": 1, "depot": [9, 9]}
+    assert len(ct.load(path, data=data).nodes) == 3
+    path.write_text(everyday.collection(*areas, units="metres"))
+    with pytest.raises(InvalidData, match=r"'nodes' is missing(?s:.*)--data 'nodes="):
+        ct.load(path, data=data)
+
+
+def test_empty_and_compressed_files_are_named(tmp_path):
+    for name in ("a.map", "a.tsp", "a.txt", "a.geojson"):
+        path = tmp_path / name
+        path.write_bytes(b"")
+        with pytest.raises(InvalidData, match=f"{name}: the file is empty"):
+            ct.load(path)
+    for name in ("room.map", "nodes.txt", "fleet.json"):
+        path = tmp_path / f"{name}.gz"
+        path.write_bytes(gzip.compress(named(name).content.encode()))
+        data = pairs([word for word in named(name).options.split() if "=" in word], "--data")
+        with pytest.raises(InvalidData, match=r"gz: compressed with gzip.* gunzip$"):
+            ct.load(path, data=data)
 
 
 def test_a_registered_format_is_read_first(tmp_path, monkeypatch):
