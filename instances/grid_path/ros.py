@@ -95,7 +95,8 @@ def read_ros_map(
     occupancy = bright if numbers["negate"][0] else 1.0 - bright
     free = occupancy < numbers["free_thresh"][0]
     occupied = occupancy > numbers["occupied_thresh"][0]
-    blocked = ~free if state is Unknown.BLOCKED else occupied
+    # map_server compares with occupied_thresh first.
+    blocked = occupied | ~free if state is Unknown.BLOCKED else occupied
     try:
         return GridMap(
             blocked[::-1], numbers["resolution"][0], np.array(numbers["origin"][:2]), upward=True
