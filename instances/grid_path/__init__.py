@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 #: Names that modules of other problems import, beside the public ones.
 SHARED = ("listing.PAPER", "maps.resolve_references", "paper.PAPER")
 CATALOGUE = {"grid-path": ".listing:catalogue_entries"}
+TEMPLATES = {"grid-path": "grid-path/pocket"}
 PAPERS = {"grid-path": ".paper:PAPER"}
 REFERENCES = {"grid-path": ".maps:resolve_references"}
 DEMOS = {"grid-path": ".demo:DEMO"}
