@@ -374,8 +374,13 @@ def read_plan(model: Model[Any], source: str | os.PathLike[str]) -> Any:
 
 def read_content(source: str | os.PathLike[str]) -> Any:
     """Return the JSON data in a file, or in standard input for ``"-"``."""
-    standard = isinstance(source, str) and source == "-"
-    return parse_json(read_input() if standard else read_text(source))
+    if isinstance(source, str) and source == "-":
+        return parse_json(read_input())
+    text = read_text(source)
+    try:
+        return parse_json(text)
+    except InvalidData as error:
+        raise InvalidData(f"{source}: {error}", field=error.field) from None
 
 
 def plan_in(model: Model[Any], data: Any, source: str | os.PathLike[str]) -> Any:
