@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fnmatch import fnmatchcase
 from glob import glob, has_magic
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -210,8 +211,11 @@ def _expand(patterns: Sequence[str]) -> list[str]:
     for pattern in patterns:
         matches = [pattern]
         if has_magic(pattern) and not Path(pattern).exists():
-            files = sorted(glob(pattern))  # noqa: PTH207 (Path.glob refuses absolute patterns)
-            matches = files or select("instance", [pattern], [entry.name for entry in entries()])
+            # As in load, the catalogue precedes files of the same name.
+            names = [entry.name for entry in entries()]
+            matches = [name for name in names if fnmatchcase(name, pattern)]
+            matches = matches or sorted(glob(pattern))  # noqa: PTH207 (Path.glob refuses absolute patterns)
+            matches = matches or select("instance", [pattern], names)
         result += [name for name in matches if name not in result]
     return result
 
