@@ -296,6 +296,11 @@ def load(
         The file cannot be read, does not contain an instance, lacks data, or can become several
         models. The message names the place, and the command with the missing data.
     """
+    for name, value in (("data", data), ("columns", columns)):
+        if value is not None and not isinstance(value, Mapping):
+            raise InvalidData(f"{name} must be a mapping or None, got {show(value)}", field=name)
+    if folder is not None and not isinstance(folder, str | os.PathLike):
+        raise InvalidData(f"folder must be a path or None, got {show(folder)}", field="folder")
     given = {"columns": columns, "encoding": encoding, "sheet": sheet, "missing": missing}
     table_options: Any = {name: value for name, value in given.items() if value is not None}
     has_data = bool(data) or model is not None or bool(table_options)

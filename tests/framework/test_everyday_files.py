@@ -151,6 +151,14 @@ def test_data_and_model_are_checked(tmp_path):
         ct.load(file, data={"start": [0, 0], "goals": [2, 0], "find": 1})
     with pytest.raises(UnsupportedOption, match="whole instance"):
         ct.load(everyday.write(named("line.sop"), tmp_path), data={"ids": []})
+    for options in (
+        {"data": "vehicles=2"},
+        {"data": [("vehicles", 2)]},
+        {"columns": 5},
+        {"folder": 5},
+    ):
+        with pytest.raises(InvalidData, match=f"{next(iter(options))} must be a"):
+            ct.load(file, **options)
     example = run("solve", file, code=2).stderr.splitlines()[1]
     assert "--as grid-path --data 'start=[0, 0]' --data 'goals=[9, 9]'" in example
 
