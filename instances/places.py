@@ -266,8 +266,10 @@ def _read_within(
     places = read_places(path, units, given)
     if places.others is given:  # in metres
         return places, bounds, others
-    xs, ys = zip(*places.others[:4], strict=True)
-    return places, [min(xs), min(ys), max(xs), max(ys)], places.others[4:]
+    # West before east and south before north, so that models refuse reversed bounds.
+    sw, nw, se, ne = places.others[:4]
+    low, high = [min(sw[0], nw[0]), min(sw[1], se[1])], [max(se[0], ne[0]), max(nw[1], ne[1])]
+    return places, low + high, places.others[4:]
 
 
 def path_of_places(path: Path, *, units: Any = None, **data: Any) -> MinimumSnap:

@@ -120,6 +120,9 @@ def test_geojson_keeps_names_depots_and_obstacles(tmp_path):
     assert inner.bounds[2:] - inner.bounds[:2] == pytest.approx([74.6, 111.2], abs=0.1)
     assert inner.depot - inner.bounds[:2] == pytest.approx([7.46, 11.12], abs=0.01)
     assert inner.nodes[0] - inner.bounds[:2] == pytest.approx([59.7, 89.0], abs=0.1)
+    reverse = {"bounds": [*bounds[2:], *bounds[:2]], "vehicles": 1, "depot": [11.0001, 48.0001]}
+    with pytest.raises(InvalidData, match="bounds must be"):
+        ct.load(path, data=reverse)
     with pytest.raises(InvalidData, match="nodes must not be given"):
         ct.load(path, data={"bounds": bounds, "vehicles": 1, "nodes": [[11, 48]]})
     mixed = named("mission.geojson")._replace(options="--data vehicles=1 --as fleet-routing")
