@@ -171,7 +171,9 @@ def _polygons(path: Any, transform: Any, axes: Any, space: str) -> list[list[Any
         low, high = corners.min(axis=0), corners.max(axis=0)
         flat = _xy([(low + high) / 2, (high - low) / 2], axes, space)
         return [["o", *(flat[name][k] for k in range(2) for name in "xy")]]
-    lines = path.to_polygons(transform=transform, closed_only=False)
+    # Path.to_polygons ignores the part of a transformation that is not affine, such as a logarithm.
+    bent = transform.transform_path_non_affine(path)
+    lines = bent.to_polygons(transform=transform.get_affine(), closed_only=False)
     result: list[list[Any]] = []
     for line in lines:
         flat = _xy(_place(np.asarray(line), axes, space), axes, space)
@@ -223,7 +225,9 @@ def _line(line: Any, axes: Any) -> dict[str, Any]:
 
 def _simplify(line: Any, axes: Any) -> Floats:
     """Return a line without the points that are invisible; NaN separates its parts."""
-    path = line.get_path().cleaned(line.get_transform(), remove_nans=True, simplify=True)
+    transform = line.get_transform()
+    path = transform.transform_path_non_affine(line.get_path())
+    path = path.cleaned(transform.get_affine(), remove_nans=True, simplify=True)
     codes = path.codes[:-1]  # the last one ends the path
     places = _place(path.vertices[:-1], axes, "")
     gaps = np.flatnonzero(codes == path.MOVETO)

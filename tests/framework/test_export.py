@@ -53,6 +53,26 @@ def test_long_line_loses_only_invisible_points():
     assert np.abs(np.interp(times, x, y) - np.sin(times)).max() < 5e-3
 
 
+def test_logarithmic_axes_keep_values_of_lines_and_polygons():
+    times = np.logspace(-3, 2, 1000)
+
+    def draw(axes):
+        axes.plot(times, times**2)
+        axes.axvspan(0.01, 0.25)
+        axes.fill_between([0.01, 10.0], [1.0, 1.0], [100.0, 100.0])
+        axes.set(xscale="log", yscale="log")
+
+    scene, _ = scene_of(draw)
+    (line,) = [artist for artist in scene["artists"] if artist["t"] == "line"]
+    assert len(line["x"]) < 1000
+    assert np.allclose(np.square(line["x"]), line["y"], rtol=0.02)
+    assert (line["x"][0], line["x"][-1]) == (pytest.approx(1e-3), pytest.approx(100))
+    area, span = [artist["p"][0][0] for artist in scene["artists"] if artist["t"] == "paths"]
+    assert (min(area[::2]), max(area[::2])) == (pytest.approx(0.01), pytest.approx(10))
+    assert (min(area[1::2]), max(area[1::2])) == (pytest.approx(1), pytest.approx(100))
+    assert (min(span[::2]), max(span[::2])) == (pytest.approx(0.01), pytest.approx(0.25))
+
+
 def test_shares_of_the_axes_are_marked():
     def draw(axes):
         axes.axvspan(1, 2, color="#eef1f4")
