@@ -354,6 +354,12 @@ def animate_states(model: AttractorAnalysis, plan: AttractorEstimate | Any, figu
     # As in the picture, the delay of a short series is 1.
     fits = len(model.series) > (shown - 1) * plan.delay + 1
     states = model.states(plan.delay if fits else 1, shown)[: len(times)]
-    state = kit.Mover(space, times[: len(states)], states, kit.RED)
-    sample = kit.Mover(lines["series"].axes, times, np.column_stack([times, values]), kit.RED)
-    return [state, sample], "t =", "s"
+    samples = np.column_stack([times, values])
+    places = ((space, states), (lines["series"].axes, samples))
+    return [_stepwise(axes, times[: len(rows)], rows) for axes, rows in places], "t =", "s"
+
+
+def _stepwise(axes: Any, times: kit.Floats, places: kit.Floats) -> kit.Mover:
+    """Return a marker that stays at each place until the next: states of a map have no path between them."""
+    rows = np.repeat(np.arange(len(times)), 2)
+    return kit.Mover(axes, times[rows[1:]], places[rows[:-1]], kit.RED)

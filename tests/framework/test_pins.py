@@ -11,6 +11,7 @@ import pytest
 import strange
 from carts import braking, cruising
 
+import crosstrack as ct
 from crosstrack.errors import CrosstrackError
 from crosstrack.models import (
     BlackBoxMinimisation,
@@ -331,3 +332,16 @@ def test_a_label_like_a_place_does_not_break_the_picture():
     missed = MissionPlan([[]], plan.trajectories, [[]])
     found = pins(odd, missed, "each node visited once")
     assert list(model.nodes[0]) in [place for _, place in found]
+
+
+def test_marker_of_a_map_is_always_at_a_state():
+    model = ct.load("attractor/henon")
+    plan = ct.solve(model, "full-analysis").plan
+    animation = resolve(ANIMATIONS[model.kind])(model, plan, frames=40)
+    animation._draw_was_started = True
+    states = model.states(plan.delay, 2)
+    lines = [line for axes in animation._fig.axes for line in axes.lines]
+    marker = next(line for line in lines if line.get_gid() == "mover")
+    for frame in range(40):
+        animation._func(frame)
+        assert np.abs(states - marker.get_xydata()).sum(axis=1).min() == 0
