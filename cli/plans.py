@@ -238,6 +238,9 @@ def show(
     **limits: Any,
 ) -> int:
     """Show INSTANCE, with a plan or solution from PLAN.json or of a backend, as a page in the browser."""
+    from click.core import ParameterSource
+
+    from ..files import writable
     from ..instances.catalogue import load
     from ..instances.storage import plan_in, read_content
     from ..solvers.contract.solution import Solution
@@ -248,6 +251,11 @@ def show(
 
     if plan is not None and backend:
         raise click.UsageError("PLAN.json and --backend both give a plan: use one of them")
+    source = click.get_current_context().get_parameter_source
+    if not backend and any(source(name) is ParameterSource.COMMANDLINE for name in limits):
+        raise click.UsageError("limits and options of a solver need --backend")
+    if output is not None:
+        writable(output, (".html", ".htm"))  # before minutes of solving
     model = load(instance, **reading)
     item: Any = model
     shown: Any = None
