@@ -95,6 +95,8 @@ const ticksOf = (low, high, log, count) => {
   for (let at = Math.ceil(low / step - 1e-9); at <= high / step + 1e-9 && result.length < 60; at += 1) {
     result.push(Number((at * step).toPrecision(12)));
   }
+  // A single tick shows no scale.
+  if (result.length < 2 && count < 8) return ticksOf(low, high, log, count + 1);
   return result.filter((value) => !log || value > 0);
 };
 const split = (label) => { // "time (s)" gives a name and a unit, "mass (–)" and "row (index, downward)" no unit

@@ -54,11 +54,12 @@ class Panel {
     const { axes } = this;
     context.font = "11px system-ui, sans-serif";
     if (this.space || axes.off) return { left: 4, top: 4, wide: broad - 8, high: this.tall - 8 };
-    const rows = this.labels("y", this.count("y", { high: this.tall - 43 })).map(([, text]) => context.measureText(text).width);
+    const bottom = (this.labels("x", 5).length ? 18 : 6) + (axes.xlabel ? 17 : 0);
+    const high = this.tall - bottom - 8;
+    const rows = this.labels("y", this.count("y", { high })).map(([, text]) => context.measureText(text).width);
     const lines = axes.ylabel ? axes.ylabel.split("\n").length : 0;
     const left = Math.max(10, ...rows.map((row) => row + 9)) + (lines ? 14 * lines + 4 : 0);
-    const bottom = (this.labels("x", 5).length ? 18 : 6) + (axes.xlabel ? 17 : 0);
-    return { left, top: 8, wide: broad - left - 14, high: this.tall - bottom - 8 };
+    return { left, top: 8, wide: broad - left - 14, high };
   }
 
   labels(name, count) {

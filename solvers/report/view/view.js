@@ -122,7 +122,10 @@ class Plot {
       if (to < this.frame) {
         this.frame = -1;
         this.artists = base.artists.map((artist) => ({ ...artist }));
-        this.panels.forEach((panel, at) => Object.assign(panel.axes, base.axes[at]));
+        this.panels.forEach((panel, at) => {
+          Object.assign(panel.axes, base.axes[at]);
+          if (!panel.moved && frames.some((frame) => frame.axes?.[at])) panel.home();
+        });
       }
       while (this.frame < to) { this.frame += 1; apply(frames[this.frame]); }
       slider.value = to;
