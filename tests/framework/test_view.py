@@ -266,6 +266,45 @@ def test_solution_is_shown_in_a_notebook_with_its_picture():
         ct.show(solution, solution.plan, open=False)
 
 
+def test_solution_is_shown_on_its_own_model_only(tmp_path):
+    model, other = ct.load("error-correction/example-1"), ct.load("error-correction/1")
+    solution = ct.solve(model, "label-setting")
+    record = ct.Solution.from_dict(solution.to_dict())
+    page = ct.show(model, record, path=tmp_path / "p.html", open=False)
+    assert ">label-setting</td>" in page.html
+    for content in (solution, record):
+        with pytest.raises(InvalidData, match=r"solution .*for digest"):
+            ct.show(other, content, path=tmp_path / "q.html", open=False)
+
+
+def test_failed_answer_states_no_evidence(tmp_path):
+    comparison = ct.compare([ct.load("fleet/example")], ["highs", "cp-sat"], time_limit=10)
+    page = ct.show(comparison, path=tmp_path / "c.html", open=False)
+    failed = page.html.partition('aria-label="cp-sat')[2].partition("</section>")[0]
+    assert ">failed</td>" in failed
+    assert "Evidence" not in failed
+
+
+def test_rewound_animation_has_the_limits_of_its_first_frame(opened, tmp_path):
+    model = ct.load("unknown-grid/large")
+    page = ct.show(ct.solve(model, "oracle"), path=tmp_path / "p.html", open=False)
+    sheet = opened(page)
+    limits = "plots[1].panels[0].xlim.map(Math.round)"
+    first = sheet.evaluate(limits)
+    sheet.evaluate("plots[1].seek(plots[1].scene.frames.length - 1)")
+    assert sheet.evaluate(limits) != first
+    sheet.evaluate("plots[1].seek(0)")
+    assert sheet.evaluate(limits) == first
+
+
+def test_axes_have_two_ticks_at_least(opened, pages):
+    sheet = opened(pages["fleet"])
+    for low, high in ((-1.3, 1.3), (-150, 150), (3, 4.4), (0.9, 19.9), (5, -5)):
+        for count in (1, 2, 3):
+            ticks = sheet.evaluate(f"ticksOf({low}, {high}, 0, {count})")
+            assert len(ticks) >= 2, (low, high, count)
+
+
 def test_infeasible_instance_is_shown_without_a_plan(tmp_path):
     model = ct.models.ErrorCorrectionRouting(
         [[0, 0, 0], [9.0, 0, 0]], ["A", "B"], 0.3, 0.3, 0.3, 0.3, 0.3, delta=0.1
@@ -305,3 +344,19 @@ def test_command_writes_a_page(tmp_path):
         cli, ["show", "error-correction/example-1", str(record), "--backend", "pulse"]
     )
     assert both.exit_code == 2
+    unused = CliRunner().invoke(cli, ["show", "error-correction/example-1", "--seed", "0"])
+    assert unused.exit_code == 2
+    assert "need --backend" in unused.output
+
+
+def test_command_rejects_its_output_before_it_solves(monkeypatch, tmp_path):
+    from click.testing import CliRunner
+
+    from crosstrack.__main__ import cli
+    from crosstrack.solvers.run import dispatch
+
+    monkeypatch.setattr(dispatch, "solve", lambda *_, **__: pytest.fail("solved"))
+    words = ["show", "error-correction/example-1", "--backend", "pulse", "--output"]
+    run = CliRunner().invoke(cli, [*words, str(tmp_path / "page.txt")])
+    assert isinstance(run.exception, InvalidData)
+    assert "must end in .html" in str(run.exception)

@@ -26,6 +26,7 @@ from ....models.plots.style import pretty_unit
 from ....models.problems import resolve, table
 from ....models.verification import Check, Verification, stated
 from ....version import __version__
+from ...contract.solution import Solution
 from ..tables import number, seconds_text, solutions_table
 from ..web import fill_page, resource
 
@@ -157,16 +158,24 @@ def _views(item: Any, plan: Any) -> tuple[str, list[_View], str]:
             views,
             "".join(map(_verdict, verdicts)),
         )
-    if hasattr(item, "primal_bound") and hasattr(item, "backend"):
+    if isinstance(item, Solution):
         if plan is not None:
             raise InvalidData("plan must be None for a solution, which has one", field="plan")
         view = _of_solution(item)
         return view.title, [view], ""
     model = as_model(item)
     title = model.name or model.kind
-    solution = plan if hasattr(plan, "primal_bound") else None
     if plan is None:
         return title, [_View(title, model, None, None, None)], ""
+    solution = plan if isinstance(plan, Solution) else None
+    if solution is not None and solution.source is None:
+        plan = solution = Solution.from_dict(solution.to_dict(), model)
+    elif solution is not None and solution.digest != model.digest:
+        raise InvalidData(
+            f"plan is a solution for digest {solution.digest[:12]}, the model has {model.digest[:12]}: "
+            "pass its attribute plan to show the plan alone",
+            field="plan",
+        )
     tolerance = {} if solution is None else _tolerance(solution)
     plan = model.as_plan(plan)
     view = _View(title, model, plan, solution, model.verify(plan, **tolerance))
@@ -339,7 +348,8 @@ def _facts(view: _View) -> str:
             ("Ended", ended + limit),
             ("Bound", "" if solution.bound is None else f"{number(solution.bound)}{unit}"),
             ("Gap", "" if gap is None else f"{100 * gap:.3g} %"),
-            ("Evidence", solution.proof or ("" if solution.guarantee is None else str(solution.guarantee))),
+            ("Evidence", solution.proof),
+            ("Guarantee", "" if solution.guarantee is None else str(solution.guarantee)),
             ("Backend", solution.backend + (f" on {solution.formulation}" if solution.formulation else "")),
             ("Time", seconds_text(solution.seconds.get("total", solution.seconds.get("solve")))),
             ("Seed", "" if solution.seed is None else str(solution.seed)),
