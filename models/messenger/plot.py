@@ -11,7 +11,7 @@ from ..fields import required
 from ..plots import kit
 from ..plots.progress import draw_progress
 from ..verification import Check, Verification
-from .checks import integrated
+from .checks import UNDECIDABLE, integrated
 from .model import MessengerTour
 from .plan import TourPlan
 from .sampling import Track, outline, track
@@ -132,7 +132,7 @@ class _Drawn:
 
     def place_of(self, check: Check) -> kit.Floats | None:
         """Return the place that a check names, None without one."""
-        return self.places.get(check.where.partition(":")[0])
+        return self.places.get(check.where.removesuffix(f": {UNDECIDABLE}"))
 
     @property
     def everything(self) -> kit.Floats:

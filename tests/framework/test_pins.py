@@ -218,6 +218,17 @@ def test_a_false_claim_of_a_run_is_pinned_where_it_ends():
     assert place == [0, 2]  # column and row
 
 
+def test_vehicle_with_a_colon_in_its_name_is_pinned_at_its_own_encounter():
+    gap = ct.load("messenger/gap")
+    model = dataclasses.replace(gap, ids=["a", "a:b"])
+    plan = ct.solve(model, time_limit=2).plan
+    place = plan.points[list(plan.order).index(1)]
+    shift = np.where(plan.points == place, [2.0, 0.0], 0.0)
+    wrong = dataclasses.replace(plan, points=plan.points + shift)
+    ((_, spot),) = pins(model, wrong, "encounter at its point")
+    assert spot == pytest.approx([place[0] + 2, place[1]])
+
+
 # -- animations --------------------------------------------------------------------------------------
 
 
