@@ -154,21 +154,26 @@ def request(
         The event is set when the request has ended, with or without success. None if another process
         cannot compile the kernel.
     """
-    global _process, _bodies, _writer
+    global _process, _bodies, _events, _writer
+    if not sys.executable or getattr(sys, "frozen", False):  # an application without an interpreter
+        return None
     try:
         body = pickle.dumps((module, name, [_describe(value) for value in arguments]))
     except Exception as error:  # a class that other processes cannot import
         log.debug("%s.%s cannot be compiled elsewhere", module, name, exc_info=error)
         return None
     with _lock:
+        if not is_running():
+            _release()
         if body in _requested:
             return _requested[body]
         if not is_running():
-            _bodies = queue.SimpleQueue()
+            _bodies, _events = queue.SimpleQueue(), deque()
             command = f"from crosstrack.compilation import serve; serve({nice})"
             try:
                 _process = subprocess.Popen(
                     [sys.executable, "-P", "-c", command],
+                    bufsize=0,  # a fork must not copy half a request
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=subprocess.DEVNULL,
@@ -183,13 +188,35 @@ def request(
             written = (_process.stdin, _bodies)
             _writer = threading.Thread(target=_send, args=written, daemon=True)
             _writer.start()
-            _events.clear()
             read = (_process.stdout, _events)
             threading.Thread(target=_receive, args=read, daemon=True).start()
         _requested[body] = threading.Event()
         _events.append(_requested[body])
         _bodies.put(body)
         return _requested[body]
+
+
+def _release() -> None:
+    """End the waits for requests that the background process, which no longer runs, has not ended."""
+    for event in _requested.values():
+        event.set()
+
+
+def _after_fork() -> None:
+    """Forget the background process of the parent in a forked process."""
+    global _process, _lock
+    _lock = threading.Lock()  # another thread of the parent may have held it
+    _requested.clear()
+    if _process is not None:
+        _process.returncode = 0
+        for stream in (_process.stdin, _process.stdout):
+            if stream is not None:
+                stream.close()
+        _process = None
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def is_running() -> bool:
@@ -309,8 +336,9 @@ def _send(stream: IO[bytes], bodies: queue.SimpleQueue[bytes | None]) -> None:
     """Write the requests until None."""
     with contextlib.suppress(OSError):  # the process was killed; the next run compiles instead
         for body in iter(bodies.get, None):
-            stream.write(struct.pack("<Q", len(body)) + body)
-            stream.flush()
+            data = struct.pack("<Q", len(body)) + body
+            while data:
+                data = data[stream.write(data) :]
 
 
 @atexit.register

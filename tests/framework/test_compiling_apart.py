@@ -1,6 +1,8 @@
 """Kernels that take long to compile: the background process compiles them, and the command compile."""
 
 import json
+import os
+import sys
 import threading
 import time
 
@@ -157,3 +159,37 @@ def test_compile_counts_what_it_compiles_and_what_is_present(run_python, tmp_pat
 def test_compile_suggests_the_name_of_a_problem():
     done = run("compile", "grid-pat", code=2)
     assert "did you mean 'grid-path'" in done.stderr
+
+
+#: Two requests of a process that loses its background process after the first.
+LOST = """
+import os, sys, time
+from crosstrack import compilation
+module = "crosstrack.models.messenger.dubins"
+compilation.request(module, "shortest", (0.0,))
+if sys.argv[1] == "killed":
+    compilation._process.kill()
+    compilation._process.wait()
+elif worker := os.fork():
+    sys.exit(os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1]))
+compilation.request(module, "shortest", (0,))
+print(compilation.wait_for(module, "shortest", (0.0,), time.perf_counter() + 60.0), flush=True)
+"""
+
+
+@pytest.mark.parametrize("loss", ["killed", "forked"])
+def test_a_wait_ends_after_another_process_was_started(run_python, tmp_path, loss):
+    if not hasattr(os, "fork"):
+        pytest.skip("processes cannot be forked here")
+    folder = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    assert run_python("-c", LOST, loss, cwd=tmp_path, **folder).split() == ["True"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("executable", ""), ("executable", None), ("frozen", True)]
+)
+def test_an_application_without_an_interpreter_starts_no_process(monkeypatch, name, value):
+    monkeypatch.setattr(sys, name, value, raising=False)
+    assert (
+        compilation.request("crosstrack.models.messenger.dubins", "shortest", (-1.0, 0.5)) is None
+    )
