@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -17,8 +17,20 @@ from .specs import Spec, show
 __all__ = ["Declared", "Listed", "Nested", "Plan"]
 
 
+class _Frozen:
+    """Base whose instances have no other attributes than fields, whether a subclass is decorated or not."""
+
+    if not TYPE_CHECKING:  # otherwise type checkers would accept every name
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+
+        def __delattr__(self, name: str) -> None:
+            raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+
+
 @dataclass(frozen=True, eq=False)
-class Declared:
+class Declared(_Frozen):
     """Base of frozen data classes whose fields are declared with a :class:`Spec`.
 
     The constructor copies, coerces, checks and freezes the values. Unpickling does the same.

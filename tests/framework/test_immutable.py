@@ -1,6 +1,7 @@
 """Data that a verification reads cannot be changed by a backend: arrays, and the rest by its digest."""
 
 import copy
+import dataclasses
 import pickle
 import warnings
 
@@ -11,6 +12,7 @@ from fakes import Fixed
 
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
+from crosstrack.instances.catalogue import entries
 from crosstrack.models import MixedIntegerProgram, NonlinearProgram, Route
 from crosstrack.models.fields import frozen
 from crosstrack.models.verification import Check
@@ -229,3 +231,11 @@ def test_a_plan_is_kept_as_it_was_judged():
     found = ct.solve(program, Keeping(), isolate=False)
     held[0][:] = 5
     assert found.plan.tolist() == [0] and found.duals.tolist() == [0]
+
+
+@pytest.mark.parametrize("kind", sorted({entry.model for entry in entries()}))
+def test_a_model_accepts_no_further_attribute(kind):
+    model = next(ct.load(entry.name) for entry in entries() if entry.model == kind)
+    for change in (lambda: setattr(model, "other", 1), lambda: delattr(model, "other")):
+        with pytest.raises(dataclasses.FrozenInstanceError, match="other"):
+            change()
