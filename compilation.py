@@ -44,6 +44,8 @@ __all__ = [
 _NICE = 10
 #: Seconds between two looks at the clock and at the process while a run waits.
 _POLL = 0.05
+#: Seconds between two looks of the background process at its parent.
+_LOOK = 0.5
 #: Numbers from here on may have another compiled type.
 _LARGE = 2.0**63
 
@@ -169,7 +171,7 @@ def request(
             return _requested[body]
         if not is_running():
             _bodies, _events = queue.SimpleQueue(), deque()
-            command = f"from crosstrack.compilation import serve; serve({nice})"
+            command = f"from crosstrack.compilation import serve; serve({nice}, {os.getpid()})"
             try:
                 _process = subprocess.Popen(
                     [sys.executable, "-P", "-c", command],
@@ -353,11 +355,29 @@ def _leave() -> None:
         _process.returncode = 0
 
 
-def serve(nice: int) -> None:
-    """Compile the kernels requested on standard input until its end, at this niceness."""
+def _yield_at_end(parent: int, nice: int) -> None:
+    """Raise the niceness of this process when its parent has ended, and no run waits for it."""
+    while os.getppid() == parent:
+        time.sleep(_LOOK)
+    process = os.PRIO_PROCESS, os.getpid()
+    os.setpriority(*process, os.getpriority(*process) + _NICE - nice)
+
+
+def serve(nice: int, parent: int) -> None:
+    """Compile the kernels requested on standard input until its end.
+
+    Parameters
+    ----------
+    nice : int
+        Niceness while the process `parent` runs.
+    parent : int
+        Identifier of the process that sends the requests.
+    """
     compile_here()
     if hasattr(os, "nice"):
         os.nice(nice)
+        if nice < _NICE:
+            threading.Thread(target=_yield_at_end, args=(parent, nice), daemon=True).start()
     stream, answers = sys.stdin.buffer, os.dup(1)
     os.dup2(2, 1)  # output of a compiler is not an answer
     while len(head := stream.read(8)) == 8:

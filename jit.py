@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import os
 import sys
 import threading
 from collections.abc import Callable
@@ -76,7 +77,10 @@ _GRACE = 0.2
 F = TypeVar("F", bound=Callable[..., Any])
 
 _left, _ahead = BUDGET, AHEAD
+#: Held while Numba works, because its registries are not safe for threads.
 _compiling = threading.RLock()
+#: Held by a run without limit until its kernel is compiled. Runs with a limit do not wait for it.
+_patient = threading.RLock()
 
 
 class _BudgetUsedUp(Exception):
@@ -216,7 +220,7 @@ class Kernel:
             return
         if "numba" not in sys.modules and not compilation.may_be_cached(self.py_func):
             raise _DoesNotFit  # and the import of Numba is saved
-        with _compiling:  # Numba's registries are not safe for threads
+        with _compiling:
             known = arguments is not None and compilation.is_cached(self.dispatcher, arguments)
         if not known:
             raise _DoesNotFit
@@ -230,10 +234,12 @@ class Kernel:
 
     def _compile_apart(self, arguments: tuple[Any, ...], timer: threading.Timer) -> None:
         """Start the timer and wait for the background process, if compiling the kernel takes long."""
-        has_cache = hasattr(getattr(self.dispatcher, "_cache", None), "_cache_file")
-        is_long = has_cache and self._compile_seconds >= _APART
-        if not is_long or compilation.is_cached(self.dispatcher, arguments):
+        if self._compile_seconds < _APART:
             return
+        with _compiling:
+            has_cache = hasattr(getattr(self.dispatcher, "_cache", None), "_cache_file")
+            if not has_cache or compilation.is_cached(self.dispatcher, arguments):
+                return
         name, thread = (self.py_func.__module__, self.py_func.__qualname__), threading.get_ident()
         timer.start()
         _ending.add(thread)  # so that a stop request ends the wait
@@ -303,7 +309,8 @@ class Kernel:
     def _timed(self, work: Callable[[], Any], arguments: tuple[Any, ...] | None) -> Any:
         """Return the result of `work`, which compiles for `arguments`, run inside the watchers."""
         with ExitStack() as stack:
-            stack.enter_context(_compiling)
+            if current_limit().end == float("inf"):
+                stack.enter_context(_patient)
             begin = perf_counter()
             for watcher in current_watchers():
                 stack.enter_context(watcher())
@@ -323,9 +330,10 @@ class Kernel:
                 def on_end(self, event: Any) -> None:
                     pass
 
-            stack.enter_context(event.install_listener("numba:compile", CompileListener()))
             if arguments is not None:
                 self._compile_apart(arguments, timer)
+            stack.enter_context(_compiling)
+            stack.enter_context(event.install_listener("numba:compile", CompileListener()))
             result = work()
             add_compile_time(perf_counter() - begin)
         return result
@@ -333,6 +341,17 @@ class Kernel:
     def _announce(self) -> None:
         text, seconds = "compiling once, about %d s (%s)", max(1, round(self._compile_seconds))
         log.warning(text, seconds, self.py_func.__name__)
+
+
+def _after_fork() -> None:
+    """Release in a forked process what other threads of its parent held."""
+    global _compiling, _patient
+    _compiling, _patient = threading.RLock(), threading.RLock()
+    _ending.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 @overload

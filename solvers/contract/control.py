@@ -87,6 +87,9 @@ class Control:
         self._timer: threading.Timer | None = None
         self._deadline: float | None = None
         self._paused = False
+        #: Number of blocks that pause the run, the start of the first one, and the paused controls.
+        self._blocks, self._begin = 0, 0.0
+        self._pausing: list[Control] = []
         self._stages: list[Control] = []
 
     @property
@@ -148,26 +151,29 @@ class Control:
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Pause the clocks of the whole run and its stages within the block. Blocks cannot nest."""
-        begin = time.perf_counter()
+        """Pause the clocks of the whole run and its stages within the block; blocks may overlap."""
         whole = self
         while whole._whole is not None:
             whole = whole._whole
-        parts = whole._parts()
-        for part in parts:
-            part._paused = True
-            if part._timer is not None:
-                part._timer.cancel()
+        whole._blocks += 1
+        if whole._blocks == 1:
+            whole._begin, whole._pausing = time.perf_counter(), whole._parts()
+            for part in whole._pausing:
+                part._paused = True
+                if part._timer is not None:
+                    part._timer.cancel()
         try:
             yield
         finally:
-            spent = time.perf_counter() - begin
-            for part in parts:
-                part._paused = False
-                part.started += spent
-                part._improved += spent
-                if part._deadline is not None:
-                    part._set_timer(part._deadline + spent)
+            whole._blocks -= 1
+            if not whole._blocks:
+                spent = time.perf_counter() - whole._begin
+                for part in whole._pausing:
+                    part._paused = False
+                    part.started += spent
+                    part._improved += spent
+                    if part._deadline is not None:
+                        part._set_timer(part._deadline + spent)
 
     def _parts(self) -> list[Control]:
         return [self, *(part for stage in self._stages for part in stage._parts())]

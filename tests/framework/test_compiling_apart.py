@@ -1,7 +1,9 @@
 """Kernels that take long to compile: the background process compiles them, and the command compile."""
 
+import contextlib
 import json
 import os
+import signal
 import sys
 import threading
 import time
@@ -90,6 +92,42 @@ def test_a_stop_request_ends_a_wait(never_ready, monkeypatch):
         jit.end_interpretation(thread.ident)  # without effect before the wait
         thread.join(0.05)
     assert result == ["out of time"]
+
+
+def test_a_run_with_a_limit_does_not_wait_for_the_compiling_of_another_run(
+    never_ready, monkeypatch
+):
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+
+    @jit.kernel
+    def increased(value):
+        return value + 1
+
+    @jit.kernel
+    def decreased(value):
+        return value - 1
+
+    def wait():
+        with contextlib.suppress(jit.OutOfTime):
+            increased(1)
+
+    def call():
+        with jit.within(jit.Limit(60.0)):
+            result.append(decreased(1))
+
+    result = []
+    monkeypatch.setattr(jit, "_APART", 0.0)
+    monkeypatch.setattr(compilation, "is_cached", lambda item, _: item is decreased.dispatcher)
+    threads = [threading.Thread(target=target, daemon=True) for target in (wait, call)]
+    threads[0].start()
+    while threads[0].ident not in jit._ending:
+        time.sleep(0.01)
+    threads[1].start()
+    threads[1].join(30.0)
+    assert result == [0] and threads[0].is_alive()
+    while threads[0].is_alive():
+        jit.end_interpretation(threads[0].ident)
+        threads[0].join(0.05)
 
 
 @jit.kernel
@@ -193,3 +231,39 @@ def test_an_application_without_an_interpreter_starts_no_process(monkeypatch, na
     assert (
         compilation.request("crosstrack.models.messenger.dubins", "shortest", (-1.0, 0.5)) is None
     )
+
+
+#: A request that takes seconds, of a process that ends at once.
+ENDING = """
+import sys
+from crosstrack import compilation
+compilation.request("lasting", "kernel", (), nice=0)
+print(compilation._process.pid)
+"""
+LASTING = """
+import os, time
+class kernel:
+    def compile_for(arguments):
+        for _ in range(200):
+            with open("niceness", "w") as file:
+                file.write(str(os.getpriority(os.PRIO_PROCESS, 0)))
+            time.sleep(0.1)
+"""
+
+
+def test_the_background_process_gives_way_when_its_parent_has_ended(run_python, tmp_path):
+    if not hasattr(os, "nice"):
+        pytest.skip("processes have no niceness here")
+    (tmp_path / "lasting.py").write_text(LASTING)
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{ENDING}"
+    process = int(run_python("-c", code, cwd=tmp_path))
+    expected = str(min(19, os.getpriority(os.PRIO_PROCESS, 0) + 10))
+    try:
+        for _ in range(150):
+            time.sleep(0.1)
+            if (tmp_path / "niceness").exists() and (tmp_path / "niceness").read_text() == expected:
+                break
+        else:
+            pytest.fail("the niceness did not change")
+    finally:
+        os.kill(process, signal.SIGKILL)

@@ -168,6 +168,21 @@ def test_a_run_that_ended_while_it_compiled_gets_no_new_deadline():
     assert not control.stopped
 
 
+def test_a_run_is_paused_until_the_last_of_overlapping_blocks_ends():
+    control = Control()
+    control.arm(0.3)
+    first, second = control.paused(), control.paused()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    time.sleep(0.5)
+    assert not control.stopped
+    second.__exit__(None, None, None)
+    assert control.progress.seconds < 0.3
+    time.sleep(0.5)
+    assert control.reason is Limit.TIME
+
+
 def test_compiling_is_timed_apart_and_no_part_of_the_time_limit(monkeypatch):
     """The clock of a limit is paused, and the run continues with the rest."""
     from crosstrack.solvers.error_correction.ceiling_kernels import climb
