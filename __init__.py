@@ -41,4 +41,4 @@ if TYPE_CHECKING:
 
 if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
     __getattr__, __dir__, __all__ = attach(__name__, __file__)
-    __all__ += ["__version__"]
+    __all__ = sorted(["__version__", *__all__])

@@ -283,6 +283,8 @@ def pairs(values: Sequence[str], option: str) -> dict[str, Any]:
         key, sign, text = value.partition("=")
         if not sign or not key:
             raise click.BadParameter(f"{value!r} is not KEY=VALUE", param_hint=option)
+        if key in result:
+            raise click.BadParameter(f"{key!r} is given twice", param_hint=option)
         try:
             result[key] = json.loads(text)
         except json.JSONDecodeError:

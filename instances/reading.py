@@ -145,7 +145,9 @@ def _built(task: _Task, kind: str, target: Target) -> Model[Any]:
         )
     if context["table_options"] and "table_options" not in parameters:
         names = ", ".join(context["table_options"])
-        raise UnsupportedOption(f"{file} is {task.form.title}: {names} are for CSV and Excel files")
+        raise UnsupportedOption(
+            f"{file} is {task.form.title}: only CSV and Excel files have {names}"
+        )
     for key in data:
         if key in (first, *context) or (not open_ended and key not in known):
             raise InvalidData(

@@ -118,7 +118,8 @@ def show(
         os.close(handle)
         file = Path(name)
     page = Page(write_text(file, text), text)
-    if open and sys.stdin and sys.stdout and sys.stdin.isatty() and sys.stdout.isatty():
+    streams = (sys.stdin, sys.stdout)
+    if open and all(stream and not stream.closed and stream.isatty() for stream in streams):
         webbrowser.open(file.resolve().as_uri())
     return page
 
