@@ -453,9 +453,10 @@ class Solution(Generic[PlanT]):
         text = markup(*self.parts())
         if self.plan is None or self.source is None:
             return text
-        from ..report.view.page import embed
+        from ...models.problems import resolve
 
-        return text + embed(self)
+        view: str = resolve(".solvers.report.view.page:embed")(self)
+        return text + view
 
     def _remark(self, form: str) -> str:
         """Return the model's short remark on the plan, inserted into `form`; empty without one."""
