@@ -237,9 +237,12 @@ class Sheet:
         count, short = len(self.names), self.file.suffix.casefold() == ".xlsx"
         for line, cells in self._rows:
             where = f"{self.file}, line {line}"
-            if numeric and is_comment(cells[0]):
-                skipped += 1
-                continue
+            if is_comment(cells[0]):
+                if numeric:
+                    skipped += 1
+                    continue
+                if cells[0].lstrip("#%/")[:1].isspace():
+                    log.warning("%s: %s is read as an id, not as a comment", where, show(cells[0]))
             if short:  # openpyxl omits empty cells at the end of a row
                 cells += [""] * (count - len(cells))
             if len(cells) != count:

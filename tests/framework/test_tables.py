@@ -89,6 +89,14 @@ def test_ids_that_look_like_comments_or_units_are_rows(tmp_path):
     ]
 
 
+def test_a_marked_row_that_may_be_a_comment_is_read_with_a_warning(tmp_path, caplog):
+    text = "id,x,y\ndepot,0,0\n#1,1,1\n# B,3,4\n"
+    assert read_nodes(written(tmp_path, text))["ids"] == ["depot", "#1", "# B"]
+    assert [record.getMessage().split(": ")[1] for record in caplog.records] == [
+        "'# B' is read as an id, not as a comment"
+    ]
+
+
 def test_points_with_an_unknown_unit_are_refused(tmp_path):
     file = written(tmp_path, "x [inch],y,z,kind\n1,2,3,A\n4,5,6,B\n")
     with pytest.raises(InvalidData, match=r"line 1, column x: must state its unit.*got 'inch'"):
