@@ -6,6 +6,7 @@ standard prescribes, which are projected to metres.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -25,6 +26,10 @@ __all__ = [
 ]  # fmt: skip
 #: Kinds of single geometries.
 _KINDS = ("Point", "LineString", "Polygon")
+#: Key of the members of a collection, by its type.
+_COLLECTIONS = {"FeatureCollection": "features", "GeometryCollection": "geometries"}
+
+log = logging.getLogger("crosstrack")
 
 
 def read_geojson_polygons(
@@ -110,7 +115,7 @@ def geometries(
     place: str = "",
     properties: Mapping[str, Any] = MappingProxyType({}),
 ) -> Iterator[Shape]:
-    """Yield the geometries of GeoJSON; those in collections one by one.
+    """Yield the geometries of GeoJSON; those in collections one by one, and none of a feature without one.
 
     Parameters
     ----------
@@ -122,7 +127,7 @@ def geometries(
         Location of the object in its file, and properties of its feature.
     """
     kind = value.get("type") if isinstance(value, Mapping) else None
-    types = ("FeatureCollection", "Feature", *(f"Multi{name}" for name in kinds), *kinds)
+    types = (*_COLLECTIONS, "Feature", *(f"Multi{name}" for name in kinds), *kinds)
     if kind not in types:
         raise InvalidData(
             f"{place or 'the file'} must be an object of type {', '.join(types)}, got "
@@ -131,6 +136,9 @@ def geometries(
         )
     dot = f"{place}." if place else ""
     if kind == "Feature":
+        if value.get("geometry", ()) is None:  # RFC 7946, section 3.2: a feature without a place
+            log.warning("%s has no geometry and is not read", place or "the feature")
+            return
         extra = value.get("properties")
         labels = {"id": value["id"]} if "id" in value else {}
         yield from geometries(
@@ -140,7 +148,7 @@ def geometries(
             {**labels, **extra} if isinstance(extra, dict) else labels,
         )
         return
-    key = "features" if kind == "FeatureCollection" else "coordinates"
+    key = _COLLECTIONS.get(str(kind), "coordinates")
     parts = value.get(key)
     if not isinstance(parts, list):
         raise InvalidData(f"{dot}{key} must be a list, got {show(parts)}", field=key)
@@ -153,7 +161,7 @@ def geometries(
             single = str(kind).removeprefix("Multi")
             yield Shape(inner, single, _nested(single, part, inner), properties)
         else:
-            yield from geometries(part, kinds, inner)
+            yield from geometries(part, kinds, inner, properties)
 
 
 def _nested(kind: Any, value: Any, place: str) -> list[Any]:

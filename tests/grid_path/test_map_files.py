@@ -296,6 +296,8 @@ def test_polygons_travel(tmp_path):
         ({"type": "Feature", "properties": None, "geometry": SHAPE, "bbox": [0, 0, 4, 4]}, 1),
         ({"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": SHAPE}] * 3}, 3),
         ({"type": "Polygon", "coordinates": [[[*point, 17.5] for point in RING]]}, 1),
+        ({"type": "GeometryCollection", "geometries": [SHAPE, SHAPE]}, 2),
+        ({"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": part} for part in (SHAPE, None)]}, 1),
     ],
 )  # fmt: skip
 def test_kinds_of_geojson(content, count, tmp_path):
@@ -329,7 +331,7 @@ def feature(geometry):
         ({"type": "Polygon", "coordinates": [[[0, 0], ["1", 0], [2, 2]]]}, r"coordinates\[1, 0\] must"),
         ({"type": "Polygon", "coordinates": [RING, RING[:3]]}, r"coordinates.holes\[0\] must|do not"),
         (feature({"type": "Point", "coordinates": [0, 0]}), r"features\[1\] must be an object of type"),
-        (feature({"type": "Feature", "geometry": None}), r"features\[1\]\.geometry must be an object"),
+        (feature({"type": "Feature"}), r"features\[1\]\.geometry must be an object"),
         (
             feature({"type": "MultiPolygon", "coordinates": [[RING], [[[0, 0], [1, 1], [1, 0], [0, 1]]]]}),
             r"features\[1\]\.coordinates\[1\] must be a polygon whose rings do not cross, got Self",
