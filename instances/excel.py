@@ -127,7 +127,7 @@ def _require_bounded(file: Path) -> None:
         with zipfile.ZipFile(file) as archive:
             # Reading stops at the stated size of an entry, so the statement can be trusted.
             unpacked = sum(entry.file_size for entry in archive.infolist())
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, OSError, ValueError, RuntimeError) as error:  # of any zip archive
         raise InvalidData(f"{file}: is no Excel file (.xlsx): {error}") from None
     if size > PACKED or unpacked > UNPACKED:
         raise InvalidData(

@@ -163,7 +163,7 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
     name = show(crs) if crs is not None else ""
     if isinstance(crs, Mapping) and isinstance(crs.get("properties"), Mapping):
         name = str(crs["properties"].get("name", name))
-    far = any(abs(x) > 180 or abs(y) > 90 for group in groups for x, y, *_ in group)
+    far = any(abs(x) > 360 or abs(y) > 90 for group in groups for x, y, *_ in group)
     if unit is None:
         if name:
             unit = "degrees" if _DEGREES.search(name) else "metres"

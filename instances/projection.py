@@ -91,7 +91,7 @@ def project_positions(
     Raises
     ------
     InvalidData
-        A latitude is not in -90 … 90 or a longitude not in -180 … 360, there is no position, or
+        A latitude is not in -90 … 90 or a longitude not in -180 … 360, no position is given, or
         positions are so far apart that a distance can be wrong by more than 0.5 %.
     """
     sizes: dict[str, tuple[int, str]] = {}

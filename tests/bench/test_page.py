@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from bench.answers import EVIL, answer, campaign, exact, write
+from browsing import open_page
 
 from crosstrack.solvers.bench import read_records, write_page
 
@@ -26,17 +27,11 @@ def opened(browser, page_file):
     """Returns a page of a width and a colour scheme, with all that it complained of and asked for."""
     pages = []
 
-    def open_page(width=1280, scheme="light", file=page_file):
-        page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
-        pages.append(page)
-        page.said, page.asked = [], []
-        page.on("console", lambda message: page.said.append(message.text))
-        page.on("pageerror", lambda error: page.said.append(str(error)))
-        page.on("request", lambda request: page.asked.append(request.url))
-        page.goto(file.as_uri())
-        return page
+    def opening(width=1280, scheme="light", file=page_file):
+        pages.append(open_page(browser, file.as_uri(), width, scheme))
+        return pages[-1]
 
-    yield open_page
+    yield opening
     for page in pages:
         page.close()
 

@@ -218,6 +218,14 @@ def test_geojson_states_its_unit(tmp_path):
 POINTS_IN = '{{"type": "MultiPoint", {} "coordinates": [[100, 40], [100.5, 40]]}}'
 
 
+def test_longitudes_up_to_360_may_be_degrees(tmp_path):
+    shape = {"type": "MultiPoint", "coordinates": [[190.0, 10.0], [190.1, 10.0], [190.0, 10.1]]}
+    file = tmp_path / "pacific.geojson"
+    file.write_text(json.dumps(shape), "utf-8")
+    with pytest.raises(InvalidData, match="coordinates may be degrees"):
+        ct.load(file, data={"vehicles": 1}, model="fleet-routing")
+
+
 def test_geojson_is_recognised_if_it_is_longer_than_the_head(tmp_path):
     path = tmp_path / "layer.json"
     points = [("Point", [k, 1], {}) for k in range(1000)]

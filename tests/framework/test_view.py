@@ -6,6 +6,7 @@ import re
 from types import SimpleNamespace
 
 import pytest
+from browsing import open_page
 from PIL import Image
 from strange import examples
 
@@ -38,17 +39,11 @@ def opened(browser):
     """Open a page and record its messages and requests."""
     sheets = []
 
-    def open_page(page, width=1280, scheme="light"):
-        sheet = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
-        sheets.append(sheet)
-        sheet.said, sheet.asked = [], []
-        sheet.on("console", lambda message: sheet.said.append(message.text))
-        sheet.on("pageerror", lambda error: sheet.said.append(str(error)))
-        sheet.on("request", lambda request: sheet.asked.append(request.url))
-        sheet.goto(page.path.resolve().as_uri())
-        return sheet
+    def opening(page, width=1280, scheme="light"):
+        sheets.append(open_page(browser, page.path.resolve().as_uri(), width, scheme))
+        return sheets[-1]
 
-    yield open_page
+    yield opening
     for sheet in sheets:
         sheet.close()
 

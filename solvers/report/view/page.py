@@ -286,7 +286,12 @@ def _motion(view: _View, frames: int) -> dict[str, Any] | None:
     try:
         return export_animation(function(view.model, content, frames=frames, title=""))
     except Exception as error:  # the picture shows what is wrong with an invalid plan
-        log.info("animation of %r: %s", view.title, error)
+        is_fault = (
+            view.result is not None and view.result.ok and not isinstance(error, CrosstrackError)
+        )
+        log.log(
+            logging.WARNING if is_fault else logging.INFO, "animation of %r: %s", view.title, error
+        )
         return None
 
 
