@@ -40,6 +40,10 @@ def read_file(
     """Return the model in a file of any format; see :func:`crosstrack.load` for the parameters."""
     if file.is_file() and not file.stat().st_size:
         raise InvalidData(f"{file}: the file is empty")
+    if not file.is_file() and (data or model is not None or table_options):
+        raise InvalidData(
+            f"{file}: a pipe must hold an instance in JSON; save other data to a file"
+        )
     form = recognise(file)
     if form is None:
         known = ", ".join(item.name for item in file_formats() if item.targets)

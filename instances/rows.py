@@ -200,6 +200,7 @@ class Rows:
     def _prepared(self, source: Iterator[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
         """Yield the rows of `source` with the map and a row of units applied to their header."""
         head = list(itertools.islice(source, _HEAD + 1))
+        self._drop_titles(head)
         if self.columns:
             self._rename(head)
         for k, ((_, labels), (line, cells)) in enumerate(itertools.pairwise(head)):
@@ -214,6 +215,18 @@ class Rows:
                 break
         yield from head
         yield from source
+
+    def _drop_titles(self, head: list[tuple[int, list[str]]]) -> None:
+        """Remove the rows with one value above the header from `head`, and log them."""
+        filled = [[cell for cell in cells if cell] for _, cells in head]
+        count = next((k for k, values in enumerate(filled) if len(values) > 1), 0)
+        if any(all(map(is_numeric, values)) for values in filled[: count + 1]):
+            return
+        for (line, _), values in zip(head[:count], filled, strict=False):
+            log.warning(
+                "%s, line %d: a title that is not read: %s", self.file, line, show(values[0])
+            )
+        del head[:count]
 
     def _rename(self, head: Sequence[tuple[int, list[str]]]) -> None:
         """Give mapped columns their new names in the header, one of the first rows, in place."""

@@ -24,6 +24,8 @@ GLANCE = 100
 #: Accepted forms of numbers in files, and those with a decimal comma.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 COMMA = re.compile(r"[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?")
+#: First line that spreadsheets read as the separator of the columns.
+_SEPARATOR = re.compile(r"\s*[Ss][Ee][Pp]=([,;\t])[,;\t]*\s*(\n|$)")
 #: Start of a line of comment.
 _COMMENTS = ("#", "%", "//")
 #: Error values of spreadsheets in the first cell, such as #N/A, #DIV/0! and #NAME?: no comments.
@@ -98,10 +100,13 @@ def _stripped(row: Sequence[str], separator: str) -> list[str]:
 
 
 def separator_of(text: str) -> str:
-    """Return the separator of the columns: the one in most of the first rows.
+    """Return the separator of the columns: that of a first line ``sep=;``, else the one in most rows.
 
-    Blanks separate if no other separator occurs and all of these rows have equally many words.
+    Blanks separate if no other separator occurs and all of the first rows have equally many words.
     """
+    declared = _SEPARATOR.match(text)
+    if declared:
+        return declared[1]
     lines = [
         line for line in itertools.islice(io.StringIO(text, newline=""), GLANCE) if line.strip()
     ]
@@ -133,6 +138,9 @@ def is_comment(line: str) -> bool:
 def csv_rows(text: str, file: str, separator: str | None = None) -> Iterator[tuple[int, list[str]]]:
     """Yield first line and cells of every row of text that has a value, without comments."""
     mark = separator or separator_of(text)
+    declared = _SEPARATOR.match(text)
+    if declared:  # an empty line keeps the numbers of the others
+        text = "\n" + text[declared.end() :]
     return without_comments(_records(text, file, mark), blanks=mark == " ")
 
 

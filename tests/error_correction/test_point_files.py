@@ -107,6 +107,7 @@ def test_columns_that_are_not_used_are_named(tmp_path, caplog):
         assert ec.read_points(file).fail is not None
         ec.read_points(workbook(tmp_path / "bare.xlsx", ROWS))
     assert [record.getMessage().partition(": ")[2] for record in caplog.records] == [
+        "a title that is not read: '附件2：数据集2'",
         "not used: 'column 6'",
     ]
 

@@ -46,6 +46,10 @@ def written(tmp_path: Path, content: str | bytes, name: str = "table.csv") -> Pa
         '"x","y","note"\r\n"1.5","2","a ""b"", c\n# d"\r\n3,-4,\r\n',
         "x,y\n1.5,2\n#7.0,8\n3,-4\n",
         "Easting [m],Northing [m]\n1.5,2\n3,-4\n",
+        "sep=;\r\nx;y\r\n1,5;2\r\n3;-4\r\n",
+        "Sep=,,\nx,y\n1.5,2\n3,-4\n",
+        "Survey of May\nx,y\n1.5,2\n3,-4\n",
+        "Survey;;\n;May;\n\nx;y;name\nm;m;\n1,5;2;a\n3;-4;b\n",
     ],
 )
 def test_spellings_of_one_table(text, tmp_path):
@@ -67,6 +71,10 @@ def test_spellings_of_one_table(text, tmp_path):
         (",x,y\n0,1,2\n", r"remove or rename the other columns, 'number 1 \(without a name\)'"),
         ("x,y\n0,0\n#N/A,3\n", "line 3, column x: .* got '#N/A': the value is missing"),
         ("x,y\n0,0\n#DIV/0!,3\n", "line 3, column x: must be a finite number, got '#DIV/0!'"),
+        ("sep=|\nx|y\n1|2\n", "must be a header of nodes"),
+        ("sep=;\nx;y\n1;2;3\n", "line 3: 3 values where the header has 2"),
+        ("x\n1,2\n", "line 1: must be a header of nodes"),
+        ("a\nb\nc\nd\nx,y\n1,2\n", "line 1: must be a header of nodes"),
         ("x;y\n0;0\n#BEZUG! ;3\n", "line 3, column x: must be a finite number, got '#BEZUG!'"),
     ],
 )
