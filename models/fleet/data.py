@@ -27,6 +27,8 @@ Floats = NDArray[np.float64]
 
 #: Maximum number of vehicles, and of nodes.
 MOST = 10_000
+#: Number of distances computed at once, which limits the memory for differences.
+BLOCK = 1 << 20
 #: Weight of the sum in the lexicographic objective.
 LEXICOGRAPHIC = 1e-6
 
@@ -236,11 +238,18 @@ class FleetData(Model[FleetPlan]):
 
             assert self.map is not None
             return frozen(distances(self.map, self.map.cells_of(self.points)))
-        difference = self.points[:, None] - self.points[None]
-        if self.metric is Metric.PAPER:
-            return frozen(np.abs(difference).sum(axis=-1))
-        straight = np.hypot(difference[..., 0], difference[..., 1])
-        return frozen(np.floor(straight + 0.5) if self.metric is Metric.ROUNDED else straight)
+        result = np.empty((self.size, self.size))
+        step = max(1, BLOCK // self.size)
+        for begin in range(0, self.size, step):
+            rows = result[begin : begin + step]
+            x, y = np.moveaxis(self.points[begin : begin + step, None] - self.points, -1, 0)
+            if self.metric is Metric.PAPER:
+                np.add(np.abs(x), np.abs(y), out=rows)
+            else:
+                np.hypot(x, y, out=rows)
+        if self.metric is Metric.ROUNDED:
+            np.floor(np.add(result, 0.5, out=result), out=result)
+        return frozen(result)
 
     @cached_property
     def round_trips(self) -> Floats:
