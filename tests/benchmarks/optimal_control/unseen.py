@@ -8,49 +8,17 @@ how settings tuned on the catalogue perform on other problems.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
 
 import casadi
 import numpy as np
+from declared_problem import DeclaredProblem, Table
 from scipy.optimize import brentq
-
-from crosstrack.models import OptimalControlProblem
 
 __all__ = ["UNSEEN", "Unseen"]
 
 
-@dataclass(frozen=True)
-class Unseen:
-    """Problem with its best known value, the source of that value and its relative accuracy."""
-
-    declare: Callable[[OptimalControlProblem], None]
-    value: float
-    source: str
-    exact: float
-    options: dict[str, Any]
-
-    def build(self, name: str) -> OptimalControlProblem:
-        """Return the problem declared."""
-        ocp = OptimalControlProblem(name)
-        self.declare(ocp, **self.options)
-        return ocp
-
-
-UNSEEN: dict[str, Unseen] = {}
-
-
-def _unseen(
-    value: float, source: str, exact: float = 1e-6, name: str = "", **options: Any
-) -> Callable[[Any], Any]:
-    """Return what lists a declaration with its value."""
-
-    def listed(declare: Any) -> Any:
-        UNSEEN[name or declare.__name__] = Unseen(declare, value, source, exact, options)
-        return declare
-
-    return listed
+UNSEEN = _unseen = Table()
+Unseen = DeclaredProblem
 
 
 # -- closed forms ----------------------------------------------------------------------------------
@@ -541,14 +509,14 @@ def unicycle(ocp):
 
 
 @_unseen(
-    math.nan,
+    None,
     "statement: arXiv 2303.16746; no value is published, a verified plan counts",
     1e-4,
     name="truck_trailer_100",
     longest=100,
 )
 @_unseen(
-    math.nan,
+    None,
     "statement: arXiv 2303.16746; no value is published, a verified plan counts",
     1e-4,
     name="truck_trailer_200",
