@@ -123,6 +123,10 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
         motions = [integrate_anew(check) for check in phases]
         ends = endpoint(phases)
         objective, boundary = _at_ends(definition, ends, phases[0].parameters)
+        again = None
+        if all(item.windows == 1 for item in motions):
+            moved = endpoint(phases, [(item.states, item.integrals) for item in motions])
+            again = _at_ends(definition, moved, phases[0].parameters)
         sizes = sizes_at(definition, phases, ends, guessed=False)
         parameters = phases[0].parameters
         sides = _Sides(
@@ -147,13 +151,13 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
                 definition.parameter_names, tolerance,
             ),
             *([check] for pair in named for check in _paths(*pair, tolerance)),
-            *_boundaries(definition, boundary, sizes.boundaries, tolerance),
+            *_boundaries(definition, boundary, again, sizes.boundaries, tolerance),
             *(
                 checks
                 for pair, entry in zip(named, motions, strict=True)
                 for checks in _invariants(*pair, entry, tolerance)
             ),
-            _objective(definition, phases, motions, objective, sizes.objective, tolerance),
+            _objective(definition, objective, again, sizes.objective, tolerance),
         ]  # fmt: skip
     return Verification(
         objective if np.isfinite(objective) else None,
@@ -318,24 +322,39 @@ def _at_ends(definition: Definition, ends: Floats, parameters: Floats) -> tuple[
 
 
 def _boundaries(
-    definition: Definition, values: Floats, scale: Floats, tolerance: float
-) -> Iterator[list[Check]]:
+    definition: Definition, values: Floats, again: tuple[float, Floats] | None, scale: Floats,
+    tolerance: float,
+) -> Iterator[list[Check]]:  # fmt: skip
+    """Yield the checks of each boundary constraint.
+
+    Constraints at interior instants are also checked with the values `again` of the integrated motion.
+    """
+    rows, columns = map(np.array, definition.endpoint.jac_sparsity(1, 0).get_triplet())
+    inner = set(rows[definition.interior[columns.astype(int)]].tolist())
     for boundary, part in entry_slices(definition.boundaries):
         sides = _Sides(boundary.lower, boundary.upper, scale[part])
         places = [_entry(boundary, k) for k in range(boundary.size)]
         units = [boundary.unit] * boundary.size
-        yield sides.checks(boundary.name, values[part], units, places, tolerance, boundary.equation)
+        found = [(values, "")]
+        if again is not None and inner & set(range(part.start, part.stop)):
+            found.append((again[1], "(integrated)"))
+        checks = []
+        for table, whose in found:
+            named = [f"{place} {whose}".strip() for place in places]
+            checks += sides.checks(
+                boundary.name, table[part], units, named, tolerance, boundary.equation
+            )
+        yield checks
 
 
 def _objective(
-    definition: Definition, phases: tuple[Course, ...], motions: list[Reintegration],
-    objective: float, scale: float, tolerance: float,
+    definition: Definition, objective: float, again: tuple[float, Floats] | None, scale: float,
+    tolerance: float,
 ) -> list[Check]:  # fmt: skip
     """Return the check of the objective against that of the motion, if integrated in one window."""
-    if any(item.windows > 1 for item in motions):
+    if again is None:
         return []
-    ends = endpoint(phases, [(item.states[-1], item.integrals) for item in motions])
-    recomputed, _ = _at_ends(definition, ends, phases[0].parameters)
+    recomputed, _ = again
     where = f"the integrated motion, where it is {recomputed:.10g}"
     off, unit = abs(recomputed - objective), definition.objective_unit
     return [Check.largest("objective", off, scale, unit, where, tolerance)]

@@ -20,6 +20,7 @@ from ...errors import InvalidData, suggestion
 from ..declaration import Declared, Listed, Nested
 from ..fields import Array, Flag, Optional, Real, Text, Whole, declared, show
 from ..programs.compiled import Compiled, canonical_text
+from ..records import Several
 
 if TYPE_CHECKING:
     import casadi
@@ -118,6 +119,8 @@ class Quantity(_Bounded):
     integer : bool
         Whether the control is integer-valued. Solvers relax it, and
         :func:`~.rounding.round_controls` rounds the relaxed control.
+    algebraic : bool
+        Whether the control is an algebraic variable, which algebraic equations determine.
     """
 
     name: str = declared(Text())
@@ -131,6 +134,7 @@ class Quantity(_Bounded):
     unit: str = declared(Text(), default="")
     given: bool = declared(Flag(), default=False, added=True)
     integer: bool = declared(Flag(), default=False, added=True)
+    algebraic: bool = declared(Flag(), default=False, added=True)
 
     def read(self, value: Any) -> Floats:
         """Return `value` as a value of this data, shape (size,); a number is broadcast.
@@ -307,6 +311,9 @@ class Phase(_Stacked):
         Additional quantities to show, with infinite bounds.
     outputs_function : casadi.Function, optional
         ``(t, x, u, p) -> output``; None without outputs.
+    instants : tuple of float
+        Interior instants whose states occur in costs and boundary constraints, as fractions of the
+        phase, increasing.
     """
 
     name: str = declared(Text())
@@ -329,6 +336,7 @@ class Phase(_Stacked):
     outputs_function: casadi.Function | None = declared(
         Optional(Compiled(("t", "x", "u", "p"), ("output",))), default=None, added=True
     )
+    instants: tuple[float, ...] = declared(Several(Real(0.0, 1.0)), default=(), added=True)
 
     def check(self) -> None:
         """Raise if the sizes of the function or the guess do not match the declaration."""
@@ -346,6 +354,11 @@ class Phase(_Stacked):
                 f"time of {label} must go forward, got start {self.start_lower:g}, end "
                 f"{self.end_upper:g}",
                 field="time",
+            )
+        if not (np.diff([0.0, *self.instants, 1.0]) > 0).all():
+            raise InvalidData(
+                f"instants of {label} must increase between 0 and 1, got {show(self.instants)}",
+                field="instants",
             )
         sizes = {"t": 1, "x": len(self.state_names), "u": len(self.control_names)}
         results = {
@@ -402,8 +415,8 @@ class Phase(_Stacked):
 
     @property
     def end_size(self) -> int:
-        """Number of entries of the phase in the endpoint vector: t0, tf, x0, xf and the integrals."""
-        return 2 + 2 * len(self.state_names) + self.integrals
+        """Number of entries in the endpoint vector: t0, tf, x0, xf, integrals, states at instants."""
+        return 2 + (2 + len(self.instants)) * len(self.state_names) + self.integrals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -419,8 +432,8 @@ class Definition(_Stacked):
     boundaries : tuple of Restriction
         Constraints between the ends of the phases (φ = 0 of the paper's eq. 13).
     endpoint : casadi.Function
-        ``(e, p) -> (objective, boundary)`` with the endpoint vector e, which stacks t0, tf, x0, xf
-        and the integrals of every phase.
+        ``(e, p) -> (objective, boundary)`` with the endpoint vector e, which stacks t0, tf, x0, xf,
+        the integrals and the states at interior instants of every phase.
     objective_unit : str
         Unit of the objective.
     objective_scale : float
@@ -460,6 +473,12 @@ class Definition(_Stacked):
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, one per entry."""
         return entry_names(self.parameters)
+
+    @cached_property
+    def interior(self) -> NDArray[np.bool_]:
+        """Whether an entry of the endpoint vector is a state at an interior instant."""
+        sizes = [(p.end_size, len(p.instants) * len(p.state_names)) for p in self.phases]
+        return np.concatenate([np.arange(size) >= size - inner for size, inner in sizes])
 
     def given(self, values: Mapping[str, Any]) -> Definition:
         """Return the definition with other values of its data, by name; the others are unchanged.

@@ -137,14 +137,18 @@ def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Float
             continue
         values = course.dense_values
         multipliers = costates.at(course.dense.interval, course.dense.tau)
-        running = weights[end - phase.integrals : end] * values["integrand"]
+        last = end - len(phase.instants) * len(phase.state_names)
+        running = weights[last - phase.integrals : last] * values["integrand"]
         yield np.concatenate([multipliers * values["rate"], running], axis=1)
 
 
 def _autonomous(course: Course) -> bool:
-    """Return whether rates, integrands and path constraints are independent of time."""
+    """Return whether rates, integrands and path constraints are independent of time.
+
+    Costs at interior instants depend on time: the costates jump there.
+    """
     function = course.phase.function
-    return not any(
+    return not course.phase.instants and not any(
         function.jac_sparsity(k, 0).nnz()
         for k, name in enumerate(function.name_out())
         if name != "invariant"

@@ -98,7 +98,27 @@ class Course:
                 count = max(POINTS, POINTS_A_NODE * max(x.size, u.size))
                 crowded = -np.cos(np.linspace(0.0, np.pi, count))
                 known[id(x), id(u)] = np.unique(np.concatenate([crowded, x, u]))
-        return tuple(known[id(x), id(u)] for x, u in pairs)
+        result = [known[id(x), id(u)] for x, u in pairs]
+        for interval, tau in zip(*self.instants, strict=True):
+            result[interval] = np.unique(np.append(result[interval], tau))
+        return tuple(result)
+
+    @cached_property
+    def instants(self) -> tuple[Whole, Floats]:
+        """Interval of each interior instant of the declaration, and position in it."""
+        knots = self.plan.states.knots
+        times = self.plan.start + np.array(self.phase.instants, float) * self.plan.duration
+        interval = np.searchsorted(knots[1:-1], times, side="right")
+        low, high = knots[interval], knots[interval + 1]
+        return interval, np.clip(2.0 * (times - low) / (high - low) - 1.0, -1.0, 1.0)
+
+    def at_instants(self, states: Floats) -> Floats:
+        """Return the rows of `states`, given on the dense grid, at the interior instants."""
+        pairs = zip(*self.instants, strict=True)
+        grid = self.dense
+        rows = [np.flatnonzero((grid.interval == k) & (grid.tau == tau))[0] for k, tau in pairs]
+        result: Floats = states[np.array(rows, int)]
+        return result
 
     @cached_property
     def dense(self) -> Instants:
@@ -261,12 +281,12 @@ def endpoint(
 ) -> Floats:
     """Return the endpoint vector, on which the objective and boundary constraints depend.
 
-    `moved` may give final states and integrals other than the plan's, one pair per phase.
+    `moved` may give states on the dense grid and integrals other than the plan's, one pair per phase.
     """
     parts: list[Floats] = []
     for k, course in enumerate(phases):
-        states = course.dense.states
-        final, integrals = moved[k] if moved else (states[-1], course.integrals)
+        begin = course.dense.states[0]
+        states, integrals = moved[k] if moved else (course.dense.states, course.integrals)
         times = np.array([course.plan.start, course.plan.end])
-        parts += [times, states[0], final, integrals]
+        parts += [times, begin, states[-1], integrals, course.at_instants(states).ravel()]
     return np.concatenate(parts)

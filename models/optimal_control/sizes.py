@@ -294,8 +294,9 @@ def _at_ends(
 ) -> Sizes:
     """Return all sizes, with those of the boundary constraints and of the objective."""
     parts = []
-    for item in phases:
+    for item, phase in zip(phases, definition.phases, strict=True):
         parts += [[item.time] * 2, item.states, item.states, item.integrals]
+        parts += [item.states] * len(phase.instants)
     movement = np.concatenate([*parts, parameters])
     point = np.concatenate([ends, p])
     value, slope = _end_slopes(definition.endpoint)(ends, p)

@@ -160,7 +160,7 @@ def _relaxable_blocks(
 
     Final values are columns inside of a state's block; each becomes a block of its own.
     """
-    fixed = ("dynamics of ", "definition of integral ", "time goes forward", "calm controls")
+    fixed = ("dynamics of ", "definition of ", "time goes forward", "calm controls")
     rows = [block for block in program.rows if not block.name.startswith(fixed)]
     columns: list[Block] = []
     names = {

@@ -15,6 +15,7 @@ from ...fields import Text, show
 from ..definition import Phase, Restriction
 from .flight import fly
 from .guess import After, Guessed, draw_lines
+from .instants import Instants
 from .symbols import explain_symbols
 from .tables import domains
 from .terms import (
@@ -27,7 +28,6 @@ from .terms import (
     free_name,
     quantity,
     range_of,
-    read_expression,
     restriction,
 )
 
@@ -38,7 +38,7 @@ Symbol = Any  # casadi.MX
 
 
 @dataclass(eq=False)
-class PhaseBuilder(Guessed):
+class PhaseBuilder(Guessed, Instants):
     """Phase under declaration, created by :meth:`ControlProblemBuilder.phase`.
 
     Attributes
@@ -71,6 +71,7 @@ class PhaseBuilder(Guessed):
         self.invariants: list[tuple[Restriction, Symbol]] = []
         self.outputs: list[tuple[Restriction, Symbol]] = []
         self.guessed, self.flown, self.feedback = {}, set(), {}
+        self.instants = {}
 
     @property
     def duration(self) -> Symbol:
@@ -379,30 +380,6 @@ class PhaseBuilder(Guessed):
         self.outputs.append((restriction(labels, output.numel(), None, None, None), output))
         return output
 
-    # -- the ends --------------------------------------------------------------------------------
-
-    def initial(self, expression: Any) -> Symbol:
-        """Return `expression`, of states, time and parameters, at the start of the phase."""
-        return self._at(expression, 0, self.start)
-
-    def final(self, expression: Any) -> Symbol:
-        """Return `expression`, of states, time and parameters, at the end of the phase."""
-        return self._at(expression, 1, self.end)
-
-    def _at(self, expression: Any, side: int, time: Symbol) -> Symbol:
-        result = read_expression("a value at the ends", expression)
-        for name in self.controls:
-            if casadi.depends_on(result, self.symbols[name]):
-                raise InvalidData(
-                    f"control {name!r} has no value at the ends: it may jump there; make it a state "
-                    "with its rate as the control",
-                    field="control",
-                )
-        names = list(self.states)
-        old = [*(self.symbols[name] for name in names), self.time]
-        new = [*(self.ends[name][side] for name in names), time]
-        return casadi.substitute([result], old, new)[0]
-
     # -- the definition -------------------------------------------------------------------------
 
     def define(
@@ -468,6 +445,7 @@ class PhaseBuilder(Guessed):
             dynamics_equation=self.equation,
             outputs=tuple(item for item, _ in self.outputs),
             outputs_function=outputs,
+            instants=tuple(sorted(self.instants)),
         )
 
     def _explain(self, what: str, symbol: Symbol) -> str:

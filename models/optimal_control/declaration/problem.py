@@ -379,6 +379,18 @@ class ControlProblemBuilder(Generic[ModelT]):
         constraint = restriction(labels, before.size, 0.0, 0.0, scale)
         return constraint, second.ends[name][0] - first.ends[name][1]
 
+    def end_symbols(self) -> list[Symbol]:
+        """Return the symbols of the endpoint vector: times, states at ends and instants, integrals."""
+        ends: list[Symbol] = []
+        for item in self.phases:
+            ends += [item.start, item.end]
+            for side in (0, 1):
+                ends += [item.ends[name][side] for name in item.states]
+            ends += [symbol for symbol, _ in item.integrands]
+            for place in sorted(item.instants):
+                ends += [item.state_at(place, name) for name in item.states]
+        return ends
+
     def _define(self) -> Definition:
         """Return the definition, or raise if a declaration is missing."""
         if not self.phases:
@@ -392,18 +404,12 @@ class ControlProblemBuilder(Generic[ModelT]):
         phases = define_linked(
             self.phases, self.links, lambda item, *linked: item.define(parameters, values, *linked)
         )
-        ends: list[Symbol] = []
-        for item in self.phases:
-            ends += [item.start, item.end]
-            for side in (0, 1):
-                ends += [item.ends[name][side] for name in item.states]
-            ends += [symbol for symbol, _ in item.integrands]
         stated = [self.objective[0], *(item for _, item in self.boundaries)]
         taken = [item.name for part in phases for item in (*part.paths, *part.invariants)]
         boundaries = self.boundaries + domains(stated, taken)
         endpoint = compile_function(
             "endpoint",
-            {"e": ends, "p": parameters},
+            {"e": self.end_symbols(), "p": parameters},
             {"objective": [self.objective[0]], "boundary": [item for _, item in boundaries]},
             self._explain,
         )
@@ -423,7 +429,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             if any(mark == owned.__hash__() for owned in (*phase.symbols.values(), phase.time)):
                 return (
                     f"the {what} uses {symbol.name()!r}, a function of time in phase {phase.name!r}: "
-                    "write phase.initial(…), phase.final(…) or phase.integral(…)"
+                    "write phase.initial(…), phase.final(…), phase.at(t, …) or phase.integral(…)"
                 )
         return f"the {what} uses {symbol.name()!r}, declared nowhere in this problem"
 

@@ -233,6 +233,15 @@ class Assembly:
         for k in range(integrals):
             linear.add(row + k, phase.integral_columns[k], 1.0)
             spread.add(row + k, source(phase.nx + k, np.arange(phase.visits)), -weights)
+        row += integrals
+        for at, instant in zip(phase.instant_columns, phase.instants, strict=True):
+            points, visits, of_states, of_rates = instant
+            linear.add(row + states, at, 1.0)
+            linear.add(row + states[:, None], phase.state_columns[:, points], -of_states)
+            if of_rates.any():
+                sources = source(states[:, None], np.arange(visits.start, visits.stop))
+                spread.add(row + states[:, None], sources, -of_rates)
+            row += phase.nx
         columns = self.layout.visit_columns(number)
         matrix = self._matrix(spread, node.entries * phase.visits)
         return _Part(node, columns, casadi.DM(phase.visit_places), matrix)
@@ -322,6 +331,7 @@ class Assembly:
             upper[times] = phase.start_upper, phase.end_upper
             scale[times] = sizes.time
             scale[layout.integral_columns] = sizes.integrals
+            scale[layout.instant_columns] = sizes.states
         p = self.layout.parameter_columns
         lower[p], upper[p] = self.definition.bounds("parameters")
         scale[p] = self.sizes.parameters
@@ -334,6 +344,7 @@ class Assembly:
             parts.append((0.0, 0.0, np.repeat(sizes.states, layout.defects)))
             parts.append(tuple(np.repeat(part, layout.collocated) for part in paths))  # type: ignore[arg-type]
             parts.append((0.0, 0.0, sizes.integrals))
+            parts.append((0.0, 0.0, np.tile(sizes.states, len(layout.phase.instants))))
         boundaries = self.definition.bounds("boundaries")
         parts.append((*boundaries, self.sizes.boundaries))
         for layout in self.free_lengths:

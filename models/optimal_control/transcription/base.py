@@ -15,6 +15,7 @@ from ....errors import InvalidData, UnsupportedOption, show
 from ...formulation import Formulation
 from ...programs.base import Program
 from ...programs.nonlinear import NonlinearProgram
+from ..definition import Phase
 from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
@@ -37,6 +38,8 @@ Whole = NDArray[np.int64]
 LEFT = 1e-13
 #: Largest relative difference between the objectives of two schemes that agree, in tolerances.
 AGREED = 10.0
+#: Largest number of interior instants that are knots of the first mesh, per interval of it.
+MOST_KNOTS = 4
 #: Largest ratio of the residuals of an implied equation on a finer and on a coarser mesh.
 SHRINKS = 0.5
 
@@ -122,7 +125,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         phases = self.model.definition.phases
         degree = self.degree
         if self.mesh is None:
-            return tuple(even(self.intervals, degree) for _ in phases)
+            return tuple(even(self.intervals, degree, self._knots(phase)) for phase in phases)
         nested = isinstance(self.mesh, list | tuple) and any(
             isinstance(item, Mesh) or np.ndim(item) == 1 for item in self.mesh
         )
@@ -134,6 +137,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 f"{len(phases)} phases"
             )
         return tuple(read_mesh(item, degree) for item in self.mesh)
+
+    def _knots(self, phase: Phase) -> tuple[float, ...]:
+        """Return the interior instants of a phase, at which intervals of the first mesh end."""
+        few = len(phase.instants) <= MOST_KNOTS * self.intervals
+        return phase.instants if few and self.rules.split else ()
 
     @property
     def meshes(self) -> tuple[Mesh, ...]:
@@ -205,10 +213,17 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._with_integrals(columns)
 
     def _with_integrals(self, columns: Floats) -> Floats:
-        """Return `columns` with the integrals of its states and controls."""
+        """Return `columns` with the integrals and interior states that its states and controls define."""
         for number, layout in enumerate(self.layout.phases):
-            if layout.phase.integrals:
+            rates = any(of_rates.any() for *_, of_rates in layout.instants)
+            if layout.phase.integrals or rates:
                 values = self._visited(columns, number)
+            for at, instant in zip(layout.instant_columns, layout.instants, strict=True):
+                points, visits, of_states, of_rates = instant
+                columns[at] = columns[layout.state_columns[:, points]] @ of_states
+                if of_rates.any():
+                    columns[at] += values[: layout.nx, visits] @ of_rates
+            if layout.phase.integrals:
                 weights = np.concatenate([scheme.weights for scheme in layout.schemes])
                 integrals = values[layout.nx : layout.nx + layout.phase.integrals] @ weights
                 columns[layout.integral_columns] = np.where(np.isfinite(integrals), integrals, 0.0)

@@ -89,6 +89,7 @@ def _examine(definition: Definition, number: int) -> Dependence | None:
     begin = sum(item.end_size for item in definition.phases[:number])
     rows, columns = map(np.array, definition.endpoint.jac_sparsity(1, 0).get_triplet())
     inside = (begin <= columns) & (columns < begin + phase.end_size)
+    inside &= ~definition.interior[columns.astype(int)]
     equal = np.flatnonzero(np.equal(*definition.bounds("boundaries")))
     boundaries = [int(k) for k in equal if (rows == k).any() and inside[rows == k].all()]
     count, rank, order = len(finals) + len(boundaries), -1, Order()
@@ -181,7 +182,7 @@ def _effects(
     # The ends of all phases, of which only those of this one matter, and the parameters.
     ends = np.zeros(definition.endpoint.size1_in(0) + p.size)
     begin = sum(item.end_size for item in definition.phases[:number])
-    places = begin + np.arange(phase.end_size)
+    places = begin + np.flatnonzero(~definition.interior[begin : begin + phase.end_size])
     places = np.append(places, np.arange(ends.size - p.size, ends.size))
     start = z[-1, :nx] if arriving else anchor
     ends[places] = np.concatenate([times, start, z[-1], p])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from ...programs.blocks import Block
 from ...programs.triplets import Triplets
 from ..definition import Definition, Phase, entry_units
+from ..lagrange import interpolation
 from ..piecewise import Piecewise
 from ..sizes import Sizes
 from .mesh import Mesh
@@ -65,8 +67,9 @@ class PhaseLayout:
         self.visit_control = control.reshape(-1)
         #: Number of points with a control.
         self.collocated = int(self.owners.size)
-        #: Number of rows: defects, path constraints and integrals.
+        #: Number of rows: defects, path constraints, integrals and states at interior instants.
         self.rows = self.nx * self.defects + self.paths * self.collocated + phase.integrals
+        self.rows += self.nx * len(phase.instants)
         #: Whether each visit is at its interval's end, if only that interval collocates it.
         self.visit_ends = np.concatenate(
             [(s.control_points == 1.0) & (not s.shared) for s in schemes]
@@ -81,25 +84,42 @@ class PhaseLayout:
             ]
         )
 
-        # Columns, with the shapes (states, points) and (controls, collocated).
-        parts = self.nx * self.points, self.nu * self.collocated, phase.integrals, 2
+        # Columns, with the shapes (states, points), (controls, collocated) and (instants, states).
+        inner = self.nx * len(phase.instants)
+        parts = self.nx * self.points, self.nu * self.collocated, phase.integrals, 2, inner
         cuts = first + np.cumsum(parts)
-        x, u, self.integral_columns, self.time_columns = np.split(
+        x, u, self.integral_columns, self.time_columns, at = np.split(
             np.arange(first, cuts[-1]), cuts[:-1] - first
         )
+        self.instant_columns = at.reshape(-1, self.nx)
         self.state_columns = x.reshape(self.nx, self.points)
         self.control_columns = u.reshape(self.nu, self.collocated)
         #: Number of columns.
         self.size = sum(parts)
-        #: Columns of this phase in the endpoint vector: t0, tf, x0, xf, integrals.
+        #: Columns of this phase in the endpoint vector: t0, tf, x0, xf, integrals, states at instants.
         self.end_columns = np.concatenate(
             [
                 self.time_columns,
                 self.state_columns[:, 0],
                 self.state_columns[:, -1],
                 self.integral_columns,
+                at,
             ]
         )
+
+    @cached_property
+    def instants(self) -> list[tuple[slice, slice, Floats, Floats]]:
+        """Points, visits and coefficients of X and (h / 2) F in the states at each interior instant."""
+        result, f = [], self.mesh.fractions
+        for place in self.phase.instants:
+            k = int(np.searchsorted(f[1:-1], place, side="right"))
+            tau = np.clip(2.0 * (place - f[k]) / (f[k + 1] - f[k]) - 1.0, -1.0, 1.0)
+            scheme = self.schemes[k]
+            shares = interpolation(scheme.plan_points, tau)[0]
+            points = slice(self.starts[k], self.starts[k + 1] + 1)
+            visits = slice(self.visit_starts[k], self.visit_starts[k + 1])
+            result.append((points, visits, shares @ scheme.from_states, shares @ scheme.from_rates))
+        return result
 
     def _within(self, tau: Sequence[Floats]) -> Floats:
         f = self.mesh.fractions
@@ -172,7 +192,11 @@ class PhaseLayout:
         blocks += [
             Block(f"{side} time{of}", "", 0, 1, unit=phase.time_unit) for side in ("start", "end")
         ]
-        return blocks
+        return blocks + self._instant_blocks(f"states at {{}}{of}")
+
+    def _instant_blocks(self, name: str) -> list[Block]:
+        names = [name.format(f"fraction {place:g}") for place in self.phase.instants]
+        return [Block(name, "", 0, self.nx) for name in names]
 
     def row_blocks(self, several: bool) -> list[Block]:
         """Return the blocks of the phase's rows, without their places in the program."""
@@ -195,7 +219,7 @@ class PhaseLayout:
         blocks += [
             Block(f"definition of integral {k + 1}{of}", "", 0, 1) for k in range(phase.integrals)
         ]
-        return blocks
+        return blocks + self._instant_blocks(f"definition of states at {{}}{of}")
 
     def suffix(self, several: bool) -> str:
         """Return the end of the names of this phase's blocks: empty unless there are several phases."""

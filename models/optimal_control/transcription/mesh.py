@@ -97,9 +97,17 @@ class Mesh:
         return np.where(self.calm, self.degrees - 1 - self.degrees // 2, 0)
 
 
-def even(intervals: int, degree: int) -> Mesh:
-    """Return a mesh of equal intervals with `degree` nodes each."""
-    return Mesh(np.linspace(0.0, 1.0, intervals + 1), np.full(intervals, degree))
+def even(intervals: int, degree: int, knots: Sequence[float] = ()) -> Mesh:
+    """Return a mesh of equal intervals with `degree` nodes each.
+
+    With `knots`, the parts between them are divided evenly into intervals that are not longer.
+    """
+    edges = np.array([0.0, *knots, 1.0])
+    parts = np.maximum(np.ceil(np.diff(edges) * intervals - 1e-9).astype(int), 1)
+    spans = zip(edges[:-1].tolist(), edges[1:].tolist(), parts.tolist(), strict=True)
+    pieces = [np.linspace(low, high, count + 1)[:-1] for low, high, count in spans]
+    fractions = np.append(np.concatenate(pieces), 1.0)
+    return Mesh(fractions, np.full(fractions.size - 1, degree))
 
 
 def read_mesh(mesh: Any, degree: int) -> Mesh:
