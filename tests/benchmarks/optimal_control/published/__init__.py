@@ -18,9 +18,13 @@ from collections.abc import Callable
 
 from declared_problem import DeclaredProblem
 
+from . import aerospace, biology, linear, singular
 from .table import PUBLISHED
 
-__all__ = ["PUBLISHED", "development", "frozen", "is_frozen", "problems"]
+__all__ = ["MODULES", "PUBLISHED", "development", "frozen", "is_frozen", "problems"]
+
+#: Modules of the problems; importing them fills the table.
+MODULES = (aerospace, biology, linear, singular)
 
 
 def is_frozen(name: str) -> bool:
