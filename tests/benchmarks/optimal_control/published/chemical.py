@@ -1,0 +1,191 @@
+"""Reactors, fermenters, tanks and heating."""
+
+from __future__ import annotations
+
+import math
+
+import casadi
+import numpy as np
+
+from .table import FINE, PUBLISHED as _published
+
+_BASELINE = "PSOPT manual, tools/regression_baselines_all.json"
+
+
+@_published(-32.686, "Park, Ramirez 1988; Luus 1995; PROPT; AMIGO2, PR_Bioreactor: 32.68", 2e-3)
+def park_ramirez(ocp):
+    phase = ocp.phase(time=(0, 15))
+    out = phase.state("out", initial=0, lower=0)
+    total = phase.state("total", initial=0, lower=0)
+    cells = phase.state("cells", initial=1, lower=0)
+    food = phase.state("food", initial=5, lower=0)
+    v = phase.state("v", initial=1, lower=0)
+    u = phase.control("u", lower=0, upper=2)
+    grow = 21.87 * food / ((food + 0.4) * (food + 62.5))
+    make = food * casadi.exp(-5 * food) / (0.1 + food)
+    pass_out = 4.75 * grow / (0.12 + grow)
+    phase.dynamics(
+        {
+            out: pass_out * (total - out) - u / v * out,
+            total: make * cells - u / v * total,
+            cells: (grow - u / v) * cells,
+            food: -7.3 * grow * cells + u / v * (20 - food),
+            v: u,
+        }
+    )
+    ocp.minimise(-phase.final(out) * phase.final(v))
+
+
+@_published(
+    -20839, "Chen, Hwang 1990; Jayaraman et al. 2001: ethanol in 61.2 h, 20839 to 20842", 1e-3
+)
+def ethanol(ocp):
+    phase = ocp.phase(time=(0, 61.2))
+    x = phase.state("x", initial=1, lower=0)
+    s = phase.state("s", initial=150, lower=0)
+    p = phase.state("p", initial=0, lower=0)
+    v = phase.state("v", initial=10, lower=0, upper=200)
+    u = phase.control("u", lower=0, upper=12)
+    grow = 0.408 / (1 + p / 16) * s / (0.22 + s)
+    make = 1 / (1 + p / 71.5) * s / (0.44 + s)
+    phase.dynamics(
+        {
+            x: grow * x - u * x / v,
+            s: -10 * grow * x + u * (150 - s) / v,
+            p: make * x - u * p / v,
+            v: u,
+        }
+    )
+    ocp.minimise(-phase.final(p) * phase.final(v))
+
+
+_RATES = np.array(
+    [
+        [0.2918487e-2, -0.8045787e-2, 0.6749947e-2, -0.1416647e-2],
+        [0.9509977e1, -0.3500994e2, 0.4283329e2, -0.1733333e2],
+        [0.2682093e2, -0.9556079e2, 0.1130398e3, -0.4429997e2],
+        [0.2087241e3, -0.7198052e3, 0.8277466e3, -0.3166655e3],
+        [0.1350005e1, -0.6850027e1, 0.1216671e2, -0.6666689e1],
+        [0.1921995e-1, -0.7945320e-1, 0.1105666, -0.5033333e-1],
+        [0.1323596, -0.4692550, 0.5539323, -0.2166664],
+        [0.7339981e1, -0.2527328e2, 0.2993329e2, -0.1199999e2],
+        [-0.3950534, 0.1679353e1, -0.1777829e1, 0.4974987],
+        [-0.2504665e-4, 0.1005854e-1, -0.1986696e-1, 0.9833470e-2],
+    ]
+)
+
+
+@_published(
+    -1.00942e-2, "Luus, Dittrich, Keil 1992: bifunctional catalyst; many local optima", 5e-4
+)
+def bifunctional_catalyst(ocp):
+    phase = ocp.phase(time=(0, 2000))
+    x1, x2, x3, x4, x5, x6, x7 = (
+        phase.state(f"x{k + 1}", initial=float(k == 0), lower=0) for k in range(7)
+    )
+    u = phase.control("u", lower=0.6, upper=0.9)
+    k1, k2, k3, k4, k5, k6, k7, k8, k9, k10 = (
+        sum(float(c) * u**n for n, c in enumerate(row)) for row in _RATES
+    )
+    phase.dynamics(
+        {
+            x1: -k1 * x1,
+            x2: k1 * x1 - (k2 + k3) * x2 + k4 * x5,
+            x3: k2 * x2,
+            x4: -k6 * x4 + k5 * x5,
+            x5: k3 * x2 + k6 * x4 - (k4 + k5 + k8 + k9) * x5 + k7 * x6 + k10 * x7,
+            x6: k8 * x5 - k7 * x6,
+            x7: k9 * x5 - k10 * x7,
+        }
+    )
+    ocp.minimise(-phase.final(x7))
+
+
+@_published(-0.423917, "Denbigh 1958; Luus 1994; PROPT: Denbigh's system of reactions", 1e-4)
+def denbigh(ocp):
+    phase = ocp.phase(time=(0, 1000))
+    x1 = phase.state("x1", initial=1, lower=0)
+    x2 = phase.state("x2", initial=0, lower=0)
+    x3 = phase.state("x3", initial=0, lower=0)
+    T = phase.control("T", lower=273, upper=415)
+    k1, k2, k3, k4 = (
+        k * casadi.exp(-e / T) for k, e in [(1e3, 3000), (1e7, 6000), (10, 3000), (1e-3, 0)]
+    )
+    phase.dynamics({x1: -(k1 + k2) * x1, x2: k1 * x1 - (k3 + k4) * x2, x3: k3 * x2})
+    ocp.minimise(-phase.final(x3))
+
+
+@_published(221.333, "Maurer, Wiegand 1992; Luus 2000; PROPT: drug displacement, 221.333", 1e-4)
+def drug_displacement(ocp):
+    phase = ocp.phase(time=(0, (1, 1000)))
+    x = phase.state("x", initial=0.02, final=0.02, lower=0, upper=0.026)
+    y = phase.state("y", initial=0, final=2, lower=0)
+    u = phase.control("u", lower=0, upper=8)
+    d2 = (1 + 0.2 * (x + y)) ** 2
+    c1, c2 = d2 + 232 + 46.4 * y, d2 + 232 + 46.4 * x
+    c = d2 / (c1 * c2 - 2152.96 * x * y)
+    phase.dynamics(
+        {
+            x: c * (c2 * (0.02 - x) + 46.4 * x * (u - 2 * y)),
+            y: c * (c1 * (u - 2 * y) + 46.4 * y * (0.02 - x)),
+        }
+    )
+    ocp.minimise(phase.end)
+
+
+@_published(None, f"Abbasi et al.; Sager, mintoc.de: double tank, relaxed; {FINE}", 1e-5)
+def double_tank(ocp):
+    phase = ocp.phase(time=(0, 10))
+    x = phase.state("x", initial=2, lower=1e-3)
+    y = phase.state("y", initial=2, lower=1e-3)
+    u = phase.control("u", lower=0, upper=1)
+    phase.dynamics({x: 1 + u - casadi.sqrt(x), y: casadi.sqrt(x) - casadi.sqrt(y)})
+    ocp.minimise(phase.integral(2 * (y - 3) ** 2))
+
+
+@_published(
+    4.372837e-5,
+    f"Betts 2001, section 4.7: heating of a probe; {_BASELINE}: ten points; the two algebraic"
+    " temperatures beyond the ends are eliminated",
+    1e-3,
+)
+def heat_diffusion(ocp):
+    n, pi, rho = 10, math.pi, -1.0
+    a1, a2, a3, a4 = 4.0, 1.0, 4.0, -1.0
+    step = 1 / (n - 1)
+    places = np.arange(n) * step
+    phase = ocp.phase(time=(0, 0.5))
+    y = [
+        phase.state(f"y{k}", initial=2 + math.cos(pi * place), lower=0, upper=3)
+        for k, place in enumerate(places)
+    ]
+    u = phase.control("u", lower=0, upper=0.1)
+    before = y[1] - 2 * step * (y[0] - u) / (a3 + a4 * y[0])
+    line = [before, *y, y[-2]]
+    decay = casadi.exp(rho * phase.time)
+    rates = {}
+    for k, place in enumerate(places):
+        c = math.cos(pi * place)
+        source = (rho * (a1 + 2 * a2) + pi**2 * (a3 + 2 * a4)) * decay * c
+        source += -a4 * pi**2 * decay**2 + (2 * a4 * pi**2 + rho * a2) * decay**2 * c**2
+        left, here, right = line[k : k + 3]
+        flow = (a3 + a4 * here) * (right - 2 * here + left) / step**2
+        flow += a4 * ((right - left) / (2 * step)) ** 2
+        rates[y[k]] = (source + flow) / (a1 + a2 * here)
+    phase.dynamics(rates)
+    phase.path(before, lower=0, upper=3)
+    target = 2 - decay
+    ocp.minimise(phase.integral((y[-1] - target) ** 2 + 1e-3 * u**2) / 2)
+
+
+@_published(None, f"Luus 2000, section 7.4.4: gas absorber of 10 plates, u >= 0; {FINE}", 1e-6)
+def gas_absorber(ocp):
+    n, low, mid, high = 10, 0.538998, -1.173113, 0.634115
+    phase = ocp.phase(time=(0, 15))
+    x = phase.state("x", n, initial=-0.0307 - np.arange(n) / (n - 1) * (0.1273 - 0.0307))
+    u, w = (phase.control(name, lower=0) for name in "uw")
+    plates = np.diag(np.full(n, mid)) + np.diag(np.full(n - 1, low), -1)
+    plates += np.diag(np.full(n - 1, high), 1)
+    feed = casadi.vertcat(low * u, casadi.DM.zeros(n - 2), high * w)
+    phase.dynamics({x: casadi.DM(plates) @ x + feed})
+    ocp.minimise(phase.integral(casadi.sumsqr(x) + u**2 + w**2))
