@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import show
 from ..verification import Check, Verification, check_tolerance
+from .algebraic import algebraic_entries, deviation
 from .definition import Definition, Restriction, entry_slices, entry_units
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
@@ -151,6 +152,7 @@ def verify_control(definition: Definition, plan: ControlPlan, tolerance: float) 
                 definition.parameter_names, tolerance,
             ),
             *([check] for pair in named for check in _paths(*pair, tolerance)),
+            [check for pair in named for check in _algebraic(*pair, tolerance)],
             *_boundaries(definition, boundary, again, sizes.boundaries, tolerance),
             *(
                 checks
@@ -278,6 +280,26 @@ def _paths(course: Course, label: str, tolerance: float) -> Iterator[Check]:
         yield sides.check(
             restriction.name, worst, restriction.unit, place, tolerance, restriction.equation
         )
+
+
+def _algebraic(course: Course, label: str, tolerance: float) -> Iterator[Check]:
+    """Yield the check of algebraic variables against the solution of their equations.
+
+    It includes the start, where they must be consistent with the initial state.
+    """
+    entries = algebraic_entries(course.phase.controls)
+    if not entries.size:
+        return
+    grid, units = course.dense, entry_units(course.phase.controls)
+
+    def place(row: int, k: int) -> str:
+        return _place(course.phase.control_names[entries[k]], course, grid.times[row], label)
+
+    off = deviation(course.phase, *grid[2:], course.parameters)
+    yield Check.largest(
+        "algebraic variables", np.abs(off), course.sizes.controls[entries],
+        lambda row, k: units[entries[k]], place, tolerance,
+    )  # fmt: skip
 
 
 # -- at the ends -------------------------------------------------------------------------------------

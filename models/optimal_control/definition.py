@@ -217,6 +217,8 @@ class Restriction(_Bounded):
         Bounds; equal ones make an equality constraint.
     scale : ndarray, shape (size,)
         Typical size of the expression, positive.
+    algebraic : bool
+        Whether the path constraint is an equation that determines algebraic variables.
     """
 
     name: str = declared(Text())
@@ -225,6 +227,7 @@ class Restriction(_Bounded):
     lower: Floats = declared(_LOW)
     upper: Floats = declared(_HIGH)
     scale: Floats = declared(Array(("size",), lower=0))
+    algebraic: bool = declared(Flag(), default=False, added=True)
 
     def check(self) -> None:
         """Raise if bounds contradict one another."""
@@ -355,6 +358,7 @@ class Phase(_Stacked):
                 f"{self.end_upper:g}",
                 field="time",
             )
+        self._check_algebraic(label)
         if not (np.diff([0.0, *self.instants, 1.0]) > 0).all():
             raise InvalidData(
                 f"instants of {label} must increase between 0 and 1, got {show(self.instants)}",
@@ -378,6 +382,22 @@ class Phase(_Stacked):
             if actual != expected:
                 raise InvalidData(
                     f"guess of {label} has {actual} columns for {expected} {what}", field="guess"
+                )
+
+    def _check_algebraic(self, label: str) -> None:
+        """Raise unless there is one algebraic equation per entry of an algebraic variable."""
+        equations = [item for item in self.paths if item.algebraic]
+        count = sum(item.size for item in self.controls if item.algebraic)
+        if sum(item.size for item in equations) != count:
+            raise InvalidData(
+                f"{label} must have one algebraic equation per algebraic variable, got "
+                f"{sum(item.size for item in equations)} for {count}",
+                field="paths",
+            )
+        for item in equations:
+            if (item.lower != item.upper).any():
+                raise InvalidData(
+                    f"algebraic equation {item.name!r} must have equal bounds", field="paths"
                 )
 
     @cached_property

@@ -4,6 +4,7 @@ The control is integrated with the explicit Runge-Kutta method of order 8 of Dor
 (DOP853: Hairer, Nørsett and Wanner, "Solving Ordinary Differential Equations I", section II.5), or
 with Radau IIA of order 5 if the motion is stiff. Both use the plan's mesh only to stop at knots, at
 which a control may jump. An unstable motion is integrated in windows, which start from the plan.
+Algebraic equations are solved by Newton's method at every evaluation of the rates.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853, Radau
 
 from ..programs.compiled import scalar_form
+from .algebraic import solved_controls
+from .definition import Phase
 from .sampling import Course, Instants
 
 __all__ = ["Reintegration", "integrate_anew"]
@@ -132,10 +135,16 @@ def integrate_anew(course: Course) -> Reintegration:
 
 
 @lru_cache(maxsize=64)
-def _motion(function: casadi.Function) -> tuple[casadi.Function, casadi.Function]:
-    """Return functions of (t, x, u, p): rates and integrands in one column, and the rates' Jacobian by x."""
+def _motion(phase: Phase) -> tuple[casadi.Function, casadi.Function]:
+    """Return functions of (t, x, u, p): rates and integrands in one column, and the rates' Jacobian by x.
+
+    The algebraic equations are solved for the algebraic variables in u, which are only the start of
+    Newton's method.
+    """
+    function, solved = phase.function, solved_controls(phase)
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
-    rate, _, integrand, _ = function.call(arguments)
+    t, x, u, p = arguments
+    rate, _, integrand, _ = function(t, x, u if solved is None else solved(t, x, u, p), p)
     results = {
         "motion": casadi.vertcat(rate, integrand),
         "slope": casadi.jacobian(rate, arguments[1]),
@@ -155,7 +164,7 @@ class _Rate:
     """
 
     def __init__(self, course: Course) -> None:
-        function = _motion(course.phase.function)[0]
+        function = _motion(course.phase)[0]
         self.controls = course.plan.controls
         self._time, self._state = np.zeros(1), np.zeros(course.plan.states.size)
         self._control = np.zeros(self.controls.size)
@@ -314,7 +323,7 @@ def _stretches(course: Course) -> tuple[list[_Stretch], float]:
     pieces = max(PIECES, *(nodes.size for nodes in plan.nodes))
     tau = (2.0 * np.arange(pieces) + 1.0) / pieces - 1.0
     at = course.at(np.repeat(np.arange(count), pieces), np.tile(tau, count))
-    slope = _motion(course.phase.function)[1]
+    slope = _motion(course.phase)[1]
     table = slope(at.times[None, :], at.states.T, at.controls.T, course.parameters).full()
     with np.errstate(all="ignore"):
         linear = table.reshape(size, count, pieces, size).transpose(1, 2, 0, 3) * scale

@@ -20,6 +20,7 @@ from ..fields import declared
 from ..model import Model
 from ..programs.compiled import require_casadi
 from ..verification import TOLERANCE, Verification
+from .algebraic import algebraic_entries
 from .checks import verify_control
 from .definition import Definition
 from .plan import ControlPlan
@@ -170,8 +171,10 @@ class OptimalControlProblem(Model[ControlPlan]):
         """Return the size in a few words."""
         phases = self.definition.phases
         states = sum(len(phase.state_names) for phase in phases)
-        controls = sum(len(phase.control_names) for phase in phases)
-        return f"{len(phases)} phase{'s' * (len(phases) > 1)}, {states} states, {controls} controls"
+        algebraic = sum(algebraic_entries(phase.controls).size for phase in phases)
+        controls = sum(len(phase.control_names) for phase in phases) - algebraic
+        text = f"{len(phases)} phase{'s' * (len(phases) > 1)}, {states} states, {controls} controls"
+        return text + (f", {algebraic} algebraic variables" if algebraic else "")
 
 
 def _fingerprint(plan: Any) -> bytes:

@@ -150,6 +150,11 @@ def round_controls(
     groups = {item.name: part for item, part in entry_slices(phase.controls) if item.integer}
     if not groups:
         raise InvalidData("model has no control that is declared integer=True", field="model")
+    if any(item.algebraic for item in phase.controls):
+        raise InvalidData(
+            "model must have no algebraic variables, whose values would change with rounded controls",
+            field="model",
+        )
     lower, upper = phase.bounds("controls")
     for name in one_of:
         columns = groups.get(name)

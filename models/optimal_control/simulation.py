@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from ...errors import InvalidData
 from ..fields import Array, Real, show
+from .algebraic import algebraic_entries, solved_controls
 from .definition import entry_names, entry_slices
 
 __all__ = ["Breach", "Simulation", "simulate"]
@@ -108,6 +109,7 @@ def simulate(
         Addition to the rates: a constant, or a function of time and states.
     feedback : callable, optional
         ``(t, x, plan) -> u`` in place of the plan's control; it saturates at the control's bounds.
+        Its entries for algebraic variables are ignored: the equations determine them.
     tolerance : float
         Excess over a limit that is not reported as a breach, relative to the larger of the limit
         and the size of the limited value.
@@ -147,6 +149,7 @@ def simulate(
     added = _callable("disturbance", np.zeros(size) if disturbance is None else disturbance, size)
     low, high = phase.bounds("controls")
     steer = None if feedback is None else _callable("feedback", feedback, plan.controls.size)
+    solved, algebraic = solved_controls(phase), algebraic_entries(phase.controls)
     knots = plan.states.knots
     scale = np.maximum(phase.stacked("states", "scale"), np.abs(current))
     parts: list[tuple[Floats, Floats, Floats]] = []
@@ -155,10 +158,12 @@ def simulate(
         begin, end = knots[k], knots[k + 1]
 
         def control(t: Any, x: Floats, k: int = k, begin: Any = begin, end: Any = end) -> Floats:
-            if steer is not None:
-                return np.clip(steer(float(t), x, plan), low, high)
             planned: Floats = plan.controls.on(k, [2.0 * (t - begin) / (end - begin) - 1.0])[0]
-            return planned
+            if steer is not None:
+                steered = np.clip(steer(float(t), x, plan), low, high)
+                steered[algebraic] = planned[algebraic]
+                planned = steered
+            return planned if solved is None else solved(t, x, planned, p).full()[:, 0]
 
         def rate(t: float, x: Floats, control: Callable[..., Floats] = control) -> Floats:
             rates: Floats = phase.function(t, x, control(t, x), p)[0].full()[:, 0] + added(t, x)

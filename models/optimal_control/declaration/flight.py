@@ -31,6 +31,7 @@ def fly(
     phase: Guessed,
     function: casadi.Function,
     steer: casadi.Function,
+    solved: casadi.Function | None,
     guess: Guess,
     parameters: Floats,
 ) -> Guess:
@@ -38,7 +39,8 @@ def fly(
 
     If the end is free and not given, it is the time at which the final values are nearest. States
     that were guessed after the call of ``simulate`` keep their guesses. The functions are
-    ``(t, x, u, p) -> (rate, …)`` and ``steer``, from the guessed controls u to those with feedback.
+    ``(t, x, u, p) -> (rate, …)``, `steer`, from the guessed controls u to those with feedback, and
+    `solved`, which solves the equations for the algebraic variables in u.
 
     Raises
     ------
@@ -63,7 +65,10 @@ def fly(
         place = (t - begin) / span
         u = [np.interp(place, guess.fractions, item) for item in guess.controls.T]
         steered: Floats = np.array(steer(t, x, u, parameters), float).reshape(-1)
-        return np.clip(steered, low, high)
+        steered = np.clip(steered, low, high)
+        return (
+            steered if solved is None else np.array(solved(t, x, steered, parameters)).reshape(-1)
+        )
 
     def rate(t: float, x: Floats) -> Floats:
         u = control(t, x)

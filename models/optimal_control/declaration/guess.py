@@ -109,10 +109,11 @@ class Guessed:
             simulation diverges, so that a state or rate is not finite.
         """
         for name in controls:
-            if name not in self.controls:
+            known = [key for key, item in self.controls.items() if not item.algebraic]
+            if name not in known:
                 raise InvalidData(
                     f"simulate with {name!r}: phase {self.name!r} has the controls "
-                    f"{', '.join(map(repr, self.controls)) or 'none'}",
+                    f"{', '.join(map(repr, known)) or 'none'}",
                     field=name,
                 )
         laws = {

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import Text, show
+from ..algebraic import check_index, solver_of
 from ..definition import Phase, Restriction
+from .algebraic import Algebraic
 from .flight import fly
 from .guess import After, Guessed, draw_lines
 from .instants import Instants
@@ -38,7 +40,7 @@ Symbol = Any  # casadi.MX
 
 
 @dataclass(eq=False)
-class PhaseBuilder(Guessed, Instants):
+class PhaseBuilder(Guessed, Instants, Algebraic):
     """Phase under declaration, created by :meth:`ControlProblemBuilder.phase`.
 
     Attributes
@@ -403,6 +405,7 @@ class PhaseBuilder(Guessed, Instants):
                 f"phase {self.name!r}: no dynamics for state {', '.join(map(repr, missing))}",
                 field="dynamics",
             )
+        self.check_algebraic()
         rates = [self.rates[name] for name in self.states]
         integrands = [item for _, item in self.integrands]
         invariants = [item for _, item in self.invariants]
@@ -425,13 +428,16 @@ class PhaseBuilder(Guessed, Instants):
         if self.flown:
             laws = [{**self.symbols, **self.feedback}[name] for name in self.controls]
             steer = compile_function("feedback", arguments, {"feedback": laws}, self._explain)
-            guess = fly(self, function, steer, guess, values)
+            solved = solver_of(
+                function, tuple(self.controls.values()), tuple(item for item, _ in paths)
+            )
+            guess = fly(self, function, steer, solved, guess, values)
         outputs = None
         if self.outputs:
             columns = {"output": [item for _, item in self.outputs]}
             outputs = compile_function("outputs", arguments, columns, self._explain)
         sides = ("start_lower", "start_upper", "end_lower", "end_upper")
-        return Phase(
+        phase = Phase(
             name=self.name,
             states=tuple(self.states.values()),
             controls=tuple(self.controls.values()),
@@ -447,6 +453,8 @@ class PhaseBuilder(Guessed, Instants):
             outputs_function=outputs,
             instants=tuple(sorted(self.instants)),
         )
+        check_index(phase, values)
+        return phase
 
     def _explain(self, what: str, symbol: Symbol) -> str:
         """Return the error message for a symbol that does not belong to the phase."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...programs.blocks import Block
 from ...programs.triplets import Triplets
+from ..algebraic import algebraic_entries
 from ..definition import Definition, Phase, entry_units
 from ..lagrange import interpolation
 from ..piecewise import Piecewise
@@ -44,6 +45,8 @@ class PhaseLayout:
         self.phase, self.number, self.mesh, self.schemes = phase, number, mesh, schemes
         self.first = first
         self.nx, self.nu = len(phase.state_names), len(phase.control_names)
+        #: Controls that may be kept calm: all but algebraic variables, which their equations determine.
+        self.calmable = np.delete(np.arange(self.nu), algebraic_entries(phase.controls))
         #: Number of path expressions.
         self.paths = sum(path.size for path in phase.paths)
 
@@ -158,7 +161,7 @@ class PhaseLayout:
             nodes = scheme.control_points
             table = np.linalg.inv(legendre.legvander(nodes, nodes.size - 1))[-many:]
             controls = self.visit_control[self.visit_starts[k] : self.visit_starts[k + 1]]
-            for columns in self.control_columns[:, controls]:
+            for columns in self.control_columns[self.calmable][:, controls]:
                 rows.add(count + np.arange(many)[:, None], columns, table)
                 count += many
         r, c, value, _ = rows.joined()
@@ -287,13 +290,15 @@ class Layout:
         """
         if duals is None:
             return tuple(np.zeros(phase.mesh.intervals) for phase in self.phases)
-        start = duals.size - sum(int(part.mesh.calm_rows.sum()) * part.nu for part in self.phases)
+        counts = (int(part.mesh.calm_rows.sum()) * part.calmable.size for part in self.phases)
+        start = duals.size - sum(counts)
         result: list[Floats] = []
         for part, size in zip(self.phases, sizes.phases, strict=True):
             rows = part.mesh.calm_rows
-            factors = np.concatenate([np.repeat(size.controls, n) for n in rows] + [np.zeros(0)])
+            calm = size.controls[part.calmable]
+            factors = np.concatenate([np.repeat(calm, n) for n in rows] + [np.zeros(0)])
             shares = np.abs(duals[start : start + factors.size]) * factors
             start += factors.size
-            interval = np.repeat(np.arange(rows.size), rows * part.nu)
+            interval = np.repeat(np.arange(rows.size), rows * part.calmable.size)
             result.append(np.bincount(interval, shares, rows.size).astype(float))
         return tuple(result)
