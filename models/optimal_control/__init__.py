@@ -9,6 +9,7 @@ from ...lazy import attach
 if TYPE_CHECKING:
     from .checks import motion as motion
     from .declaration.tables import Table as Table, table as table
+    from .estimation import Estimate as Estimate, covariance as covariance
     from .hamiltonian import (
         HamiltonianReport as HamiltonianReport,
         hamiltonian_spread as hamiltonian_spread,

@@ -411,7 +411,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             "endpoint",
             {"e": self.end_symbols(), "p": parameters},
             {"objective": [self.objective[0]], "boundary": [item for _, item in boundaries]},
-            self._explain,
+            self.explain,
         )
         return Definition(
             phases=phases,
@@ -422,7 +422,7 @@ class ControlProblemBuilder(Generic[ModelT]):
             objective_scale=self.objective[2],
         )
 
-    def _explain(self, what: str, symbol: Symbol) -> str:
+    def explain(self, what: str, symbol: Symbol) -> str:
         """Return the error message for a symbol that has no value at the ends."""
         mark = symbol.__hash__()
         for phase in self.phases:
