@@ -198,6 +198,21 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         """Return the formulation with the program's guess drawn by `seed`; used if :attr:`draws`."""
         return self
 
+    @property
+    def is_convex(self) -> bool:
+        """Whether every local optimum of the model is proven to be global, so that one start suffices."""
+        return False
+
+    def coarse(self) -> Self | None:
+        """Return a smaller formulation for a comparison of many starts; None if it is not required."""
+        return None
+
+    def draw(self, seed: int) -> NDArray[np.float64]:
+        """Return a start of the program drawn by `seed`; it need not agree with :meth:`started`."""
+        guess = self.started(seed).program.guess
+        assert guess is not None
+        return guess
+
     def guessed(self, plan: PlanT) -> Self | None:
         """Return the formulation started at the infeasible `plan`, or None if it accepts no such plan."""
         return None

@@ -15,10 +15,12 @@ from ...timing import clock
 from ..contract.backend import Answer, Request
 from ..contract.enums import Feature, Termination
 from .running import Run
-from .starts import AT_LEAST, TIMES
+from .starts import ITERATIONS, MORE, with_iterations
 
 __all__ = ["Confirmation", "confirm"]
 
+#: Iterations of the second program if the first took few.
+CONFIRMING = 300
 #: Terminations of the second program whose objective is compared.
 CONVERGED = (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
 
@@ -72,13 +74,13 @@ def confirm(run: Run, request: Request, answer: Answer, left: float | None) -> C
             failure=f"no time was left to confirm the optimum by {counterpart.name}",
         )
     begin = clock()
-    seconds = max(AT_LEAST, TIMES * run.spent[-1])
-    seconds = seconds if left is None else min(seconds, left)
+    most = max(CONFIRMING, ITERATIONS * int(answer.statistics.get("iterations", 0)) + MORE)
     program = counterpart.program
     warm = program.guess if Feature.WARM_START in run.target.backend.features else None
-    with request.control.stage(seconds) as part:
+    with request.control.stage(left) as part:
+        limited = with_iterations(request, most)
         other = run.attend(
-            program, replace(request, time_limit=seconds, control=part, warm_start=warm)
+            program, replace(limited, time_limit=left, control=part, warm_start=warm)
         )
     run.spent[-1] += clock() - begin
     value = other.primal_bound

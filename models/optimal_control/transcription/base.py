@@ -15,6 +15,7 @@ from ....errors import InvalidData, UnsupportedOption, show
 from ...formulation import Formulation
 from ...programs.base import Program
 from ...programs.nonlinear import NonlinearProgram
+from ..convexity import is_convex
 from ..definition import Phase
 from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
@@ -27,7 +28,7 @@ from .layout import Layout
 from .mesh import Mesh, even, read_mesh
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
-from .starts import draw_start
+from .starts import coarse_mesh, draw_flight, draw_start
 
 __all__ = ["Transcription"]
 
@@ -458,6 +459,25 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         guess = self._start or self.decode(self._guess())
         return self._with(_start=draw_start(self.model.definition, guess, seed))
 
+    @property
+    def is_convex(self) -> bool:
+        """Whether the problem is proven to be convex."""
+        return is_convex(self.model.definition)
+
+    def coarse(self) -> Self | None:
+        """Return the formulation on a coarse mesh for a comparison of starts; None without refinement."""
+        if not self.refine:
+            return None
+        meshes = (coarse_mesh(self.rules),) * len(self._meshes)
+        return self._with(_meshes=meshes, _history=None)
+
+    def draw(self, seed: int) -> Floats:
+        """Return a random start of the program: waves for odd seeds, motions for even ones."""
+        guess = self._start or self.decode(self._guess())
+        draw_plan = draw_start if seed % 2 else draw_flight
+        columns = self.encode(draw_plan(self.model.definition, guess, seed))
+        return np.clip(columns, self.program.column_lower, self.program.column_upper)  # type: ignore[attr-defined]
+
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`, such as the plan for another initial state."""
         return self._with(_start=plan)
@@ -476,6 +496,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             **self._mesh_size,
             "columns": self.layout.size,
         }
+        if self.is_convex:
+            result["convex"] = True
         if self.dropped:
             result["dropped"] = self.dropped
         if self._history is not None:
