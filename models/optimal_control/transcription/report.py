@@ -37,6 +37,10 @@ ALLOWED = 0.8
 FINER = 4
 #: Largest distance of a saturated control from its bound, relative to the range between both bounds.
 SATURATED = 0.02
+#: Excess of a control over its bound, relative to its size, from which saturation is an error.
+CLIPPED = 1e-7
+#: Number of points at which saturation is integrated, in multiples of the points that show it.
+DENSER = 8
 #: Largest distance of an active constraint from its bound at a node, relative to its typical size.
 BINDING = 1e-4
 #: Smallest step between nodes of a chattering control, relative to a control's range, and smallest
@@ -100,6 +104,9 @@ def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
         for group in _groups(course):
             rows = group.rows
             errors[rows], places[rows] = _errors(group, sizes.states, sizes.integrals)
+            clipped, positions = _clipped(course, group, sizes)
+            places[rows] = np.where(clipped > errors[rows], positions, places[rows])
+            errors[rows] = np.maximum(errors[rows], clipped)
             violations[rows], positions = _violations(phase, group, sizes)
             places[rows] = np.where(violations[rows] > errors[rows], positions, places[rows])
             decays[rows], tails[rows] = _decays(phase, group)
@@ -182,6 +189,54 @@ def _errors(group: _Group, size: Floats, integral_sizes: Floats) -> tuple[Floats
     return np.where(np.isfinite(errors), errors, np.inf), fine[steps.argmax(axis=1)]
 
 
+def _clipped(course: Course, group: _Group, sizes: PhaseSizes) -> tuple[Floats, Floats]:
+    """Return the error of the motion by the saturation of controls between the nodes, and its place.
+
+    The polynomial of a control may exceed its bounds between the nodes, and the plan saturates it there. A
+    touched bound does so between the points of the quadrature, so that they do not show the error.
+    """
+    tau, phase = group.between[0], course.phase
+    errors, places = np.zeros(group.rows.size), np.zeros(group.rows.size)
+    raw = interpolation(group.nodes, tau) @ group.controls
+    excess = np.zeros(group.rows.size)
+    for edge, sign in zip(phase.bounds("controls"), (-1.0, 1.0), strict=True):
+        known = np.isfinite(edge)
+        if known.any():
+            above = _peaks(tau, sign * (raw[:, :, known] - edge[known])) / sizes.controls[known]
+            excess = np.maximum(excess, above.max(axis=(1, 2)))
+    rows = np.flatnonzero(excess > CLIPPED)
+    if not rows.size:
+        return errors, places
+    # A touched bound is exceeded on a small part of an interval.
+    tau = -np.cos(np.linspace(0.0, np.pi, DENSER * tau.size))
+    raw = interpolation(group.nodes, tau) @ group.controls[rows]
+    at = course.at(np.repeat(group.rows[rows], tau.size), np.tile(tau, rows.size))
+    both = (at, at._replace(controls=raw.reshape(at.times.size, -1)))
+    saturated, rates = (course.values(item)["rate"] for item in both)
+    difference = (np.abs(rates - saturated) / sizes.states).reshape(rows.size, tau.size, -1)
+    errors[rows] = group.half[rows] * np.trapezoid(difference, tau, axis=1).max(axis=1)
+    places[rows] = tau[difference.max(axis=2).argmax(axis=1)]
+    return np.where(np.isfinite(errors), errors, 0.0), places
+
+
+def _peaks(tau: Floats, values: Floats) -> Floats:
+    """Return `values`, shape (intervals, positions, entries), with local maxima raised to those of parabolas.
+
+    A constraint that touches its bound is violated on a small part of an interval, between the points.
+    """
+    before, at, after = values[:, :-2], values[:, 1:-1], values[:, 2:]
+    steps = np.diff(tau)[None, :, None]
+    left, right = (at - before) / steps[:, :-1], (after - at) / steps[:, 1:]
+    span = steps[:, :-1] + steps[:, 1:]
+    slope = (left * steps[:, 1:] + right * steps[:, :-1]) / span
+    bend = (left - right) / span
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gain = np.where((left >= 0) & (right <= 0) & (bend > 0), slope**2 / (4.0 * bend), 0.0)
+    result = values.copy()
+    result[:, 1:-1] += np.where(np.isfinite(gain), gain, 0.0)
+    return result
+
+
 def _violations(phase: Phase, group: _Group, sizes: PhaseSizes) -> tuple[Floats, Floats]:
     """Return the largest relative violation between the nodes of each interval, and its place."""
     tau, tables = group.between
@@ -194,7 +249,7 @@ def _violations(phase: Phase, group: _Group, sizes: PhaseSizes) -> tuple[Floats,
             known = np.isfinite(edge)
             if known.any():
                 scale = np.maximum(smallest[known], np.abs(edge[known]))
-                excess = (sign * (values[:, :, known] - edge[known]) / scale).max(axis=2)
+                excess = _peaks(tau, sign * (values[:, :, known] - edge[known]) / scale).max(axis=2)
                 excess = np.where(np.isnan(excess), np.inf, excess)
                 largest = excess.max(axis=1)
                 where = np.where(largest > worst, tau[excess.argmax(axis=1)], where)
