@@ -64,7 +64,7 @@ def readings(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
         "largest |w|, rad/s": np.linalg.norm(states[:, 4:7], axis=1).max(),
         "largest |T|, N m": np.linalg.norm(torque, axis=1).max(),
         "largest gimbal rate, rad/s": np.abs(controls).max(),
-        "least det(A A')": singularity_measure(states[:, 7:], model.beta).min(),
+        "least det(A A')": singularity_measure(states[:, 7:], model.gyros).min(),
     }
 
 

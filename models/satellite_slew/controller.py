@@ -129,7 +129,7 @@ class Controller:
     law: TrackingLaw = TrackingLaw.INERTIA
 
     def wanted(self, t: float) -> Floats:
-        """Return the plan's states at `t`, or at its end for later times, shape (11,)."""
+        """Return the plan's states at `t`, or at its end for later times, shape (7 + gyros,)."""
         return self.phase.states(np.clip(t, self.phase.start, self.phase.end))
 
     def errors(self, t: float, x: Floats) -> tuple[Floats, Floats]:
@@ -144,14 +144,14 @@ class Controller:
         ----------
         t, long : float
             Time and length of the sample, s.
-        x : ndarray, shape (11,)
+        x : ndarray, shape (7 + gyros,)
             Measured state.
 
         Returns
         -------
         torque : ndarray, shape (3,)
             T_c, N m.
-        rates : ndarray, shape (4,)
+        rates : ndarray, shape (gyros,)
             Gimbal rates, rad/s.
         saturated : bool
             Whether the gyros produce less than `torque`.
@@ -177,7 +177,7 @@ class Controller:
         # Faster homing would overshoot within a sample.
         preferred = rates + min(self.homing, 1.0 / long) * (current[7:] - delta)
         for _ in range(PASSES):
-            jacobian = gimbal_jacobian(delta + 0.5 * long * rates, model.beta)
+            jacobian = gimbal_jacobian(delta + 0.5 * long * rates, model.gyros)
             rates = self.steer(jacobian, direction, preferred)
         produced = -model.momentum * (jacobian @ rates)
         return torque, rates, float(np.abs(produced - torque).max()) > LOST
@@ -186,14 +186,14 @@ class Controller:
         """Return gimbal rates with A_t δ̇ = `wanted`, as near to `wished` as the limits allow.
 
         If a gimbal would be too fast, the residual is minimised in the least-squares sense within the
-        limits, with priority for the torque: four gimbals for three torques leave one degree of freedom.
+        limits, with priority for the torque: more than three gimbals leave a degree of freedom.
         """
         square = jacobian @ jacobian.T + DAMPING * np.eye(3)
         rates = wished + jacobian.T @ np.linalg.solve(square, wanted - jacobian @ wished)
         most = self.model.gimbal_rate_limit
         if np.abs(rates).max() > most:
             light = np.sqrt(DAMPING)
-            table = np.vstack([jacobian, light * np.eye(4)])
+            table = np.vstack([jacobian, light * np.eye(rates.size)])
             aim = np.concatenate([wanted, light * rates])
             rates = lsq_linear(table, aim, (-most, most), method="bvls").x
         return rates

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..verification import Check, Verification
-from .dynamics import CONTROLS, STATES, SlewMotion
+from .dynamics import STATES, SlewMotion, names_of
 from .gyros import singularity_measure
 from .model import SatelliteSlew
 from .quaternions import attitude_error
@@ -66,7 +66,7 @@ class Tracking:
         Simulated quaternions.
     rates : ndarray, shape (n, 3)
         Simulated body rates in radians per second.
-    gimbals : ndarray, shape (n, 4)
+    gimbals : ndarray, shape (n, gyros)
         Gimbal angles in radians.
     quaternion_errors : ndarray, shape (n, 4)
         q_e, eq. 25; its vector part is half the angle of a small error.
@@ -76,7 +76,7 @@ class Tracking:
         Control torque T_c commanded by the controller in each sample, in newton metres.
     applied : ndarray, shape (n - 1, 3)
         Control torque produced by the gyros, averaged over each sample, in newton metres.
-    gimbal_rates : ndarray, shape (n - 1, 4)
+    gimbal_rates : ndarray, shape (n - 1, gyros)
         Gimbal rates, constant over each sample, in radians per second.
     saturated : ndarray, shape (n - 1,)
         Whether limits of torque and gimbal rates, or a singularity, reduced the commanded torque.
@@ -162,20 +162,20 @@ def verify_flight(
         Satellite with its limits; the margin is not deducted.
     times : ndarray, shape (n,)
         Times, s, dense enough to represent the motion between samples.
-    states : ndarray, shape (n, 11)
+    states : ndarray, shape (n, 7 + gyros)
         Simulated states.
-    controls : ndarray, shape (n - 1, 4)
+    controls : ndarray, shape (n - 1, gyros)
         Gimbal rates, constant from each time to the next, rad/s.
     tolerance : float
         Accepted excess over a limit, as a share of the limit.
     ends : (float, float)
-        Largest angle from the final attitude (rad) and largest body rate (rad/s) at the end.
+        Largest angle from the final attitude (rad) and largest error of a body rate (rad/s) at the end.
     """
     motion = SlewMotion.of(model)
     before, after = (motion.torque(x[:, 7:], controls) for x in (states[:-1], states[1:]))
     # The torque of constant rates changes with the Jacobian: take the larger one of a step's ends.
     torque = np.maximum(model.magnitudes(before), model.magnitudes(after))
-    measure = singularity_measure(states[:, 7:], model.beta)[:, None]
+    measure = singularity_measure(states[:, 7:], model.gyros)[:, None]
     turn = attitude_error(states[-1:, :4], model.target)
     angle = 2.0 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), turn[:, 0])[:, None]
     length = np.abs((states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
@@ -186,8 +186,8 @@ def verify_flight(
             "rad/s", times, tolerance,
         ),
         (
-            "gimbal rate", "23", controls, model.gimbal_rate_limit, CONTROLS, "rad/s", times,
-            tolerance,
+            "gimbal rate", "23", controls, model.gimbal_rate_limit, names_of(model.gyro_count)[1], "rad/s",
+            times, tolerance,
         ),
         (
             "control torque", "23", torque, model.torque_limit, model.bounded_names("T_c"), "N m",
@@ -195,7 +195,7 @@ def verify_flight(
         ),
         ("singularity measure", "23", measure, model.singularity_limit, item, "", times, tolerance),
         ("final angle off the target", "13", angle, ends[0], item, "rad", end, 0.0),
-        ("final body rate", "13", w[-1:], ends[1], STATES[4:7], "rad/s", end, 0.0),
+        ("final body rate", "13", w[-1:] - model.end_rate, ends[1], STATES[4:7], "rad/s", end, 0.0),
         ("drift of the quaternion's length", "23", length, DRIFT, item, "", times, 0.0),
     ]  # fmt: skip
     results = [_check_limit(*case) for case in cases]

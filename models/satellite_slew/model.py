@@ -20,7 +20,7 @@ from ..optimal_control.plan import ControlPlan
 from ..verification import TOLERANCE, Verification
 from .checks import verify_slew
 from .data import Attitude, SlewData
-from .lowered import slew_problem
+from .lowered import reduced_problem, slew_problem
 from .quaternions import product, rotation_about
 
 __all__ = ["SatelliteSlew"]
@@ -30,11 +30,11 @@ AXES = {"roll": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0), "yaw": (0.0, 0.0, 1.0
 
 
 class SatelliteSlew(SlewData):
-    r"""Fastest rest-to-rest slew of a satellite by control moment gyros without singularities.
+    r"""Fastest slew of a satellite by control moment gyros without singularities.
 
-    The state is x = [q0, q1, q2, q3, wx, wy, wz, δ1, …, δ4]: the attitude q, a unit quaternion from
-    body to inertial axes; the body rates w; the gimbal angles δ of four control moment gyros in a
-    pyramid. The control is u = δ̇. With the gyros' momentum h = h0 A_s(δ)·1 (see
+    The state is x = [q0, q1, q2, q3, wx, wy, wz, δ1, …, δn]: the attitude q, a unit quaternion from
+    body to inertial axes; the body rates w; the gimbal angles δ of n control moment gyros, by default
+    four in a pyramid. The control is u = δ̇. With the gyros' momentum h = h0 A_s(δ)·1 (see
     :mod:`crosstrack.models.satellite_slew.gyros`) and A_t = ∂(A_s·1)/∂δ,
 
     - T_c = -h0 A_t δ̇ (eq. 9);
@@ -45,19 +45,27 @@ class SatelliteSlew(SlewData):
     T_max and det(A_t A_tᵀ) ≥ a limit at every instant (eq. 23), the final time free.
 
     Without outer torque R(q)(I w + h), the momentum in inertial axes, is constant. The rates are
-    therefore a function of attitude and gimbal angles. With the length of q, four of the eleven
-    conditions at the end follow from the other seven. :meth:`lower` imposes those seven (three of
-    q, four of δ), and :meth:`verify` checks all eleven. The shorter rotation is used.
+    therefore a function of attitude and gimbal angles, which the formulation ``reduced``, the default,
+    uses (:mod:`crosstrack.models.satellite_slew.reduced`). With the length of q, four of the 7 + n
+    conditions at the end follow from the others. :meth:`lower` imposes three of q and those of δ, and
+    :meth:`verify` checks all. The shorter rotation is used.
 
     Parameters
     ----------
+    gimbal_axes : ndarray, shape (n, 3), optional
+        Unit vectors of the gimbals' axes in body axes, for 3 to 8 gyros; see
+        :func:`~crosstrack.models.satellite_slew.gyros.pyramid_axes`. By default the pyramid of four with
+        `pyramid_angle`.
+    wheel_axes : ndarray, shape (n, 3), optional
+        Unit vectors of the wheels' momenta at the gimbal angle 0, perpendicular to `gimbal_axes`. By
+        default z × gimbal axis, normalised, as in the pyramid; x for a gimbal axis along z.
     inertia : ndarray, shape (3, 3)
         Moments of inertia I in kilogram square metres, in body axes; a vector of three is the diagonal.
     pyramid_angle : float
-        Skew angle β of the pyramid in degrees.
+        Skew angle β of the pyramid of four in degrees; unused with `gimbal_axes`.
     momentum : float
         Momentum h0 of one wheel in newton metre seconds.
-    rate_weight : ndarray, shape (4,)
+    rate_weight : ndarray, shape (n,)
         Diagonal of the weight R of gimbal rates in square seconds; one number applies to all.
     rate_limit : float
         Limit of the body rates in radians per second (`vector_limits`).
@@ -69,10 +77,11 @@ class SatelliteSlew(SlewData):
         Smallest allowed det(A_t A_tᵀ).
     initial_attitude, final_attitude : ndarray, shape (4,)
         Unit quaternions, scalar first, from body to inertial axes.
-    initial_gimbals : ndarray, shape (4,)
-        Gimbal angles at the start in radians.
-    final_gimbals : ndarray, shape (4,), optional
-        Gimbal angles at the end in radians; None for free angles.
+    initial_gimbals : ndarray, shape (n,)
+        Gimbal angles at the start in radians; one number applies to all.
+    final_gimbals : ndarray, shape (n,), optional
+        Gimbal angles at the end in radians; None for free angles. With a `final_rate` the gimbals must
+        store its momentum, so None is usual.
     time_range : ndarray, shape (2,)
         Smallest and largest final time in seconds.
     margin : float
@@ -81,12 +90,15 @@ class SatelliteSlew(SlewData):
     vector_limits : {"components", "norm"}
         Whether `rate_limit` and `torque_limit` bound each component (default) or the Euclidean
         norm, ``VectorLimits``.
+    initial_rate, final_rate : ndarray, shape (3,), optional
+        Body rates at the start and at the end in radians per second, such as that of a moving target; by
+        default at rest.
 
     Raises
     ------
     InvalidData
-        The inertia is not that of a body, a quaternion has another length than 1, the gimbals are
-        singular at an end, or the satellite cannot be at rest with the final gimbals.
+        The inertia is not that of a body, a quaternion or an axis has another length than 1, the gimbals
+        are singular at an end, or the satellite cannot have the final rate with the final gimbals.
 
     Notes
     -----
@@ -105,6 +117,10 @@ class SatelliteSlew(SlewData):
     """
 
     kind: ClassVar[str] = "satellite-slew"
+    formulations: ClassVar[dict[str, Any]] = {
+        "reduced": ".models.satellite_slew.reduced:Reduced",
+    }
+    default_formulation: ClassVar[str] = "reduced"
     objective_unit: ClassVar[str] = "s"
     plan_type: ClassVar[type] = ControlPlan
 
@@ -159,6 +175,11 @@ class SatelliteSlew(SlewData):
         return self._problem
 
     @cached_property
+    def reduced(self) -> OptimalControlProblem:
+        """The slew with attitude and gimbal angles as the only states, for the formulation ``reduced``."""
+        return reduced_problem(self, self.name)
+
+    @cached_property
     def _problem(self) -> OptimalControlProblem:
         return slew_problem(self, self.name)
 
@@ -177,4 +198,6 @@ class SatelliteSlew(SlewData):
         axis, angle = self.turn
         around = ", ".join(f"{x:.3g}" for x in axis)
         reserve = f", margin {100 * self.margin:g} %" if self.margin else ""
-        return f"{np.rad2deg(angle):.6g}° about ({around}), 4 gyros of {self.momentum:g} N m s{reserve}"
+        ends = ", moving ends" if self.begin_rate.any() or self.end_rate.any() else ""
+        gyros = f"{self.gyro_count} gyros of {self.momentum:g} N m s"
+        return f"{np.rad2deg(angle):.6g}° about ({around}), {gyros}{ends}{reserve}"

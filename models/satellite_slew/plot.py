@@ -34,7 +34,6 @@ PAPER_QUATERNION_ERROR, PAPER_RATE_ERROR = 4e-4, 1e-3
 
 _ATTITUDE = ("q0", "q1", "q2", "q3")
 _RATES = ("ωx", "ωy", "ωz")
-_GIMBALS = ("δ1", "δ2", "δ3", "δ4")
 _TORQUES = ("x", "y", "z")
 #: Title of the panel by the name of a value in the text of a check, and the pattern of its entry.
 _TITLES = {
@@ -80,7 +79,7 @@ def draw(
     if tracking is not None and (view == "axis" or plan is None):
         raise UnsupportedOption("tracking is drawn over time, beside a plan")
     if plan is not None:
-        slew_phase(plan)
+        slew_phase(plan, model.gyro_count)
     result = kit.verified_plan(model, plan, ControlPlan, tolerance)
     axis, angle = model.turn
     around = ", ".join(kit.number(float(x), 3) for x in axis)
@@ -105,7 +104,7 @@ def draw(
         errors = "quaternion\nerrors", "", _ATTITUDE[1:], attitude, PAPER_QUATERNION_ERROR
         panels.insert(3, _errors(*errors, tracking))
         panels.append(_errors("rate errors", "rad/s", _RATES, rates, PAPER_RATE_ERROR, tracking))
-    part = slew_phase(drawn)
+    part = slew_phase(drawn, model.gyro_count)
     end = part.end if tracking is None else max(part.end, float(tracking.times[-1]))
     figure = kit.panel_sheet(
         panels, [kit.Span("slew", part.start, end, part.states.knots)], columns=2, title=text,
@@ -140,10 +139,11 @@ def _guessed(model: SatelliteSlew) -> ControlPlan:
 
 def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[kit.Panel]:
     """Return the paper's six panels: attitude, rates, angles, gimbal rates, singularity and torque."""
-    part = slew_phase(plan)
+    part = slew_phase(plan, model.gyro_count)
+    gimbal_names = tuple(f"δ{k + 1}" for k in range(model.gyro_count))
     times, states, controls = sampled(part)
     nodes, at_nodes = nodes_of(part.states)
-    measure = singularity_measure(states[:, 7:], model.beta)[:, None]
+    measure = singularity_measure(states[:, 7:], model.gyros)[:, None]
     torque = SlewMotion.of(model).torque(states[:, 7:], controls)
     rates, rate_nodes = states[:, 4:7], at_nodes[:, 4:7]
     rate_names: Sequence[str] = _RATES
@@ -167,8 +167,8 @@ def _panels(model: SatelliteSlew, plan: ControlPlan, tolerance: float) -> list[k
     rows: list[tuple[str, str, Sequence[str], kit.Floats, Any, list[kit.Limit]]] = [
         ("quaternion", "", _ATTITUDE, states[:, :4], (nodes, at_nodes[:, :4]), []),
         ("body rates", "rad/s", rate_names, rates, (nodes, rate_nodes), within(model.rate_limit)),
-        ("gimbal angles", "rad", _GIMBALS, states[:, 7:], (nodes, at_nodes[:, 7:]), []),
-        ("gimbal rates", "rad/s", _GIMBALS, controls, nodes_of(part.controls),
+        ("gimbal angles", "rad", gimbal_names, states[:, 7:], (nodes, at_nodes[:, 7:]), []),
+        ("gimbal rates", "rad/s", gimbal_names, controls, nodes_of(part.controls),
          within(gimbal_rate, model.gimbal_rate_limit)),
         (_TITLES["det"], "", ("det(A Aᵀ)",), measure, None, [safe]),
         ("control torque", "N m", torque_names, torque, None,
@@ -213,7 +213,7 @@ def draw_axes(model: SatelliteSlew, plan: ControlPlan | None, scene: kit.Scene) 
     """Draw the paths of the body axes on the unit sphere."""
     axes = _sphere(model, scene)
     if plan is not None:
-        part = slew_phase(plan)
+        part = slew_phase(plan, model.gyro_count)
         paths = _axis_paths(part.states(part.grid(_POINTS))[:, :4])
         for k in range(3):
             axes.plot(*paths[:, k].T, lw=2.4, zorder=5, gid=f"way {'xyz'[k]}", **kit.axis_style(k))
@@ -262,7 +262,7 @@ def animate_slew(
 
     stage = kit.Stage(model, title, size, frames, interval)
     kit.check_option("turn", turn, kit.is_number(turn) and np.isfinite(turn), "be a finite number")
-    part = slew_phase(model.as_plan(plan))
+    part = slew_phase(model.as_plan(plan), model.gyro_count)
     axes = _sphere(model, stage)
     times = part.grid(frames)
     attitudes = part.states(times)[:, :4]

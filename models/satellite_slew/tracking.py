@@ -89,12 +89,12 @@ def track(
         Rate of the null motion, which produces no torque, back to the plan's gimbal angles, 1/s; at
         most 1 per sample.
     after : float
-        Duration for which the end of the plan is held, s.
+        Duration for which the end of the plan is held, s; 0 for a slew with a `final_rate`.
     tolerance : float
         Accepted excess of a flight over a limit of the model, as a share of the limit. Plans follow
         limits, so the smallest error exceeds them.
     final_angle, final_rate : float
-        Largest angle from the final attitude (rad) and largest body rate (rad/s) at the end.
+        Largest angle from the final attitude (rad) and largest error of a body rate (rad/s) at the end.
     law : {"inertia", "paper"}
         "paper" is the printed K_p = k1 q_e0, a scalar, with k1 = 2 ω_n² tr(I) / 3. "inertia" is
         ours, K_p = 2 ω_n² I.
@@ -119,7 +119,7 @@ def track(
     A constant torque that is not compensated leaves the error q_e = K_p⁻¹ T_ext.
     """
     required("model", model, SatelliteSlew)
-    phase = slew_phase(model.as_plan(plan))
+    phase = slew_phase(model.as_plan(plan), model.gyro_count)
     for name, value in (
         ("natural_frequency", natural_frequency), ("sample_time", sample_time),
         ("final_angle", final_angle), ("final_rate", final_rate),
@@ -127,13 +127,17 @@ def track(
         Real(0.0, strict=True).coerce(name, value, {})
     for name, value in (("damping", damping), ("homing", homing), ("after", after)):
         Real(0.0).coerce(name, value, {})
+    if after > 0.0 and model.end_rate.any():
+        raise InvalidData(
+            f"after must be 0, because the slew ends with final_rate, got {after:g}", field="after"
+        )
     law = Member(TrackingLaw).coerce("law", law, {})
     assert isinstance(law, TrackingLaw)
     if known_disturbance is None:
         known_disturbance = float(law == TrackingLaw.PAPER)
     Real(0.0, 1.0).coerce("known_disturbance", known_disturbance, {})
     check_tolerance(tolerance)
-    truth = SlewMotion(_true_inertia(model, inertia_error), model.momentum, model.beta)
+    truth = SlewMotion(_true_inertia(model, inertia_error), model.momentum, model.gyros)
     samples = (phase.duration + after) / min(sample_time, STEP)
     if not samples <= MOST_SAMPLES:
         raise InvalidData(
@@ -218,7 +222,7 @@ def _fly(
     count = max(1, int(np.ceil((end - phase.start) / sample_time - 1e-9)))
     times = np.append(phase.start + sample_time * np.arange(count), end)
     steps = max(1, int(np.ceil(np.diff(times).max() / STEP - 1e-9)))
-    x = np.concatenate([model.initial_attitude, np.zeros(3), model.initial_gimbals])
+    x = np.concatenate([model.initial_attitude, model.begin_rate, model.initial_gimbals])
     motions, fine = [x[None]], [times[:1]]
     commanded, rate_steps, saturated = [], [], []
     for begin, until in pairwise(times.tolist()):
@@ -233,7 +237,7 @@ def _fly(
         saturated.append(cut)
     dense, controls = np.concatenate(motions), np.array(rate_steps)
     table = dense[::steps]
-    direction = momentum_direction(table[:, 7:], model.beta)
+    direction = momentum_direction(table[:, 7:], model.gyros)
     errors = [controller.errors(float(t), y) for t, y in zip(times, table, strict=True)]
     verification, breach = verify_flight(
         model, np.concatenate(fine), dense, np.repeat(controls, steps, axis=0), tolerance, ends
@@ -249,7 +253,7 @@ def _fly(
         applied=frozen(-model.momentum * np.diff(direction, axis=0) / np.diff(times)[:, None]),
         gimbal_rates=frozen(controls),
         saturated=frozen(np.array(saturated)),
-        measures=frozen(singularity_measure(table[:, 7:], model.beta)),
+        measures=frozen(singularity_measure(table[:, 7:], model.gyros)),
         verification=verification,
         breach=breach,
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...models.fields import frozen
 from ...models.optimal_control.lagrange import interpolation
 from ...models.optimal_control.plan import ControlPlan, PhasePlan, Piecewise
-from ...models.satellite_slew.dynamics import CONTROLS, STATES, SlewMotion
+from ...models.satellite_slew.dynamics import SlewMotion, names_of
 from ...models.satellite_slew.gyros import gimbal_jacobian, momentum_direction, singularity_measure
 from ...models.satellite_slew.model import SatelliteSlew
 from ...models.satellite_slew.profile import EigenaxisProfile
@@ -60,11 +60,11 @@ class Flight:
 
     def plan(self, most: float) -> ControlPlan:
         """Return the flight as a plan whose gimbal rates saturate at `most`, rad/s."""
-        mesh, limit = np.array(self.knots), np.full(4, most)
+        mesh, limit = np.array(self.knots), np.full(self.steps[0][1].shape[1], most)
         nodes, rates, states = zip(*self.steps, strict=True)
         states_of = Piecewise(mesh, (STATES_AT,) * len(states), states)
         controls = Piecewise(mesh, nodes, rates, -limit, limit)
-        return ControlPlan((PhasePlan("slew", states_of, controls, STATES, CONTROLS),))
+        return ControlPlan((PhasePlan("slew", states_of, controls, *names_of(limit.size)),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,14 +95,14 @@ class ClosedLoop:
     def command(
         self, t: float, course: tuple[Floats, Floats, Floats], x: Floats
     ) -> tuple[Floats, Floats]:
-        """Return the torque, shape (3,), and the gimbal rates, shape (4,), before saturation.
+        """Return the torque, shape (3,), and the gimbal rates, shape (gyros,), before saturation.
 
         `course` contains the attitude, the body rates and their derivatives of the rotation at `t`.
         """
         model, inertia = self.model, self.model.inertia
         attitude, rates, push = course
         w, delta = x[4:7], x[7:]
-        total = inertia @ w + model.momentum * momentum_direction(delta, model.beta)
+        total = inertia @ w + model.momentum * momentum_direction(delta, model.gyros)
         error = attitude_error(x[:4], attitude)[1:]
         acceleration = push - 2.0 * FREQUENCY**2 * error - 2.0 * DAMPING * FREQUENCY * (w - rates)
         gyration = (
@@ -111,7 +111,7 @@ class ClosedLoop:
             w[0] * total[1] - w[1] * total[0],
         )
         torque = inertia @ acceleration + gyration
-        jacobian = gimbal_jacobian(delta, model.beta)
+        jacobian = gimbal_jacobian(delta, model.gyros)
         gimbal_rates = self.law.rates(t, jacobian, -torque / model.momentum)
         home = model.final_gimbals
         if home is not None and t >= self.profile.duration - self.profile.ramp:
@@ -168,7 +168,7 @@ class ClosedLoop:
             knots.append(time)
             loads.append(load)
             steps.append((nodes, rates, states))
-            measure = min(measure, float(singularity_measure(states[:, 7:], model.beta).min()))
+            measure = min(measure, float(singularity_measure(states[:, 7:], model.gyros).min()))
             largest_rate = max(largest_rate, float(model.magnitudes(states[:, 4:7]).max()))
             if measure < least_measure:
                 break
@@ -217,7 +217,7 @@ class ClosedLoop:
 
 
 def _follow(motion: SlewMotion, x: Floats, nodes: Floats, rates: Floats, long: float) -> Floats:
-    """Return the states at `STATES_AT` of a step with the given gimbal rates, shape (5, 11)."""
+    """Return the states at `STATES_AT` of a step with the given gimbal rates, shape (5, 7 + gyros)."""
     table = _ONTO[nodes.size] @ rates
     h = long / (STATES_AT.size - 1)
     result = [x]

@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.satellite_slew.model import SatelliteSlew
 from ...models.satellite_slew.profile import EigenaxisProfile
@@ -105,8 +106,17 @@ class EigenaxisSteering(Backend):
     #: Steering law, created from the backend's further options in their order.
     law: ClassVar[type[SteeringLaw]]
 
+    def refuses(self, problem: SatelliteSlew) -> str:
+        """Return the field that a rotation from rest to rest does not support; empty if none."""
+        for name, rates in (("initial_rate", problem.begin_rate), ("final_rate", problem.end_rate)):
+            if rates.any():
+                return f"{self.name} rotates from rest to rest: it does not support {name}"
+        return ""
+
     def run(self, problem: SatelliteSlew, request: Request) -> Answer:
         """Return the plan of the fastest rotation that satisfies the limits."""
+        if reason := self.refuses(problem):
+            raise UnsupportedFormulation(reason)
         begin = clock()
         own_options = [name for name in self.options if name not in EigenaxisSteering.options]
         law = self.law(*(request.options[name] for name in own_options))

@@ -39,7 +39,7 @@ class SteeringLaw(ABC):
         """Return λ E at time `t` for A Aᵀ = `square`, both of shape (3, 3)."""
 
     def rates(self, t: float, jacobian: Floats, wanted: Floats) -> Floats:
-        """Return δ̇, shape (4,), for A of shape (3, 4) and y of shape (3,)."""
+        """Return δ̇, shape (gyros,), for A of shape (3, gyros) and y of shape (3,)."""
         square = jacobian @ jacobian.T
         result: Floats = jacobian.T @ np.linalg.solve(
             square + self.damping(t, square) + LEAST, wanted
@@ -101,7 +101,7 @@ class GeneralisedInverse(RobustInverse):
 
 
 def null_projection(jacobian: Floats, wanted: Floats) -> Floats:
-    """Return the part of the gimbal rates `wanted` that produces no torque, shape (4,)."""
+    """Return the part of the gimbal rates `wanted` that produces no torque, shape (gyros,)."""
     square = jacobian @ jacobian.T + LEAST
     result: Floats = wanted - jacobian.T @ np.linalg.solve(square, jacobian @ wanted)
     return result

@@ -1,0 +1,211 @@
+"""Formulation of a slew by attitude and gimbal angles: the conserved momentum gives the body rates.
+
+Without outer torque the body rates are a function of attitude and gimbal angles (eq. 1), and three
+parameters describe the attitude. A node then has 3 + n states instead of 7 + n, for n gyros, no
+condition at the end depends on others, and the program takes half the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..formulation import Formulation
+from ..optimal_control.hamiltonian import hamiltonian_spread
+from ..optimal_control.plan import ControlPlan, PhasePlan, Piecewise
+from ..optimal_control.transcription.methods import Gauss
+from ..programs.base import Program
+from ..programs.nonlinear import NonlinearProgram
+from .checks import slew_phase
+from .dynamics import SlewMotion, names_of
+from .lowered import rodrigues
+from .model import SatelliteSlew
+from .quaternions import product, rotation_matrix
+
+__all__ = ["Reduced"]
+
+Floats = NDArray[np.float64]
+
+#: Additional nodes of an interval in the slew's plan, because attitude and rates are no polynomials there.
+MORE = 4
+#: Share of the tolerance for the reduced problem if its plan verifies there but not as a slew.
+STRICTER = 0.25
+
+
+class _Inner(Gauss):
+    """Transcription of the reduced problem; messages name the formulation of the slew."""
+
+    name: ClassVar[str] = "reduced"
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced(Formulation[SatelliteSlew, ControlPlan]):
+    """Gauss collocation of attitude and gimbal angles, with body rates from the conserved momentum.
+
+    Parameters are those of :class:`~crosstrack.models.optimal_control.transcription.base.Transcription`.
+    """
+
+    intervals: int = 8
+    degree: int = 6
+    mesh: Any = None
+    refine: bool = True
+    rounds: int = 25
+    most_nodes: int = 3000
+
+    name: ClassVar[str] = "reduced"
+    summary: ClassVar[str] = "Gauss (LG) on attitude and gimbals; rates from the conserved momentum"
+    program_type: ClassVar[type[Program]] = NonlinearProgram
+    relaxes: ClassVar[bool] = False
+    draws: ClassVar[bool] = True
+    precision: ClassVar[float] = Gauss.precision
+
+    def __post_init__(self) -> None:
+        options = {item.name: getattr(self, item.name) for item in fields(self)[1:]}
+        object.__setattr__(self, "_inner", _Inner(self.model.reduced, **options))
+
+    @property
+    def inner(self) -> Gauss:
+        """The transcription of the reduced problem."""
+        inner: Gauss = self.__dict__["_inner"]
+        return inner
+
+    def _with(self, inner: Gauss | None) -> Any:
+        if inner is None:
+            return None
+        result = replace(self)
+        object.__setattr__(result, "_inner", inner)
+        return result
+
+    def build(self) -> Program:
+        """Return the program of the reduced problem on the current mesh."""
+        return self.inner.program
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def encode(self, plan: ControlPlan) -> Floats:
+        """Return the columns that sample `plan`."""
+        return self.inner.encode(self._narrowed(plan))
+
+    def decode(self, point: Floats) -> ControlPlan:
+        """Return the slew's plan, with attitude and rates at some more nodes than the gimbal angles."""
+        plan = self.inner.decode(point)
+        part = plan.phases[0]
+        nodes = tuple(
+            -np.cos(np.linspace(0.0, np.pi, positions.size + MORE))
+            for positions in part.states.nodes
+        )
+        tables = []
+        for k, positions in enumerate(nodes):
+            values = part.states.on(k, positions)
+            sigma, delta = values[:, :3], values[:, 3:]
+            square = (sigma**2).sum(axis=1, keepdims=True)
+            turn: Floats = np.hstack([1.0 - square, 2.0 * sigma]) / (1.0 + square)
+            q = product(self.model.initial_attitude, turn)
+            tables.append(np.hstack([q, self._rates(q, delta), delta]))
+        states = Piecewise(part.states.knots, nodes, tuple(tables))
+        names = names_of(self.model.gyro_count)
+        return ControlPlan((PhasePlan(part.name, states, part.controls, *names),))
+
+    def _rates(self, attitudes: Floats, gimbals: Floats) -> Floats:
+        """Return the body rates with the conserved momentum, shape (n, 3), rad/s."""
+        model = self.model
+        body = np.swapaxes(rotation_matrix(attitudes), -1, -2) @ model.total_momentum
+        wheels = SlewMotion.of(model).body_momentum(np.zeros(3), gimbals)
+        return np.asarray(np.linalg.solve(model.inertia, (body - wheels).T).T, float)
+
+    def _narrowed(self, plan: ControlPlan) -> ControlPlan:
+        """Return the plan of the reduced problem."""
+        part = slew_phase(plan, self.model.gyro_count)
+        tables = []
+        for table in part.states.values:
+            tables.append(np.hstack([rodrigues(self.model, table[:, :4]), table[:, 7:]]))
+        states = Piecewise(part.states.knots, part.states.nodes, tuple(tables))
+        phase = self.model.reduced.definition.phases[0]
+        names = phase.state_names, phase.control_names
+        return ControlPlan((PhasePlan(part.name, states, part.controls, *names),))
+
+    def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
+        """Return the plan with costates from the multipliers; those of the body rates are zero.
+
+        The rates are no states of the reduced problem. The costates of the attitude are λ_q = (∂σ/∂q)ᵀ
+        λ_σ, so that λ·ẋ and the Hamiltonian are those of the reduced problem.
+        """
+        inner = self.inner
+        part = inner.explained(inner.decode(point), point, duals).phases[0]
+        costates = part.costates
+        if costates is None:
+            return plan
+        tables = []
+        for k, table in enumerate(costates.values):
+            sigma = part.states.on(k, costates.nodes[k])[:, :3]
+            square = (sigma**2).sum(axis=1, keepdims=True)
+            # σ = v / (1 + c) for the quaternion (c, v), and 1 + c = 2 / (1 + σ·σ).
+            half = 0.5 * (1.0 + square)
+            along = -half * (sigma * table[:, :3]).sum(axis=1, keepdims=True)
+            by_turn = np.hstack([along, half * table[:, :3]])
+            by_attitude = product(self.model.initial_attitude, by_turn)
+            tables.append(np.hstack([by_attitude, np.zeros((len(table), 3)), table[:, 3:]]))
+        whole = Piecewise(costates.knots, costates.nodes, tuple(tables))
+        return replace(plan, phases=(replace(plan.phases[0], costates=whole),))
+
+    # -- refinement and other starts -------------------------------------------------------------
+
+    def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
+        """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
+        plan = self.decode(point)
+        largest = max(float(np.abs(table[:, 7:]).max()) for table in plan.phases[0].states.values)
+        # The slew's checks bound angles in radians, those of the reduced problem relative to the largest.
+        share = 1.0 / max(1.0, largest)
+        finer = self.inner.refined(point, share * tolerance, duals)
+        if finer is None and self.inner.settled and self.inner.refine:
+            # Body rates are checked here only.
+            if not self.model.verify(plan, tolerance=tolerance).ok:
+                finer = self.inner.refined(point, STRICTER * tolerance, duals)
+        result: Self | None = self._with(finer)
+        return result
+
+    def counterpart(self, point: Floats) -> Any:
+        """Return the Radau transcription of the reduced problem, started at `point`."""
+        return self.inner.counterpart(point)
+
+    def compared(self, point: Floats, objective: float, tolerance: float) -> Self | None:
+        """Return the formulation on a finer mesh if the other scheme has another optimum."""
+        result: Self | None = self._with(self.inner.compared(point, objective, tolerance))
+        return result
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last plan verified and its objective converged."""
+        return self.inner.settled
+
+    @property
+    def history(self) -> tuple[Mapping[str, Any], ...]:
+        """One row per mesh so far."""
+        return self.inner.history
+
+    def started(self, seed: int) -> Self:
+        """Return the formulation with a random start."""
+        result: Self = self._with(self.inner.started(seed))
+        return result
+
+    def guessed(self, plan: ControlPlan) -> Self:
+        """Return the formulation started at `plan`."""
+        result: Self = self._with(self.inner.guessed(self._narrowed(plan)))
+        return result
+
+    def fitted(self, plan: ControlPlan) -> Self:
+        """Return the formulation on the plan's mesh."""
+        result: Self = self._with(self.inner.fitted(self._narrowed(plan)))
+        return result
+
+    def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
+        """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
+        result = self.inner.statistics(self._narrowed(plan))
+        problem = self.model.lower()
+        if plan.phases[0].costates is not None and problem is not None:
+            result["hamiltonian_spread"] = hamiltonian_spread(problem, plan)[0].relative
+        return result
