@@ -1,8 +1,8 @@
 """Optimal control problems built once on a fixed mesh and solved repeatedly for other data.
 
 :func:`crosstrack.solve` draws starts, refines, verifies and names its results. For a small problem this
-takes many times the time of the solver. Here it is done once or on request, and a step is one call of
-CasADi's ``nlpsol``.
+takes many times the time of the solver. Here it is done once or on request. A step is one call of
+CasADi's ``nlpsol``, or of an interior-point method that uses the structure of the intervals.
 """
 
 from __future__ import annotations
@@ -10,35 +10,30 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import (
-    InvalidData,
-    NoDerivative,
-    UnsupportedFormulation,
-    UnsupportedOption,
-)
-from ...models.fields import Optional, Real, show
+from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from ...models.fields import Flag, Optional, Real, show
 from ...models.model import as_model
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
 from ...models.optimal_control.transcription.base import Transcription
-from ...models.verification import TOLERANCE, Verification
 from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
 from ..nlp.casadi_nlp import CasadiNlp
 from ..nlp.ipopt import PUSHES
-from ..programs.attempts import Ended
+from ..programs.attempts import Ended, solver_tolerance
 from ..programs.casadi_plugins import last_line, status_of, vector
 from .generated import write_step
-from .parametric import Parametric, Point
-from .sensitivity import Sensitivity, differentiate
+from .parametric import Parametric
+from .stages import NotStaged
+from .step import Step
+from .structured import StructuredSolver
 
 __all__ = ["PreparedSolver", "Step", "prepare"]
 
@@ -55,79 +50,6 @@ _WARM_IPOPT = {
 }
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Step(Point):
-    """Result of one solve of a :class:`PreparedSolver`; expensive attributes are computed at first use.
-
-    Attributes
-    ----------
-    ok : bool
-        Whether the solver reports a local optimum, and the rows hold there.
-    status : str
-        Status reported by the solver.
-    objective : float
-        Objective of the program at the point.
-    seconds : float
-        Wall-clock time of the step.
-    iterations : int
-        Iterations of the solver, including those of a second attempt.
-    violation : float
-        Largest violation of a scaled row of the program.
-    warm : bool
-        Whether the point was reached from an earlier step or a plan. A failed warm start is repeated
-        from the guess.
-    """
-
-    ok: bool
-    status: str
-    objective: float
-    seconds: float
-    iterations: int
-    violation: float
-    warm: bool
-
-    def __repr__(self) -> str:
-        return (
-            f"<Step {'ok' if self.ok else 'failed'}: {self.status}, objective {self.objective:.10g}, "
-            f"{self.iterations} iterations, {self.seconds:.3g} s>"
-        )
-
-    def sensitivity(self, name: str) -> Sensitivity:
-        """Return the derivatives of the solution with respect to the data `name`.
-
-        Parameters
-        ----------
-        name : str
-            Name of the data.
-
-        Returns
-        -------
-        Sensitivity
-            The derivatives.
-
-        Raises
-        ------
-        InvalidData
-            The problem has no such data.
-        NoDerivative
-            The step failed, or its solution is not a differentiable function of the data: an active
-            constraint has no multiplier, active constraints are dependent, or the curvature vanishes.
-        """
-        if not self.ok:
-            raise NoDerivative(f"the step failed: {self.status}")
-        return differentiate(self, name)
-
-    def verification(self, tolerance: float = TOLERANCE) -> Verification:
-        """Return the independent verification of the plan, see :func:`crosstrack.verify`.
-
-        Parameters
-        ----------
-        tolerance : float
-            Largest accepted violation, relative to the scale of each check.
-        """
-        return self.problem.verify(self.plan, tolerance=tolerance)
-
-
 class PreparedSolver:
     """Problem on a fixed mesh that is solved for other data by a call; created by :func:`prepare`.
 
@@ -139,6 +61,8 @@ class PreparedSolver:
         Backend whose plugin solves it.
     request : Request
         Tolerance and options of the backend.
+    structured : bool, optional
+        Use of the structured method, see :func:`prepare`.
 
     Attributes
     ----------
@@ -146,9 +70,17 @@ class PreparedSolver:
         Program in its free columns.
     solver : casadi.Function
         CasADi's ``nlpsol`` in the scaled free columns, with the data as p.
+    structured : StructuredSolver or None
+        Method of warm steps; None if it is not used, for the reason `unstructured`.
     """
 
-    def __init__(self, formulation: Transcription, backend: CasadiNlp, request: Request) -> None:
+    def __init__(
+        self,
+        formulation: Transcription,
+        backend: CasadiNlp,
+        request: Request,
+        structured: bool | None = None,
+    ) -> None:
         self.backend, self.request = backend, request
         self.posed = Parametric(formulation)
         backend.load(request)
@@ -157,6 +89,20 @@ class PreparedSolver:
         self._derivatives = {name: self.posed.derivative(kind) for name, kind in kinds}
         self.solver = self._make_solver({})
         self._warm = self._make_solver(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
+        self.structured: StructuredSolver | None = None
+        self.unstructured = (
+            f"not used with {backend.name!r}" if structured is None else "not wanted"
+        )
+        if structured or (structured is None and backend.plugin == "ipopt"):
+            try:
+                tolerance = solver_tolerance(request, 1e-12, 1e-8, share=1e-1)
+                self.structured, self.unstructured = StructuredSolver(self.posed, tolerance), ""
+            except NotStaged as reason:
+                self.unstructured = str(reason)
+                if structured:
+                    raise UnsupportedOption(
+                        f"structured=True is not possible: {reason}; the default selects it where it is"
+                    ) from None
 
     def __repr__(self) -> str:
         posed = self.posed
@@ -200,15 +146,24 @@ class PreparedSolver:
         begin = time.perf_counter()
         p = self.posed.values(data)
         start, multipliers = self._start(warm)
-        result = self._solve_once(p, start, multipliers)
-        previous_iterations = result["iterations"]
-        repeated = not result["ok"] and start is not self.posed.guess
-        if repeated:
-            result = self._solve_once(p, self.posed.guess, None)
+        attempts = [(self._solve_once, start, multipliers)]
+        if self.structured is not None and multipliers is not None:
+            attempts.insert(0, (self._solve_structured, start, multipliers))
+        if start is not self.posed.guess:
+            attempts.append((self._solve_once, self.posed.guess, None))
+        iterations = 0
+        for solve, start, multipliers in attempts:
+            result = solve(p, start, multipliers)
+            iterations += result["iterations"]
+            if result["ok"]:
+                break
         step = Step(
-            self.posed, p, **{**result, "iterations": result["iterations"] + repeated * previous_iterations},
-            seconds=time.perf_counter() - begin, warm=start is not self.posed.guess and not repeated,
-        )  # fmt: skip
+            self.posed,
+            p,
+            **{**result, "iterations": iterations},
+            seconds=time.perf_counter() - begin,
+            warm=start is not self.posed.guess,
+        )
         if step.ok:
             self._last = step
         return step
@@ -253,19 +208,33 @@ class PreparedSolver:
             count = max(int(stats.get("iter_count", 0)), 0)
         z = vector(solution["x"])
         f, g = self.posed.value(z, p)
-        violation = self.posed.breach(vector(g), p)
+        multipliers = vector(solution["lam_x"]), vector(solution["lam_g"])
+        return {
+            "status": status, "iterations": count, "z": z, "multipliers": multipliers,
+            "method": self.backend.name, **self._judged(p, float(f), vector(g), success, status),
+        }  # fmt: skip
+
+    def _solve_structured(
+        self, p: Floats, start: Floats, multipliers: tuple[Floats, Floats] | None
+    ) -> dict[str, Any]:
+        """Run the structured method once and return the fields of a step."""
+        assert self.structured is not None and multipliers is not None
+        result = self.structured.solve(p, start, multipliers)
+        success, f, g = (result.pop(name) for name in ("success", "f", "g"))
+        return {
+            **result,
+            "method": "structured",
+            **self._judged(p, f, g, success, result["status"]),
+        }
+
+    def _judged(self, p: Floats, f: float, g: Floats, success: bool, status: str) -> dict[str, Any]:
+        """Return the fields of a step that follow from the scaled objective and rows at its point."""
+        violation = self.posed.breach(g, p)
         ok = success and violation <= self.request.tolerance
         if success and not ok:
             status += f", yet a row is off by {violation:.1e}"
-        return {
-            "ok": ok,
-            "status": status,
-            "objective": float(f) * self.posed.program.objective_scale,
-            "iterations": count,
-            "violation": violation,
-            "z": z,
-            "multipliers": (vector(solution["lam_x"]), vector(solution["lam_g"])),
-        }
+        objective = f * self.posed.program.objective_scale
+        return {"ok": ok, "status": status, "objective": objective, "violation": violation}
 
     def generate(self, path: str | os.PathLike[str]) -> Path:
         """Write the step as self-contained C code, with a function named after the file.
@@ -321,6 +290,7 @@ def prepare(
     time_limit: float | None = None,
     limits: Limits | None = None,
     backend_options: Mapping[str, Any] | None = None,
+    structured: bool | None = None,
     **options: Any,
 ) -> PreparedSolver:
     """Build an optimal control problem on a fixed mesh once, to solve it for other data by a call.
@@ -348,6 +318,11 @@ def prepare(
         Record with the tolerance and the time limit; other limits are refused.
     backend_options : mapping, optional
         Options of the backend.
+    structured : bool, optional
+        Whether steps from an earlier step use an interior-point method on the structure of the intervals;
+        the backend solves the others, and those on which it does not converge. By default it is used
+        with ``"ipopt"`` for programs that have the structure: one phase, no path equations. True
+        requires it.
     **options
         Options of the transcription: `intervals`, `degree` …
 
@@ -415,4 +390,5 @@ def prepare(
     request = Request(
         tolerance=tolerance * written.precision, time_limit=limit, options=checked_options
     )
-    return PreparedSolver(written, chosen_backend, request)
+    structured = Optional(Flag()).coerce("structured", structured, {})
+    return PreparedSolver(written, chosen_backend, request, structured)
