@@ -310,3 +310,50 @@ def finite_burn_orbit_raise(ocp):
     ocp.link(two, three, "r", "t", "v", "w", "spent")
     ocp.subject_to(one.final(a) - three.initial(b), equals=0)
     ocp.minimise(three.final(spent))
+
+
+@_published(
+    -22043.5079,
+    "Betts 2010, 10.3: aero-assisted plane change; statement and guess: maptor, examples",
+    1e-6,
+)
+def plane_change(ocp):
+    earth, m, rho0, h0, hr = 2.092643e7, 3.315e2, 3.3195e-5, 1e5, 2.41388e4  # ft, slug
+    cd0, k, area, mu = 0.032, 1.4, 1.2584e2, 1.40895e16
+    rad = math.pi / 180
+    a0, a1 = area / (2 * m) * math.sqrt(cd0 / k), cd0 * area / (2 * m)
+    phase = ocp.phase(time=(0, (800, 2000)))
+    phi = phase.state("phi", initial=0, lower=-89 * rad, upper=89 * rad)
+    h = phase.state("h", initial=365000, final=365000, lower=0, upper=400000, unit="ft")
+    v = phase.state("v", initial=25745.704, lower=20000, upper=28000, unit="ft/s")
+    gamma = phase.state("gamma", initial=-0.55 * rad, lower=-10 * rad, upper=10 * rad)
+    psi = phase.state("psi", initial=0, lower=-89 * rad, upper=89 * rad)
+    lift = phase.control("lift", lower=0, upper=2)
+    bank = phase.control("bank", lower=0, upper=math.pi)
+    r, rho = earth + h, rho0 * casadi.exp(-(h - h0) / hr)
+    cg, sg = casadi.cos(gamma), casadi.sin(gamma)
+    press = a0 * rho * v
+    phase.dynamics(
+        {
+            phi: v / r * cg * casadi.sin(psi),
+            h: v * sg,
+            v: -a1 * rho * v**2 * (1 + lift**2) - mu * sg / r**2,
+            gamma: press * lift * casadi.cos(bank) + v / r * (1 - mu / (r * v**2)) * cg,
+            psi: press * lift * casadi.sin(bank) / cg
+            - v / r * cg * casadi.cos(psi) * casadi.tan(phi),
+        }
+    )
+    sea = rho0 * math.exp(h0 / hr)
+    heat = 17600 * casadi.sqrt(rho / sea) * (v / math.sqrt(mu / earth)) ** 3.15
+    phase.path(heat, upper=800)
+    turned = casadi.cos(phase.final(phi)) * casadi.cos(phase.final(psi))
+    ocp.subject_to(turned, equals=math.cos(18 * rad))
+    phase.guess(
+        time=(0, 800),
+        v=25715.704,
+        gamma=np.array([-0.55 * rad, 0]),
+        psi=np.array([0, 18 * rad]),
+        lift=1.0,
+        bank=45 * rad,
+    )
+    ocp.minimise(-phase.final(v))

@@ -264,3 +264,18 @@ def pendulum_dae(ocp):
     phase.dynamics({x: v, y: w, v: -pull * x + u * y, w: -g - pull * y - u * x})
     phase.path(pull / 2, lower=-1, upper=15)
     ocp.minimise(phase.integral(u**2))
+
+
+@_published(None, "Luus 2000, section 6.4: Nagurka's problem, 6 states; Riccati's equation", 1e-6)
+def nagurka_6(ocp):
+    _nagurka(ocp, 6)
+
+
+@_published(None, "Luus 2000, section 6.4: Nagurka's problem, 20 states; Riccati's equation", 1e-6)
+def nagurka_20(ocp):
+    _nagurka(ocp, 20)
+
+
+@_published(None, "Nagurka's problem with 40 states; Riccati's equation", 1e-6)
+def nagurka_40(ocp):
+    _nagurka(ocp, 40)
