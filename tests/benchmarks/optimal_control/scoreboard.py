@@ -1,0 +1,304 @@
+"""Scoreboard of optimal control: published problems, solved by crosstrack and by other packages.
+
+Every pair of problem and solver runs in its own process with a limit of CPU time. The plan is verified by
+``model.verify``, whatever solver it comes from. Answers are appended to ``build/scoreboard/answers.jsonl``;
+pairs in this file are skipped, so that a run can be resumed::
+
+    python tests/benchmarks/optimal_control/scoreboard.py run --solvers yapss maptor rockit dymos
+    python tests/benchmarks/optimal_control/scoreboard.py run --solvers ours --label after
+    python tests/benchmarks/optimal_control/scoreboard.py tables
+
+`tables` merges the answers into ``docs/measured/scoreboard.json``, from which ``docs/how-well.md`` shows the
+tables. Only the last label of our answers is shown. Peers are installed by::
+
+    python3 -m venv build/peers/yapss && build/peers/yapss/bin/pip install yapss==0.2.3
+    python3 -m venv build/peers/maptor && build/peers/maptor/bin/pip install maptor==0.2.1
+    python3 -m venv build/peers/rockit && build/peers/rockit/bin/pip install rockit-meco==0.6.7
+    python3 -m venv build/peers/dymos && build/peers/dymos/bin/pip install dymos==1.15.1 casadi==3.8.2
+
+The frozen half (``published/__init__.py``) is measured here only, and no decision about the solver uses it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve()
+ROOT = HERE.parents[3]
+sys.path[:0] = [str(HERE.parent), str(ROOT / "tests")]
+
+ANSWERS = ROOT / "build" / "scoreboard" / "answers.jsonl"
+#: Columns of the table, in order.
+SOLVERS = ("ours", "bare", "yapss", "maptor", "rockit", "dymos")
+#: Limit of CPU time (s), and largest ratio of elapsed to CPU time on a loaded machine.
+LIMIT, PATIENCE = 60.0, 15.0
+#: Limit (s) of the verification of one plan.
+CHECKING = 120
+#: Tolerance of the verification; relative violation or error above which a wrong answer is far off.
+TOLERANCE, FAR = 1e-6, 1e-3
+#: Agreement of two programs on a problem without a published value.
+AGREEMENT = 1e-5
+
+
+def interpreter(solver: str) -> Path:
+    """Return the interpreter that has the package of a solver."""
+    if solver in ("ours", "bare"):
+        return Path(sys.executable)
+    return ROOT / "build" / "peers" / solver / "bin" / "python"
+
+
+def _names(half: str) -> list[str]:
+    """Return the names of a half of the problems."""
+    import published
+
+    chosen = {"development": published.development, "frozen": published.frozen}
+    return list(chosen.get(half, published.problems)())
+
+
+def _answers() -> list[dict[str, Any]]:
+    """Return all recorded answers, oldest first."""
+    if not ANSWERS.exists():
+        return []
+    return [json.loads(line) for line in ANSWERS.read_text().splitlines() if line]
+
+
+def attempt(solver: str, name: str, limit: float) -> dict[str, Any]:
+    """Return the answer of one solver to one problem, in a process of its own, verified here."""
+    failed: dict[str, Any] = {"claims": False, "objective": None, "plan": None, "seconds": None}
+    if not interpreter(solver).exists():
+        return {**failed, "status": "not installed"}
+    with tempfile.TemporaryDirectory() as folder:
+        # The environment of a package sees crosstrack as a folder, for the declarations.
+        (Path(folder) / "crosstrack").symlink_to(ROOT)
+        file = Path(folder) / "answer.json"
+        environment = {
+            **os.environ,
+            "PYTHONPATH": folder,
+            **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
+        }
+        command = [
+            interpreter(solver), HERE.parent / "scoreboard_peers.py", solver, name, file, str(limit),
+        ]  # fmt: skip
+        try:
+            done = subprocess.run(
+                command, env=environment, capture_output=True, timeout=PATIENCE * limit, text=True,
+                cwd=folder,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return {**failed, "status": f"over {PATIENCE * limit:g} s of elapsed time"}
+        if file.exists():
+            return _checked(name, json.loads(file.read_text()))
+        if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+            return {**failed, "status": f"over {limit:g} s of CPU time", "seconds": limit}
+        last = (done.stderr.strip().splitlines() or [""])[-1]
+        return {**failed, "status": f"exit {done.returncode}: {last}"[:200]}
+
+
+def _checked(name: str, answer: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer with the result of the verification of its plan."""
+    from scoreboard_parts import problem_of
+
+    from crosstrack.models.optimal_control.plan import ControlPlan
+
+    answer.update(verified=False, checked_objective=None, violation=None, worst_check="")
+    data = answer.pop("plan")
+    if data is None:
+        return answer
+
+    def interrupt(*_: object) -> None:
+        raise TimeoutError
+
+    signal.signal(signal.SIGALRM, interrupt)
+    signal.alarm(CHECKING)
+    try:
+        problem = problem_of(name).build(name).build()
+        result = problem.verify(ControlPlan.from_data(data), tolerance=TOLERANCE)
+    except TimeoutError:
+        answer["worst_check"] = f"verification over {CHECKING} s"
+        return answer
+    finally:
+        signal.alarm(0)
+    worst = max(result.checks, key=lambda check: check.worst / check.tolerance)
+    violation = worst.worst / worst.tolerance * TOLERANCE
+    answer.update(
+        verified=result.ok,
+        checked_objective=result.objective,
+        violation=violation if math.isfinite(violation) else None,
+        worst_check=worst.name,
+    )
+    return answer
+
+
+def run(given: argparse.Namespace) -> None:
+    """Run the pairs that have no answer yet."""
+    ANSWERS.parent.mkdir(parents=True, exist_ok=True)
+    known = {(row["solver"], row["problem"], row["label"]) for row in _answers()}
+    for solver in given.solvers:
+        label = given.label if solver == "ours" else ""
+        for name in given.names or _names(given.half):
+            if (solver, name, label) in known:
+                continue
+            row = {"problem": name, "solver": solver, "label": label}
+            row.update(attempt(solver, name, given.limit))
+            row.pop("plan", None)
+            with ANSWERS.open("a") as stream:
+                stream.write(json.dumps(row) + "\n")
+            print(*(row.get(key) for key in ("solver", "problem", "status", "seconds")), flush=True)
+
+
+# -- judgement --------------------------------------------------------------------------------------
+
+
+def _known(name: str, rows: Iterable[Mapping[str, Any]]) -> tuple[float | None, float, str]:
+    """Return the best known value of a problem, its accuracy, and how it is known.
+
+    Without a published value it is the best verified value on which two solvers agree.
+    """
+    from scoreboard_parts import problem_of
+
+    problem = problem_of(name)
+    if problem.value is not None and math.isfinite(problem.value):
+        return problem.value, problem.exact, "published"
+    values = sorted(row["checked_objective"] for row in rows if row.get("verified"))
+    for low, high in itertools.pairwise(values):
+        if high - low <= AGREEMENT * abs(low):
+            return low, AGREEMENT, "two programs"
+    return None, AGREEMENT, "unknown"
+
+
+def judge(row: Mapping[str, Any], value: float | None, exact: float) -> tuple[str, float | None]:
+    """Return the outcome of an answer, and the relative error of its objective.
+
+    The outcome is ``"verified"`` (the plan verifies and is as good as the known value), ``"rejected"`` (the
+    solver claims an optimum with this value, but the plan violates the problem), ``"other value"`` (it
+    claims an optimum with another value), ``"unknown"`` (the plan verifies, and no value is known) or
+    ``"failed"``.
+    """
+    verified = bool(row.get("verified"))
+    objective = row.get("checked_objective")
+    if objective is None:
+        objective = row.get("objective")
+    if objective is None or not (verified or row["claims"]):
+        return "failed", None
+    if value is None:
+        return ("unknown" if verified else "rejected"), None
+    error = (objective - value) / (abs(value) or 1.0)
+    if verified and error <= exact:
+        return "verified", error
+    if not row["claims"]:
+        return "failed", error
+    return ("rejected" if not verified and abs(error) <= exact else "other value"), error
+
+
+def _cell(row: Mapping[str, Any] | None, value: float | None, exact: float) -> tuple[str, str]:
+    """Return the outcome of an answer, and its text in the table."""
+    if row is None:
+        return "not run", "not run"
+    outcome, error = judge(row, value, exact)
+    seconds = "" if row["seconds"] is None else f", {row['seconds']:.1f} s"
+    if outcome == "failed" and row["status"].startswith(("unsupported", "not installed")):
+        return "unsupported", row["status"].partition(":")[0]
+    detail = ""
+    if outcome == "rejected" and row["violation"] is not None:
+        detail = f" {row['violation']:.0e}"
+    elif outcome == "other value" or (error is not None and error < -FAR):
+        detail = f" {error:+.0e}"
+    return outcome, f"{outcome}{detail}{seconds}"
+
+
+def tables(_: argparse.Namespace) -> None:
+    """Merge the answers into ``docs/measured/scoreboard.json`` and make the tables of the page."""
+    from benchmarks.measured import write
+
+    path = ROOT / "docs" / "measured" / "scoreboard.json"
+    columns = {
+        "problem": "", "solver": "", "label": "", "status": "", "claims": "", "objective": ".9g",
+        "checked_objective": ".9g", "verified": "", "violation": ".1e", "worst_check": "",
+        "seconds": ".2f",
+    }  # fmt: skip
+    answers = {}
+    if path.exists():
+        for cells in json.loads(path.read_text("utf-8"))["answers"]["rows"]:
+            row = dict(zip(columns, cells, strict=True))
+            answers[row["problem"], row["solver"]] = row
+    for row in _answers():
+        answers[row["problem"], row["solver"]] = {key: row.get(key) for key in columns}
+    names = [*_names("development"), *_names("frozen")]
+    order = [(name, solver) for name in names for solver in SOLVERS if (name, solver) in answers]
+    write("scoreboard", "answers", __file__, columns,
+          [list(answers[key].values()) for key in order], ("casadi",))  # fmt: skip
+    for half in ("development", "frozen"):
+        rows, counts = [], {solver: {} for solver in SOLVERS}
+        times: dict[str, list[float]] = {solver: [] for solver in SOLVERS}
+        for name in _names(half):
+            own = {s: answers[name, s] for s in SOLVERS if (name, s) in answers}
+            value, exact, _how = _known(name, own.values())
+            cells = [_cell(own.get(solver), value, exact) for solver in SOLVERS]
+            rows.append([name, value, *(text for _, text in cells)])
+            for solver, (outcome, _) in zip(SOLVERS, cells, strict=True):
+                count = counts[solver]
+                count[outcome] = count.get(outcome, 0) + 1
+                if outcome in ("rejected", "other value"):
+                    error = judge(own[solver], value, exact)[1]
+                    far = abs(error or 0.0) > FAR or (own[solver]["violation"] or 0.0) > FAR
+                    count["far off"] = count.get("far off", 0) + far
+                if outcome == "verified":
+                    times[solver].append(own[solver]["seconds"])
+        heads = {"problem": "", "known value": ".9g", **dict.fromkeys(SOLVERS, "")}
+        write("scoreboard", half, __file__, heads, rows, ("casadi",))
+        kinds = (
+            "verified",
+            "rejected",
+            "other value",
+            "far off",
+            "failed",
+            "unsupported",
+            "not run",
+        )
+        heads = {
+            "solver": "",
+            "problems": "d",
+            **dict.fromkeys(kinds, "d"),
+            "median seconds": ".2f",
+        }
+        totals = []
+        for solver in SOLVERS:
+            used = sorted(times[solver])
+            counted = [counts[solver].get(kind, 0) for kind in kinds]
+            totals.append([solver, len(rows), *counted, used[len(used) // 2] if used else None])
+        write("scoreboard", f"{half}-totals", __file__, heads, totals, ("casadi",))
+        for row in totals:
+            print(half, *row)
+
+
+def main() -> None:
+    """Run, or make the tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    commands = parser.add_subparsers(required=True)
+    one = commands.add_parser("run")
+    one.add_argument("names", nargs="*")
+    one.add_argument("--solvers", nargs="+", choices=SOLVERS, default=list(SOLVERS))
+    one.add_argument("--half", choices=("development", "frozen", "all"), default="all")
+    one.add_argument("--limit", type=float, default=LIMIT, help="CPU seconds per pair")
+    one.add_argument("--label", default="now", help="name of the state of our solver")
+    one.set_defaults(call=run)
+    commands.add_parser("tables").set_defaults(call=tables)
+    given = parser.parse_args()
+    given.call(given)
+
+
+if __name__ == "__main__":
+    main()
