@@ -251,12 +251,14 @@ def is_convex(definition: Definition) -> bool:
             if integrals is None:
                 return False
             states = _symbols("end", 2 * len(phase.state_names))
-            ends += [*states, *integrals]
+            inner = _symbols("inner", len(phase.instants) * len(phase.state_names))
+            ends += [*states, *integrals, *inner]
             e += [
                 casadi.SX(phase.start_lower),
                 casadi.SX(phase.end_lower),
                 _stack(states),
                 _stack(integrals),
+                _stack(inner),
             ]
         arguments = [casadi.vertcat(*e), casadi.vertcat(*p)]
         outputs = _Outputs(definition.endpoint, arguments, ends)

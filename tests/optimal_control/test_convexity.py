@@ -183,3 +183,14 @@ def test_a_quadratic_cost_is_convex_as_its_least_eigenvalue_is(seed, shift):
 
     if abs(least) > 1e-6:
         assert convex(cost) is (least > 0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_values_at_interior_instants_are_unknowns(sign):
+    ocp = OptimalControlProblem("fit")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", lower=-2, upper=2), phase.control("u", lower=-1, upper=1)
+    phase.dynamics({x: u - x})
+    errors = (phase.at(t, x) - t for t in (0.2, 0.5, 0.7))
+    ocp.minimise(phase.integral(u**2) + sign * sum(error**2 for error in errors))
+    assert is_convex(ocp.definition) is (sign > 0)
