@@ -18,13 +18,13 @@ from collections.abc import Callable
 
 from declared_problem import DeclaredProblem
 
-from . import aerospace, biology, cars, chemical, linear, mechanics, robots, singular
+from . import aerospace, aircraft, biology, cars, chemical, linear, mechanics, robots, singular
 from .table import PUBLISHED
 
 __all__ = ["MODULES", "PUBLISHED", "development", "frozen", "is_frozen", "problems"]
 
 #: Modules of the problems; importing them fills the table.
-MODULES = (aerospace, biology, cars, chemical, linear, mechanics, robots, singular)
+MODULES = (aerospace, aircraft, biology, cars, chemical, linear, mechanics, robots, singular)
 
 
 def is_frozen(name: str) -> bool:

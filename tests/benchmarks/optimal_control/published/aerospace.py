@@ -1,4 +1,4 @@
-"""Launch, transfer, gliding and aircraft."""
+"""Launch and orbit transfer."""
 
 from __future__ import annotations
 
@@ -116,114 +116,6 @@ def low_thrust_transfer(ocp):
 
 
 @_published(
-    40.911940,
-    f"Subchan, Zbikowski 2009: terminal burn; statement: PSOPT, examples/missile; {FINE}",
-    1e-6,
-)
-def missile_terminal_burn(ocp):
-    m, g, area = 1005.0, 9.81, 0.3376  # kg, m/s^2, m^2
-    phase = ocp.phase(time=(0, (10, 100)))
-    gamma = phase.state(
-        "gamma", initial=0, final=-math.pi / 2, lower=-math.pi / 2, upper=math.pi / 2
-    )
-    v = phase.state("v", initial=272, final=310, lower=200, upper=310, unit="m/s")
-    x = phase.state("x", initial=0, final=10000, lower=0, upper=10000, unit="m")
-    h = phase.state("h", initial=30, final=0, lower=0, upper=1900, unit="m")
-    thrust = phase.control("thrust", lower=1000, upper=6000, unit="N")
-    alpha = phase.control("alpha", lower=-0.3, upper=0.3)
-    pressure = (3.312e-9 * h**2 - 1.142e-4 * h + 1.224) * v**2 * area / 2
-    drag = (-1.9431 * alpha**2 - 0.1499 * alpha + 0.2359) * pressure
-    lift = 21.9 * alpha * pressure
-    s, c = casadi.sin(alpha), casadi.cos(alpha)
-    phase.dynamics(
-        {
-            gamma: ((thrust - drag) * s + lift * c) / (m * v) - g * casadi.cos(gamma) / v,
-            v: ((thrust - drag) * c - lift * s) / m - g * casadi.sin(gamma),
-            x: v * casadi.cos(gamma),
-            h: v * casadi.sin(gamma),
-        }
-    )
-    near = (1 + casadi.tanh((7500 - x) / 10)) / 2
-    phase.path(lift / (m * g), lower=-4, upper=4)
-    phase.path(h - 30 * near, lower=0, upper=1900)
-    phase.guess(time=(0, 50), thrust=6000.0)
-    ocp.minimise(phase.end)
-
-
-@_published(
-    5549.6819,
-    "PSOPT, examples/geodesic: 5549.6819 km is the exact geodesic; here in parametric latitude",
-    1e-6,
-)
-def geodesic(ocp):
-    a, b, speed = 6384.0, 6353.0, 900.0  # km, km, km/h
-    begin = math.radians(90 - 40.6413), math.radians(360 - 73.7781)
-    end = math.radians(90 - 51.47), math.radians(360 - 0.4543)
-    phase = ocp.phase(time=(0, (3, 10)))
-    theta = phase.state("theta", initial=begin[0], final=end[0], lower=0, upper=math.pi)
-    phi = phase.state("phi", initial=begin[1], final=end[1], lower=0, upper=2 * math.pi)
-    heading = phase.control("heading")
-    s, c = casadi.sin(theta), casadi.cos(theta)
-    phase.dynamics(
-        {
-            theta: -speed * casadi.cos(heading) / casadi.sqrt((a * c) ** 2 + (b * s) ** 2),
-            phi: speed * casadi.sin(heading) / (a * s),
-        }
-    )
-    ocp.minimise(speed * phase.end)
-
-
-@_published(
-    0.0635870,
-    f"Zhao 2004; statement and guess: yapss, examples/dynamic_soaring; {FINE}",
-    1e-5,
-)
-def dynamic_soaring(ocp):
-    g, rho, m, area = 32.2, 0.002378, 5.6, 45.09703  # ft, slug, s
-    full = 2 * math.pi
-    phase = ocp.phase(time=(0, (10, 30)))
-    x = phase.state("x", initial=0, final=0, lower=-1500, upper=1500, unit="ft")
-    y = phase.state("y", initial=0, final=0, lower=-1000, upper=1000, unit="ft")
-    h = phase.state("h", initial=0, final=0, lower=0, upper=1000, unit="ft")
-    v = phase.state("v", lower=10, upper=350, unit="ft/s")
-    gamma = phase.state("gamma", lower=-math.radians(75), upper=math.radians(75))
-    psi = phase.state("psi", lower=-math.radians(225), upper=math.radians(225))
-    lift = phase.control("lift", lower=0, upper=1.5)
-    phi = phase.control("phi", lower=-math.radians(75), upper=math.radians(75))
-    shear = ocp.parameter("shear", guess=0.08)
-    pressure = rho * v**2 / 2 * area
-    up, drag = pressure * lift, pressure * (0.00873 + 0.045 * lift**2)
-    climb = v * casadi.sin(gamma)
-    gust = shear * climb
-    cg, sg, cp, sp = casadi.cos(gamma), casadi.sin(gamma), casadi.cos(psi), casadi.sin(psi)
-    phase.dynamics(
-        {
-            x: v * cg * sp + shear * h,
-            y: v * cg * cp,
-            h: climb,
-            v: -drag / m - g * sg - gust * cg * sp,
-            gamma: (up * casadi.cos(phi) - m * g * cg + m * gust * sg * sp) / (m * v),
-            psi: (up * casadi.sin(phi) - m * gust * cp) / (m * v * cg),
-        }
-    )
-    phase.path(up / (m * g), lower=-2, upper=5)
-    for state, turn in ((v, 0), (gamma, 0), (psi, full)):
-        ocp.subject_to(phase.final(state) - phase.initial(state), equals=turn)
-    phase.guess(
-        time=(0, 24),
-        x=lambda t: 600 * (math.cos(full * t / 24) - 1),
-        y=lambda t: -200 * math.sin(full * t / 24),
-        h=lambda t: -420 * (math.cos(full * t / 24) - 1),
-        v=150.0,
-        gamma=0.0,
-        psi=lambda t: full * t / 24,
-        lift=0.5,
-        phi=math.radians(45),
-    )
-    ocp.minimise(shear)
-
-
-@_published(
     143.5897, f"dymos, examples/ssto: SSTO Earth, 143 s within 5 %; its guess; {FINE}", 1e-5
 )
 def single_stage_to_orbit(ocp):
@@ -313,47 +205,21 @@ def finite_burn_orbit_raise(ocp):
 
 
 @_published(
-    -22043.5079,
-    "Betts 2010, 10.3: aero-assisted plane change; statement and guess: maptor, examples",
-    1e-6,
+    None,
+    "Ross, Gong, Sekhavat 2007: least fuel from radius 1 to 4 with thrust 0.01; statement and guess:"
+    f" danielrherber/dt-qp-project; {FINE}; several optima",
+    1e-4,
 )
-def plane_change(ocp):
-    earth, m, rho0, h0, hr = 2.092643e7, 3.315e2, 3.3195e-5, 1e5, 2.41388e4  # ft, slug
-    cd0, k, area, mu = 0.032, 1.4, 1.2584e2, 1.40895e16
-    rad = math.pi / 180
-    a0, a1 = area / (2 * m) * math.sqrt(cd0 / k), cd0 * area / (2 * m)
-    phase = ocp.phase(time=(0, (800, 2000)))
-    phi = phase.state("phi", initial=0, lower=-89 * rad, upper=89 * rad)
-    h = phase.state("h", initial=365000, final=365000, lower=0, upper=400000, unit="ft")
-    v = phase.state("v", initial=25745.704, lower=20000, upper=28000, unit="ft/s")
-    gamma = phase.state("gamma", initial=-0.55 * rad, lower=-10 * rad, upper=10 * rad)
-    psi = phase.state("psi", initial=0, lower=-89 * rad, upper=89 * rad)
-    lift = phase.control("lift", lower=0, upper=2)
-    bank = phase.control("bank", lower=0, upper=math.pi)
-    r, rho = earth + h, rho0 * casadi.exp(-(h - h0) / hr)
-    cg, sg = casadi.cos(gamma), casadi.sin(gamma)
-    press = a0 * rho * v
-    phase.dynamics(
-        {
-            phi: v / r * cg * casadi.sin(psi),
-            h: v * sg,
-            v: -a1 * rho * v**2 * (1 + lift**2) - mu * sg / r**2,
-            gamma: press * lift * casadi.cos(bank) + v / r * (1 - mu / (r * v**2)) * cg,
-            psi: press * lift * casadi.sin(bank) / cg
-            - v / r * cg * casadi.cos(psi) * casadi.tan(phi),
-        }
-    )
-    sea = rho0 * math.exp(h0 / hr)
-    heat = 17600 * casadi.sqrt(rho / sea) * (v / math.sqrt(mu / earth)) ** 3.15
-    phase.path(heat, upper=800)
-    turned = casadi.cos(phase.final(phi)) * casadi.cos(phase.final(psi))
-    ocp.subject_to(turned, equals=math.cos(18 * rad))
-    phase.guess(
-        time=(0, 800),
-        v=25715.704,
-        gamma=np.array([-0.55 * rad, 0]),
-        psi=np.array([0, 18 * rad]),
-        lift=1.0,
-        bank=45 * rad,
-    )
-    ocp.minimise(-phase.final(v))
+def transfer_least_fuel(ocp):
+    most = 0.01
+    phase = ocp.phase(time=(0, 57))
+    r = phase.state("r", initial=1, final=4, lower=0.1)
+    th = phase.state("th", initial=0)
+    v = phase.state("v", initial=0, final=0)
+    w = phase.state("w", initial=1, final=0.5)
+    a, b = (phase.control(name, lower=-1.05 * most, upper=1.05 * most) for name in "ab")
+    thrust = phase.control("thrust", lower=0, upper=most)
+    phase.dynamics({r: v, th: w / r, v: w**2 / r - 1 / r**2 + a, w: -v * w / r + b})
+    phase.path(a**2 + b**2 - thrust**2, upper=0, scale=most**2)
+    phase.guess(time=(0, 57), th=np.array([0, 20.0]), a=0.0, b=most, thrust=most)
+    ocp.minimise(phase.integral(thrust))

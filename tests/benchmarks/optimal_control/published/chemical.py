@@ -297,3 +297,59 @@ def stirred_tank_transition(ocp):
     )
     phase.guess(time=(0, 90))
     ocp.minimise(phase.integral(1 + (x - goal[0]) ** 2 + (y - goal[1]) ** 2 + (u - 0.76) ** 2))
+
+
+def _kinetics(ocp, phase, p, begin):
+    """Declare one stage of the kinetic batch reactor; return its states."""
+    highs = [2, 10, 2, 2, 2, 0.1]
+    lows = [-math.inf, 5, *[-math.inf] * 4]
+    y1, y2, y3, y4, y5, y6 = y = [
+        phase.state(f"y{k + 1}", initial=begin.get(k), lower=lows[k], upper=highs[k])
+        for k in range(6)
+    ]
+    ph = phase.control("ph", lower=0, upper=15)
+    T = phase.control("T", lower=293.15, upper=393.15, unit="K")
+    acid = casadi.exp(-math.log(10) * ph)
+    u2, u3, u4 = (
+        c * x / (c + acid) for c, x in [(4.876e-14, y1), (1.7884e-16, y3), (2.575e-16, y5)]
+    )
+    k1, back, k2 = (
+        casadi.exp(math.log(k) - b / T)
+        for k, b in [(1.3708e12, 9.2984e3), (1.6215e20, 1.3108e4), (5.2282e12, 9.5999e3)]
+    )
+    main, side, out = k1 * y2 * y6 - back * u4, k1 * y4 * y6 - back / 2 * u3, k2 * y2 * u2
+    phase.dynamics(
+        {y1: -out, y2: -main - out, y3: out + side, y4: -side, y5: main, y6: -main - side}
+    )
+    phase.path(p - y6 + acid - u2 - u3 - u4, equals=0, scale=0.01)
+    phase.path(u2, lower=0, upper=0.02)
+    for small in (u3, u4):
+        phase.path(small, lower=0, upper=5e-5)
+    return y
+
+
+@_published(
+    3.16466910,
+    "Betts 2010, 10.80 and section 6.15: kinetic batch reactor; statement: trajectolab, examples,"
+    " with y6(0) = p and y4 >= 1 at the end of the book; three of the algebraic variables are"
+    " eliminated",
+    1e-5,
+)
+def kinetic_batch_reactor(ocp):
+    p = ocp.parameter("p", lower=0, upper=0.0262, guess=0.0131)
+    first = ocp.phase("first", time=(0, 0.01))
+    second = ocp.phase("second", time=(0.01, (0.02, 10)))
+    third = ocp.phase("third", time=((0.02, 10), (1.5, 10)))
+    start = {0: 1.5776, 1: 8.32, 2: 0.0, 3: 0.0, 4: 0.0}
+    stages = [
+        _kinetics(ocp, first, p, start),
+        _kinetics(ocp, second, p, {}),
+        _kinetics(ocp, third, p, {}),
+    ]
+    for phase, y in zip((first, second), stages, strict=False):
+        phase.path(y[3] - 2 * phase.time**2, upper=0)
+    ocp.subject_to(first.initial(stages[0][5]) - p, equals=0)
+    ocp.subject_to(third.final(stages[2][3]), lower=1)
+    ocp.link(first, second)
+    ocp.link(second, third)
+    ocp.minimise(third.end + 100 * p)

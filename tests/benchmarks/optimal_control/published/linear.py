@@ -266,16 +266,20 @@ def pendulum_dae(ocp):
     ocp.minimise(phase.integral(u**2))
 
 
-@_published(None, "Luus 2000, section 6.4: Nagurka's problem, 6 states; Riccati's equation", 1e-6)
+@_published(
+    109.0743477519, "Luus 2000, section 6.4: Nagurka's problem, 6 states; Riccati's equation", 1e-6
+)
 def nagurka_6(ocp):
     _nagurka(ocp, 6)
 
 
-@_published(None, "Luus 2000, section 6.4: Nagurka's problem, 20 states; Riccati's equation", 1e-6)
+@_published(
+    4157.8693096, "Luus 2000, section 6.4: Nagurka's problem, 20 states; Riccati's equation", 1e-6
+)
 def nagurka_20(ocp):
     _nagurka(ocp, 20)
 
 
-@_published(None, "Nagurka's problem with 40 states; Riccati's equation", 1e-6)
+@_published(34363.479209, "Nagurka's problem with 40 states; Riccati's equation", 1e-6)
 def nagurka_40(ocp):
     _nagurka(ocp, 40)

@@ -8,7 +8,7 @@ import casadi
 import numpy as np
 from scipy.integrate import quad
 
-from .table import PUBLISHED as _published
+from .table import FINE, PUBLISHED as _published
 
 _DTQP = "statement: danielrherber/dt-qp-project, examples"
 
@@ -96,34 +96,6 @@ def tether_reentry(ocp):
     ocp.minimise(phase.integral(pull**2) / 2)
 
 
-@_published(
-    None,
-    "control-toolbox/CTDirect.jl, action.jl: least action between two wells, its guess; no value."
-    " Two programs: Radau and Gauss collocation",
-    1e-4,
-)
-def least_action(ocp):
-    end = 50.0
-    phase = ocp.phase(time=(0, end))
-    x = phase.state("x", initial=-1, final=1)
-    y = phase.state("y", initial=0, final=0)
-    u, w = phase.control("u"), phase.control("w")
-    f, g = x - x**3 - 10 * x * y**2, -(1 - x**2) * y
-    product = (u**2 + w**2) * (f**2 + g**2)
-    phase.dynamics({x: u, y: w})
-    t = np.linspace(0, 1, 101)
-    line = 2 * t - 1
-    arc = 0.3 * (1 - line**2)
-    phase.guess(
-        time=end * t,
-        x=line,
-        y=arc,
-        u=line - line**3 - 10 * line * arc**2,
-        w=-(1 - line**2) * arc,
-    )
-    ocp.minimise(phase.integral((product**2 + 0.01) ** 0.25 - u * f - w * g))
-
-
 def _gornov(ocp, rates, begin, end, most, cost):
     phase = ocp.phase(time=(0, end))
     x = phase.state("x", initial=begin[0])
@@ -132,6 +104,19 @@ def _gornov(ocp, rates, begin, end, most, cost):
     first, second = rates(x, y, u)
     phase.dynamics({x: first, y: second})
     ocp.minimise(cost(phase.final(x), phase.final(y)))
+
+
+@_published(
+    None, f"Newton's body of least resistance; yapss, examples/newton, height 1; {FINE}", 1e-5
+)
+def newton_body(ocp):
+    phase = ocp.phase(time=(0, 1))
+    y = phase.state("y", lower=0, upper=1)
+    slope = phase.state("slope", upper=0)
+    bend = phase.control("bend", upper=0)
+    phase.dynamics({y: slope, slope: bend})
+    phase.guess(y=np.array([1.0, 0.0]), slope=-1.0, time=(0, 1))
+    ocp.minimise(phase.integral(8 * phase.time / (1 + slope**2)))
 
 
 _GORNOV = f"Gornov et al. 2012, several optima; {_DTQP}; best of 20 starts by two collocations"
