@@ -122,7 +122,7 @@ def denbigh(ocp):
     name="drug_displacement_limited",
     most=0.026,
 )
-@_published(221.333, "Maurer, Wiegand 1992; Luus 2000: 221.333 min", 1e-4)
+@_published(221.4667, f"Maurer, Wiegand 1992; Luus 2000; PROPT: drug displacement; {FINE}", 1e-5)
 def drug_displacement(ocp, most=math.inf):
     phase = ocp.phase(time=(0, (1, 1000)))
     x = phase.state("x", initial=0.02, final=0.02, lower=0, upper=most)
@@ -210,21 +210,21 @@ def _citron(ocp, end, low, high):
 _CITRON = f"Citron 1969: chemical reactor; statement: danielrherber/dt-qp-project; {FINE}"
 
 
-@_published(None, _CITRON, 1e-6)
+@_published(-0.405611, _CITRON, 1e-5)
 def citron_reactor(ocp):
     _citron(ocp, 8, 0.1, 0.5)
 
 
-@_published(None, _CITRON, 1e-6)
+@_published(-0.408711, _CITRON, 1e-5)
 def citron_reactor_wide(ocp):
     _citron(ocp, 8, 0.01, 8)
 
 
 @_published(
-    None,
+    56.89444,
     "Kim, Lippi, Maurer 2004: semiconductor laser, ps; statement and guess:"
     f" danielrherber/dt-qp-project; {FINE}",
-    1e-5,
+    1e-6,
 )
 def semiconductor_laser(ocp):
     s0, n0, least, pico = 0.6119512914e5, 1.3955581328e8, 2e-3, 1e-12
@@ -252,9 +252,9 @@ def semiconductor_laser(ocp):
 
 
 @_published(
-    None,
+    0.0232380273,
     f"Luus 2000: two-stage stirred tank; statement: pins-ocs/OCP-tests, TwoStageCSTR; {FINE}",
-    1e-6,
+    1e-7,
 )
 def stirred_tanks_in_series(ocp):
     phase = ocp.phase(time=(0, 2))
@@ -277,7 +277,7 @@ def stirred_tanks_in_series(ocp):
 
 
 @_published(
-    None,
+    216.5906,
     "Flores-Tlacuahuac et al. 2006; ICLOCS; statement: pins-ocs/OCP-tests, ICLOCS_StirredTank with"
     f" w_time = 1; {FINE}",
     1e-6,

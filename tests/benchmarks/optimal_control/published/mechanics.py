@@ -73,9 +73,9 @@ def closed_curve(ocp):
 
 
 @_published(
-    None,
-    f"Williams 2005: tether-assisted reentry; {_DTQP}. Two programs: Radau and Gauss collocation",
-    1e-4,
+    0.04539932,
+    f"Williams 2005: tether-assisted reentry; {_DTQP}. Value: Radau and Gauss collocation on 400 intervals",
+    1e-6,
 )
 def tether_reentry(ocp):
     phase = ocp.phase(time=(0, 5))
@@ -122,12 +122,12 @@ def newton_body(ocp):
 _GORNOV = f"Gornov et al. 2012, several optima; {_DTQP}; best of 20 starts by two collocations"
 
 
-@_published(None, _GORNOV, 1e-5)
+@_published(11.90801, _GORNOV, 1e-5)
 def gornov_pendulum(ocp):
     _gornov(ocp, lambda x, y, u: (y, u - casadi.sin(x)), (5, 0), 5, 1, lambda x, y: x**2 + y**2)
 
 
-@_published(None, _GORNOV, 1e-5)
+@_published(-5.062174, _GORNOV, 1e-5)
 def gornov_bilinear(ocp):
     _gornov(
         ocp,
@@ -139,12 +139,12 @@ def gornov_bilinear(ocp):
     )
 
 
-@_published(None, _GORNOV, 1e-5)
+@_published(-4.810827, _GORNOV, 1e-5)
 def gornov_heading(ocp):
     _gornov(ocp, lambda x, y, u: (casadi.cos(y), u - casadi.sin(x)), (0, 0), 7, 1, lambda x, y: x)
 
 
-@_published(None, _GORNOV, 1e-5)
+@_published(28.3863, _GORNOV, 2e-5)
 def gornov_series(ocp):
     _gornov(
         ocp,
