@@ -205,10 +205,10 @@ def finite_burn_orbit_raise(ocp):
 
 
 @_published(
-    None,
+    0.50785,
     "Ross, Gong, Sekhavat 2007: least fuel from radius 1 to 4 with thrust 0.01; statement and guess:"
     f" danielrherber/dt-qp-project; {FINE}; several optima",
-    1e-4,
+    5e-5,
 )
 def transfer_least_fuel(ocp):
     most = 0.01

@@ -101,20 +101,6 @@ def bifunctional_catalyst(ocp):
     ocp.minimise(-phase.final(x7))
 
 
-@_published(-0.423917, "Denbigh 1958; Luus 1994; PROPT: Denbigh's system of reactions", 1e-4)
-def denbigh(ocp):
-    phase = ocp.phase(time=(0, 1000))
-    x1 = phase.state("x1", initial=1, lower=0)
-    x2 = phase.state("x2", initial=0, lower=0)
-    x3 = phase.state("x3", initial=0, lower=0)
-    T = phase.control("T", lower=273, upper=415)
-    k1, k2, k3, k4 = (
-        k * casadi.exp(-e / T) for k, e in [(1e3, 3000), (1e7, 6000), (10, 3000), (1e-3, 0)]
-    )
-    phase.dynamics({x1: -(k1 + k2) * x1, x2: k1 * x1 - (k3 + k4) * x2, x3: k3 * x2})
-    ocp.minimise(-phase.final(x3))
-
-
 @_published(
     262.6378,
     f"Maurer, Wiegand 1992; Luus 2000; PROPT: warfarin at most 0.026; {FINE}",

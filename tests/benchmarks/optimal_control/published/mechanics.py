@@ -7,6 +7,7 @@ import math
 import casadi
 import numpy as np
 from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from .table import FINE, PUBLISHED as _published
 
@@ -106,8 +107,27 @@ def _gornov(ocp, rates, begin, end, most, cost):
     ocp.minimise(cost(phase.final(x), phase.final(y)))
 
 
+def _newton() -> float:
+    """Return Newton's least resistance of a body of radius 1 and height 1."""
+
+    def radius(p: float) -> float:
+        return (1 + p**2) ** 2 / (4 * p)
+
+    def drop(p: float) -> float:
+        return (p**2 + 3 / 4 * p**4 - 7 / 4 - math.log(p)) / 4
+
+    last = brentq(lambda p: drop(p) - radius(p), 1.1, 10)
+    flat = 1 / radius(last)
+
+    def rate(p: float) -> float:
+        slope = ((1 + p**2) * p - (1 + p**2) ** 2 / (4 * p)) / p
+        return flat**2 * radius(p) * slope / (1 + p**2)
+
+    return 8 * (flat**2 / 2 + quad(rate, 1, last)[0])
+
+
 @_published(
-    None, f"Newton's body of least resistance; yapss, examples/newton, height 1; {FINE}", 1e-5
+    _newton(), "Newton 1687: least resistance; yapss, examples/newton; the slope jumps", 1e-3
 )
 def newton_body(ocp):
     phase = ocp.phase(time=(0, 1))
