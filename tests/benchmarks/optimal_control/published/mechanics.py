@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from .table import FINE, PUBLISHED as _published
+from .table import PUBLISHED as _published
 
 _DTQP = "statement: danielrherber/dt-qp-project, examples"
 
