@@ -59,48 +59,6 @@ def ethanol(ocp):
     ocp.minimise(-phase.final(p) * phase.final(v))
 
 
-_RATES = np.array(
-    [
-        [0.2918487e-2, -0.8045787e-2, 0.6749947e-2, -0.1416647e-2],
-        [0.9509977e1, -0.3500994e2, 0.4283329e2, -0.1733333e2],
-        [0.2682093e2, -0.9556079e2, 0.1130398e3, -0.4429997e2],
-        [0.2087241e3, -0.7198052e3, 0.8277466e3, -0.3166655e3],
-        [0.1350005e1, -0.6850027e1, 0.1216671e2, -0.6666689e1],
-        [0.1921995e-1, -0.7945320e-1, 0.1105666, -0.5033333e-1],
-        [0.1323596, -0.4692550, 0.5539323, -0.2166664],
-        [0.7339981e1, -0.2527328e2, 0.2993329e2, -0.1199999e2],
-        [-0.3950534, 0.1679353e1, -0.1777829e1, 0.4974987],
-        [-0.2504665e-4, 0.1005854e-1, -0.1986696e-1, 0.9833470e-2],
-    ]
-)
-
-
-@_published(
-    -1.00942e-2, "Luus, Dittrich, Keil 1992: bifunctional catalyst; many local optima", 5e-4
-)
-def bifunctional_catalyst(ocp):
-    phase = ocp.phase(time=(0, 2000))
-    x1, x2, x3, x4, x5, x6, x7 = (
-        phase.state(f"x{k + 1}", initial=float(k == 0), lower=0) for k in range(7)
-    )
-    u = phase.control("u", lower=0.6, upper=0.9)
-    k1, k2, k3, k4, k5, k6, k7, k8, k9, k10 = (
-        sum(float(c) * u**n for n, c in enumerate(row)) for row in _RATES
-    )
-    phase.dynamics(
-        {
-            x1: -k1 * x1,
-            x2: k1 * x1 - (k2 + k3) * x2 + k4 * x5,
-            x3: k2 * x2,
-            x4: -k6 * x4 + k5 * x5,
-            x5: k3 * x2 + k6 * x4 - (k4 + k5 + k8 + k9) * x5 + k7 * x6 + k10 * x7,
-            x6: k8 * x5 - k7 * x6,
-            x7: k9 * x5 - k10 * x7,
-        }
-    )
-    ocp.minimise(-phase.final(x7))
-
-
 @_published(
     262.6378,
     f"Maurer, Wiegand 1992; Luus 2000; PROPT: warfarin at most 0.026; {FINE}",
