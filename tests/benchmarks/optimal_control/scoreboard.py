@@ -1,6 +1,6 @@
 """Scoreboard of optimal control: published problems, solved by crosstrack and by other packages.
 
-Every pair of problem and solver runs in its own process with a limit of CPU time. The plan is verified by
+Every pair of problem and solver runs in a process of its own with a limit of CPU time. The plan is verified by
 ``model.verify``, whatever solver it comes from. Answers are appended to ``build/scoreboard/answers.jsonl``;
 pairs in this file are skipped, so that a run can be resumed::
 
@@ -8,8 +8,8 @@ pairs in this file are skipped, so that a run can be resumed::
     python tests/benchmarks/optimal_control/scoreboard.py run --solvers ours --label after
     python tests/benchmarks/optimal_control/scoreboard.py tables
 
-`tables` merges the answers into ``docs/measured/scoreboard.json``, from which ``docs/how-well.md`` shows the
-tables. Only the last label of our answers is shown. Peers are installed by::
+`tables` merges the answers into ``docs/measured/scoreboard.json`` and writes the tables of ``docs/how-well.md``
+there. Only the last label of our answers is shown. Peers are installed by::
 
     python3 -m venv build/peers/yapss && build/peers/yapss/bin/pip install yapss==0.2.3
     python3 -m venv build/peers/maptor && build/peers/maptor/bin/pip install maptor==0.2.1
@@ -30,7 +30,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,8 @@ CHECKING = 120
 TOLERANCE, FAR = 1e-6, 1e-3
 #: Agreement of two programs on a problem without a published value.
 AGREEMENT = 1e-5
+#: Code of a process that took too long.
+TOO_LONG = 124
 
 
 def interpreter(solver: str) -> Path:
@@ -73,36 +75,39 @@ def _answers() -> list[dict[str, Any]]:
     return [json.loads(line) for line in ANSWERS.read_text().splitlines() if line]
 
 
-def attempt(solver: str, name: str, limit: float) -> dict[str, Any]:
-    """Return the answer of one solver to one problem, in a process of its own, verified here."""
-    failed: dict[str, Any] = {"claims": False, "objective": None, "plan": None, "seconds": None}
+def attempts(solver: str, names: list[str], limit: float) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the verified answer of one solver to each problem, solved in a process of its own."""
+    failed: dict[str, Any] = {"claims": False, "objective": None, "seconds": None}
     if not interpreter(solver).exists():
-        return {**failed, "status": "not installed"}
+        yield from ((name, {**failed, "status": "not installed"}) for name in names)
+        return
     with tempfile.TemporaryDirectory() as folder:
         # The environment of a package sees crosstrack as a folder, for the declarations.
         (Path(folder) / "crosstrack").symlink_to(ROOT)
-        file = Path(folder) / "answer.json"
         environment = {
             **os.environ,
             "PYTHONPATH": folder,
             **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
         }
-        command = [
-            interpreter(solver), HERE.parent / "scoreboard_peers.py", solver, name, file, str(limit),
-        ]  # fmt: skip
-        try:
-            done = subprocess.run(
-                command, env=environment, capture_output=True, timeout=PATIENCE * limit, text=True,
-                cwd=folder,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return {**failed, "status": f"over {PATIENCE * limit:g} s of elapsed time"}
-        if file.exists():
-            return _checked(name, json.loads(file.read_text()))
-        if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
-            return {**failed, "status": f"over {limit:g} s of CPU time", "seconds": limit}
-        last = (done.stderr.strip().splitlines() or [""])[-1]
-        return {**failed, "status": f"exit {done.returncode}: {last}"[:200]}
+        script, longest = HERE.parent / "scoreboard_peers.py", PATIENCE * limit
+        command = [interpreter(solver), script, solver, folder, str(limit), str(longest), *names]
+        with subprocess.Popen(
+            command, env=environment, cwd=folder, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        ) as process:  # fmt: skip
+            assert process.stdout is not None
+            for line in process.stdout:
+                name, code = line.split()
+                file = Path(folder) / f"{name}.json"
+                if file.exists():
+                    yield name, _checked(name, json.loads(file.read_text()))
+                elif int(code) in (-signal.SIGXCPU, -signal.SIGKILL):
+                    status = f"over {limit:g} s of CPU time"
+                    yield name, {**failed, "status": status, "seconds": limit}
+                elif int(code) == TOO_LONG:
+                    yield name, {**failed, "status": f"over {longest:g} s of elapsed time"}
+                else:
+                    yield name, {**failed, "status": f"exit {code}"}
 
 
 def _checked(name: str, answer: dict[str, Any]) -> dict[str, Any]:
@@ -146,15 +151,13 @@ def run(given: argparse.Namespace) -> None:
     known = {(row["solver"], row["problem"], row["label"]) for row in _answers()}
     for solver in given.solvers:
         label = given.label if solver == "ours" else ""
-        for name in given.names or _names(given.half):
-            if (solver, name, label) in known:
-                continue
-            row = {"problem": name, "solver": solver, "label": label}
-            row.update(attempt(solver, name, given.limit))
-            row.pop("plan", None)
+        names = given.names or _names(given.half)
+        names = [name for name in names if (solver, name, label) not in known]
+        for name, answer in attempts(solver, names, given.limit) if names else ():
+            row = {"problem": name, "solver": solver, "label": label, **answer}
             with ANSWERS.open("a") as stream:
                 stream.write(json.dumps(row) + "\n")
-            print(*(row.get(key) for key in ("solver", "problem", "status", "seconds")), flush=True)
+            print(solver, name, row["status"], row["seconds"], flush=True)
 
 
 # -- judgement --------------------------------------------------------------------------------------

@@ -2,9 +2,9 @@
 
 The scoreboard runs this file with the interpreter of a package, see ``scoreboard.py``::
 
-    python scoreboard_peers.py SOLVER NAME FILE LIMIT
+    python scoreboard_peers.py SOLVER FOLDER LIMIT LONGEST NAME ...
 
-The process solves the problem `NAME` within `LIMIT` seconds of CPU time and writes its answer to `FILE`. All
+A forked process per problem solves it within `LIMIT` seconds of CPU time and writes its answer to the folder. All
 packages get the same functions (CasADi graphs), bounds and guess. The mesh is uniform with 60 intervals of 3
 nodes per phase (dymos: 20), and a package that has a refinement runs it with its defaults. Ipopt and the
 package keep their default tolerances.
@@ -16,9 +16,12 @@ import importlib
 import itertools
 import json
 import math
+import os
 import resource
+import signal
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -39,10 +42,12 @@ from scoreboard_parts import (  # noqa: E402
     sampled,
 )
 
-__all__ = ["SOLVERS"]
+__all__ = ["SOLVERS", "TOO_LONG"]
 
 #: Terminations of ours that claim an optimum.
 CLAIMS = ("optimal", "locally_optimal")
+#: Code of a process that took too long.
+TOO_LONG = 124
 
 
 def ours(problem: Any) -> dict[str, Any]:
@@ -303,15 +308,13 @@ def _used() -> float:
     return own.ru_utime + own.ru_stime + children.ru_utime + children.ru_stime
 
 
-def main(solver: str, name: str, file: str, limit: float) -> None:
-    """Solve one problem and write the answer."""
+def _solve(solver: str, name: str, file: Path, limit: float) -> None:
+    """Solve one problem within a limit of CPU time, and write the answer."""
     problem = problem_of(name).build(name).build()
     if solver == "ours":
         import crosstrack as ct
 
         ct.solve(ct.load("optimal-control/double-integrator-energy"))  # loads modules
-    elif solver != "bare":
-        importlib.import_module("rockit" if solver == "rockit" else solver)
     begin = _used()
     most = math.ceil(time.process_time() + limit)
     resource.setrlimit(resource.RLIMIT_CPU, (most, most + 1))
@@ -329,8 +332,51 @@ def main(solver: str, name: str, file: str, limit: float) -> None:
     answer["plan"] = None if answer["plan"] is None else answer["plan"].data()
     if answer["objective"] is not None and not math.isfinite(answer["objective"]):
         answer["objective"] = None
-    Path(file).write_text(json.dumps(answer))
+    file.write_text(json.dumps(answer))
+
+
+def main(solver: str, folder: str, limit: float, longest: float, names: list[str]) -> None:
+    """Solve each problem in a forked process, and print its name and exit code when it ends.
+
+    Parameters
+    ----------
+    solver, folder : str
+        Key of `SOLVERS`, and folder for the answers, ``NAME.json`` each.
+    limit, longest : float
+        Limits of CPU and elapsed time (s) per problem.
+    names : list of str
+        Problems.
+    """
+    lines = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # libraries print to the standard error
+    problem_of(names[0])
+    if solver not in ("ours", "bare"):
+        importlib.import_module(solver)
+    for name in names:
+        child = os.fork()
+        if not child:
+            code = 1
+            try:
+                _solve(solver, name, Path(folder) / f"{name}.json", limit)
+                code = 0
+            except Exception:
+                traceback.print_exc()
+            finally:
+                os._exit(code)
+        end, status = time.monotonic() + longest, None
+        while status is None:
+            ended, word = os.waitpid(child, os.WNOHANG)
+            if ended:
+                status = os.waitstatus_to_exitcode(word)
+            elif time.monotonic() > end:
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+                status = TOO_LONG
+            else:
+                time.sleep(0.02)
+        lines.write(f"{name} {status}\n")
+        lines.flush()
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:4], limit=float(sys.argv[4]))
+    main(sys.argv[1], sys.argv[2], float(sys.argv[3]), float(sys.argv[4]), sys.argv[5:])
