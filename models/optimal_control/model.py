@@ -24,6 +24,7 @@ from .algebraic import algebraic_entries
 from .checks import verify_control
 from .definition import Definition
 from .plan import ControlPlan
+from .samples import is_sampled, plan_of_samples
 from .sampling import courses
 
 __all__ = ["OptimalControlProblem"]
@@ -149,7 +150,13 @@ class OptimalControlProblem(Model[ControlPlan]):
         return result
 
     def plan_from_data(self, data: Any) -> ControlPlan:
-        """Return the plan in `data`, with the declarations of the problem if they fit."""
+        """Return the plan in `data`, with the declarations of the problem if they fit.
+
+        `data` may also be samples of another tool, such as ``{"time": …, "x": …, "u": …}``; see
+        :func:`~.samples.plan_of_samples`.
+        """
+        if is_sampled(self.definition, data):
+            return plan_of_samples(self.definition, data)
         plan = super().plan_from_data(data)
         try:
             return self.attach(plan)

@@ -1,4 +1,4 @@
-"""Export of programs to other tools: free MPS, LP format, CVXPY and qpsolvers.
+"""Export of programs to other tools: free MPS, LP format, CVXPY, qpsolvers and C code.
 
 Numbers are written with all digits, so that another tool reads the same program. The functions
 accept any object with the fields of a program, because programs import this module.
@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import InvalidData, UnsupportedFormulation, show
+
 if TYPE_CHECKING:
     import cvxpy
     import qpsolvers
 
-__all__ = ["cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
+__all__ = ["c_code", "cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
 
 
 def mps(program: Any) -> str:
@@ -177,3 +179,32 @@ def qpsolvers_problem(program: Any) -> qpsolvers.Problem:
         lb=program.column_lower.copy() if bounded else None,
         ub=program.column_upper.copy() if bounded else None,
     )
+
+
+def c_code(program: Any, name: str) -> str:
+    """Return C code of a nonlinear program; see :meth:`~.nonlinear.NonlinearProgram.to_c`."""
+    import casadi
+
+    if not isinstance(name, str) or not casadi.Function.check_name(name):
+        raise InvalidData(
+            f"name must be a valid name of a C function, such as 'program', got {show(name)}",
+            field="name",
+        )
+    arguments = program.casadi_arguments()
+    x, weight = casadi.MX.sym("x", program.size), casadi.MX.sym("lam_f")
+    duals, call = casadi.MX.sym("lam_g", program.row_count), casadi.Function
+    values = [*map(casadi.DM, arguments.values())]
+    code = casadi.CodeGenerator(name)
+    try:
+        for end, function, inputs in (
+            ("", program.function, [x]),
+            ("_first", program.first_order, [x]),
+            ("_second", program.second_order, [x, weight, duals]),
+        ):
+            names = function.name_in(), function.name_out()
+            code.add(call(name + end, inputs, function.call(inputs), *names))
+        code.add(call(f"{name}_arguments", [], values, [], [*arguments]))
+        return str(code.dump())
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise UnsupportedFormulation(f"no C code can be written: {reason}") from error

@@ -266,10 +266,45 @@ class NonlinearProgram(BlockProgram):
     def to_casadi(self) -> dict[str, Any]:
         """Return the program in the form of ``casadi.nlpsol``: ``{"x", "f", "g"}`` in MX symbols.
 
-        The bounds ``lbx, ubx, lbg, ubg`` are arguments of the solver's call and not included.
+        The bounds ``lbx, ubx, lbg, ubg`` are arguments of the solver's call, see
+        :meth:`casadi_arguments`.
         """
         import casadi
 
         x = casadi.MX.sym("x", self.size)
         f, g = self.function(x)
         return {"x": x, "f": f, "g": g}
+
+    def casadi_arguments(self) -> dict[str, Vector]:
+        """Return guess and bounds as the arguments of ``casadi.nlpsol``: ``x0, lbx, ubx, lbg, ubg``.
+
+        With :meth:`to_casadi` they pass the program to CasADi alone.
+        """
+        bounds = self.column_lower, self.column_upper, self.row_lower, self.row_upper
+        names = ("x0", "lbx", "ubx", "lbg", "ubg")
+        return {
+            name: value.copy() for name, value in zip(names, (self.start(), *bounds), strict=True)
+        }
+
+    def to_c(self, name: str = "program") -> str:
+        """Return C code of the program with CasADi's interface and without dependencies.
+
+        The functions are `name` (x → f, g), and with the endings ``_first`` (x → grad_f, jac_g),
+        ``_second`` (x, lam_f, lam_g → the upper triangle of the Hessian of lam_f f + lam_g·g) and
+        ``_arguments`` (→ x0, lbx, ubx, lbg, ubg).
+
+        Parameters
+        ----------
+        name : str
+            Name of the first function.
+
+        Raises
+        ------
+        InvalidData
+            `name` is not a valid name of a C function.
+        UnsupportedFormulation
+            A function has no C code, such as a callback.
+        """
+        from .export import c_code
+
+        return c_code(self, name)
