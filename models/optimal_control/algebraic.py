@@ -73,7 +73,7 @@ def solver_of(
     if not entries.size:
         return None
     residual = _residual(function, controls, paths)
-    options = {"max_iter": STEPS, "error_on_fail": False}
+    options = {"max_iter": STEPS, "error_on_fail": False, "show_eval_warnings": False}
     newton = casadi.rootfinder("algebraic", "newton", residual, options)
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     scale, stacked = _stacked(controls, "scale")[entries], casadi.vertcat(*arguments)

@@ -285,7 +285,7 @@ def _paths(course: Course, label: str, tolerance: float) -> Iterator[Check]:
 def _algebraic(course: Course, label: str, tolerance: float) -> Iterator[Check]:
     """Yield the check of algebraic variables against the solution of their equations.
 
-    It includes the start, where they must be consistent with the initial state.
+    The first instant of the grid is the start, at which initial values must be consistent.
     """
     entries = algebraic_entries(course.phase.controls)
     if not entries.size:
