@@ -166,7 +166,7 @@ def test_a_solution_that_ceases_to_exist_is_reported():
     # z² = x with ẋ = -1 has no solution after x = 0.
     ocp = OptimalControlProblem("ends")
     phase = ocp.phase(time=(0, 1))
-    x, z = phase.state("x", initial=1.5), phase.algebraic("z", guess=1)
+    x, z = phase.state("x", initial=1.5), phase.algebraic("z", lower=0, guess=1)
     phase.dynamics({x: -1 + 0 * z})
     phase.algebraic_equation(z**2 == x)
     ocp.minimise(phase.integral(z))
