@@ -15,7 +15,7 @@ _DTQP = "statement: danielrherber/dt-qp-project, examples"
 
 
 @_published(
-    2 / math.expm1(2), "control-toolbox/CTDirect.jl, simple_integrator.jl: 2 / (e^2 - 1)", 1e-7
+    2 / math.expm1(2), "control-toolbox/CTDirect.jl, simple_integrator.jl: 2 / (e^2 - 1)", 1e-6
 )
 def two_sided_effort(ocp):
     phase = ocp.phase(time=(0, 1))
