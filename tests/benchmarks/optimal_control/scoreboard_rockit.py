@@ -52,8 +52,11 @@ def solve(problem: Any) -> dict[str, Any]:
             for constraint in bounded(values[-1], p_low[k : k + 1], p_high[k : k + 1]):
                 stage.subject_to(constraint)
             if first_p:
-                master.subject_to(values[-1] == first_p[k])
-        first_p = first_p or values
+                master.subject_to(stage.at_t0(values[-1]) == first_p[k])
+        # The objective and the constraints between phases see a variable of a stage as its value at the start.
+        first_p = first_p or [
+            value if p_low[k] == p_high[k] else stage.at_t0(value) for k, value in enumerate(values)
+        ]
         p = casadi.vertcat(*values) if values else casadi.MX(0, 1)
         # rockit rejects expressions that contain the time without depending on it.
         t = stage.t if _depends_on_time(phase.function) else 0.0
