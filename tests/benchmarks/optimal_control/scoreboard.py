@@ -8,8 +8,8 @@ pairs in this file are skipped, so that a run can be resumed::
     python tests/benchmarks/optimal_control/scoreboard.py run --solvers ours --label after
     python tests/benchmarks/optimal_control/scoreboard.py tables
 
-`tables` merges the answers into ``docs/measured/scoreboard.json`` and writes the tables of ``docs/how-well.md``
-there. Only the last label of our answers is shown. Peers are installed by::
+`tables` merges the answers into ``scoreboard_answers.json`` and writes the tables of ``docs/how-well.md`` to
+``docs/measured/scoreboard.json``. Only the last label of our answers is shown. Peers are installed by::
 
     python3 -m venv build/peers/yapss && build/peers/yapss/bin/pip install yapss==0.2.3
     python3 -m venv build/peers/maptor && build/peers/maptor/bin/pip install maptor==0.2.1
@@ -39,6 +39,8 @@ ROOT = HERE.parents[3]
 sys.path[:0] = [str(HERE.parent), str(ROOT / "tests")]
 
 ANSWERS = ROOT / "build" / "scoreboard" / "answers.jsonl"
+#: All answers that the tables of the page show.
+SHOWN = HERE.with_name("scoreboard_answers.json")
 #: Columns of the table, in order.
 SOLVERS = ("ours", "bare", "yapss", "maptor", "rockit", "dymos")
 #: Limit of CPU time (s), and largest ratio of elapsed to CPU time on a loaded machine.
@@ -227,26 +229,15 @@ def _cell(row: Mapping[str, Any] | None, value: float | None, exact: float) -> t
 
 
 def tables(_: argparse.Namespace) -> None:
-    """Merge the answers into ``docs/measured/scoreboard.json`` and make the tables of the page."""
+    """Merge the answers into ``scoreboard_answers.json`` and make the tables of the page."""
     from benchmarks.measured import write
 
-    path = ROOT / "docs" / "measured" / "scoreboard.json"
-    columns = {
-        "problem": "", "solver": "", "label": "", "status": "", "claims": "", "objective": ".9g",
-        "checked_objective": ".9g", "verified": "", "violation": ".1e", "worst_check": "",
-        "seconds": ".2f",
-    }  # fmt: skip
-    answers = {}
-    if path.exists():
-        for cells in json.loads(path.read_text("utf-8"))["answers"]["rows"]:
-            row = dict(zip(columns, cells, strict=True))
-            answers[row["problem"], row["solver"]] = row
-    for row in _answers():
-        answers[row["problem"], row["solver"]] = {key: row.get(key) for key in columns}
+    shown = json.loads(SHOWN.read_text("utf-8")) if SHOWN.exists() else []
+    answers = {(row["problem"], row["solver"]): row for row in [*shown, *_answers()]}
     names = [*_names("development"), *_names("frozen")]
     order = [(name, solver) for name in names for solver in SOLVERS if (name, solver) in answers]
-    write("scoreboard", "answers", __file__, columns,
-          [list(answers[key].values()) for key in order], ("casadi",))  # fmt: skip
+    lines = ",\n".join(json.dumps(answers[key]) for key in order)
+    SHOWN.write_text(f"[\n{lines}\n]\n", "utf-8")
     for half in ("development", "frozen"):
         rows, counts = [], {solver: {} for solver in SOLVERS}
         times: dict[str, list[float]] = {solver: [] for solver in SOLVERS}
