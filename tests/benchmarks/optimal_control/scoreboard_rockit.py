@@ -12,10 +12,18 @@ from scoreboard_parts import QUIET, bounded, sampled
 __all__ = ["solve"]
 
 
-def _depends_on_time(function: Any) -> bool:
-    """Return True if a result of a phase's function depends on its first argument."""
+def _at_time(phase: Any, t: Any, x: Any, u: Any, p: Any) -> tuple[Any, Any, Any]:
+    """Return rate, path and integrand of a phase.
+
+    rockit rejects dynamics that contain the time without depending on it.
+    """
+    function = phase.function
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
-    return bool(casadi.depends_on(casadi.vertcat(*function(*arguments)), arguments[0]))
+    rate, _, integrand, _ = function(*arguments)
+    moving = casadi.depends_on(casadi.vertcat(rate, integrand), arguments[0])
+    rate, _, integrand, _ = function(t if moving else 0.0, x, u, p)
+    path = function(t, x, u, p)[1] if phase.paths else casadi.MX(0, 1)
+    return rate, path, integrand
 
 
 def solve(problem: Any) -> dict[str, Any]:
@@ -58,9 +66,7 @@ def solve(problem: Any) -> dict[str, Any]:
             value if p_low[k] == p_high[k] else stage.at_t0(value) for k, value in enumerate(values)
         ]
         p = casadi.vertcat(*values) if values else casadi.MX(0, 1)
-        # rockit rejects expressions that contain the time without depending on it.
-        t = stage.t if _depends_on_time(phase.function) else 0.0
-        rate, path, integrand, _ = phase.function(t, x, u, p)
+        rate, path, integrand = _at_time(phase, stage.t, x, u, p)
         stage.set_der(x, rate)
         limits = [(x, "states"), (path, "paths")] + [(u, "controls")] * bool(nu)
         for expression, what in limits:
