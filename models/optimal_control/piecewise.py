@@ -24,6 +24,31 @@ EDGE = 1e-9
 CROWD = 64
 
 
+def _joined(
+    nodes: Sequence[Any], values: Sequence[Any]
+) -> tuple[list[Floats], list[Floats]] | None:
+    """Return read-only nodes and values, checked all at once; None if one of them is not plain or is wrong."""
+    arrays = (*nodes, *values)
+    if not all(type(array) is np.ndarray and array.dtype == np.float64 for array in arrays):
+        return None
+    ranks = {array.ndim for array in nodes}, {array.ndim for array in values}
+    if ranks != ({1}, {2}) or len({table.shape[1] for table in values}) > 1:
+        return None
+    if [len(table) for table in values] != [positions.size for positions in nodes]:
+        return None
+    distinct = {positions.tobytes(): positions for positions in nodes}
+    for key, positions in distinct.items():
+        inside = positions.size and positions[0] >= -1.0 and positions[-1] <= 1.0
+        if not inside or not (np.diff(positions) > 0).all():
+            return None
+        distinct[key] = frozen(positions + 0.0)
+    table = frozen(np.concatenate(values) + 0.0)
+    if not np.isfinite(table).all():
+        return None
+    cuts = np.cumsum([positions.size for positions in nodes])[:-1]
+    return [distinct[positions.tobytes()] for positions in nodes], np.split(table, cuts)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Piecewise:
     """Vector of functions of time, with one polynomial in Lagrange form per interval.
@@ -65,9 +90,21 @@ class Piecewise:
                 field="nodes",
             )
         sizes: dict[str, tuple[int, str]] = {}
+        nodes, values = _joined(self.nodes, self.values) or self._read(sizes)
+        sizes["size"] = values[0].shape[1], "values[0]"
+        object.__setattr__(self, "knots", knots)
+        object.__setattr__(self, "nodes", tuple(nodes))
+        object.__setattr__(self, "values", tuple(values))
+        for name, sign in (("lower", -1), ("upper", 1)):
+            if getattr(self, name) is not None:
+                bound = Array(("size",), infinity=sign).coerce(name, getattr(self, name), sizes)
+                object.__setattr__(self, name, bound)
+
+    def _read(self, sizes: dict[str, tuple[int, str]]) -> tuple[list[Floats], list[Floats]]:
+        """Return nodes and values, read interval by interval for messages that name the interval."""
         nodes: list[Floats] = []
         values: list[Floats] = []
-        for k in range(count):
+        for k in range(len(self.nodes)):
             positions = Array(("n",), lower=-1.0, upper=1.0).coerce(
                 f"nodes[{k}]", self.nodes[k], {}
             )
@@ -82,13 +119,7 @@ class Piecewise:
             sizes.setdefault("size", (table.shape[1], "values[0]"))
             nodes.append(positions)
             values.append(table)
-        object.__setattr__(self, "knots", knots)
-        object.__setattr__(self, "nodes", tuple(nodes))
-        object.__setattr__(self, "values", tuple(values))
-        for name, sign in (("lower", -1), ("upper", 1)):
-            if getattr(self, name) is not None:
-                bound = Array(("size",), infinity=sign).coerce(name, getattr(self, name), sizes)
-                object.__setattr__(self, name, bound)
+        return nodes, values
 
     def __repr__(self) -> str:
         return f"<Piecewise {self.size} functions, {self.intervals} intervals>"
