@@ -13,6 +13,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -196,6 +197,15 @@ class Answer:
     seconds: Mapping[str, float] = field(default_factory=dict)
     statistics: Mapping[str, float | int | str] = field(default_factory=dict)
     message: str = ""
+
+
+@cache
+def _installed(distribution: str) -> str | None:
+    """Return the version of a distribution, read from its files once; None if it is not installed."""
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return None
 
 
 class Backend(ABC):
@@ -390,10 +400,7 @@ class Backend(ABC):
         distribution = self.distribution or next(iter(self.requires), "")
         if not distribution:
             return __version__
-        try:
-            return importlib.metadata.version(distribution)
-        except importlib.metadata.PackageNotFoundError:
-            return None
+        return _installed(distribution)
 
     def require(self) -> None:
         """Raise :class:`BackendMissing` with the install command if a required package is missing."""

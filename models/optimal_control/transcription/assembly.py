@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import casadi
 import numpy as np
@@ -30,6 +31,8 @@ __all__ = ["Assembly", "Twice", "functions_of"]
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
+#: Functions of the programs of recent layouts, which do not depend on sizes and starts.
+_FUNCTIONS: WeakKeyDictionary[Layout, tuple[casadi.Function, ...]] = WeakKeyDictionary()
 #: Shortest duration of a phase with free times, relative to the longest possible one.
 SHORTEST = 1e-6
 
@@ -283,19 +286,26 @@ class Assembly:
             total = total + casadi.mtimes(casadi.mtimes(selection.T, blocks), selection)
         return casadi.triu(total)
 
+    def _functions(self) -> tuple[casadi.Function, ...]:
+        """Return the functions of the program, its first and its second derivatives."""
+        x, scale = casadi.MX.sym("x", self.layout.size), casadi.MX.sym("lam_f")
+        duals = casadi.MX.sym("lam_g", self.row_count)
+        return (
+            casadi.Function("program", [x], list(self.values(x)), ["x"], ["f", "g"]),
+            casadi.Function("first", [x], list(self.first(x)), ["x"], ["grad_f", "jac_g"]),
+            casadi.Function(
+                "second", [x, scale, duals], [self._second(x, scale, duals)],
+                ["x", "lam_f", "lam_g"], ["hess"],
+            ),
+        )  # fmt: skip
+
     # -- the program -----------------------------------------------------------------------------
 
     def program(self, guess: Floats, name: str) -> NonlinearProgram:
         """Return the program, started at `guess`."""
-        size = self.layout.size
-        x, scale = casadi.MX.sym("x", size), casadi.MX.sym("lam_f")
-        duals = casadi.MX.sym("lam_g", self.row_count)
-        value = casadi.Function("program", [x], list(self.values(x)), ["x"], ["f", "g"])
-        first = casadi.Function("first", [x], list(self.first(x)), ["x"], ["grad_f", "jac_g"])
-        second = casadi.Function(
-            "second", [x, scale, duals], [self._second(x, scale, duals)],
-            ["x", "lam_f", "lam_g"], ["hess"],
-        )  # fmt: skip
+        if self.layout not in _FUNCTIONS:
+            _FUNCTIONS[self.layout] = self._functions()
+        value, first, second = _FUNCTIONS[self.layout]
         lower, upper, column_scale = self.column_bounds()
         row_lower, row_upper, row_scale = self._row_bounds()
         return NonlinearProgram(

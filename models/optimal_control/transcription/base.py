@@ -24,7 +24,7 @@ from ..sampling import courses, endpoint
 from ..sizes import Sizes, sizes_at
 from .assembly import Assembly, functions_of
 from .dependence import dependences, drop_dependent
-from .layout import Layout
+from .layout import Layout, layout_of
 from .mesh import Mesh, even, read_mesh
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
@@ -154,8 +154,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     @cached_property
     def layout(self) -> Layout:
         """Assignment of columns and rows to points and equations."""
-        schemes = [tuple(self.scheme(int(n)) for n in mesh.degrees) for mesh in self._meshes]
-        return Layout(self.model.definition, self._meshes, schemes)
+        return layout_of(self.model.definition, type(self).scheme, self._meshes)
 
     def build(self) -> NonlinearProgram:
         """Return the program on the current mesh, started at the plan of the previous one."""

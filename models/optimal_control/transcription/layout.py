@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -240,6 +241,30 @@ def stack_blocks(start: int, blocks: Iterable[Block]) -> list[Block]:
         result.append(replace(block, start=start))
         start += block.size
     return result
+
+
+#: Recent layouts, with which assemblies keep the functions of their programs.
+RECENT = 4
+_recent: dict[tuple[Any, ...], Layout] = {}
+
+
+def layout_of(
+    definition: Definition, scheme: Callable[[int], Scheme], meshes: Sequence[Mesh]
+) -> Layout:
+    """Return the layout of a scheme on these meshes; equal to a recent one, the same object."""
+    contents = [
+        array.tobytes() for mesh in meshes for array in (mesh.fractions, mesh.degrees, mesh.calm)
+    ]
+    key = definition, scheme, *contents
+    layout = _recent.pop(key, None)
+    if layout is None:
+        layout = Layout(
+            definition, meshes, [tuple(scheme(int(n)) for n in m.degrees) for m in meshes]
+        )
+    _recent[key] = layout
+    while len(_recent) > RECENT:
+        _recent.pop(next(iter(_recent)), None)
+    return layout
 
 
 class Layout:
