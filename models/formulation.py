@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
@@ -168,7 +168,11 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         return None
 
     def compared(
-        self, point: NDArray[np.float64], objective: float, tolerance: float
+        self,
+        point: NDArray[np.float64],
+        objective: float,
+        tolerance: float,
+        better: PlanT | None = None,
     ) -> Self | None:
         """Return a finer formulation if the optimum at `point` differs from the counterpart's.
 
@@ -180,6 +184,8 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
             Objective of the counterpart's optimum.
         tolerance : float
             Largest accepted violation, scaled as in the model's verification.
+        better : Plan, optional
+            Plan of the counterpart if its objective is better; the finer formulation starts there.
 
         Returns
         -------
@@ -188,6 +194,13 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
             :attr:`settled` is False.
         """
         return None
+
+    def alternatives(self) -> Iterator[tuple[str, Formulation[ModelT, PlanT]]]:
+        """Yield labels and other approximations of the model, tried in turn if this one does not settle.
+
+        They start from the same guess. By default the iterator is empty.
+        """
+        return iter(())
 
     @property
     def history(self) -> tuple[Mapping[str, Any], ...]:

@@ -93,7 +93,9 @@ def confirm(run: Run, request: Request, answer: Answer, left: float | None) -> C
             ),
         )
     statistics = {"confirmed_by": counterpart.name, "confirmed_objective": value}
-    finer = formulation.compared(answer.point, value, run.job.verification_tolerance)
+    is_better = answer.primal_bound is not None and value < answer.primal_bound
+    better = counterpart.decode(other.point) if is_better and other.point is not None else None
+    finer = formulation.compared(answer.point, value, run.job.verification_tolerance, better)
     if finer is not None:
         return Confirmation(statistics, finer)
     if not formulation.settled:

@@ -21,6 +21,7 @@ from ..contract.backend import Answer, Request
 from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Feature, Limit, Termination
 from ..contract.job import Target
 from .confirmation import confirm
+from .rescue import explodes, has_ladder, limit_first, rescue
 from .running import Run, proven_bound
 from .starts import SECOND, look_again
 
@@ -91,15 +92,25 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
         judged = run.seconds.get("refine", 0.0) / max(1, len(run.spent))
         return seconds - min(RESERVE * judged, MOST_RESERVE * seconds)
 
-    answer = attend(problem, request)
     formulation = run.target.formulation
     assert formulation is not None
-    if answer.point is not None:
-        answer, problem = look_again(run, problem, request, answer, left())
-        if SECOND in answer.statistics:
-            totals.counts[SECOND] = answer.statistics[SECOND]
-        strategy = _tighten if formulation.relaxes else _approximate
-        answer, problem = strategy(run, problem, request, answer, attend, left)
+    if formulation.relaxes:
+        answer = attend(problem, request)
+        if answer.point is not None:
+            answer, problem = _tighten(run, problem, request, answer, attend, left)
+        return totals.add_to(answer), problem
+    first = attend(problem, limit_first(run, request))
+    if first.point is not None:
+        first, problem = look_again(run, problem, request, first, left())
+        if SECOND in first.statistics:
+            totals.counts[SECOND] = first.statistics[SECOND]
+
+    def approximate(program: Any, stage_request: Request) -> tuple[Answer, Any]:
+        answer = attend(program, limit_first(run, stage_request))
+        return _approximate(run, program, request, answer, attend, left)
+
+    answer, problem = _approximate(run, problem, request, first, attend, left)
+    answer, problem = rescue(run, problem, request, answer, approximate, left)
     return totals.add_to(answer), problem
 
 
@@ -184,6 +195,9 @@ def _approximate(
             finer = confirmation.finer
             settled = finer is None and not failure
         run.history = [dict(row) for row in formulation.history]
+        if finer is not None and has_ladder(run.job) and explodes(run.history):
+            run.history[-1]["then"] = "given up: the error does not decrease"
+            break
         if finer is None:
             break
         # A point that is not yet optimal is an adequate start.
@@ -199,6 +213,10 @@ def _approximate(
             warm = program.guess
         run.target, problem = replace(run.target, formulation=finer), program
         answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
+        has_failed = answer.point is None or answer.termination not in CLAIMS_PLAN
+        if has_failed and warm is not None and answer.limit is None:
+            # Ipopt can fail to reach the accuracy from the small barrier of a warm start.
+            answer = attend(problem, replace(request, time_limit=left(), warm_start=None))
         if answer.point is None or answer.termination not in CLAIMS_PLAN:
             ended = f"on the refined program {answer.termination}: {answer.message}".rstrip(": ")
     if ended:

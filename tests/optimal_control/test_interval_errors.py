@@ -1,4 +1,4 @@
-"""Errors of intervals that lie between the points at which a plan is examined."""
+"""Errors between the points of the error estimate."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_sees_a_constraint_that_is_exceeded_between_the_points():
     phase.dynamics({x: u})
     phase.path(x, upper=1 - 1e-9, name="height")
     ocp.minimise(phase.end)
-    # The peak at the middle lies between two of the points that the examination uses.
+    # The estimate has no point at the peak in the middle.
     plan = phase_plan([0, 1], {"x": lambda t: 1 - 4 * (t - 0.5) ** 2}, {"u": lambda t: 4 - 8 * t})
     report = examine(ocp.definition.phases[0], plan, NOTHING)
     assert report.violations == pytest.approx([1e-9], rel=1e-5)

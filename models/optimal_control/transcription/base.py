@@ -22,6 +22,7 @@ from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
 from ..sampling import courses, endpoint
 from ..sizes import Sizes, sizes_at
+from .alternatives import uniform_meshes
 from .assembly import Assembly, functions_of
 from .dependence import dependences, drop_dependent
 from .layout import Layout, layout_of
@@ -397,8 +398,13 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         plan = self.decode(point)
         return transcription._with(_meshes=meshes, _start=plan, _history=None)
 
-    def compared(self, point: Floats, objective: float, tolerance: float) -> Self | None:
-        """Return the formulation on a finer mesh if the other scheme has another optimum."""
+    def compared(
+        self, point: Floats, objective: float, tolerance: float, better: ControlPlan | None = None
+    ) -> Self | None:
+        """Return the formulation on a finer mesh if the other scheme has another optimum.
+
+        It starts at the plan of the other scheme if that is `better`.
+        """
         current = float(self.program.objective(point))  # type: ignore[attr-defined]
         difference = relative_change(self.sizes.objective, current, objective)
         if difference <= AGREED * tolerance:
@@ -412,7 +418,13 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         finding = Finding(meshes, np.nan, words, errors=errors)
         finding = finding.limited(len(self._rows), self.rounds, self.most_nodes)
         rows = (*self._rows[:-1], {**self._rows[-1], "then": finding.words})
+        if better is not None:
+            return self._following(finding, better, objective, rows)
         return self._following(finding, self.decode(point), current, rows)
+
+    def alternatives(self) -> Iterator[tuple[str, Transcription]]:
+        """Yield uniform meshes of growing size by the scheme that confirms this one."""
+        return uniform_meshes(self)
 
     @property
     def settled(self) -> bool:
@@ -480,6 +492,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`, such as the plan for another initial state."""
         return self._with(_start=plan)
+
+    def like(self, other: Transcription) -> Self:
+        """Return the formulation with the start of another one."""
+        return self._with(_start=other._start)
 
     def _with(self, **changes: Any) -> Self:
         options = {name: value for name, value in changes.items() if not name.startswith("_")}

@@ -37,7 +37,7 @@ ALLOWED = 0.8
 FINER = 4
 #: Largest distance of a saturated control from its bound, relative to the range between both bounds.
 SATURATED = 0.02
-#: Excess of a control over its bound, relative to its size, from which saturation is an error.
+#: Smallest excess of a control over its bound, relative to its size, whose saturation is an error.
 CLIPPED = 1e-7
 #: Number of points at which saturation is integrated, in multiples of the points that show it.
 DENSER = 8

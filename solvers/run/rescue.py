@@ -1,0 +1,170 @@
+"""Rescue: other approximations of a model if the default one leads to no settled plan.
+
+The first mesh of a refined formulation can be infeasible, or its refinement can fail to converge, although
+another discretisation of the same model converges from the same guess. The formulation lists such
+alternatives, and each of them is solved and refined like the first. Limits count iterations and programs,
+not seconds, so that the result is the same at any load of the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidData
+from ..contract.backend import Answer, Request
+from ..contract.enums import CLAIMS_PLAN, Limit, Termination
+from ..contract.job import Job, Target
+from .running import Run
+
+__all__ = ["STAGES", "explodes", "has_ladder", "limit_first", "rescue"]
+
+#: Key of the statistics: the approximations that were tried, and how each ended.
+STAGES = "stages"
+#: Iterations of the first program of a stage, so that a search that does not converge leaves room for others.
+ITERATIONS = 1000
+#: A refinement explodes if it multiplied its nodes by `GROWTH` in the last `MESHES` meshes, and the
+#: smallest error of these meshes is more than `SHRINKS` times the smallest one before.
+GROWTH, MESHES, SHRINKS = 2.0, 4, 0.5
+#: Relative advantage of an unsettled plan over a settled one beyond which both are different optima.
+CLEARLY = 1e-4
+
+_SETTLED, _VERIFIED, _REJECTED, _NOTHING = range(4)
+
+
+def has_ladder(job: Job) -> bool:
+    """Return whether the caller left formulation, mesh and start to the run.
+
+    An explicit formulation, its options, a warm start or a random seed keep the first formulation.
+    """
+    given = job.formulation is not None or job.formulation_options or job.warm_start is not None
+    return not given and not job.seed
+
+
+def limit_first(run: Run, request: Request) -> Request:
+    """Return the request of the first program of a stage, with at most :data:`ITERATIONS`."""
+    options = dict(request.options)
+    if not has_ladder(run.job) or "max_iter" not in options or run.job.backend_options:
+        return request
+    options["max_iter"] = min(options["max_iter"], ITERATIONS)
+    return replace(request, options=options)
+
+
+def explodes(rows: Sequence[dict[str, Any]]) -> bool:
+    """Return whether the last meshes of a history grew without a decrease of the error."""
+    known = [row for row in rows if row.get("error") is not None and row.get("nodes")]
+    if len(known) <= MESHES or any(row.get("verified") for row in known):
+        return False
+    before, last = known[:-MESHES], known[-MESHES:]
+    least, former = (min(float(row["error"]) for row in part) for part in (last, before))
+    return least > SHRINKS * former and last[-1]["nodes"] >= GROWTH * before[-1]["nodes"]
+
+
+@dataclass
+class _Stage:
+    """State of the run at the end of one stage, and its grade: the smaller, the better."""
+
+    target: Target
+    program: Any
+    answer: Answer
+    history: list[dict[str, Any]]
+    grade: tuple[int, float]
+
+    @classmethod
+    def of(cls, run: Run, program: Any, answer: Answer) -> _Stage:
+        return cls(run.target, program, answer, run.history, _grade(run, answer))
+
+    @property
+    def words(self) -> str:
+        name, ended = str(self.target.formulation and self.target.formulation.name), self.answer
+        text = "rejected" if self.grade[0] == _REJECTED else str(ended.termination)
+        return f"{name}: {text.replace('_', ' ')}"
+
+    def is_better(self, other: _Stage) -> bool:
+        """Return whether this stage is preferred to an earlier one."""
+        (kind, value), (former, best) = self.grade, other.grade
+        if {kind, former} == {_SETTLED, _VERIFIED}:
+            # A settled optimum is preferred unless the other plan is at a clearly better one.
+            margin = CLEARLY * max(abs(value), abs(best))
+            return value < best - margin if kind == _VERIFIED else value <= best + margin
+        return self.grade < other.grade
+
+
+def _grade(run: Run, answer: Answer) -> tuple[int, float]:
+    """Return whether the answer is settled, verified, rejected or nothing, and its objective or violation."""
+    if answer.point is None or answer.termination not in CLAIMS_PLAN:
+        return _NOTHING, 0.0
+    with run.clock("refine"):
+        try:
+            plan = run.decode(answer.point)
+        except InvalidData:
+            return _NOTHING, 0.0
+        checked = run.job.model.verify(plan, tolerance=run.job.verification_tolerance)
+    if not checked.ok:
+        return _REJECTED, checked.excess
+    value = answer.primal_bound
+    settled = answer.termination in (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
+    return (_SETTLED if settled else _VERIFIED), np.inf if value is None else value
+
+
+def rescue(
+    run: Run,
+    program: Any,
+    request: Request,
+    answer: Answer,
+    solve: Callable[[Any, Request], tuple[Answer, Any]],
+    left: Callable[[], float | None],
+) -> tuple[Answer, Any]:
+    """Return `answer`, or the answer of an alternative of the formulation if it is not settled.
+
+    Parameters
+    ----------
+    run : Run
+        The run; its target and history become those of the best stage.
+    program : Program
+        The program of `answer`.
+    request : Request
+        Request of the run.
+    answer : Answer
+        Answer of the refined first formulation.
+    solve : callable
+        Function ``(program, request) -> (Answer, Program)`` that solves and refines the run's target.
+    left : callable
+        Returns the seconds left; None for no limit.
+
+    Returns
+    -------
+    Answer, Program
+        The best answer and its program. The statistics list the stages under :data:`STAGES`.
+    """
+    formulation = run.target.formulation
+    settled = (
+        answer.termination is Termination.LOCALLY_OPTIMAL
+        and run.history
+        and run.history[-1].get("verified")
+    )
+    if settled or formulation is None or not has_ladder(run.job):
+        return answer, program
+    best = _Stage.of(run, program, answer)
+    stages = [best.words]
+    for label, other in formulation.alternatives():
+        seconds = left()
+        over = request.control.stopped or (seconds is not None and seconds <= 0)
+        if best.grade[0] == _SETTLED or over or answer.limit not in (None, Limit.ITERATIONS):
+            break
+        run.target = replace(run.target, formulation=other)
+        run.history, run.spent[:] = [], []
+        answer, program = solve(other.program, replace(request, time_limit=seconds))
+        stage = _Stage.of(run, program, answer)
+        stages.append(f"{label}: {stage.words.partition(': ')[2]}")
+        if stage.is_better(best):
+            best = stage
+    run.target, run.history = best.target, best.history
+    limit = best.answer.limit if answer.limit in (None, Limit.ITERATIONS) else answer.limit
+    if len(stages) == 1:
+        return answer, best.program
+    statistics = {**best.answer.statistics, STAGES: "; ".join(stages)}
+    return replace(best.answer, statistics=statistics, limit=limit), best.program
