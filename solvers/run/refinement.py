@@ -196,7 +196,7 @@ def _approximate(
             settled = finer is None and not failure
         run.history = [dict(row) for row in formulation.history]
         if finer is not None and has_ladder(run.job) and explodes(run.history):
-            run.history[-1]["then"] = "given up: the error does not decrease"
+            run.history[-1]["then"] = "given up: neither error nor objective converges"
             break
         if finer is None:
             break

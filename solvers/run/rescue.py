@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,9 @@ ITERATIONS = 1000
 #: A refinement explodes if it multiplied its nodes by `GROWTH` in the last `MESHES` meshes, and the
 #: smallest error of these meshes is more than `SHRINKS` times the smallest one before.
 GROWTH, MESHES, SHRINKS = 2.0, 4, 0.5
+#: It also explodes if the objective rose by more than this share in each of the last `RISING` meshes. The
+#: plan then passes an obstacle between two nodes: each finer mesh needs a faster turn.
+RISE, RISING = 0.1, 3
 #: Relative advantage of an unsettled plan over a settled one beyond which both are different optima.
 CLEARLY = 1e-4
 
@@ -54,7 +58,12 @@ def limit_first(run: Run, request: Request) -> Request:
 
 
 def explodes(rows: Sequence[dict[str, Any]]) -> bool:
-    """Return whether the last meshes of a history grew without a decrease of the error."""
+    """Return whether the last meshes of a history grew without approaching a plan."""
+    values = [row["objective"] for row in rows if row.get("objective") is not None][-RISING - 1 :]
+    if len(values) > RISING and all(
+        new - old > RISE * max(abs(new), abs(old)) for old, new in pairwise(values)
+    ):
+        return True
     known = [row for row in rows if row.get("error") is not None and row.get("nodes")]
     if len(known) <= MESHES or any(row.get("verified") for row in known):
         return False

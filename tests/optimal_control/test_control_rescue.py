@@ -124,6 +124,20 @@ def test_an_explosion_is_growth_without_a_smaller_error(errors, nodes, expected)
     assert not rescue.explodes(rows)
 
 
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([1.0, 1.2, 1.5, 1.9], True),
+        ([-9.0, -7.0, -5.0, -3.0], True),
+        ([1.9, 1.5, 1.2, 1.0], False),
+        ([1.0, 1.2, 1.5, 1.51], False),
+        ([1.0, 1.2, 1.5], False),
+    ],
+)
+def test_an_objective_that_rises_on_every_mesh_is_an_explosion(values, expected):
+    assert rescue.explodes([{"objective": value} for value in values]) is expected
+
+
 def test_a_refined_program_that_fails_is_solved_without_the_warm_start(attended):
     failed = []
 
