@@ -120,29 +120,17 @@ def _variants() -> tuple[Row, ...]:
         ),
         Row(
             "moving-target",
-            "40° about (1, 2, 0) towards a moving target: the body rotates at the end",
-            partial(
-                SatelliteSlew.about,
-                (1.0, 2.0, 0.0),
-                40.0,
-                final_rate=np.array([0.0, 0.015, 0.005]),
-                final_gimbals=None,
-            ),
-            "The turn and the final rate of 0.9°/s are ours. The gyros end with the momentum that the body "
-            "then lacks, at free angles.",
+            "45° about roll towards a moving target: the body rotates about pitch at the end",
+            partial(SatelliteSlew, final_rate=np.array([0.0, 0.01, 0.0]), final_gimbals=None),
+            "The final rate of 0.57°/s is ours. The gyros end with the momentum that the body then lacks, at "
+            "free angles.",
             Provenance.OURS,
         ),
         Row(
             "five-gyros",
-            "90° about roll with five gyros in a pyramid",
-            partial(
-                SatelliteSlew.about,
-                "roll",
-                90.0,
-                gimbal_axes=pyramid_axes(5, 54.73),
-                momentum=14.024,
-            ),
-            "The fifth gyro is ours; all five together have the momentum of the four default wheels.",
+            "The paper's turn with five gyros in a pyramid",
+            partial(SatelliteSlew, gimbal_axes=pyramid_axes(5, 54.73)),
+            "The fifth gyro is ours.",
             Provenance.OURS,
         ),
         Row(

@@ -156,14 +156,11 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
 
     def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
-        plan = self.decode(point)
-        largest = max(float(np.abs(table[:, 7:]).max()) for table in plan.phases[0].states.values)
-        # The slew's checks bound angles in radians, those of the reduced problem relative to the largest.
-        share = 1.0 / max(1.0, largest)
-        finer = self.inner.refined(point, share * tolerance, duals)
+        finer = self.inner.refined(point, tolerance, duals)
         if finer is None and self.inner.settled and self.inner.refine:
-            # Body rates are checked here only.
-            if not self.model.verify(plan, tolerance=tolerance).ok:
+            # The slew's checks bound angles in radians and the rates, those of the reduced problem
+            # angles relative to the largest.
+            if not self.model.verify(self.decode(point), tolerance=tolerance).ok:
                 finer = self.inner.refined(point, STRICTER * tolerance, duals)
         result: Self | None = self._with(finer)
         return result
