@@ -45,10 +45,10 @@ class SatelliteSlew(SlewData):
     T_max and det(A_t A_tᵀ) ≥ a limit at every instant (eq. 23), the final time free.
 
     Without outer torque R(q)(I w + h), the momentum in inertial axes, is constant. The rates are
-    therefore a function of attitude and gimbal angles, which the formulation ``reduced``, the default,
-    uses (:mod:`crosstrack.models.satellite_slew.reduced`). With the length of q, four of the 7 + n
-    conditions at the end follow from the others. :meth:`lower` imposes three of q and those of δ, and
-    :meth:`verify` checks all. The shorter rotation is used.
+    therefore a function of attitude and gimbal angles, which the default formulation, ``reduced``,
+    uses. With the length of q, four of the 7 + n conditions at the end follow from the others.
+    :meth:`lower` imposes three of q and those of δ, and :meth:`verify` checks all. The shorter rotation
+    is used.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class SatelliteSlew(SlewData):
         Whether `rate_limit` and `torque_limit` bound each component (default) or the Euclidean
         norm, ``VectorLimits``.
     initial_rate, final_rate : ndarray, shape (3,), optional
-        Body rates at the start and at the end in radians per second, such as that of a moving target; by
+        Body rates at the start and at the end in radians per second, for example of a moving target; by
         default at rest.
 
     Raises

@@ -46,7 +46,7 @@ class _Inner(Gauss):
 class Reduced(Formulation[SatelliteSlew, ControlPlan]):
     """Gauss collocation of attitude and gimbal angles, with body rates from the conserved momentum.
 
-    Parameters are those of :class:`~crosstrack.models.optimal_control.transcription.base.Transcription`.
+    Parameters are those of ``Transcription``.
     """
 
     intervals: int = 8
