@@ -6,6 +6,7 @@ import casadi
 import numpy as np
 import pytest
 from optimal_control.checked import check
+from optimal_control.reactor import reactor
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -129,6 +130,25 @@ def test_implicit_dynamics_have_rates_as_algebraic_variables():
 
     end = solve_ivp(explicit, (0, 2), [1.0], rtol=1e-11, atol=1e-12).y[0, -1]
     assert best.verification.ok and best.primal_bound == pytest.approx(end, abs=1e-8)
+
+
+def test_a_kinetic_batch_reactor_ends_at_the_published_optimum():
+    options = {"refine": False, "degree": 4}
+    best = ct.solve(reactor(), formulation="radau", seed=0, formulation_options=options)
+    assert best.verification.objective == pytest.approx(3.16466910, rel=2e-5)
+    plan = reactor().plan_from_data(best.rejected_plan)
+    assert plan.end == pytest.approx(1.7468208, rel=5e-5)
+    # The guess is a simulation of the differential-algebraic equations.
+    assert best.statistics["iterations"] < 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("formulation", ["gauss", "radau"])
+def test_a_kinetic_batch_reactor_verifies(formulation):
+    # Both schemes end 1.4e-5 below the published value.
+    best = ct.solve(reactor(), formulation=formulation, seed=0, tolerance=1e-3)
+    assert best.verification.ok
+    assert best.primal_bound == pytest.approx(3.1646245, rel=1e-6)
 
 
 def changed(plan, what, change):
