@@ -10,6 +10,11 @@ if TYPE_CHECKING:
     from .checks import motion as motion
     from .declaration.tables import Table as Table, table as table
     from .estimation import Estimate as Estimate, covariance as covariance
+    from .flights import (
+        FlightLimit as FlightLimit,
+        MonteCarlo as MonteCarlo,
+        monte_carlo as monte_carlo,
+    )
     from .hamiltonian import (
         HamiltonianReport as HamiltonianReport,
         hamiltonian_spread as hamiltonian_spread,
@@ -19,6 +24,7 @@ if TYPE_CHECKING:
     from .piecewise import Piecewise as Piecewise
     from .plan import ControlPlan as ControlPlan, PhasePlan as PhasePlan, Signal as Signal
     from .rounding import RoundedPlan as RoundedPlan, round_controls as round_controls
+    from .scenario import scenario_plan as scenario_plan, scenarios as scenarios
     from .simulation import Breach as Breach, Simulation as Simulation, simulate as simulate
 
 #: Names used by modules of other problems, in addition to the public ones.

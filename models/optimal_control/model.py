@@ -126,6 +126,12 @@ class OptimalControlProblem(Model[ControlPlan]):
         """
         return type(self)(self.name, definition=self.definition.given(values))
 
+    def scenarios(self, data: Any, **options: Any) -> OptimalControlProblem:
+        """Return the problem of one control for several realisations of the data; see :func:`.scenarios`."""
+        from .scenario import scenarios
+
+        return scenarios(self, data, **options)  # type: ignore[no-any-return]
+
     @property
     def objective_unit(self) -> str:  # type: ignore[override]
         """Unit of the objective."""
