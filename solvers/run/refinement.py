@@ -106,7 +106,7 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
             totals.counts[SECOND] = first.statistics[SECOND]
 
     def approximate(program: Any, stage_request: Request) -> tuple[Answer, Any]:
-        answer = attend(program, limit_first(run, stage_request))
+        answer = attend(program, limit_first(run, stage_request, is_uniform=True))
         return _approximate(run, program, request, answer, attend, left)
 
     answer, problem = _approximate(run, problem, request, first, attend, left)

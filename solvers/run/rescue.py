@@ -27,6 +27,9 @@ __all__ = ["STAGES", "explodes", "has_ladder", "limit_first", "rescue"]
 STAGES = "stages"
 #: Iterations of the first program of a stage, so that a search that does not converge leaves room for others.
 ITERATIONS = 1000
+#: Options of Ipopt far from a solution. From a guess inside two obstacles, the monotone barrier reaches the
+#: optimum on 60 intervals in 48 iterations, and the adaptive one a plan that jumps through them.
+STEADY = {"mu_strategy": "monotone"}
 #: A refinement explodes if it multiplied its nodes by `GROWTH` in the last `MESHES` meshes, and the
 #: smallest error of these meshes is more than `SHRINKS` times the smallest one before.
 GROWTH, MESHES, SHRINKS = 2.0, 4, 0.5
@@ -48,12 +51,17 @@ def has_ladder(job: Job) -> bool:
     return not given and not job.seed
 
 
-def limit_first(run: Run, request: Request) -> Request:
-    """Return the request of the first program of a stage, with at most :data:`ITERATIONS`."""
+def limit_first(run: Run, request: Request, *, is_uniform: bool = False) -> Request:
+    """Return the request of the first program of a stage, with at most :data:`ITERATIONS`.
+
+    Programs on uniform meshes are solved with :data:`STEADY` options.
+    """
     options = dict(request.options)
     if not has_ladder(run.job) or "max_iter" not in options or run.job.backend_options:
         return request
     options["max_iter"] = min(options["max_iter"], ITERATIONS)
+    if is_uniform:
+        options.update({name: value for name, value in STEADY.items() if name in options})
     return replace(request, options=options)
 
 

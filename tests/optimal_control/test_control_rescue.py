@@ -71,6 +71,22 @@ def test_meshes_grow_until_one_is_feasible(attended, ending):
     assert attended.calls[:3] == [("gauss", 8), ("radau", 20), ("radau", 60)]
 
 
+@pytest.mark.parametrize(("given", "expected"), [(None, "monotone"), ("adaptive", "adaptive")])
+def test_uniform_meshes_start_with_a_monotone_barrier(attended, given, expected):
+    barriers = []
+
+    def fake(run, program, request):
+        barriers.append((run.target.formulation.name, request.options["mu_strategy"]))
+        return INFEASIBLE if len(barriers) == 1 else None
+
+    attended.fake = fake
+    options = {} if given is None else {"backend_options": {"mu_strategy": given}}
+    found = ct.solve(rest_to_rest().ocp, **options)
+    assert found.termination == "locally_optimal"
+    assert barriers[:2] == [("gauss", "adaptive"), ("radau", expected)]
+    assert barriers[2][1] == "adaptive"
+
+
 def test_later_stages_vary_scheme_mesh_and_start(attended):
     attended.fake = lambda run, program, request: INFEASIBLE if len(attended.calls) <= 3 else None
     found = ct.solve(rest_to_rest().ocp)
