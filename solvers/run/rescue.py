@@ -32,7 +32,7 @@ ITERATIONS = 1000
 STEADY = {"mu_strategy": "monotone"}
 #: A refinement explodes if it multiplied its nodes by `GROWTH` in the last `MESHES` meshes, and the
 #: smallest error of these meshes is more than `SHRINKS` times the smallest one before.
-GROWTH, MESHES, SHRINKS = 2.0, 4, 0.5
+GROWTH, MESHES, SHRINKS = 2.0, 3, 0.5
 #: It also explodes if the objective rose by more than this share in each of the last `RISING` meshes. The
 #: plan then passes an obstacle between two nodes: each finer mesh needs a faster turn.
 RISE, RISING = 0.1, 3
