@@ -1,0 +1,110 @@
+"""Comparison of starts on a coarse mesh, one start for convex problems, and limits that count no seconds."""
+
+import time
+
+import numpy as np
+import pytest
+from control_motions import BRYSON, CURVE, round_a_disc
+
+import crosstrack as ct
+from crosstrack.models import OptimalControlProblem
+from crosstrack.models.optimal_control.transcription.starts import draw_flight
+from crosstrack.solvers.run import starts
+
+
+def f8_aircraft():
+    """Return the F-8 aircraft of Garrard, Jordan 1977, whose guess leads to 5.7286 instead of 3.7809."""
+    ocp = OptimalControlProblem("f8")
+    phase = ocp.phase(time=(0, (0.1, 20)))
+    a = phase.state("a", initial=0.4655, final=0)
+    b = phase.state("b", initial=0, final=0)
+    c = phase.state("c", initial=0, final=0)
+    e = phase.control("e", lower=-0.05236, upper=0.05236)
+    lift = -0.877 * a + c - 0.088 * a * c + 0.47 * a**2 - 0.019 * b**2 - a**2 * c + 3.846 * a**3
+    lift += -0.215 * e + 0.28 * a**2 * e + 0.47 * a * e**2 + 0.63 * e**3
+    pitch = -4.208 * a - 0.396 * c - 0.47 * a**2 - 3.564 * a**3
+    pitch += -20.967 * e + 6.265 * a**2 * e + 46 * a * e**2 + 61.4 * e**3
+    phase.dynamics({a: lift, b: c, c: pitch})
+    ocp.minimise(phase.end)
+    return ocp
+
+
+def test_finds_the_better_of_several_optima():
+    found = ct.solve(f8_aircraft(), tolerance=1e-4)
+    assert found.verified and found.statistics["second look"] == "better"
+    assert found.primal_bound == pytest.approx(3.7809, rel=1e-3)
+    assert "a drawn start led to a better optimum" in found.message
+    alone = ct.solve(f8_aircraft(), tolerance=1e-4, seed=0)
+    assert alone.primal_bound > 5.7 and "second look" not in alone.statistics
+
+
+def count_searches(monkeypatch):
+    """Return a list that grows by the number of columns of each program that is solved."""
+    solved = []
+    attend = starts.Run.attend
+
+    def counting(run, problem, request):
+        solved.append(problem.size)
+        return attend(run, problem, request)
+
+    monkeypatch.setattr(starts.Run, "attend", counting)
+    return solved
+
+
+def test_a_convex_problem_has_one_start(monkeypatch):
+    solved = count_searches(monkeypatch)
+    found = ct.solve(ct.load(BRYSON))
+    assert found.statistics["second look"] == "convex" and found.statistics["convex"] is True
+    assert len(solved) == found.statistics["meshes"] + 1  # the confirmation
+    assert ct.solve(ct.load(BRYSON), seed=0).statistics["convex"] is True
+    assert "convex" not in ct.solve(ct.load(CURVE)).statistics
+
+
+def test_starts_that_agree_end_the_comparison(monkeypatch):
+    solved = count_searches(monkeypatch)
+    found = ct.solve(ct.load(CURVE))
+    assert found.statistics["second look"] == "no better"
+    coarse = [size for size in solved[1:] if size < solved[0]]
+    assert len(coarse) == starts.LEAST + 1
+
+
+def test_a_fixed_mesh_is_solved_from_the_guess_alone(monkeypatch):
+    solved = count_searches(monkeypatch)
+    found = ct.solve(ct.load(CURVE), formulation_options={"refine": False})
+    assert len(solved) == 1 and "second look" not in found.statistics
+
+
+def test_names_starts_that_the_time_limit_stops(monkeypatch):
+    monkeypatch.setattr(starts, "SHARE", 1e-9)
+    found = ct.solve(ct.load(CURVE), time_limit=300)
+    assert found.statistics["second look"] == "stopped"
+    assert "other starts were stopped by the time limit" in found.message
+
+
+@pytest.mark.parametrize("name", ["zermelo", "moon-lander"])
+def test_the_answer_does_not_depend_on_the_clock(name, monkeypatch):
+    model, real = ct.load(f"optimal-control/{name}"), time.perf_counter
+    first = ct.solve(model)
+    # A busy machine is one whose clock runs fast.
+    monkeypatch.setattr(time, "perf_counter", lambda: 1000.0 * real())
+    second = ct.solve(model)
+    monkeypatch.undo()
+    assert first.primal_bound == second.primal_bound
+    assert first.statistics == second.statistics and first.message == second.message
+
+
+def test_a_motion_with_random_controls_is_a_start():
+    formulation = round_a_disc().formulate("gauss").coarse()
+    definition = formulation.model.definition
+    guess = formulation.decode(formulation.program.guess)
+    plan, again = (draw_flight(definition, guess, 3).phases[0] for _ in range(2))
+    assert plan.to_data() == again.to_data()
+    assert plan.to_data() != draw_flight(definition, guess, 4).phases[0].to_data()
+    t = np.linspace(plan.start, plan.end, 50)
+    for part, what in ((plan.states, "states"), (plan.controls, "controls")):
+        low, high = definition.phases[0].bounds(what)
+        assert (part(t) >= low - 1e-12).all() and (part(t) <= high + 1e-12).all()
+    # The states move with the controls: q' = u, by pieces of constant controls.
+    assert np.ptp(part(t), axis=0).max() > 0
+    columns = formulation.draw(2)
+    assert columns.shape == (formulation.program.size,)
