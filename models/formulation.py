@@ -221,7 +221,7 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         return None
 
     def draw(self, seed: int) -> NDArray[np.float64]:
-        """Return a start of the program drawn by `seed`; it need not agree with :meth:`started`."""
+        """Return a start of the program drawn by `seed`, for example that of :meth:`started`."""
         guess = self.started(seed).program.guess
         assert guess is not None
         return guess

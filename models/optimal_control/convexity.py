@@ -1,4 +1,4 @@
-"""Recognition of convex problems, in which every local optimum is global.
+"""Recognition of convex problems, whose local optima are all global.
 
 A problem is convex if its times are fixed, its dynamics are affine in states, controls and free parameters,
 its objective is convex, and its constraints are affine, or convex with an upper bound, or concave with a
