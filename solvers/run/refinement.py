@@ -139,6 +139,9 @@ def _reached(request: Request, seconds: float | None) -> Limit | None:
     return Limit.TIME if seconds is not None and seconds <= 0 else None
 
 
+#: Factor of the solver's tolerance, and its smallest value, if every interval is accurate but the plan does not
+#: verify. An unstable motion amplifies the residuals of the program, which finer meshes do not reduce.
+TIGHTER, TIGHTEST = 0.1, 1e-9
 #: Number of earlier programs whose plans are also verified if none was accurate enough.
 LOOKED = 2
 _BETWEEN = "stopped between two refinements of the program"
@@ -207,6 +210,11 @@ def _approximate(
             answer = replace(answer, limit=limit, message=_BETWEEN)
             rounds[-1] = run.target, problem, answer
             break
+        if run.history and run.history[-1].get("verified") is False:
+            request = replace(
+                request,
+                tolerance=min(request.tolerance, max(TIGHTEST, TIGHTER * request.tolerance)),
+            )
         program = _program(run, finer)
         warm, seconds = None, left()
         if Feature.WARM_START in run.target.backend.features:

@@ -1,12 +1,15 @@
 """Refinement of meshes, and options of formulations."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from transcribed import LINEAR, catalogue, layers, regulator, solved
 
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
+from crosstrack.models.optimal_control.transcription import base
+from crosstrack.solvers.run.running import Run
 
 
 @pytest.mark.parametrize(
@@ -111,3 +114,22 @@ def test_bad_options_are_named(options, words):
     with pytest.raises(UnsupportedOption) as caught:
         ct.solve(regulator(*LINEAR)[0], formulation_options=options)
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_a_plan_that_does_not_verify_tightens_the_solver(monkeypatch):
+    requested, next_meshes, attend = [], base.next_meshes, Run.attend
+
+    def unverified(*arguments):
+        finding = next_meshes(*arguments)
+        is_first = arguments[6] is None  # no former mesh
+        return replace(finding, verified=False, settled=False) if is_first else finding
+
+    def recording(run, problem, request):
+        requested.append(request.tolerance)
+        return attend(run, problem, request)
+
+    monkeypatch.setattr(base, "next_meshes", unverified)
+    monkeypatch.setattr(Run, "attend", recording)
+    found = ct.solve(ct.load("optimal-control/bryson-denham"))
+    assert found.termination == "locally_optimal"
+    assert requested[1] == pytest.approx(0.1 * requested[0])
