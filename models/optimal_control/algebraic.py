@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from .definition import Phase, Quantity, Restriction, entry_names
 
-__all__ = ["algebraic_entries", "check_index", "deviation", "solved_controls", "solver_of"]
+__all__ = ["algebraic_entries", "check_index", "solved_controls", "solver_of"]
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def _residual(
     rows = algebraic_entries(paths)
     path = function(t, x, u, p)[1][rows.tolist()]
     residual = (path - _stacked(paths, "lower")[rows]) / _stacked(paths, "scale")[rows]
-    result = casadi.Function("g", [z, stacked], [casadi.densify(residual)])
+    result = casadi.Function("g", [z, stacked], [casadi.densify(residual)], ["z", "q"], ["g"])
     try:
         return result.expand()
     except RuntimeError:  # tables have no scalar form
@@ -78,18 +78,12 @@ def solver_of(
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     scale, stacked = _stacked(controls, "scale")[entries], casadi.vertcat(*arguments)
     z = newton(arguments[2][entries.tolist()] / scale, stacked)
-    jacobian = casadi.Function("slope", *_jacobian(residual))
+    jacobian = residual.factory("slope", ["z", "q"], ["jac:g:z"])
     step = casadi.solve(jacobian(z, stacked), residual(z, stacked))
     converged = casadi.norm_inf(step) <= CONVERGED * casadi.fmax(1.0, casadi.norm_inf(z))
     u = casadi.MX(arguments[2])
     u[entries.tolist()] = casadi.if_else(converged, z, np.nan) * scale
     return casadi.Function("solved", arguments, [u], function.name_in(), ["solved"])
-
-
-def _jacobian(residual: casadi.Function) -> tuple[list[casadi.MX], list[casadi.MX]]:
-    """Return the arguments of a residual, and its derivative by the first one."""
-    arguments = [casadi.MX.sym(name, residual.size1_in(name)) for name in residual.name_in()]
-    return arguments, [casadi.jacobian(residual(*arguments), arguments[0])]
 
 
 def solved_controls(phase: Phase) -> casadi.Function | None:
@@ -100,23 +94,13 @@ def solved_controls(phase: Phase) -> casadi.Function | None:
 def check_index(phase: Phase, parameters: Floats) -> None:
     """Raise if ∂g/∂z is singular near the guess, so that the equations do not determine the variables.
 
-    Parameters
-    ----------
-    phase : Phase
-        Phase with its guess.
-    parameters : ndarray, shape (parameters,)
-        Guessed parameters.
-
-    Raises
-    ------
-    InvalidData
-        The index is above 1; the error names the variables in the kernel of ∂g/∂z.
+    The error names the variables in the kernel of ∂g/∂z.
     """
     entries = algebraic_entries(phase.controls)
     if not entries.size:
         return
     residual = _residual(phase.function, phase.controls, phase.paths)
-    slope = casadi.Function("slope", *_jacobian(residual))
+    slope = residual.factory("slope", ["z", "q"], ["jac:g:z"])
     draw, guess = np.random.default_rng(0), phase.guess
     scale_x, scale_u = phase.stacked("states", "scale"), phase.stacked("controls", "scale")
     best: tuple[float, Floats] = -1.0, np.ones(entries.size)
@@ -146,28 +130,3 @@ def check_index(phase: Phase, parameters: Floats) -> None:
         "time and insert the dynamics until the variables occur in it",
         field="algebraic",
     )
-
-
-def deviation(phase: Phase, t: Floats, x: Floats, u: Floats, p: Floats) -> Floats:
-    """Return the differences of algebraic variables from the solution of their equations.
-
-    Parameters
-    ----------
-    phase : Phase
-        Phase with the equations.
-    t, x, u : ndarray, shapes (points,), (points, states) and (points, controls)
-        Instants with states and controls. Newton's method starts from the variables in `u`.
-    p : ndarray, shape (parameters,)
-        Parameters.
-
-    Returns
-    -------
-    ndarray, shape (points, variables)
-        Differences; NaN if the equations have no solution nearby.
-    """
-    solved = solved_controls(phase)
-    entries = algebraic_entries(phase.controls)
-    if solved is None:
-        return np.zeros((t.size, 0))
-    result: Floats = (solved(t[None, :], x.T, u.T, p).full().T - u)[:, entries]
-    return result

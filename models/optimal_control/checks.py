@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import show
 from ..verification import Check, Verification, check_tolerance
-from .algebraic import algebraic_entries, deviation
+from .algebraic import algebraic_entries, solved_controls
 from .definition import Definition, Restriction, entry_slices, entry_units
 from .integration import Reintegration, integrate_anew
 from .plan import ControlPlan
@@ -287,15 +287,16 @@ def _algebraic(course: Course, label: str, tolerance: float) -> Iterator[Check]:
 
     The first instant of the grid is the start, at which initial values must be consistent.
     """
-    entries = algebraic_entries(course.phase.controls)
-    if not entries.size:
+    entries, solved = algebraic_entries(course.phase.controls), solved_controls(course.phase)
+    if solved is None:
         return
     grid, units = course.dense, entry_units(course.phase.controls)
 
     def place(row: int, k: int) -> str:
         return _place(course.phase.control_names[entries[k]], course, grid.times[row], label)
 
-    off = deviation(course.phase, *grid[2:], course.parameters)
+    solution = solved(grid.times[None, :], grid.states.T, grid.controls.T, course.parameters)
+    off = (solution.full().T - grid.controls)[:, entries]
     yield Check.largest(
         "algebraic variables", np.abs(off), course.sizes.controls[entries],
         lambda row, k: units[entries[k]], place, tolerance,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import casadi
 
 __all__ = [
-    "Definition", "Guess", "Phase", "Quantity", "Restriction", "check_order", "entry_names", "entry_slices",
+    "Definition", "Guess", "Phase", "Quantity", "Restriction", "check_algebraic", "check_order", "entry_names", "entry_slices",
     "entry_units",
 ]  # fmt: skip
 
@@ -235,6 +235,20 @@ class Restriction(_Bounded):
         check_order(f"bounds of {self.name!r}", self.lower, self.upper, "bounds")
 
 
+def check_algebraic(label: str, controls: Iterable[Quantity], paths: Iterable[Restriction]) -> None:
+    """Raise unless there is one algebraic equation per entry of an algebraic variable."""
+    variables = [item for item in controls if item.algebraic]
+    equations = [item for item in paths if item.algebraic]
+    counts = [sum(item.size for item in items) for items in (variables, equations)]
+    if counts[0] != counts[1] or any((item.lower != item.upper).any() for item in equations):
+        names = ", ".join(repr(item.name) for item in variables) or "none"
+        raise InvalidData(
+            f"{label}: the algebraic variables ({names}) have {counts[0]} entries and need as many "
+            f"algebraic equations, got {counts[1]}",
+            field="algebraic",
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Guess(Declared):
     """Samples of the guessed states and controls of a phase.
@@ -358,7 +372,7 @@ class Phase(_Stacked):
                 f"{self.end_upper:g}",
                 field="time",
             )
-        self._check_algebraic(label)
+        check_algebraic(label, self.controls, self.paths)
         if not (np.diff([0.0, *self.instants, 1.0]) > 0).all():
             raise InvalidData(
                 f"instants of {label} must increase between 0 and 1, got {show(self.instants)}",
@@ -382,22 +396,6 @@ class Phase(_Stacked):
             if actual != expected:
                 raise InvalidData(
                     f"guess of {label} has {actual} columns for {expected} {what}", field="guess"
-                )
-
-    def _check_algebraic(self, label: str) -> None:
-        """Raise unless there is one algebraic equation per entry of an algebraic variable."""
-        equations = [item for item in self.paths if item.algebraic]
-        count = sum(item.size for item in self.controls if item.algebraic)
-        if sum(item.size for item in equations) != count:
-            raise InvalidData(
-                f"{label} must have one algebraic equation per algebraic variable, got "
-                f"{sum(item.size for item in equations)} for {count}",
-                field="paths",
-            )
-        for item in equations:
-            if (item.lower != item.upper).any():
-                raise InvalidData(
-                    f"algebraic equation {item.name!r} must have equal bounds", field="paths"
                 )
 
     @cached_property

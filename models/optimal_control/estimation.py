@@ -121,9 +121,7 @@ def covariance(problem: Any, plan: ControlPlan, residuals: Any) -> Estimate:
         "e": problem.end_symbols(),
         "p": [symbol for _, symbol in problem.parameters.values()],
     }
-    function = compile_function(
-        "residuals", arguments, {"residuals": [expressions]}, problem.explain
-    )
+    function = compile_function("residuals", arguments, {"r": [expressions]}, problem.explain)
     transcription = Gauss(model, refine=False).fitted(plan)
     program, layout = transcription.program, transcription.layout
     assert isinstance(program, NonlinearProgram)
@@ -131,9 +129,8 @@ def covariance(problem: Any, plan: ControlPlan, residuals: Any) -> Estimate:
     columns = layout.end_columns
     ends = point[columns[: function.size1_in(0)]], point[layout.parameter_columns]
     values = function(*ends).full()[:, 0]
-    symbols = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
-    slope = casadi.jacobian(function(*symbols), casadi.vertcat(*symbols))
-    table = casadi.Function("slope", symbols, [slope])(*ends)
+    tables = function.factory("slope", ["e", "p"], ["jac:r:e", "jac:r:p"])(*ends)
+    table = casadi.horzcat(*tables)
     slopes = sp.coo_array(sp.csc_array(table.sparse()))
     shape = (values.size, program.size)
     slopes = sp.csc_array((slopes.data, (slopes.row, columns[slopes.col])), shape=shape)

@@ -286,9 +286,9 @@ ERRORS = {
         ["phase 'leg'", "do not determine 'rod'", "index above 1", "differentiate"],
     ),
     "dependent": (alike, ["do not determine 'z[1]', 'z[2]'"]),
-    "missing": (missing, ["('z') have 2 entries", "equations 1"]),
+    "missing": (missing, ["('z') have 2 entries", "got 1"]),
     "inequality": (inequality, ["algebraic equation 'algebraic equation 1'", "=="]),
-    "no variables": (without_variables, ["(none) have 0 entries", "equations 1"]),
+    "no variables": (without_variables, ["(none) have 0 entries", "got 1"]),
     "end": (
         lambda p: p.final(p.algebraic("z")),
         ["algebraic variable 'z' has no value at the ends"],

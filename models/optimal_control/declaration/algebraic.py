@@ -7,12 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import casadi
-import numpy as np
 
 from ....errors import InvalidData
 from ...fields import Text
 from ..definition import Quantity, Restriction
-from .terms import bounds, constraint, entries, quantity
+from .terms import bounds, constraint, quantity
 
 __all__ = ["Algebraic"]
 
@@ -113,16 +112,3 @@ class Algebraic:
                 field="equals",
             )
         self.paths.append((replace(item, algebraic=True), bounded))
-
-    def check_algebraic(self) -> None:
-        """Raise if the numbers of algebraic equations and variables differ."""
-        variables = {name: item.size for name, item in self.controls.items() if item.algebraic}
-        equations = sum(item.size for item, _ in self.paths if item.algebraic)
-        if sum(variables.values()) != equations:
-            raise InvalidData(
-                f"phase {self.name!r}: the algebraic variables "
-                f"({', '.join(map(repr, variables)) or 'none'}) have "
-                f"{entries(int(np.sum(list(variables.values()))))}, the algebraic equations {equations}; "
-                "declare one equation per entry with algebraic_equation(…)",
-                field="algebraic",
-            )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ....errors import InvalidData
 from ...fields import Text, show
 from ..algebraic import check_index, solver_of
-from ..definition import Phase, Restriction
+from ..definition import Phase, Restriction, check_algebraic
 from .algebraic import Algebraic
 from .flight import fly
 from .guess import After, Guessed, draw_lines
@@ -405,7 +405,9 @@ class PhaseBuilder(Guessed, Instants, Algebraic):
                 f"phase {self.name!r}: no dynamics for state {', '.join(map(repr, missing))}",
                 field="dynamics",
             )
-        self.check_algebraic()
+        check_algebraic(
+            f"phase {self.name!r}", self.controls.values(), (item for item, _ in self.paths)
+        )
         rates = [self.rates[name] for name in self.states]
         integrands = [item for _, item in self.integrands]
         invariants = [item for _, item in self.invariants]
