@@ -58,6 +58,36 @@ def test_a_fraction_moves_with_a_free_end():
     assert best.plan["x"](2.5 / 3) == pytest.approx(1, abs=1e-8)
 
 
+def slalom(halves):
+    """Return a mass that passes 1 after a quarter and -1 after three, in one phase or two halves."""
+    ocp = OptimalControlProblem("slalom")
+    spans = [(0, 0.5), (0.5, 1)] if halves else [(0, 1)]
+    phases, places, cost = [], [], 0
+    for k, span in enumerate(spans):
+        phase = ocp.phase(time=span)
+        ends = (0 if k == 0 else None), (0 if k == len(spans) - 1 else None)
+        x, v = (phase.state(name, initial=ends[0], final=ends[1]) for name in "xv")
+        u = phase.control("u")
+        phase.dynamics({x: v, v: u})
+        times = [t for t in (0.25, 0.75) if span[0] < t < span[1]]
+        places += [phase.at(t, x) for t in times]
+        phases.append(phase)
+        cost += phase.integral(u**2)
+    if halves:
+        ocp.link(*phases)
+    for place, value in zip(places, (1, -1), strict=True):
+        ocp.subject_to(place == value)
+    ocp.minimise(cost)
+    return ocp
+
+
+def test_instants_in_linked_phases_are_those_of_one_motion():
+    one, two = (ct.solve(slalom(halves)) for halves in (False, True))
+    assert two.verification.ok
+    assert two.primal_bound == pytest.approx(one.primal_bound, rel=1e-8)
+    assert two.plan.phases[1]["x"](0.75) == pytest.approx(-1, abs=1e-8)
+
+
 def test_more_instants_than_knots_are_interpolated():
     ocp = OptimalControlProblem("many")
     phase = ocp.phase(time=(0, 1))
