@@ -16,6 +16,7 @@ from crosstrack.instances.optimal_control.tables import write_control_samples
 from crosstrack.models import OptimalControlProblem
 from crosstrack.models.optimal_control import round_controls
 from crosstrack.models.optimal_control.plan import Piecewise
+from crosstrack.models.optimal_control.transcription.mesh import Mesh
 
 GRAVITY, TIME = 9.81, 2.0
 
@@ -235,6 +236,25 @@ def test_guesses_by_simulation_solve_the_equations():
     assert guess.controls[-1, 0] == pytest.approx(outflow(1.0), rel=1e-4)
     with pytest.raises(InvalidData, match="has the controls 'u'"):
         ocp.phases[0].simulate(z=1)
+
+
+def test_only_controls_are_kept_calm():
+    # Rows that lower the degree of an algebraic variable would contradict its equation.
+    mesh = Mesh(np.linspace(0, 1, 3), np.full(2, 6), np.array([True, False]))
+    model = valve(control=True).build()
+    written = model.formulate("radau", mesh=[mesh], refine=False)
+    (phase,) = written.layout.phases
+    rows = phase.calm_rows(written.layout.size).tocoo()
+    assert rows.shape[0] == mesh.calm_rows.sum() > 0
+    controls = model.definition.phases[0].control_names
+    assert set(rows.col) <= set(phase.control_columns[controls.index("u")])
+    size = written.program.row_count
+    (gains,) = written.layout.strains(written.sizes, np.ones(size))
+    assert gains[0] > 0 == gains[1]
+    best = ct.solve(
+        model, formulation="radau", formulation_options={"mesh": [mesh], "refine": False}
+    )
+    assert best.plan["z"](0.0) == pytest.approx(1, abs=1e-3)
 
 
 def test_rounding_refuses_algebraic_variables():
