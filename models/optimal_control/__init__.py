@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ...lazy import attach
 
 if TYPE_CHECKING:
+    from .arcs import Arc as Arc, structure as structure
     from .checks import motion as motion
     from .declaration.tables import Table as Table, table as table
     from .estimation import Estimate as Estimate, covariance as covariance
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
     )
     from .hamiltonian import (
         HamiltonianReport as HamiltonianReport,
+        MinimumReport as MinimumReport,
         hamiltonian_spread as hamiltonian_spread,
+        minimum_principle as minimum_principle,
     )
     from .integration import Reintegration as Reintegration
     from .model import OptimalControlProblem as OptimalControlProblem

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +10,19 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ..fields import Whole
 from .definition import Definition
 from .plan import ControlPlan
 from .sampling import Course, courses, endpoint
 
-__all__ = ["HamiltonianReport", "hamiltonian_gains", "hamiltonian_spread"]
+__all__ = [
+    "HamiltonianReport", "MinimumReport", "hamiltonian_gains", "hamiltonian_spread", "minimum_principle",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
+
+#: Accepted violation of a path constraint by a sampled control, relative to the constraint's size.
+MARGIN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -25,9 +31,9 @@ class HamiltonianReport:
 
     λ are the costates, the derivatives of the optimal objective with respect to the state. f are
     the rates, g the integrands, and w the derivatives of the objective with respect to their
-    integrals. On an optimal plan the control minimises H. H is constant if the phase does not depend
-    on time explicitly. It is 0 at a free end time on which neither the objective nor a boundary
-    constraint depends.
+    integrals. On an optimal plan the control minimises H, see :func:`minimum_principle`. H is constant
+    if the phase does not depend on time explicitly. At a free end time on which no boundary constraint
+    depends, it is the negative derivative of the objective with respect to this time.
 
     Parameters
     ----------
@@ -48,6 +54,9 @@ class HamiltonianReport:
         H at the end of the phase.
     vanishing : bool
         Whether H must be 0 at the end.
+    required_end : float, optional
+        Value that H must have at the end (transversality); None if the end time is fixed or a boundary
+        constraint depends on it.
     """
 
     phase: str
@@ -58,6 +67,36 @@ class HamiltonianReport:
     time: float
     end: float
     vanishing: bool
+    required_end: float | None = None
+
+
+@dataclass(frozen=True)
+class MinimumReport:
+    """Sampled test of the minimum principle along one phase: evidence, not a verification.
+
+    Parameters
+    ----------
+    phase : str
+        Name of the phase.
+    excess : float
+        Largest difference between H of the plan and H of a sampled control, at the nodes; at most 0 if
+        no sample is better.
+    relative : float
+        `excess` relative to the largest sum of the magnitudes of the terms of H.
+    time : float
+        Time of the largest difference.
+    better : tuple of float
+        Sampled control with the smallest H at that time.
+    samples : int
+        Number of sampled controls per node, including those that violate a path constraint.
+    """
+
+    phase: str
+    excess: float
+    relative: float
+    time: float
+    better: tuple[float, ...]
+    samples: int
 
 
 def hamiltonian_spread(problem: Any, plan: ControlPlan) -> tuple[HamiltonianReport, ...]:
@@ -87,6 +126,99 @@ def hamiltonian_spread(problem: Any, plan: ControlPlan) -> tuple[HamiltonianRepo
     definition: Definition = getattr(problem, "definition", problem)
     with np.errstate(all="ignore"):
         return tuple(_reports(definition, courses(definition, plan)))
+
+
+def minimum_principle(
+    problem: Any, plan: ControlPlan, *, samples: int = 64, seed: int = 0
+) -> tuple[MinimumReport, ...]:
+    """Return the sampled test whether the control minimises the Hamiltonian at the nodes.
+
+    At each node of the controls, H is evaluated for random controls between their bounds. Without bounds
+    they are drawn from the range along the plan, extended by its size on both sides. Half of the samples
+    change a single control. Samples that violate a path constraint are ignored. H includes the costates,
+    which are inaccurate near jumps of the control and ends of constraint arcs.
+
+    Parameters
+    ----------
+    problem : OptimalControlProblem or Definition
+        Problem.
+    plan : ControlPlan
+        Plan; a phase without costates or controls has no report.
+    samples : int
+        Number of sampled controls per node.
+    seed : int
+        Seed of the samples.
+
+    Returns
+    -------
+    tuple of MinimumReport
+        One report per phase with costates and controls.
+
+    Raises
+    ------
+    InvalidData
+        The plan does not fit the problem, or an argument is not allowed.
+    """
+    definition: Definition = getattr(problem, "definition", problem)
+    number = Whole(1, 100_000).coerce("samples", samples, {})
+    rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
+    reports, end = [], 0
+    with np.errstate(all="ignore"):
+        phases = courses(definition, plan)
+        known = any(part.plan.costates is not None for part in phases)
+        weights = _weights(definition, phases) if known else np.zeros(0)
+        for course in phases:
+            end += course.phase.end_size
+            if course.plan.costates is not None and course.plan.controls.size:
+                running = weights[end - course.phase.integrals : end]
+                reports.append(_minimum(course, running, number, rng))
+    return tuple(reports)
+
+
+def _minimum(
+    course: Course, running: Floats, samples: int, rng: np.random.Generator
+) -> MinimumReport:
+    plan, phase = course.plan, course.phase
+    assert plan.costates is not None
+    counts = [nodes.size for nodes in plan.controls.nodes]
+    at = course.at(np.repeat(np.arange(len(counts)), counts), np.concatenate(plan.controls.nodes))
+    multipliers = plan.costates.at(at.interval, at.tau)
+
+    def terms(values: Mapping[str, Floats]) -> Floats:
+        return np.concatenate([multipliers * values["rate"], running * values["integrand"]], axis=1)
+
+    low, high = phase.bounds("controls")
+    size = course.sizes.controls
+    low = np.where(np.isfinite(low), low, at.controls.min(axis=0) - size)
+    high = np.where(np.isfinite(high), high, at.controls.max(axis=0) + size)
+    path_low, path_high = phase.bounds("paths")
+    slack = MARGIN * np.maximum(course.sizes.paths, 1e-300)
+    current = terms(course.values(at))
+    best, chosen = np.full(at.times.size, np.inf), at.controls.copy()
+    for number in range(samples):
+        controls = rng.uniform(low, high, at.controls.shape)
+        if number % 2:
+            single = np.arange(low.size) == number // 2 % low.size
+            edge = rng.choice([0.0, 0.5, 1.0], (at.times.size, 1))
+            controls = np.where(edge == 0.5, controls, low + edge * (high - low))
+            controls = np.where(single, controls, at.controls)
+        values = course.values(at._replace(controls=controls))
+        path = values["path"]
+        allowed = ((path >= path_low - slack) & (path <= path_high + slack)).all(axis=1)
+        level = np.where(allowed, terms(values).sum(axis=1), np.inf)
+        better = level < best
+        best[better], chosen[better] = level[better], controls[better]
+    excess = current.sum(axis=1) - best
+    row = int(np.argmax(excess))
+    scale = float(np.abs(current).sum(axis=1).max())
+    return MinimumReport(
+        phase=phase.name,
+        excess=float(excess[row]),
+        relative=float(excess[row]) / scale if scale > 0 else 0.0,
+        time=float(at.times[row]),
+        better=tuple(chosen[row].tolist()),
+        samples=samples,
+    )
 
 
 def hamiltonian_gains(problem: Any, plan: ControlPlan) -> tuple[Floats | None, ...]:
@@ -157,6 +289,8 @@ def _autonomous(course: Course) -> bool:
 
 def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[HamiltonianReport]:
     begin = 0
+    known = any(course.plan.costates is not None for course in phases)
+    weights = _weights(definition, phases) if known else np.zeros(0)
     for course, terms in zip(phases, _terms(definition, phases), strict=True):
         phase, grid, first = course.phase, course.dense, begin
         begin += phase.end_size
@@ -169,7 +303,8 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
         # Trapezoidal rule on the grid; the two points at a knot enclose no width.
         width = np.diff(grid.times)
         mean = float((0.5 * (level[1:] + level[:-1]) * width).sum() / width.sum())
-        free = phase.end_lower < course.plan.end < phase.end_upper
+        is_free = phase.end_lower < course.plan.end < phase.end_upper
+        slope, depends = weights[first + 1], _speaks_of(definition, first + 1)
         yield HamiltonianReport(
             phase=phase.name,
             autonomous=_autonomous(course),
@@ -178,7 +313,8 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
             relative=float(distance[row]) / size if size > 0 else 0.0,
             time=float(grid.times[row]),
             end=float(level[-1]),
-            vanishing=bool(free and not _speaks_of(definition, first + 1)),
+            vanishing=is_free and not any(depends),
+            required_end=0.0 - float(slope) if is_free and not depends[1] else None,
         )
 
 
@@ -191,7 +327,7 @@ def _weights(definition: Definition, phases: tuple[Course, ...]) -> Floats:
     return result
 
 
-def _speaks_of(definition: Definition, entry: int) -> bool:
-    """Return whether the objective or a boundary constraint depends on one entry of the endpoint vector."""
+def _speaks_of(definition: Definition, entry: int) -> list[bool]:
+    """Return whether the objective and the boundary constraints depend on an entry of the endpoint vector."""
     function = definition.endpoint
-    return any(entry in function.jac_sparsity(k, 0).get_col() for k in range(function.n_out()))
+    return [entry in function.jac_sparsity(k, 0).get_col() for k in range(function.n_out())]

@@ -10,7 +10,7 @@ for Optimal Control and Estimation Using Nonlinear Programming" (SIAM, 2010), ch
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -179,6 +179,12 @@ class OptimalControlProblem(Model[ControlPlan]):
         """
         courses(self.definition, plan)
         return plan.attached(self.definition)
+
+    def details(self, plan: ControlPlan) -> list[dict[str, Any]]:
+        """Return the switching structure of `plan`, one row per arc; see :func:`.structure`."""
+        from .arcs import structure
+
+        return [asdict(arc) for arc in structure(self, plan)]
 
     def describe(self) -> str:
         """Return the size in a few words."""
