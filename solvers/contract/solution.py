@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...models.fields import Real
 from ...models.model import Model, as_model
-from ...models.problems import model_type
+from ...models.problems import model_type, resolve
 from ...models.verification import ROUNDING, TOLERANCE, Verification, stated
 from .enums import CLAIMS_NONE, Guarantee, Limit, Termination
 
@@ -280,6 +280,13 @@ class Solution(Generic[PlanT]):
             )
         return self.source
 
+    def sensitivity(self, name: str) -> Any:
+        """Return the derivatives of an optimal control solution with respect to the data `name`.
+
+        It raises :class:`~crosstrack.errors.NoDerivative` if the optimum is not a differentiable function.
+        """
+        return resolve(".solvers.optimal_control.optimum:sensitivity")(self, name)
+
     @property
     def verified(self) -> bool:
         """Whether the solution has a plan, which is always verified."""
@@ -453,8 +460,6 @@ class Solution(Generic[PlanT]):
         text = markup(*self.parts())
         if self.plan is None or self.source is None:
             return text
-        from ...models.problems import resolve
-
         view: str = resolve(".solvers.report.view.page:embed")(self)
         return text + view
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import splu
 
 from ...errors import InvalidData, NoDerivative
+from ...models.optimal_control.definition import entry_slices
 from ...models.optimal_control.plan import ControlPlan, Piecewise, Signal
 from ..programs.casadi_plugins import vector
 from .parametric import Point
@@ -65,6 +66,8 @@ class Sensitivity:
         Derivatives of the program's columns.
     times : ndarray, shape (phases, 2, size)
         Derivatives of each phase's start and end.
+    parameters : dict of str to ndarray, shape (entries, size)
+        Derivatives of the optimised parameters by name.
     """
 
     point: Point
@@ -77,6 +80,16 @@ class Sensitivity:
         """Derivatives of each phase's start and end."""
         phases = self.point.posed.formulation.layout.phases
         return np.stack([self.columns[phase.time_columns] for phase in phases])
+
+    @property
+    def parameters(self) -> dict[str, Floats]:
+        """Derivatives of the optimised parameters by name."""
+        layout = self.point.posed.formulation.layout
+        result = {}
+        for item, places in entry_slices(layout.definition.parameters):
+            if not item.given:
+                result[item.name] = self.columns[layout.parameter_columns[places]]
+        return result
 
     def __call__(self, name: str, t: ArrayLike, *, phase: str | None = None) -> Floats:
         """Return the derivative of a state or control at times `t`, shape (…, [entries,] size).
