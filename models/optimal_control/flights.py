@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binomtest
 
 from ...errors import InvalidData
-from ..fields import Real, Whole, show
+from ..fields import Real, Whole, required, show
 from .definition import Definition, Phase, entry_names
 from .plan import ControlPlan, PhasePlan
 
@@ -160,7 +160,7 @@ def monte_carlo(
     meets the tolerance. Stiff dynamics need many steps. Limits are evaluated at 17 instants per interval,
     so shorter violations may be missed. All flights share the controls, whose bounds are not evaluated.
     """
-    definition: Definition = problem.definition
+    definition = required("problem", getattr(problem, "definition", None), Definition)
     plan = problem.attach(plan)
     count = Whole(1, 1_000_000).coerce("draws", draws, {})
     rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
@@ -248,13 +248,14 @@ class _Flights:
             scale = phase.stacked("states", "scale")
             self._compare(names, part.name, final[:nx, :, None], times, low, high, scale)
         objective, boundary = (r.full() for r in self.definition.endpoint(self.ends, self.p))
-        names, scale = (
+        names, bounds = (
             entry_names(self.definition.boundaries),
-            self.definition.stacked("boundaries", "scale"),
+            self.definition.bounds("boundaries"),
         )
-        bounds = self.definition.bounds("boundaries")
-        table = boundary.reshape(len(names), self.count, 1)
-        self._compare(names, "", table, np.array([self.plan.end]), *bounds, scale)
+        table, times = boundary.reshape(len(names), self.count, 1), np.array([self.plan.end])
+        self._compare(
+            names, "", table, times, *bounds, self.definition.stacked("boundaries", "scale")
+        )
         unknown = set(self.allowed) - {name for name, _ in self.extremes}
         if unknown:
             known = ", ".join(sorted({repr(name) for name, _ in self.extremes}))
@@ -263,11 +264,8 @@ class _Flights:
                 field="allowed",
             )
         finite = np.isfinite(self.ends).all(axis=0) & np.isfinite(objective[0])
-        ratio, when, rows = (
-            np.where(finite, -np.inf, np.inf),
-            np.full(self.count, self.plan.end),
-            [],
-        )
+        ratio, when = np.where(finite, -np.inf, np.inf), np.full(self.count, self.plan.end)
+        rows = []
         for (name, side), (limit, slack, excess, instants) in self.extremes.items():
             k = int(excess.argmax())
             worst = limit + (excess[k] if side == "upper" else -excess[k])
@@ -294,7 +292,7 @@ class _Flights:
                 values, slopes = (r.full() for r in both(self.ends, self.p))
                 table = slopes.reshape(low.size, self.count, -1)[rows, :, places].transpose(1, 0, 2)
                 miss = (low[rows][:, None] - values[rows]).T[:, :, None]
-                self.ends[places] += (np.linalg.pinv(table) @ miss)[:, :size, 0].T
+                self.ends[places] += (np.linalg.pinv(np.nan_to_num(table)) @ miss)[:, :size, 0].T
 
     def _along(self, phase: Phase, part: PhasePlan, initial: Floats) -> Floats:
         """Fly one phase, and return final states and integrals, shape (entries, draws)."""
