@@ -178,8 +178,9 @@ EXCEPTIONS = {
         "own kernels for waypoints are 10 to 150 times as fast as general ones",
     ),
     "optimal_control": (
-        11_280,
-        "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5",
+        12_590,
+        "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
+        "scenarios, flights, arcs and derivatives of solutions have 1,300 lines",
     ),
     "unknown_grid": (6190, "six trained networks have 1,761 lines, the camera 500"),
 }
@@ -213,4 +214,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 130_400
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 131_720
