@@ -93,4 +93,5 @@ def _phase(phase: Phase, data: Any) -> PhasePlan:
             tables.append(Array(("samples", "size")).coerce(item.name, table, sizes))
         rows = pairwise(np.concatenate(tables, axis=1))
         functions.append(Piecewise(times, nodes, tuple(np.stack(pair) for pair in rows)))
-    return PhasePlan(phase.name, *functions, phase.state_names, phase.control_names)
+    states, controls = functions
+    return PhasePlan(phase.name, states, controls, phase.state_names, phase.control_names)

@@ -101,7 +101,7 @@ class PreparedSolver:
                 self.unstructured = str(reason)
                 if structured:
                     raise UnsupportedOption(
-                        f"structured=True is not possible: {reason}; the default selects it where it is"
+                        f"structured=True is not possible: {reason}; None uses the backend for such programs"
                     ) from None
 
     def __repr__(self) -> str:

@@ -205,7 +205,8 @@ class Stages:
 
         The last start is the phase's end.
         """
-        phase, result = self._phase, ([], [], [])
+        phase = self._phase
+        result: tuple[list[Whole], list[Whole], list[Whole]] = ([], [], [])
         for k, scheme in enumerate(phase.schemes):
             visits = np.arange(phase.visit_starts[k], phase.visit_starts[k + 1])
             at_start = phase.visit_point[visits] == phase.starts[k]
@@ -284,7 +285,8 @@ class Stages:
         begins = np.append(matrices, groups[-1].end)
 
         def entry(front: Whole, first: Whole, second: Whole) -> Whole:
-            return begins[front] + first * widths[front] + second
+            place: Whole = begins[front] + first * widths[front] + second
+            return place
 
         # Hessian, both triangles.
         front = np.maximum(np.maximum(owner[left], owner[right]), -1)
@@ -310,10 +312,11 @@ class Stages:
         self._local = local = np.flatnonzero(of >= 0)
         self._local_right = base[local] + line[local] * widths[of[local]] + outers[of[local]]
         self._jacobian_from = inside = np.flatnonzero(of[row] >= 0)
-        k, at = of[row[inside]], position[of[row[inside]], column[inside]]
+        lines = row[inside]
+        at = position[of[lines], column[inside]]
         if (at < 0).any():
             raise NotStaged("a constraint couples distant intervals")
-        self._jacobian_to = base[row[inside]] + line[row[inside]] * widths[k] + at
+        self._jacobian_to = base[lines] + line[lines] * widths[of[lines]] + at
         number = np.full(self.posed.rows.size, -1)
         number[self.shared_rows] = np.arange(self.shared_rows.size)
         among = np.flatnonzero(number[row] >= 0)
