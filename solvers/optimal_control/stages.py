@@ -9,17 +9,17 @@ Rawlings, D. Q. Mayne, M. M. Diehl, "Model Predictive Control", 2nd ed. (2017), 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs, dsysv
+from scipy.linalg.lapack import dsytrf, dsytrs
 
+from .elimination import Front, Group, Singular
 from .parametric import Parametric
 
-__all__ = ["NotStaged", "Singular", "Stages"]
+__all__ = ["NotStaged", "Stages"]
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -27,127 +27,6 @@ Whole = NDArray[np.int64]
 
 class NotStaged(Exception):
     """The program does not have the structure; the message gives the reason."""
-
-
-class Singular(Exception):
-    """A factorisation failed, or its inertia is not that of a strict minimum."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Front:
-    """Positions of one interval in the matrices that eliminate it.
-
-    The unknowns are ordered as outer unknowns (the start, the shared columns, and the multipliers of shared
-    rows), the constant 1 (the right-hand side), the interval's controls, and its later states.
-    """
-
-    columns: Whole  # of z
-    kept: Whole  # unknown of each of `columns`
-    outer: int
-    reduced: int  # outer unknowns, the constant and the controls
-    width: int
-    following: Whole  # unknown of each outer unknown of the next interval
-    defects: Whole
-    paths: Whole
-
-    def shape(self) -> tuple[Any, ...]:
-        """Return the sizes and patterns that intervals must share to be stacked."""
-        sizes = self.outer, self.reduced, self.width, self.paths.size
-        return (*sizes, self.kept.tobytes(), self.following.tobytes())
-
-    @property
-    def inner(self) -> int:
-        """Number of states after the start."""
-        return self.width - self.reduced
-
-
-class _Group:
-    """Consecutive intervals of the same shape, whose matrices are stacked."""
-
-    def __init__(self, fronts: list[_Front], buffer: Floats, place: int) -> None:
-        first, count = fronts[0], len(fronts)
-        self.count, self.outer, self.reduced = count, first.outer, first.reduced
-        width, paths = first.width, first.paths.size
-        shapes = (width, width), (first.inner, width), (paths, width)
-        #: Matrices of the unknowns, Jacobians of the defects and of the path rows, (intervals, rows, width).
-        self.places, self.views = [], []
-        for shape in shapes:
-            area = int(np.prod(shape))
-            self.places.append(place + area * np.arange(count))
-            self.views.append(buffer[place : place + count * area].reshape(count, *shape))
-            place += count * area
-        self.end = place
-        self.columns = np.concatenate([front.columns for front in fronts])
-        self.kept = first.kept
-        self.defects = np.stack([front.defects for front in fronts])
-        self.paths = np.stack([front.paths for front in fronts])
-        self.from_states = np.flatnonzero(first.following >= first.reduced)
-        self.end_states = first.following[self.from_states] - first.reduced
-        self.link = np.zeros((count, first.following.size, first.reduced))
-        others = np.flatnonzero(first.following < first.reduced)
-        self.link[:, others, first.following[others]] = 1.0
-
-    def condense(self, weight: Floats) -> None:
-        """Eliminate the states after the start of every interval by the defects."""
-        matrix, defect, path = self.views
-        cut = self.reduced
-        if path.size:
-            matrix += (path * weight[self.paths][:, :, None]).transpose(0, 2, 1) @ path
-        try:
-            self.inverse = np.linalg.inv(defect[:, :, cut:])
-        except np.linalg.LinAlgError as error:
-            raise Singular("the dynamics cannot be solved for the states") from error
-        #: States as a linear function of the other unknowns.
-        self.states = -(self.inverse @ defect[:, :, :cut])
-        self.pull = matrix[:, cut:, cut:] @ self.states
-        self.pull += matrix[:, cut:, :cut]
-        self.curved = matrix[:, :cut, cut:] @ self.states
-        self.curved += matrix[:, :cut, :cut]
-        self.curved += self.states.transpose(0, 2, 1) @ self.pull
-        self.link[:, self.from_states] = self.states[:, self.end_states]
-
-    def sweep(self, tail: Floats) -> Floats:
-        """Eliminate the controls from the last interval to the first, and return the matrix that remains."""
-        outer = self.outer
-        self.gains, self.tails = [], []
-        for link, curved in zip(self.link[::-1], self.curved[::-1], strict=True):
-            pulled = tail[:, :-1] @ link
-            pulled[:, outer] += tail[:, -1]
-            curved += link.T @ pulled
-            self.tails.append(tail)
-            tail = curved[:outer, : outer + 1]
-            if curved.shape[0] > outer + 1:
-                triangle, failure = dpotrf(curved[outer + 1 :, outer + 1 :], lower=1)
-                if failure:
-                    raise Singular("the curvature along the controls is not positive")
-                gain = dpotrs(triangle, curved[outer + 1 :, : outer + 1], lower=1)[0]
-                tail = tail - curved[:outer, outer + 1 :] @ gain
-            else:
-                gain = np.zeros((0, outer + 1))
-            self.gains.append(gain)
-        return tail
-
-    def back(self, begin: Floats, step: Floats, duals: Floats, weight: Floats) -> Floats:
-        """Compute step and multipliers from the first start, and return the start of the next group."""
-        outer, values = self.outer, np.empty((self.count, self.views[0].shape[1]))
-        ends = np.empty((self.count, self.link.shape[1]))
-        values[:, outer] = 1.0
-        for k, (gain, link) in enumerate(zip(self.gains[::-1], self.link, strict=True)):
-            row = values[k]
-            row[:outer] = begin
-            row[outer + 1 : self.reduced] = -(gain @ row[: outer + 1])
-            ends[k] = begin = link @ row[: self.reduced]
-        known = values[:, : self.reduced, None]
-        values[:, self.reduced :] = (self.states @ known)[:, :, 0]
-        force = self.pull @ known
-        tails = np.stack(self.tails[::-1])
-        costates = (tails[:, :, :-1] @ ends[:, :, None])[:, :, 0] + tails[:, :, -1]
-        force[:, self.end_states, 0] += costates[:, self.from_states]
-        duals[self.defects] = -(self.inverse.transpose(0, 2, 1) @ force)[:, :, 0]
-        step[self.columns] = values[:, self.kept].reshape(-1)
-        if self.paths.size:
-            duals[self.paths] = weight[self.paths] * (self.views[2] @ values[:, :, None])[:, :, 0]
-        return begin
 
 
 class Stages:
@@ -248,7 +127,7 @@ class Stages:
 
     def _build(self, starts: Any, inner: Any, controls: Any, defects: Any, paths: Any, shared: Whole) -> None:  # fmt: skip
         """Order the unknowns of every interval, and stack intervals of the same shape."""
-        fronts: list[_Front] = []
+        fronts: list[Front] = []
         for k, start in enumerate(starts[:-1]):
             outer = start.size + shared.size + self.carried.size
             reduced = outer + 1 + controls[k].size
@@ -261,15 +140,15 @@ class Stages:
             unknown[columns] = kept
             following = np.append(unknown[starts[k + 1]], np.arange(start.size, outer))
             fronts.append(
-                _Front(columns, kept, outer, reduced, width, following, defects[k], paths[k])
+                Front(columns, kept, outer, reduced, width, following, defects[k], paths[k])
             )
         self.fronts = tuple(fronts)
         size = sum(f.width * (f.width + f.inner + f.paths.size) for f in fronts)
         self._buffer = np.zeros(size + self.root_size**2)
-        self.groups: list[_Group] = []
+        self.groups: list[Group] = []
         place = 0
-        for _, group in groupby(fronts, key=_Front.shape):
-            self.groups.append(_Group([*group], self._buffer, place))
+        for _, group in groupby(fronts, key=Front.shape):
+            self.groups.append(Group([*group], self._buffer, place))
             place = self.groups[-1].end
 
     def _scatter(self, row: Whole, column: Whole, left: Whole, right: Whole) -> None:
@@ -375,19 +254,44 @@ class Stages:
         for group in self.groups[::-1]:
             group.condense(weight)
             tail = group.sweep(tail)
-        count, outer = self.root_columns.size, self.fronts[0].outer
+        outer = self.fronts[0].outer
         root = buffer[self.groups[-1].end :].reshape(self.root_size, self.root_size)
         root[:outer, :outer] += tail[:, :outer]
-        right = np.concatenate([gradient[self.root_columns], residual[self.shared_rows]])
-        right[:outer] += tail[:, outer]
-        shared = np.arange(count, self.root_size)
+        shared = np.arange(self.root_columns.size, self.root_size)
         root[shared, shared] -= 1.0 / weight[self.shared_rows]
-        factor, pivots, unknown, failure = dsysv(root, -right, lower=1)
+        factor, pivots, failure = dsytrf(root, lower=1)
         if failure or _negative(factor, pivots) != shared.size:
             raise Singular("the last elimination has the wrong inertia")
+        self._factor = factor, pivots
+        return self._back(tail[:, outer], gradient, residual, weight)
+
+    def solve_again(
+        self, gradient: Floats, residual: Floats, weight: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return the step for another gradient and residual with the matrices of the last :meth:`solve`."""
+        for group in self.groups:
+            group.views[0][:, :, group.outer] = 0.0
+        self._buffer[self._right] = gradient[self._inside]
+        self._buffer[self._local_right] = residual[self._local]
+        tail = np.zeros(self.fronts[-1].following.size)
+        for group in self.groups[::-1]:
+            shift = weight[group.paths] * residual[group.paths]
+            # The right-hand side of the path rows is part of `shift`.
+            group.views[2][:, :, group.outer] = 0.0
+            tail = group.replace_right(tail, shift)
+            group.views[2][:, :, group.outer] = residual[group.paths]
+        return self._back(tail, gradient, residual, weight)
+
+    def _back(
+        self, tail: Floats, gradient: Floats, residual: Floats, weight: Floats
+    ) -> tuple[Floats, Floats]:
+        count = self.root_columns.size
+        right = np.concatenate([gradient[self.root_columns], residual[self.shared_rows]])
+        right[: tail.size] += tail
+        unknown = dsytrs(*self._factor, -right, lower=1)[0]
         step, duals = np.zeros(gradient.size), np.zeros(residual.size)
         step[self.root_columns], duals[self.shared_rows] = unknown[:count], unknown[count:]
-        begin = unknown[:outer]
+        begin = unknown[: tail.size]
         for group in self.groups:
             begin = group.back(begin, step, duals, weight)
         return step, duals

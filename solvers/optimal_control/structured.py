@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .elimination import Singular
 from .parametric import Parametric
-from .stages import Singular, Stages
+from .stages import Stages
 
 __all__ = ["StructuredSolver"]
 
@@ -27,6 +28,8 @@ LEFT = 1e-3
 #: Largest error of the objective by the residuals of the rows, relative, and absolute in its scale. Without
 #: this limit, the scale of an objective with large bounds on its states left relative errors of 2e-5.
 ACCURATE, ROUNDED = 3e-7, 1e-13
+#: Largest error from which a step uses the matrices of the step before.
+CLOSE = 1e-6
 #: Bound of a column without a bound.
 FAR = 1e20
 #: Largest number of Newton steps.
@@ -120,7 +123,7 @@ class StructuredSolver:
         pressure = np.concatenate([multipliers[0], duals[between]])
         zeta = np.where(self._sided, np.maximum(-SIDES * pressure, NEAR), 0.0)
         weight, residual = np.full(duals.size, np.inf), np.zeros(duals.size)
-        status, success, convex = "Maximum_Iterations_Exceeded", False, 0.0
+        status, success, convex, reuse = "Maximum_Iterations_Exceeded", False, 0.0, False
         v = z.clip((low + self._push)[:count], (high - self._push)[:count])
         for number in range(MOST + 1):
             gradient, g, jacobian, hessian, f = self._at(v[:count], p, duals)
@@ -142,13 +145,23 @@ class StructuredSolver:
                 break
             if number == MOST:
                 break
-            ratio, push = zeta / gap, BARRIER / gap
-            sigma, barrier = ratio[0] + ratio[1], push[1] - push[0]
-            weight[between] = sigma[count:]
+            push = BARRIER / gap
+            barrier = push[1] - push[0]
+            # Near the solution, every second step uses the matrices of the one before.
+            reuse = error <= CLOSE and convex == 0.0 and not reuse and number > 0
+            if not reuse:
+                ratio = zeta / gap
+                sigma = ratio[0] + ratio[1]
+                weight[between], nonzeros = sigma[count:], jacobian.copy()
             shifted = residual.copy()
             shifted[between] += barrier[count:] / sigma[count:]
+            if reuse:
+                # The known matrices contain the Jacobian of the step before.
+                gradient = slope - np.bincount(self._column, nonzeros * duals[self._row], count)
             system = gradient + barrier[:count], shifted, weight
-            for convex in CONVEX:
+            if reuse:
+                step, duals = self.stages.solve_again(*system)
+            for convex in () if reuse else CONVEX:
                 try:
                     step, duals = self.stages.solve(
                         jacobian, hessian, sigma[:count] + convex, *system
@@ -157,7 +170,8 @@ class StructuredSolver:
                 except Singular as reason:
                     status = str(reason)
             else:
-                break
+                if not reuse:
+                    break
             step = np.concatenate([step, (duals[between] - barrier[count:]) / sigma[count:]])
             # Each distance and multiplier is kept positive by itself, without a common step length.
             zeta = np.maximum(push - SIDES * ratio * step, LEFT * zeta)

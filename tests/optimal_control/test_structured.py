@@ -8,7 +8,7 @@ from optimal_control.steered import brake, cart_pole
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
 from crosstrack.models import OptimalControlProblem
-from crosstrack.solvers.optimal_control.stages import Singular
+from crosstrack.solvers.optimal_control.elimination import Singular
 
 
 def limited():
@@ -142,3 +142,50 @@ def test_a_saddle_point_is_not_a_step():
     zero = np.zeros(best.z.size)
     result = solver.structured.solve(np.zeros(1), zero, (zero, np.zeros(best.multipliers[1].size)))
     assert not result["success"] or result["f"] < -0.5
+
+
+@pytest.mark.parametrize("case", list(CASES))
+def test_another_right_hand_side_is_solved_with_the_known_factors(case):
+    make, _, _ = CASES[case]
+    solver = ct.prepare(make(), formulation="radau", intervals=4, degree=3)
+    step, structured = solver(), solver.structured
+    _, g, jacobian, hessian, _ = structured._at(step.z, step.values, step.multipliers[1])
+    rng = np.random.default_rng(0)
+    diagonal = rng.uniform(1.0, 2.0, step.z.size)
+    weight = np.full(g.size, np.inf)
+    weight[structured._between] = rng.uniform(1.0, 2.0, structured._between.size)
+    stages, matrices = structured.stages, (jacobian, hessian, diagonal)
+    first, second = ((rng.normal(size=step.z.size), rng.normal(size=g.size)) for _ in range(2))
+    stages.solve(*matrices, *first, weight)
+    again = stages.solve_again(*second, weight)
+    expected = stages.solve(*matrices, *second, weight)
+    for mine, theirs in zip(again, expected, strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-8, atol=1e-8 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("case", list(CASES))
+def test_the_step_solves_the_kkt_system(case):
+    """Compare with a dense solution of the same equations."""
+    make, _, _ = CASES[case]
+    solver = ct.prepare(make(), formulation="gauss", intervals=3, degree=3)
+    step, structured = solver(), solver.structured
+    gradient, g, jacobian, hessian, _ = structured._at(step.z, step.values, step.multipliers[1])
+    count, rows = step.z.size, g.size
+    derivative = solver.posed.derivative("hessian").sparsity_out(0)
+    upper = casadi.DM(derivative, hessian).full()
+    dense = upper + upper.T - np.diag(upper.diagonal()) + np.eye(count)
+    jac = np.zeros((rows, count))
+    jac[structured._row, structured._column] = jacobian
+    weight = np.full(rows, np.inf)
+    weight[structured._between] = 2.0
+    residual = np.linspace(-1.0, 1.0, rows)
+    moved, duals = structured.stages.solve(
+        jacobian, hessian, np.ones(count), gradient, residual, weight
+    )
+    used = np.concatenate([structured._equal, structured._between])
+    matrix = np.block([
+        [dense, jac[used].T], [jac[used], -np.diag(1.0 / weight[used])],
+    ])  # fmt: skip
+    expected = np.linalg.solve(matrix, -np.concatenate([gradient, residual[used]]))
+    np.testing.assert_allclose(moved, expected[:count], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(duals[used], expected[count:], rtol=1e-6, atol=1e-7)

@@ -1,0 +1,163 @@
+"""Elimination of the states and controls of intervals of the same shape, see :mod:`.stages`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotrs
+
+__all__ = ["Front", "Group", "Singular"]
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+
+class Singular(Exception):
+    """A factorisation failed, or its inertia is not that of a strict minimum."""
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """Positions of one interval in the matrices that eliminate it.
+
+    The unknowns are ordered as outer unknowns (the start, the shared columns, and the multipliers of shared
+    rows), the constant 1 (the right-hand side), the interval's controls, and its later states.
+    """
+
+    columns: Whole  # of z
+    kept: Whole  # unknown of each of `columns`
+    outer: int
+    reduced: int  # outer unknowns, the constant and the controls
+    width: int
+    following: Whole  # unknown of each outer unknown of the next interval
+    defects: Whole
+    paths: Whole
+
+    def shape(self) -> tuple[Any, ...]:
+        """Return the sizes and patterns that intervals must share to be stacked."""
+        sizes = self.outer, self.reduced, self.width, self.paths.size
+        return (*sizes, self.kept.tobytes(), self.following.tobytes())
+
+    @property
+    def inner(self) -> int:
+        """Number of states after the start."""
+        return self.width - self.reduced
+
+
+class Group:
+    """Consecutive intervals of the same shape, whose matrices are stacked."""
+
+    def __init__(self, fronts: list[Front], buffer: Floats, place: int) -> None:
+        first, count = fronts[0], len(fronts)
+        self.count, self.outer, self.reduced = count, first.outer, first.reduced
+        width, paths = first.width, first.paths.size
+        shapes = (width, width), (first.inner, width), (paths, width)
+        #: Matrices of the unknowns, Jacobians of the defects and of the path rows, (intervals, rows, width).
+        self.places, self.views = [], []
+        for shape in shapes:
+            area = int(np.prod(shape))
+            self.places.append(place + area * np.arange(count))
+            self.views.append(buffer[place : place + count * area].reshape(count, *shape))
+            place += count * area
+        self.end = place
+        self.columns = np.concatenate([front.columns for front in fronts])
+        self.kept = first.kept
+        self.defects = np.stack([front.defects for front in fronts])
+        self.paths = np.stack([front.paths for front in fronts])
+        self.from_states = np.flatnonzero(first.following >= first.reduced)
+        self.end_states = first.following[self.from_states] - first.reduced
+        self.link = np.zeros((count, first.following.size, first.reduced))
+        others = np.flatnonzero(first.following < first.reduced)
+        self.link[:, others, first.following[others]] = 1.0
+
+    def condense(self, weight: Floats) -> None:
+        """Eliminate the states after the start of every interval by the defects."""
+        matrix, defect, path = self.views
+        cut = self.reduced
+        if path.size:
+            matrix += (path * weight[self.paths][:, :, None]).transpose(0, 2, 1) @ path
+        try:
+            self.inverse = np.linalg.inv(defect[:, :, cut:])
+        except np.linalg.LinAlgError as error:
+            raise Singular("the dynamics cannot be solved for the states") from error
+        #: States as a linear function of the other unknowns.
+        self.states = -(self.inverse @ defect[:, :, :cut])
+        self.pull = matrix[:, cut:, cut:] @ self.states
+        self.pull += matrix[:, cut:, :cut]
+        self.curved = matrix[:, :cut, cut:] @ self.states
+        self.curved += matrix[:, :cut, :cut]
+        self.curved += self.states.transpose(0, 2, 1) @ self.pull
+        self.link[:, self.from_states] = self.states[:, self.end_states]
+
+    def sweep(self, tail: Floats) -> Floats:
+        """Eliminate the controls from the last interval to the first, and return the matrix that remains."""
+        outer = self.outer
+        self.gains, self.tails, self.triangles = [], [], []
+        for link, curved in zip(self.link[::-1], self.curved[::-1], strict=True):
+            pulled = tail[:, :-1] @ link
+            pulled[:, outer] += tail[:, -1]
+            curved += link.T @ pulled
+            self.tails.append(tail)
+            tail = curved[:outer, : outer + 1]
+            if curved.shape[0] > outer + 1:
+                triangle, failure = dpotrf(curved[outer + 1 :, outer + 1 :], lower=1)
+                if failure:
+                    raise Singular("the curvature along the controls is not positive")
+                gain = dpotrs(triangle, curved[outer + 1 :, : outer + 1], lower=1)[0]
+                tail = tail - curved[:outer, outer + 1 :] @ gain
+            else:
+                triangle, gain = np.zeros((0, 0)), np.zeros((0, outer + 1))
+            self.gains.append(gain)
+            self.triangles.append(triangle)
+        return tail
+
+    def replace_right(self, tail: Floats, shift: Floats) -> Floats:
+        """Eliminate another right-hand side, which the buffer contains, with the known factors.
+
+        `shift` is the product of weights and residuals of the path rows. Both `tail` and the result are the
+        right-hand sides of the matrices that remain.
+        """
+        matrix, defect, path = self.views
+        outer, cut = self.outer, self.reduced
+        right = matrix[:, :, outer] + (path.transpose(0, 2, 1) @ shift[:, :, None])[:, :, 0]
+        states = -(self.inverse @ defect[:, :, outer, None])
+        pull = matrix[:, cut:, cut:] @ states + right[:, cut:, None]
+        curved = (matrix[:, :cut, cut:] @ states)[:, :, 0] + right[:, :cut]
+        curved += (self.states.transpose(0, 2, 1) @ pull)[:, :, 0]
+        self.states[:, :, outer], self.pull[:, :, outer] = states[:, :, 0], pull[:, :, 0]
+        self.link[:, self.from_states, outer] = states[:, self.end_states, 0]
+        for number, gain in enumerate(self.gains):
+            k = self.count - 1 - number
+            link, own, known = self.link[k], curved[k], self.tails[number]
+            known[:, -1] = tail
+            own += link.T @ (known[:, :-1] @ link[:, outer] + tail)
+            tail = own[:outer]
+            if gain.size:
+                gain[:, outer] = dpotrs(self.triangles[number], own[outer + 1 :], lower=1)[0]
+                tail = tail - self.curved[k, :outer, outer + 1 :] @ gain[:, outer]
+        return tail
+
+    def back(self, begin: Floats, step: Floats, duals: Floats, weight: Floats) -> Floats:
+        """Compute step and multipliers from the first start, and return the start of the next group."""
+        outer, values = self.outer, np.empty((self.count, self.views[0].shape[1]))
+        ends = np.empty((self.count, self.link.shape[1]))
+        values[:, outer] = 1.0
+        for k, (gain, link) in enumerate(zip(self.gains[::-1], self.link, strict=True)):
+            row = values[k]
+            row[:outer] = begin
+            row[outer + 1 : self.reduced] = -(gain @ row[: outer + 1])
+            ends[k] = begin = link @ row[: self.reduced]
+        known = values[:, : self.reduced, None]
+        values[:, self.reduced :] = (self.states @ known)[:, :, 0]
+        force = self.pull @ known
+        tails = np.stack(self.tails[::-1])
+        costates = (tails[:, :, :-1] @ ends[:, :, None])[:, :, 0] + tails[:, :, -1]
+        force[:, self.end_states, 0] += costates[:, self.from_states]
+        duals[self.defects] = -(self.inverse.transpose(0, 2, 1) @ force)[:, :, 0]
+        step[self.columns] = values[:, self.kept].reshape(-1)
+        if self.paths.size:
+            duals[self.paths] = weight[self.paths] * (self.views[2] @ values[:, :, None])[:, :, 0]
+        return begin
