@@ -69,7 +69,10 @@ class Group:
         self.paths = np.stack([front.paths for front in fronts])
         self.from_states = np.flatnonzero(first.following >= first.reduced)
         self.end_states = first.following[self.from_states] - first.reduced
-        self.link = np.zeros((count, first.following.size, first.reduced))
+        ends = first.following.size
+        self.link = np.zeros((count, ends, first.reduced))
+        #: Matrices that remain after the elimination of all later intervals, with right-hand sides.
+        self.tails = np.zeros((count, ends, ends + 1))
         others = np.flatnonzero(first.following < first.reduced)
         self.link[:, others, first.following[others]] = 1.0
 
@@ -95,12 +98,13 @@ class Group:
     def sweep(self, tail: Floats) -> Floats:
         """Eliminate the controls from the last interval to the first, and return the matrix that remains."""
         outer = self.outer
-        self.gains, self.tails, self.triangles = [], [], []
-        for link, curved in zip(self.link[::-1], self.curved[::-1], strict=True):
+        self.gains, self.triangles = [], []
+        for k in range(self.count - 1, -1, -1):
+            link, curved = self.link[k], self.curved[k]
+            self.tails[k] = tail
             pulled = tail[:, :-1] @ link
             pulled[:, outer] += tail[:, -1]
             curved += link.T @ pulled
-            self.tails.append(tail)
             tail = curved[:outer, : outer + 1]
             if curved.shape[0] > outer + 1:
                 triangle, failure = dpotrf(curved[outer + 1 :, outer + 1 :], lower=1)
@@ -131,7 +135,7 @@ class Group:
         self.link[:, self.from_states, outer] = states[:, self.end_states, 0]
         for number, gain in enumerate(self.gains):
             k = self.count - 1 - number
-            link, own, known = self.link[k], curved[k], self.tails[number]
+            link, own, known = self.link[k], curved[k], self.tails[k]
             known[:, -1] = tail
             own += link.T @ (known[:, :-1] @ link[:, outer] + tail)
             tail = own[:outer]
@@ -153,8 +157,7 @@ class Group:
         known = values[:, : self.reduced, None]
         values[:, self.reduced :] = (self.states @ known)[:, :, 0]
         force = self.pull @ known
-        tails = np.stack(self.tails[::-1])
-        costates = (tails[:, :, :-1] @ ends[:, :, None])[:, :, 0] + tails[:, :, -1]
+        costates = (self.tails[:, :, :-1] @ ends[:, :, None])[:, :, 0] + self.tails[:, :, -1]
         force[:, self.end_states, 0] += costates[:, self.from_states]
         duals[self.defects] = -(self.inverse.transpose(0, 2, 1) @ force)[:, :, 0]
         step[self.columns] = values[:, self.kept].reshape(-1)
