@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
@@ -17,6 +18,7 @@ from scipy.stats import binomtest
 
 from ...errors import InvalidData
 from ..fields import Real, Whole, required, show
+from .algebraic import solved_controls
 from .definition import Definition, Phase, entry_names
 from .plan import ControlPlan, PhasePlan
 
@@ -158,7 +160,8 @@ def monte_carlo(
     -----
     SciPy's DOP853 integrates all flights together, from knot to knot; the error of every single flight
     meets the tolerance. Stiff dynamics need many steps. Limits are evaluated at 17 instants per interval,
-    so shorter violations may be missed. All flights share the controls, whose bounds are not evaluated.
+    so shorter violations may be missed. All flights share the controls. Bounds of
+    controls and of algebraic variables, which follow the data, are not evaluated.
     """
     definition = required("problem", getattr(problem, "definition", None), Definition)
     plan = problem.attach(plan)
@@ -295,14 +298,17 @@ class _Flights:
                 self.ends[places] += (np.linalg.pinv(np.nan_to_num(table)) @ miss)[:, :size, 0].T
 
     def _along(self, phase: Phase, part: PhasePlan, initial: Floats) -> Floats:
-        """Fly one phase, and return final states and integrals, shape (entries, draws)."""
+        """Fly one phase, and return final states, integrals and states at instants, per draw."""
         nx, count, knots = len(phase.state_names), self.count, part.states.knots
         y = np.concatenate([initial, np.zeros((phase.integrals, count))])
         size = np.concatenate([phase.stacked("states", "scale"), np.ones(phase.integrals)])
         # SciPy bounds the root of the mean square error over all entries; each flight meets ERROR.
         error = ERROR / np.sqrt(y.size)
         absolute = (error * np.maximum(size[:, None], np.abs(y))).ravel()
-        rates, observed = phase.function.map(count), phase.function.map(count * SAMPLES)
+        function = _flown(phase)
+        rates, observed = function.map(count), function.map(count * SAMPLES)
+        instants = part.start + np.array(phase.instants) * part.duration
+        inner = np.full((instants.size, nx, count), np.nan)
         for k in range(knots.size - 1):
             times = np.linspace(knots[k], knots[k + 1], SAMPLES)
 
@@ -315,11 +321,15 @@ class _Flights:
 
             table = np.full((*y.shape, SAMPLES), np.nan)
             if np.isfinite(y).all():
+                here = np.flatnonzero((instants > knots[k]) & (instants <= knots[k + 1]))
                 found = solve_ivp(
-                    rate, times[[0, -1]], y.ravel(), "DOP853", times, rtol=error, atol=absolute
-                )
+                    rate, times[[0, -1]], y.ravel(), "DOP853", times, here.size > 0, rtol=error,
+                    atol=absolute,
+                )  # fmt: skip
                 if found.success:
                     table = found.y.reshape(table.shape)
+                    for at in here:
+                        inner[at] = found.sol(instants[at]).reshape(-1, count)[:nx]
             x, y = table[:nx], table[:, :, -1]
             scale = phase.stacked("states", "scale")
             self._compare(phase.state_names, part.name, x, times, *phase.bounds("states"), scale)
@@ -332,7 +342,7 @@ class _Flights:
                 )[1].full().reshape(-1, count, SAMPLES)  # fmt: skip
                 names, scale = entry_names(phase.paths), phase.stacked("paths", "scale")
                 self._compare(names, part.name, path, times, *phase.bounds("paths"), scale)
-        return y
+        return np.concatenate([y, inner.reshape(-1, count)])
 
     def _compare(
         self, names: Sequence[str], phase: str, values: Floats, times: Floats, low: Floats,
@@ -352,6 +362,17 @@ class _Flights:
                     instants = np.where(largest > before, instants, earlier)
                     largest = np.maximum(largest, before)
                 self.extremes[name, side] = limit, slack, largest, instants
+
+
+def _flown(phase: Phase) -> casadi.Function:
+    """Return the function of a phase, with the algebraic variables that solve its equations."""
+    solved = solved_controls(phase)
+    if solved is None:
+        return phase.function
+    names = phase.function.name_in()
+    t, x, u, p = (casadi.MX.sym(name, phase.function.size1_in(name)) for name in names)
+    results = phase.function(t, x, solved(t, x, u, p), p)
+    return casadi.Function("flown", [t, x, u, p], results, names, phase.function.name_out())
 
 
 def _row(

@@ -121,6 +121,13 @@ def scenarios(
         raise InvalidData(
             f"weights must have a positive entry, got {show(weights)}", field="weights"
         )
+    algebraic = [x.name for phase in definition.phases for x in phase.controls if x.algebraic]
+    if algebraic:
+        raise InvalidData(
+            "problem must have no algebraic variables, because scenarios share controls, got "
+            f"{', '.join(map(repr, algebraic))}: eliminate them, or declare them as states",
+            field="problem",
+        )
     known = [definition.given(values).parameters for values in data.values()]
     stack = _Stack(definition, tuple(map(str, data)), tuple(known), objective == "worst")
     name = f"{model.name} in {len(data)} scenarios"
@@ -272,6 +279,7 @@ class _Stack:
                 integrals.append(self._differ(phase.function, "integrand", flags))
                 starts.append(sum(map(len, ends)) + 2)
                 ends += [np.zeros(2, bool), flags, flags, integrals[-1]]
+                ends += [flags] * len(phase.instants)
             moved = np.concatenate(ends)
             # An equation with such an entry gives each scenario its own initial value.
             equations = np.flatnonzero(equal & self._differ(definition.endpoint, "boundary", moved))
@@ -369,6 +377,8 @@ class _Stack:
         for phase, x, integrals in parts:
             times = np.tile([0, 1], (self.count, 1))
             others = [2 + x.places, 2 + x.size + x.places, 2 + 2 * x.size + integrals.places]
+            inner = 2 + 2 * x.size + integrals.size
+            others += [inner + k * x.size + x.places for k in range(len(phase.instants))]
             places.append(start + np.hstack([times, *others]))
             start += phase.end_size
         kind: Any = casadi.SX if ends.is_a("SXFunction") else casadi.MX
@@ -410,8 +420,12 @@ class _Stack:
             guess = phase.guess
             times = guess.start + guess.fractions * (guess.end - guess.start)
             table = phase.function(times[None], guess.states.T, guess.controls.T, p)[2].full()
-            sums = np.trapezoid(table.reshape(phase.integrals, -1), times, axis=1)
+            sums = np.trapezoid(table.reshape(phase.integrals, times.size), times, axis=1)
             parts += [times[[0, -1]], guess.states[0], guess.states[-1], sums]
+            columns = [
+                np.interp(phase.instants, guess.fractions, column) for column in guess.states.T
+            ]
+            parts.append(np.array(columns).T.ravel())
         found = values(np.concatenate(parts), p).full().ravel()
         largest = float(found.max()) if np.isfinite(found).all() else 0.0
         scale = self.definition.objective_scale or abs(largest) or 1.0

@@ -179,8 +179,10 @@ EXCEPTIONS = {
     ),
     "optimal_control": (
         12_590,
-        "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
-        "scenarios, flights, arcs and derivatives of solutions have 1,300 lines",
+        (
+            "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
+            "scenarios, flights, arcs and derivatives of solutions have 1,300 lines"
+        ),
     ),
     "unknown_grid": (6190, "six trained networks have 1,761 lines, the camera 500"),
 }

@@ -170,3 +170,28 @@ def test_rejects_invalid_draws(data, options, text):
 def test_rejects_another_kind_of_problem():
     with pytest.raises(InvalidData, match="problem must be a Definition"):
         monte_carlo(object(), None, {})
+
+
+@pytest.mark.parametrize("implicit", [False, True])
+def test_states_at_instants_and_algebraic_variables_follow_the_data(implicit):
+    ocp = OptimalControlProblem("instant")
+    mass = ocp.data("mass", value=1.0)
+    phase = ocp.phase(time=(0, 2))
+    v, u = phase.state("v", initial=0), phase.control("u", lower=-9, upper=9)
+    rate = u / mass
+    if implicit:
+        rate = phase.algebraic("z", guess=1)
+        phase.algebraic_equation(mass * rate == u)
+    phase.dynamics({v: rate})
+    ocp.subject_to(phase.at(0.7, v), upper=0.9, name="slow")
+    ocp.minimise((phase.at(1.1, v) - 1) ** 2 + (phase.final(v) - 1) ** 2 + phase.integral(u**2))
+    plan = ct.solve(ocp, seed=0).plan
+    flights = monte_carlo(ocp, plan, {"mass": (0.5, 2.0)}, draws=200, seed=3)
+    drawn = flights.data["mass"][:, 0]
+    early, inner, final = (float(plan["v"](t)) for t in (0.7, 1.1, 2.0))
+    effort = flights.objectives - (inner / drawn - 1) ** 2 - (final / drawn - 1) ** 2
+    assert effort == pytest.approx(np.full(200, effort[0]), abs=1e-6)
+    (slow,) = (limit for limit in flights.limits if limit.name == "slow")
+    assert slow.worst == pytest.approx(early / drawn.min(), rel=1e-6)
+    assert slow.kept == np.sum(early / drawn <= 0.9 * (1 + 1e-6))
+    assert flights.failed == 0

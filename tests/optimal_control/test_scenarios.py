@@ -170,3 +170,35 @@ def test_names_the_missing_state_of_an_unknown_scenario():
     plan = ct.solve(robust, seed=0).plan
     with pytest.raises(InvalidData, match=r"'v \(c\)' or 'v' for scenario 'c', got 'v \(a\)'"):
         scenario_plan(push(), plan, "c")
+
+
+def test_values_at_instants_are_those_of_each_scenario():
+    ocp = OptimalControlProblem("instant")
+    mass = ocp.data("mass", value=1.0)
+    phase = ocp.phase(time=(0, 1))
+    v, u = phase.state("v", initial=0), phase.control("u", lower=-9, upper=9)
+    phase.dynamics({v: u / mass})
+    ocp.subject_to(phase.at(0.25, v), upper=0.2, name="slow")
+    ocp.minimise((phase.at(0.5, v) - 1) ** 2 + (phase.final(v) - 1) ** 2)
+    best = ct.solve(
+        ocp.scenarios({"light": {"mass": 0.8}, "heavy": {"mass": 1.25}}, objective="worst")
+    )
+    assert best.verification.ok and best.plan["v (light)"](0.25) <= 0.2 + 1e-6
+    # With the impulse J, v is J / mass at both instants. The worst case is least if J / 0.8 - 1 = 1 - J / 1.25.
+    impulse = 2 / (1 / 0.8 + 1 / 1.25)
+    assert best.primal_bound == pytest.approx(2 * (1 - impulse / 1.25) ** 2, rel=1e-5)
+    for name, value in (("light", 0.8), ("heavy", 1.25)):
+        part = ocp.build().given(mass=value).verify(scenario_plan(ocp, best.plan, name))
+        assert part.ok, part.summary()
+
+
+def test_refuses_algebraic_variables():
+    ocp = OptimalControlProblem("dae")
+    mass = ocp.data("mass", value=1.0)
+    phase = ocp.phase(time=(0, 1))
+    v, z = phase.state("v", initial=0), phase.algebraic("z")
+    phase.algebraic_equation(mass * z == 1)
+    phase.dynamics({v: z})
+    ocp.minimise(phase.final(v))
+    with pytest.raises(InvalidData, match="no algebraic variables.*got 'z'"):
+        ocp.scenarios([{"mass": 1.0}, {"mass": 2.0}])
