@@ -27,6 +27,16 @@ def bang_singular(position=0.0, speed=1.0):
     return ocp.build()
 
 
+def highest(places, values):
+    """Return the largest value, including the vertices of parabolas through local maxima."""
+    result = values.max()
+    for k in range(1, len(values) - 1):
+        if values[k] >= max(values[k - 1], values[k + 1]):
+            a, b, c = np.polyfit(places[k - 1 : k + 2] - places[k], values[k - 1 : k + 2], 2)
+            result = max(result, c - b**2 / (4 * a)) if a < 0 else result
+    return result
+
+
 @pytest.mark.parametrize("formulation", ["gauss", "radau"])
 def test_a_report_equals_the_reports_of_single_intervals(formulation):
     model = catalogue("goddard")
@@ -49,10 +59,15 @@ def test_a_report_equals_the_reports_of_single_intervals(formulation):
         places = -np.cos(np.linspace(0, np.pi, 3 * part.states.nodes[k].size + 8))
         states = part.states.on(k, places)
         beyond = [
-            ((low - states) / np.maximum(size, np.abs(low))).max(),
-            ((states - high) / np.maximum(size, np.abs(high))).max(),
+            highest(places, column)
+            for excess in (
+                (low - states) / np.maximum(size, np.abs(low)),
+                (states - high) / np.maximum(size, np.abs(high)),
+            )
+            for column in excess.T
+            if np.isfinite(column).all()
         ]
-        assert found.violations[k] == pytest.approx(max(np.nanmax(beyond), 0.0), rel=1e-9)
+        assert found.violations[k] == pytest.approx(max(0.0, *beyond), rel=1e-9)
         assert -1 <= found.places[k] <= 1
     assert found.violations.max() > 1e-3 and found.errors.max() > 1e-3
     assert len(found.cuts) == len(found.windows) == found.worst.size == 5
