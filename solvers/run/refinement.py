@@ -99,6 +99,7 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
         if answer.point is not None:
             answer, problem = _tighten(run, problem, request, answer, attend, left)
         return totals.add_to(answer), problem
+    remarks = len(run.notes)
     first = attend(problem, limit_first(run, request))
     if first.point is not None:
         first, problem = look_again(run, problem, request, first, left())
@@ -111,6 +112,10 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
 
     answer, problem = _approximate(run, problem, request, first, attend, left)
     answer, problem = rescue(run, problem, request, answer, approximate, left)
+    if run.target.formulation is not None and run.target.formulation.name != formulation.name:
+        # The remarks on other starts are about the first stage.
+        del run.notes[remarks:]
+        totals.counts.pop(SECOND, None)
     return totals.add_to(answer), problem
 
 
