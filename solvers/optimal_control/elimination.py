@@ -73,6 +73,8 @@ class Group:
         self.link = np.zeros((count, ends, first.reduced))
         #: Matrices that remain after the elimination of all later intervals, with right-hand sides.
         self.tails = np.zeros((count, ends, ends + 1))
+        #: Controls as a negative linear function of the outer unknowns.
+        self.gains = np.zeros((count, first.reduced - first.outer - 1, first.outer + 1))
         others = np.flatnonzero(first.following < first.reduced)
         self.link[:, others, first.following[others]] = 1.0
 
@@ -98,7 +100,7 @@ class Group:
     def sweep(self, tail: Floats) -> Floats:
         """Eliminate the controls from the last interval to the first, and return the matrix that remains."""
         outer = self.outer
-        self.gains, self.triangles = [], []
+        self.triangles: list[Floats] = []
         for k in range(self.count - 1, -1, -1):
             link, curved = self.link[k], self.curved[k]
             self.tails[k] = tail
@@ -110,12 +112,9 @@ class Group:
                 triangle, failure = dpotrf(curved[outer + 1 :, outer + 1 :], lower=1)
                 if failure:
                     raise Singular("the curvature along the controls is not positive")
-                gain = dpotrs(triangle, curved[outer + 1 :, : outer + 1], lower=1)[0]
-                tail = tail - curved[:outer, outer + 1 :] @ gain
-            else:
-                triangle, gain = np.zeros((0, 0)), np.zeros((0, outer + 1))
-            self.gains.append(gain)
-            self.triangles.append(triangle)
+                self.gains[k] = dpotrs(triangle, curved[outer + 1 :, : outer + 1], lower=1)[0]
+                tail = tail - curved[:outer, outer + 1 :] @ self.gains[k]
+                self.triangles.insert(0, triangle)
         return tail
 
     def replace_right(self, tail: Floats, shift: Floats) -> Floats:
@@ -133,14 +132,13 @@ class Group:
         curved += (self.states.transpose(0, 2, 1) @ pull)[:, :, 0]
         self.states[:, :, outer], self.pull[:, :, outer] = states[:, :, 0], pull[:, :, 0]
         self.link[:, self.from_states, outer] = states[:, self.end_states, 0]
-        for number, gain in enumerate(self.gains):
-            k = self.count - 1 - number
-            link, own, known = self.link[k], curved[k], self.tails[k]
+        for k in range(self.count - 1, -1, -1):
+            link, own, known, gain = self.link[k], curved[k], self.tails[k], self.gains[k]
             known[:, -1] = tail
             own += link.T @ (known[:, :-1] @ link[:, outer] + tail)
             tail = own[:outer]
             if gain.size:
-                gain[:, outer] = dpotrs(self.triangles[number], own[outer + 1 :], lower=1)[0]
+                gain[:, outer] = dpotrs(self.triangles[k], own[outer + 1 :], lower=1)[0]
                 tail = tail - self.curved[k, :outer, outer + 1 :] @ gain[:, outer]
         return tail
 
@@ -149,11 +147,12 @@ class Group:
         outer, values = self.outer, np.empty((self.count, self.views[0].shape[1]))
         ends = np.empty((self.count, self.link.shape[1]))
         values[:, outer] = 1.0
-        for k, (gain, link) in enumerate(zip(self.gains[::-1], self.link, strict=True)):
-            row = values[k]
-            row[:outer] = begin
-            row[outer + 1 : self.reduced] = -(gain @ row[: outer + 1])
-            ends[k] = begin = link @ row[: self.reduced]
+        starts = values[:, : outer + 1]
+        closed = self.link[:, :, : outer + 1] - self.link[:, :, outer + 1 :] @ self.gains
+        for k in range(self.count):
+            starts[k, :outer] = begin
+            ends[k] = begin = closed[k] @ starts[k]
+        values[:, outer + 1 : self.reduced] = -(self.gains @ starts[:, :, None])[:, :, 0]
         known = values[:, : self.reduced, None]
         values[:, self.reduced :] = (self.states @ known)[:, :, 0]
         force = self.pull @ known
