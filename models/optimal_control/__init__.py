@@ -37,6 +37,7 @@ SHARED = (
     "plot.guessed",
     "plot.nodes_of",
     "plot.sampled",
+    "transcription.methods.Gauss",
 )
 MODELS = {"optimal-control": ".model:OptimalControlProblem"}
 PICTURES = {"optimal-control": ".plot:draw"}
