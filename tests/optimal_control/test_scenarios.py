@@ -200,5 +200,5 @@ def test_refuses_algebraic_variables():
     phase.algebraic_equation(mass * z == 1)
     phase.dynamics({v: z})
     ocp.minimise(phase.final(v))
-    with pytest.raises(InvalidData, match="no algebraic variables.*got 'z'"):
+    with pytest.raises(InvalidData, match=r"no algebraic variables.*got 'z'"):
         ocp.scenarios([{"mass": 1.0}, {"mass": 2.0}])
