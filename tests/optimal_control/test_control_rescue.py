@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from control_declared import rest_to_rest
 
@@ -85,6 +86,22 @@ def test_uniform_meshes_start_with_a_monotone_barrier(attended, given, expected)
     assert found.termination == "locally_optimal"
     assert barriers[:2] == [("gauss", "adaptive"), ("radau", expected)]
     assert barriers[2][1] == "adaptive"
+
+
+def test_stages_start_at_the_guess_after_a_drawn_start(attended, monkeypatch):
+    def look_again(run, problem, request, answer, left):
+        run.target = replace(run.target, formulation=run.target.formulation.started(1))
+        run.notes.append("a remark on the first stage")
+        return INFEASIBLE, problem
+
+    monkeypatch.setattr("crosstrack.solvers.run.refinement.look_again", look_again)
+    guesses = []
+    attended.fake = lambda run, program, request: guesses.append(program.guess)
+    ocp = rest_to_rest().ocp
+    found = ct.solve(ocp)
+    expected = ocp.formulate("radau", intervals=20, degree=3).program.guess
+    assert np.array_equal(guesses[1], expected)
+    assert found.termination == "locally_optimal" and "remark" not in found.message
 
 
 def test_later_stages_vary_scheme_mesh_and_start(attended):

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
 __all__ = ["uniform_meshes"]
 
-#: Numbers of intervals, in the order of the stages, and seeds of their starts; 0 is the guess. A symmetric
-#: guess, such as that of Brockett's integrator, is infeasible on every mesh, so that a drawn start is second.
+#: Numbers of intervals, in the order of the stages, and seeds of their starts; 0 is the guess. A drawn
+#: start is second, because a symmetric guess is infeasible on every mesh.
 UNIFORM = ((20, 0), (20, 1), (60, 0), (40, 2), (120, 0))
 #: Number of nodes per interval.
 DEGREE = 3
