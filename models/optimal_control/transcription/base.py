@@ -22,11 +22,10 @@ from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
 from ..sampling import courses, endpoint
 from ..sizes import Sizes, sizes_at
-from .alternatives import uniform_meshes
 from .assembly import Assembly, functions_of
 from .dependence import dependences, drop_dependent
 from .layout import Layout, layout_of
-from .mesh import Mesh, even, read_mesh
+from .mesh import DEGREE, UNIFORM, Mesh, even, read_mesh
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
 from .starts import coarse_mesh, draw_flight, draw_start
@@ -427,8 +426,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._following(finding, self.decode(point), current, rows)
 
     def alternatives(self) -> Iterator[tuple[str, Transcription]]:
-        """Yield uniform meshes of growing size by the scheme that confirms this one."""
-        return uniform_meshes(self)
+        """Yield labels and uniform meshes of the scheme that confirms this one, if its degree is variable."""
+        scheme = self.confirmed_by
+        if scheme is None or scheme.rules.fixed_degree is not None or not self.refine:
+            return
+        for intervals, seed in UNIFORM:
+            other = scheme(self.model, intervals, DEGREE, dependent=self.dependent)
+            other, label = other._with(_start=self._start), f"{scheme.name} {intervals}x{DEGREE}"
+            yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
 
     @property
     def settled(self) -> bool:
@@ -496,10 +501,6 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`, such as the plan for another initial state."""
         return self._with(_start=plan)
-
-    def like(self, other: Transcription) -> Self:
-        """Return the formulation with the start of another one."""
-        return self._with(_start=other._start)
 
     def _with(self, **changes: Any) -> Self:
         options = {name: value for name, value in changes.items() if not name.startswith("_")}

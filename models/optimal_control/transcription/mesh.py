@@ -12,9 +12,17 @@ from numpy.typing import NDArray
 from ....errors import UnsupportedOption
 from ...fields import frozen, show
 
-__all__ = ["Mesh", "even"]
+__all__ = ["DEGREE", "UNIFORM", "Mesh", "even"]
 
 Floats = NDArray[np.float64]
+
+#: Uniform meshes that are tried if refinement does not settle: numbers of intervals in the order of the
+#: stages, and seeds of their starts; 0 is the guess. A drawn start is second, because a symmetric guess is
+#: infeasible on every mesh.
+UNIFORM = ((20, 0), (20, 1), (60, 0), (40, 2), (120, 0))
+#: Their number of nodes per interval. Low degrees on many intervals converge on problems on which a few high
+#: polynomials oscillate.
+DEGREE = 3
 
 
 @dataclass(frozen=True, eq=False)
