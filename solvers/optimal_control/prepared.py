@@ -96,7 +96,9 @@ class PreparedSolver:
         if structured or (structured is None and backend.plugin == "ipopt"):
             try:
                 tolerance = solver_tolerance(request, 1e-12, 1e-8, share=1e-1)
-                self.structured, self.unstructured = StructuredSolver(self.posed, tolerance), ""
+                known = {kind: self._derivatives[name] for name, kind in kinds}.get("hessian")
+                self.structured = StructuredSolver(self.posed, tolerance, known)
+                self.unstructured = ""
             except NotStaged as reason:
                 self.unstructured = str(reason)
                 if structured:
@@ -219,7 +221,8 @@ class PreparedSolver:
     ) -> dict[str, Any]:
         """Run the structured method once and return the fields of a step."""
         assert self.structured is not None and multipliers is not None
-        result = self.structured.solve(p, start, multipliers)
+        with np.errstate(all="ignore"):  # a start that is far away overflows and does not converge
+            result = self.structured.solve(p, start, multipliers)
         success, f, g = (result.pop(name) for name in ("success", "f", "g"))
         return {
             **result,

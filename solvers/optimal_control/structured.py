@@ -28,7 +28,7 @@ LEFT = 1e-3
 #: Largest error of the objective by the residuals of the rows, relative, and absolute in its scale. Without
 #: this limit, the scale of an objective with large bounds on its states left relative errors of 2e-5.
 ACCURATE, ROUNDED = 3e-7, 1e-13
-#: Largest error from which a step uses the matrices of the step before.
+#: Largest error for a step with the matrices of the step before.
 CLOSE = 1e-6
 #: Bound of a column without a bound.
 FAR = 1e20
@@ -49,6 +49,8 @@ class StructuredSolver:
         Program.
     tolerance : float
         Largest residual of the optimality conditions, in scaled columns and rows.
+    hessian : casadi.Function, optional
+        Function ``posed.derivative("hessian")`` if it is known.
 
     Raises
     ------
@@ -56,11 +58,11 @@ class StructuredSolver:
         The program does not have the structure.
     """
 
-    def __init__(self, posed: Parametric, tolerance: float) -> None:
+    def __init__(self, posed: Parametric, tolerance: float, hessian: Any = None) -> None:
         import casadi
 
         self.tolerance = tolerance
-        first, second = posed.derivative("first_order"), posed.derivative("hessian")
+        first, second = posed.derivative("first_order"), hessian or posed.derivative("hessian")
         sizes = posed.free.size, posed.given.size, posed.rows.size
         x, p, duals = map(casadi.MX.sym, ("x", "p", "lam_g"), sizes)
         f, gradient, g, jacobian = first(x, p)
@@ -136,7 +138,7 @@ class StructuredSolver:
             force = np.concatenate([slope, -duals[between]]) + zeta[1] - zeta[0]
             parts = force, residual, (zeta * gap).reshape(-1)
             error = max(float(np.abs(part).max(initial=0.0)) for part in parts)
-            if not np.isfinite(error):
+            if not np.isfinite(error) or not (gap > 0.0).all():
                 status = "Invalid_Number_Detected"
                 break
             is_accurate = abs(duals @ residual) <= max(ACCURATE * abs(f[0]), ROUNDED)
