@@ -159,7 +159,7 @@ class OptimalControlProblem(Model[ControlPlan]):
         """Return the plan in `data`, with the declarations of the problem if they fit.
 
         `data` may also be samples of another tool, such as ``{"time": …, "x": …, "u": …}``; see
-        :func:`~.samples.plan_of_samples`.
+        ``samples.plan_of_samples``.
         """
         if is_sampled(self.definition, data):
             return plan_of_samples(self.definition, data)

@@ -182,7 +182,7 @@ def qpsolvers_problem(program: Any) -> qpsolvers.Problem:
 
 
 def c_code(program: Any, name: str) -> str:
-    """Return C code of a nonlinear program; see :meth:`~.nonlinear.NonlinearProgram.to_c`."""
+    """Return C code of a nonlinear program; see ``NonlinearProgram.to_c``."""
     import casadi
 
     if not isinstance(name, str) or not casadi.Function.check_name(name):

@@ -1,4 +1,4 @@
-"""Elimination of the states and controls of intervals of the same shape, see :mod:`.stages`."""
+"""Elimination of the states and controls of intervals of the same shape, see ``stages``."""
 
 from __future__ import annotations
 

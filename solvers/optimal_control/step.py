@@ -14,7 +14,7 @@ __all__ = ["Step"]
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Step(Point):
-    """Result of one solve of a :class:`~.prepared.PreparedSolver`; expensive attributes are computed at first use.
+    """Result of one solve of a prepared solver; expensive attributes are computed at first use.
 
     Attributes
     ----------
