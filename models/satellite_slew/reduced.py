@@ -73,9 +73,7 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         inner: Gauss = self.__dict__["_inner"]
         return inner
 
-    def _with(self, inner: Gauss | None) -> Any:
-        if inner is None:
-            return None
+    def _with(self, inner: Gauss) -> Self:
         result = replace(self)
         object.__setattr__(result, "_inner", inner)
         return result
@@ -120,10 +118,11 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
     def _narrowed(self, plan: ControlPlan) -> ControlPlan:
         """Return the plan of the reduced problem."""
         part = slew_phase(plan, self.model.gyro_count)
-        tables = []
-        for table in part.states.values:
-            tables.append(np.hstack([rodrigues(self.model, table[:, :4]), table[:, 7:]]))
-        states = Piecewise(part.states.knots, part.states.nodes, tuple(tables))
+        tables = tuple(
+            np.hstack([rodrigues(self.model, table[:, :4]), table[:, 7:]])
+            for table in part.states.values
+        )
+        states = Piecewise(part.states.knots, part.states.nodes, tables)
         phase = self.model.reduced.definition.phases[0]
         names = phase.state_names, phase.control_names
         return ControlPlan((PhasePlan(part.name, states, part.controls, *names),))
@@ -162,8 +161,7 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
             # angles relative to the largest.
             if not self.model.verify(self.decode(point), tolerance=tolerance).ok:
                 finer = self.inner.refined(point, STRICTER * tolerance, duals)
-        result: Self | None = self._with(finer)
-        return result
+        return None if finer is None else self._with(finer)
 
     def counterpart(self, point: Floats) -> Any:
         """Return the Radau transcription of the reduced problem, started at `point`."""
@@ -171,8 +169,8 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
 
     def compared(self, point: Floats, objective: float, tolerance: float) -> Self | None:
         """Return the formulation on a finer mesh if the other scheme has another optimum."""
-        result: Self | None = self._with(self.inner.compared(point, objective, tolerance))
-        return result
+        finer = self.inner.compared(point, objective, tolerance)
+        return None if finer is None else self._with(finer)
 
     @property
     def settled(self) -> bool:
@@ -186,18 +184,15 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a random start."""
-        result: Self = self._with(self.inner.started(seed))
-        return result
+        return self._with(self.inner.started(seed))
 
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`."""
-        result: Self = self._with(self.inner.guessed(self._narrowed(plan)))
-        return result
+        return self._with(self.inner.guessed(self._narrowed(plan)))
 
     def fitted(self, plan: ControlPlan) -> Self:
         """Return the formulation on the plan's mesh."""
-        result: Self = self._with(self.inner.fitted(self._narrowed(plan)))
-        return result
+        return self._with(self.inner.fitted(self._narrowed(plan)))
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
