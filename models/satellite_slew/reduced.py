@@ -119,7 +119,7 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         """Return the plan of the reduced problem."""
         part = slew_phase(plan, self.model.gyro_count)
         tables = tuple(
-            np.hstack([rodrigues(self.model, table[:, :4]), table[:, 7:]])
+            np.hstack([rodrigues(self.model, _unit(table[:, :4])), table[:, 7:]])
             for table in part.states.values
         )
         states = Piecewise(part.states.knots, part.states.nodes, tables)
@@ -183,8 +183,13 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         return self.inner.history
 
     def started(self, seed: int) -> Self:
-        """Return the formulation with a random start."""
-        return self._with(self.inner.started(seed))
+        """Return the formulation at the random start of the program with all states.
+
+        Starts drawn in σ led to worse optima: 5.72 instead of 5.47 s on ``satellite-slew/skew-30``.
+        """
+        problem: Any = self.model.lower()
+        full = problem.formulate("gauss").started(seed)
+        return self.guessed(full.decode(full.program.guess))
 
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`."""
@@ -201,3 +206,9 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         if plan.phases[0].costates is not None and problem is not None:
             result["hamiltonian_spread"] = hamiltonian_spread(problem, plan)[0].relative
         return result
+
+
+def _unit(attitudes: Floats) -> Floats:
+    """Return the attitudes with length 1, which random starts do not have."""
+    result: Floats = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
+    return result
