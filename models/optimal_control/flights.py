@@ -371,7 +371,7 @@ def _flown(phase: Phase) -> casadi.Function:
         return phase.function
     names = phase.function.name_in()
     t, x, u, p = (casadi.MX.sym(name, phase.function.size1_in(name)) for name in names)
-    results = phase.function(t, x, solved(t, x, u, p), p)
+    results = phase.function.call([t, x, solved(t, x, u, p), p])
     return casadi.Function("flown", [t, x, u, p], results, names, phase.function.name_out())
 
 

@@ -167,9 +167,14 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         """Return the Radau transcription of the reduced problem, started at `point`."""
         return self.inner.counterpart(point)
 
-    def compared(self, point: Floats, objective: float, tolerance: float) -> Self | None:
-        """Return the formulation on a finer mesh if the other scheme has another optimum."""
-        finer = self.inner.compared(point, objective, tolerance)
+    def compared(
+        self, point: Floats, objective: float, tolerance: float, better: ControlPlan | None = None
+    ) -> Self | None:
+        """Return the formulation on a finer mesh if the other scheme has another optimum.
+
+        The plan `better` is one of the reduced problem, as the counterpart's.
+        """
+        finer = self.inner.compared(point, objective, tolerance, better)
         return None if finer is None else self._with(finer)
 
     @property
