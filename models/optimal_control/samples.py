@@ -19,10 +19,10 @@ __all__ = ["is_sampled", "plan_of_samples"]
 
 def is_sampled(definition: Definition, data: Any) -> bool:
     """Return True if `data` contains samples rather than the JSON data of a plan."""
-    if not isinstance(data, Mapping) or not data or "phases" in data:
+    if not isinstance(data, Mapping) or "phases" in data:
         return False
-    names = {phase.name for phase in definition.phases}
-    return "time" in data or set(data) - {"parameters"} <= names
+    names = data.keys() - {"parameters"}
+    return "time" in data or bool(names and names <= {phase.name for phase in definition.phases})
 
 
 def plan_of_samples(definition: Definition, data: Mapping[str, Any]) -> ControlPlan:

@@ -229,7 +229,7 @@ def test_a_plan_from_another_state_is_a_guess():
         ocp.minimise(phase.integral(u**2 + v**2))
         return ocp
 
-    above = ct.solve(round_a_disc())
+    above = ct.solve(round_a_disc(), seed=0)
     for start in (0.05, 0.1):
         model = way(start)
         again = ct.solve(model, warm_start=above)
