@@ -3,7 +3,7 @@
 The control is integrated with the explicit Runge-Kutta method of order 8 of Dormand and Prince
 (DOP853: Hairer, Nørsett and Wanner, "Solving Ordinary Differential Equations I", section II.5), or
 with Radau IIA of order 5 if the motion is stiff. Both use the plan's mesh only to stop at knots, at
-which a control may jump. An unstable motion is integrated in windows, which start from the plan.
+which a control may jump, and at the instants at which saturation limits it. An unstable motion is integrated in windows, which start from the plan.
 Algebraic equations are solved by Newton's method at every evaluation of the rates.
 """
 
@@ -107,6 +107,7 @@ def integrate_anew(course: Course) -> Reintegration:
     current, step, left = np.zeros(scale.size), 0.0, STEPS
     windows, failure, broken, begin = 0, "", False, 0
     with np.errstate(all="ignore"):
+        kinks = course.plan.controls.saturations(course.sizes.controls)
         for part, count in zip(parts, counts, strict=True):
             rows = slice(begin, begin + count)
             if part.fresh or broken:
@@ -115,8 +116,10 @@ def integrate_anew(course: Course) -> Reintegration:
             result[begin] = current
             begin += count
             rate.enter(part.interval)
+            times, stops = at.times[rows], kinks.get(part.interval, np.empty(0))
+            stops = np.append(stops[(stops > times[0]) & (stops < times[-1])], times[-1])
             taken, step, reason = _advance(
-                rate, part.stiff, at.times[rows], scale, step, result[rows], left
+                rate, part.stiff, times, stops, scale, step, result[rows], left
             )
             left, broken, failure = left - taken, bool(reason), failure or reason
             if not reason:
@@ -221,18 +224,20 @@ class _Rate:
 
 
 def _advance(
-    rate: _Rate, stiff: bool, times: Floats, scale: Floats, step: float, out: Floats, left: int
-) -> tuple[int, float, str]:
-    """Integrate from ``out[0]`` at ``times[0]`` and fill `out`.
+    rate: _Rate, stiff: bool, times: Floats, stops: Floats, scale: Floats, step: float, out: Floats,
+    left: int,
+) -> tuple[int, float, str]:  # fmt: skip
+    """Integrate from ``out[0]`` at ``times[0]`` and fill `out`. No step crosses one of the `stops`.
 
     Returns the number of steps, the next step size, and the reason of a breakdown or ``""``.
     """
     method, error = (Radau, ERROR_STIFF) if stiff else (DOP853, ERROR)
-    begin, end = float(times[0]), float(times[-1])
+    begin, *ends = times[0].item(), *stops.tolist()
+    end = ends[-1]
     # SciPy's own estimate of the first step may be NaN, which it would then retry for ever.
-    first = min(step if step > 0 else FIRST * (end - begin), end - begin)
+    first = min(step if step > 0 else FIRST * (end - begin), ends[0] - begin)
     solver = method(
-        rate, begin, out[0].copy(), end, rtol=error, atol=error * scale, first_step=first
+        rate, begin, out[0].copy(), ends.pop(0), rtol=error, atol=error * scale, first_step=first
     )
     known = 1
     for taken in range(1, left + 1):
@@ -252,8 +257,11 @@ def _advance(
                 out[upto - 1] = solver.y
             known = upto
         if solver.status == "finished":
-            # The knot shortens the last step, so the proposed step describes the motion better.
-            return taken, float(max(proposed, solver.h_abs)), ""
+            # The stop shortens the last step, so the proposed step describes the motion better.
+            solver.h_abs = float(max(proposed, solver.h_abs))
+            if not ends:
+                return taken, solver.h_abs, ""
+            solver.t_bound, solver.status = ends.pop(0), "running"
     return left, 0.0, f"the integration is given up at t = {solver.t:.6g} after {STEPS} steps"
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
@@ -22,6 +23,11 @@ Floats = NDArray[np.float64]
 EDGE = 1e-9
 #: Number of points in an interval above which it is evaluated by itself.
 CROWD = 64
+#: Smallest excess over a saturation limit that is a saturation, relative to the size of the function.
+EXCESS = 1e-9
+#: Number of points per node at which a polynomial is compared with its limits, and largest share by
+#: which it exceeds its largest magnitude there (Ehlich and Zeller, Math. Z. 86, 1964).
+DENSITY, BETWEEN = 8, 0.02
 
 
 def _joined(
@@ -241,6 +247,38 @@ class Piecewise:
                 table = differentiate @ table
             result[inside] = interpolation(self.nodes[k], tau[inside], self.weights[k]) @ table
         return result.reshape((*times.shape, self.size))
+
+    def saturations(self, sizes: Floats) -> dict[int, Floats]:
+        """Return the times at which a function reaches or leaves a saturation limit, by interval.
+
+        `sizes` are the typical magnitudes of the functions, shape (size,).
+        """
+        result: dict[int, Floats] = {}
+        limits = ((self.lower, -1.0), (self.upper, 1.0))
+        limited = [(x, sign) for x, sign in limits if x is not None and np.isfinite(x).any()]
+        for rows, table in zip(self.alike, self._tables, strict=True):
+            first = rows[0]
+            grid = np.cos(np.linspace(0.0, np.pi, DENSITY * table.shape[1]))
+            dense = interpolation(self.nodes[first], grid, self.weights[first]) @ table
+            for edge, sign in limited if table.shape[1] > 1 else ():
+                excess = sign * (dense - edge)
+                low, high = excess.min(axis=1), excess.max(axis=1)
+                reach = high + BETWEEN * np.maximum(-low, high)
+                crossed = (low < 0.0) & (reach > EXCESS * sizes) & np.isfinite(high - low)
+                for k, c in np.argwhere(crossed):
+                    line = chebyshev.chebfit(grid, excess[k, :, c] / -low[k, c], table.shape[1] - 1)
+                    line = chebyshev.chebtrim(line, 1e-15)
+                    roots = chebyshev.chebroots(line)
+                    tau = np.sort(roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots) < 1.0)])
+                    ends = np.concatenate([[-1.0], tau, [1.0]])
+                    middle = chebyshev.chebval(0.5 * (ends[1:] + ends[:-1]), line) * -low[k, c]
+                    beyond = middle > EXCESS * sizes[c]
+                    begin, end = self.knots[rows[k] : rows[k] + 2]
+                    tau = tau[beyond[1:] | beyond[:-1]]
+                    times = begin + 0.5 * (tau + 1.0) * (end - begin)
+                    known = result.get(int(rows[k]), np.empty(0))
+                    result[int(rows[k])] = np.unique(np.append(known, times))
+        return result
 
     def to_data(self) -> dict[str, Any]:
         """Return the functions as JSON data."""

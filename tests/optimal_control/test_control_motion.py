@@ -12,6 +12,7 @@ from hypothesis import given, settings, strategies as st
 from crosstrack.models import ControlPlan, OptimalControlProblem, PhasePlan
 from crosstrack.models.optimal_control.checks import motion
 from crosstrack.models.optimal_control.hamiltonian import hamiltonian_spread
+from crosstrack.models.optimal_control.plan import Piecewise
 
 #: λx' = 0, λv' = -λx, u + λv = 0.
 REST_COSTATES = {"x": lambda t: -12 + 0 * t, "v": lambda t: 12 * t - 6}
@@ -162,3 +163,42 @@ def test_verifies_any_polynomial_motion_of_integrators(coefficients, lengths, or
     exact = squared(knots[-1]) - squared(0.0)
     for found in (coarse, fine):
         assert found.objective == pytest.approx(exact, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("place", [6, 7, 8, 9, 11, 13])
+@pytest.mark.parametrize("excess", [1e-5, 1e-3])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_stops_where_a_control_saturates_within_a_step(place, excess, sign):
+    ocp = OptimalControlProblem("clipped")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", initial=0), phase.control("u", lower=-9, upper=9)
+    phase.dynamics({x: u})
+    ocp.minimise(phase.end)
+    centre = 0.5 * (1 - np.cos(np.pi * place / 19))
+
+    def control(t):
+        return sign * (1 + excess - 4 * (t - centre) ** 2)
+
+    def state(t):
+        return sign * ((1 + excess) * t - 4 / 3 * ((t - centre) ** 3 + centre**3))
+
+    limit = {"upper": np.ones(1)} if sign > 0 else {"lower": -np.ones(1)}
+    plan = ControlPlan((phase_plan([0, 1], {"x": state}, {"u": control}, **limit),))
+    # The integral of the excess, which a step over the saturation would omit.
+    lost = 4 / 3 * excess * np.sqrt(excess / 4)
+    assert np.abs(motion(ocp, plan).deviation).max() == pytest.approx(lost, rel=1e-6)
+
+
+def test_finds_the_saturations_of_any_polynomial():
+    nodes = -np.cos(np.linspace(0, np.pi, 6))
+    wave = 2 * np.cos(5 * np.arccos(nodes))  # 2 T5
+    constant, line = np.full(6, 1.5), nodes * 1e-3 + 1 - 1e-12
+    table = np.stack([wave, constant, line, 1e308 * nodes, 1 + 1e-12 * wave], axis=1)
+    parts = Piecewise([0.0, 2.0, 4.0], (nodes, [0.0]), (table, table[:1]), None, np.ones(5))
+    with np.errstate(all="ignore"):
+        times = parts.saturations(np.ones(5))
+    assert list(times) == [0]
+    wave_at = np.array([t for t in times[0] if abs(2 * np.cos(5 * np.arccos(t - 1)) - 1) < 1e-9])
+    assert wave_at.size == 5
+    assert any(abs(t - 1) < 1e-8 for t in times[0])
+    assert Piecewise([0.0, 2.0], (nodes,), (table,)).saturations(np.ones(5)) == {}
