@@ -19,8 +19,8 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
 
     The arguments are the data by their names, then the start ``z`` in the solver's units and the
     multipliers ``lam_x`` and ``lam_g`` (0 if unknown). The results are ``u``, the controls at the start
-    of the first phase, ``objective``, ``violation`` (the largest of a scaled row), and ``z``, ``lam_x``,
-    ``lam_g`` for the next step, whose names end in ``_out``.
+    of the first phase, ``objective``, ``violation`` (the largest of a scaled row, infinite if a value is
+    not finite), and ``z``, ``lam_x``, ``lam_g`` for the next step, whose names end in ``_out``.
     """
     import casadi
 
@@ -37,7 +37,13 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
     p = casadi.vertcat(*data.values())
     solution = solver(x0=state["z"], lam_x0=state["lam_x"], lam_g0=state["lam_g"], p=p, **bounds)
     columns_at, weights, lower, upper = posed.at_begin
-    violations = casadi.fmax(bounds["lbg"] - solution["g"], solution["g"] - bounds["ubg"])
+    # The solver's own values are not those of its point if a function is not a number.
+    f, g = posed.value(solution["x"], p)
+    g = casadi.vertcat(g, posed.data_values(p))
+    least, largest = posed.all_bounds
+    violations = casadi.fmax(least - g, g - largest)
+    # Comparisons with NaN are false in C.
+    is_finite = casadi.fabs(casadi.sum1(solution["x"]) + casadi.sum1(g) + f) < casadi.inf
     columns = posed.stacked(solution["x"], p) * casadi.DM(posed.program.column_scale)
     first = [
         casadi.fmin(casadi.fmax(casadi.dot(columns[row], weights), low), high)
@@ -45,8 +51,10 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
     ]
     results = {
         "u": casadi.vertcat(*first, casadi.MX(0, 1)),
-        "objective": solution["f"] * posed.program.objective_scale,
-        "violation": casadi.mmax(casadi.fmax(violations, 0.0)),
+        "objective": f * posed.program.objective_scale,
+        "violation": casadi.if_else(
+            is_finite, casadi.mmax(casadi.fmax(violations, 0.0)), casadi.inf
+        ),
         "z_out": solution["x"],
         "lam_x_out": solution["lam_x"],
         "lam_g_out": solution["lam_g"],

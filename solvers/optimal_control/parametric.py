@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData
+from ...models.fields import show
 from ...models.optimal_control.lagrange import interpolation
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
 from ...models.optimal_control.transcription.base import Transcription
 from ...models.programs.nonlinear import NonlinearProgram
 from ..nlp.ipopt import NARROW
+from ..nlp.quality import descent_by_curvature
 from ..nlp.scaled import Scaled
 
 if TYPE_CHECKING:
@@ -132,6 +135,27 @@ class Parametric:
         z = self.scaled.start(columns)[self.free]
         return np.clip(z, self.bounds["lbx"], self.bounds["ubx"])
 
+    def begin(self, warm: Any) -> tuple[Floats, tuple[Floats, Floats] | None]:
+        """Return the z of a step or plan, or the guess by default, with its multipliers if known.
+
+        Raises
+        ------
+        InvalidData
+            `warm` is a step of another program, or another object.
+        """
+        if warm is None or warm is False:
+            return self.guess, None
+        if isinstance(warm, Point):
+            if warm.posed is not self:
+                raise InvalidData("warm must be a step of this solver, got another's", field="warm")
+            return warm.z, warm.multipliers
+        if not isinstance(warm, ControlPlan):
+            raise InvalidData(
+                f"warm must be true or false, a step or a plan, got {show(warm)}", field="warm"
+            )
+        plan = ControlPlan(warm.phases, {**warm.parameters, **self.named(self.declared)})
+        return self.start(self.formulation.encode(plan)), None
+
     def columns(self, z: Floats, p: Floats) -> Floats:
         """Return the columns of the program at z and p."""
         result = self.program.column_lower.copy()
@@ -147,14 +171,10 @@ class Parametric:
 
     def breach(self, g: Floats, p: Floats) -> float:
         """Return the largest violation of a scaled row; g are the scaled rows passed to solvers."""
-        low, high = self.bounds["lbg"], self.bounds["ubg"]
-        worst = float(np.maximum(low - g, g - high).max(initial=0.0))
+        low, high = self.all_bounds
         if self._data_rows.size:
-            scaled = self.scaled.bounds
-            data_rows = np.array(self._data_function(p), float).reshape(-1)
-            low, high = scaled["lbg"][self._data_rows], scaled["ubg"][self._data_rows]
-            worst = max(worst, float(np.maximum(low - data_rows, data_rows - high).max()))
-        return worst
+            g = np.append(g, np.array(self.data_values(p), float))
+        return float(np.maximum(low - g, g - high).max(initial=0.0))
 
     def label(self, what: str, index: int) -> str:
         """Return the description of a ``"column"`` of z or of a ``"row"`` passed to solvers."""
@@ -212,13 +232,22 @@ class Parametric:
         return casadi.Function(function.name(), arguments, parts, function.name_in(), names)
 
     @cached_property
-    def _data_function(self) -> casadi.Function:
+    def all_bounds(self) -> tuple[Floats, Floats]:
+        """Bounds of the rows passed to solvers, then of those that depend on the data alone."""
+        low, high = (
+            np.append(self.bounds[name], self.scaled.bounds[name][self._data_rows])
+            for name in ("lbg", "ubg")
+        )
+        return low, high
+
+    @cached_property
+    def data_values(self) -> casadi.Function:
         """Scaled rows that depend on the data alone, ``(p) -> (g)``."""
         import casadi
 
         z, p, _, g = self._values()
         rows = casadi.substitute(g[self._data_rows.tolist()], z, casadi.DM.zeros(*z.shape))
-        return casadi.Function("of_data", [p], [rows])
+        return casadi.Function("of_data", [p], [casadi.densify(rows)])
 
     def stacked(self, z: Any, p: Any) -> Any:
         """Return the scaled columns of the complete program as an expression of z and p."""
@@ -291,6 +320,13 @@ class Point:
         """Plan, with costates if the transcription provides them."""
         formulation, duals = self.posed.formulation, self.posed.duals(self.multipliers[1])
         return formulation.explained(formulation.decode(self.columns), self.columns, duals)
+
+    def descent(self) -> Floats | None:
+        """Return a direction of z along which the objective falls on both sides; None if none is found."""
+        program, duals = self.posed.program, self.posed.duals(self.multipliers[1])
+        with np.errstate(all="ignore"):
+            away = descent_by_curvature(program, self.columns, duals)
+        return None if away is None else (away / program.column_scale)[self.posed.free]
 
     @property
     def u0(self) -> Floats:

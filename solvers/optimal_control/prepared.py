@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.fields import Flag, Optional, Real, show
 from ...models.model import as_model
 from ...models.optimal_control.model import OptimalControlProblem
@@ -25,12 +25,13 @@ from ...models.optimal_control.transcription.base import Transcription
 from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
+from ..nlp.base import AWAY
 from ..nlp.casadi_nlp import CasadiNlp
 from ..nlp.ipopt import PUSHES
 from ..programs.attempts import Ended, solver_tolerance
 from ..programs.casadi_plugins import last_line, status_of, vector
 from .generated import write_step
-from .parametric import Parametric
+from .parametric import Parametric, Point
 from .stages import NotStaged
 from .step import Step
 from .structured import StructuredSolver
@@ -41,6 +42,9 @@ Floats = NDArray[np.float64]
 
 #: Ipopt's barrier parameter at a warm start, and the distance of a warm start from its bounds.
 NEAR = 1e-8
+SADDLE = "yet not a minimum: the objective falls along a direction of negative curvature"
+#: Largest difference of objectives of the same point, relative, and absolute in the objective's scale.
+SAME = 1e-6, 1e-9
 _WARM_IPOPT = {
     "warm_start_init_point": "yes",
     "mu_strategy": "monotone",
@@ -147,51 +151,43 @@ class PreparedSolver:
         """
         begin = time.perf_counter()
         p = self.posed.values(data)
-        start, multipliers = self._start(warm)
-        attempts = [(self._solve_once, start, multipliers)]
+        given, multipliers = self.posed.begin(self._last if warm is True else warm)
+        attempts: list[Any] = [(self._solve_once, given, multipliers)]
         if self.structured is not None and multipliers is not None:
-            attempts.insert(0, (self._solve_structured, start, multipliers))
-        if start is not self.posed.guess:
+            attempts.insert(0, (self.structured.solve, given, multipliers))
+        if given is not self.posed.guess:
             attempts.append((self._solve_once, self.posed.guess, None))
-        iterations = 0
+        iterations, saddle = 0, False
         for solve, start, multipliers in attempts:
-            result = solve(p, start, multipliers)
+            result = self._judged(p, solve(p, start, multipliers))
             iterations += result["iterations"]
-            if result["ok"]:
+            if not result["ok"]:
+                continue
+            away = None
+            if result["method"] != "structured":
+                away = self._descent(p, result, multipliers is None)
+            if away is None:
                 break
+            result.update(ok=False, status=f"{result['status']}, {SADDLE}")
+            if not saddle:
+                sides = (result["z"] + side * away for side in (AWAY, -AWAY))
+                attempts += [(self._solve_once, side, None) for side in sides]
+            saddle = True
         step = Step(
             self.posed,
             p,
             **{**result, "iterations": iterations},
             seconds=time.perf_counter() - begin,
-            warm=start is not self.posed.guess,
+            warm=start is given and given is not self.posed.guess,
         )
         if step.ok:
             self._last = step
         return step
 
-    def _start(self, warm: Any) -> tuple[Floats, tuple[Floats, Floats] | None]:
-        """Return the start z, and its multipliers if known."""
-        if warm is True:
-            warm = self._last
-        if warm is None or warm is False:
-            return self.posed.guess, None
-        if isinstance(warm, Step):
-            if warm.posed is not self.posed:
-                raise InvalidData("warm must be a step of this solver, got another's", field="warm")
-            return warm.z, warm.multipliers
-        if not isinstance(warm, ControlPlan):
-            raise InvalidData(
-                f"warm must be true or false, a step or a plan, got {show(warm)}", field="warm"
-            )
-        parameters = {**warm.parameters, **self.data}
-        plan = ControlPlan(warm.phases, parameters)
-        return self.posed.start(self.posed.formulation.encode(plan)), None
-
     def _solve_once(
         self, p: Floats, start: Floats, multipliers: tuple[Floats, Floats] | None
     ) -> dict[str, Any]:
-        """Run the solver once and return the fields of a step."""
+        """Run the solver once and return its result in the form of the structured method."""
         solver = self.solver if multipliers is None else self._warm
         start_multipliers = {} if multipliers is None else dict(
             zip(("lam_x0", "lam_g0"), multipliers, strict=True)
@@ -213,31 +209,36 @@ class PreparedSolver:
         multipliers = vector(solution["lam_x"]), vector(solution["lam_g"])
         return {
             "status": status, "iterations": count, "z": z, "multipliers": multipliers,
-            "method": self.backend.name, **self._judged(p, float(f), vector(g), success, status),
+            "method": self.backend.name, "success": success, "f": float(f), "g": vector(g),
         }  # fmt: skip
 
-    def _solve_structured(
-        self, p: Floats, start: Floats, multipliers: tuple[Floats, Floats] | None
-    ) -> dict[str, Any]:
-        """Run the structured method once and return the fields of a step."""
-        assert self.structured is not None and multipliers is not None
-        with np.errstate(all="ignore"):  # a start that is far away overflows and does not converge
-            result = self.structured.solve(p, start, multipliers)
+    def _judged(self, p: Floats, result: dict[str, Any]) -> dict[str, Any]:
+        """Replace ``success`` and the scaled objective ``f`` and rows ``g`` by the fields of a step."""
         success, f, g = (result.pop(name) for name in ("success", "f", "g"))
-        return {
-            **result,
-            "method": "structured",
-            **self._judged(p, f, g, success, result["status"]),
-        }
+        result["violation"] = self.posed.breach(g, p)
+        result["ok"] = success and result["violation"] <= self.request.tolerance
+        if success and not result["ok"]:
+            result["status"] += f", yet a row is off by {result['violation']:.1e}"
+        result["objective"] = f * self.posed.program.objective_scale
+        return result
 
-    def _judged(self, p: Floats, f: float, g: Floats, success: bool, status: str) -> dict[str, Any]:
-        """Return the fields of a step that follow from the scaled objective and rows at its point."""
-        violation = self.posed.breach(g, p)
-        ok = success and violation <= self.request.tolerance
-        if success and not ok:
-            status += f", yet a row is off by {violation:.1e}"
-        objective = f * self.posed.program.objective_scale
-        return {"ok": ok, "status": status, "objective": objective, "violation": violation}
+    def _descent(self, p: Floats, result: Mapping[str, Any], cold: bool) -> Floats | None:
+        """Return a direction of z along which the objective of a result falls; None if none is found.
+
+        Ipopt also stops at saddle points and maxima. Without the structure, only searches without
+        multipliers are tested, because the test costs as much as a warm search.
+        """
+        point = Point(self.posed, p, result["z"], result["multipliers"])
+        if self.structured is not None:
+            other = self._judged(p, self.structured.solve(p, point.z, point.multipliers))
+            allowed = max(
+                SAME[0] * abs(result["objective"]), SAME[1] * self.posed.program.objective_scale
+            )
+            if other["ok"] and abs(other["objective"] - result["objective"]) <= allowed:
+                return None
+        elif not cold:
+            return None
+        return point.descent()
 
     def generate(self, path: str | os.PathLike[str]) -> Path:
         """Write the step as self-contained C code, with a function named after the file.

@@ -19,7 +19,9 @@ class Step(Point):
     Attributes
     ----------
     ok : bool
-        Whether the solver reports a local optimum, and the rows hold there.
+        Whether the solver reports a local optimum, the rows hold there, and no direction of negative
+        curvature was found. Without the structure of the intervals, steps from an earlier step are not
+        tested for such directions.
     status : str
         Status reported by the solver.
     objective : float

@@ -102,6 +102,7 @@ class StructuredSolver:
         self._evaluate()
         return self._results
 
+    @np.errstate(all="ignore")  # a start that is far away overflows and does not converge
     def solve(self, p: Floats, z: Floats, multipliers: tuple[Floats, Floats]) -> dict[str, Any]:
         """Search from a point.
 
@@ -142,7 +143,8 @@ class StructuredSolver:
                 status = "Invalid_Number_Detected"
                 break
             is_accurate = abs(duals @ residual) <= max(ACCURATE * abs(f[0]), ROUNDED)
-            if error <= self.tolerance and is_accurate and convex == 0.0:
+            # The curvature is known after the first step.
+            if error <= self.tolerance and is_accurate and convex == 0.0 and number > 0:
                 status, success = "Solve_Succeeded", True
                 break
             if number == MOST:
@@ -179,7 +181,7 @@ class StructuredSolver:
             zeta = np.maximum(push - SIDES * ratio * step, LEFT * zeta)
             v = (v + step).clip(low + LEFT * gap[0], high - LEFT * gap[1])
         return {
-            "success": success, "status": status, "iterations": number,
+            "method": "structured", "success": success, "status": status, "iterations": number,
             "z": v[:count].copy(), "multipliers": ((zeta[1] - zeta[0])[:count], duals),
             "f": float(f[0]), "g": g.copy(),
         }  # fmt: skip

@@ -58,6 +58,24 @@ def test_a_step_without_a_solution_reports_it(tmp_path):
     assert float(found["violation"]) > 1e-3
 
 
+def test_a_step_reports_data_that_break_a_row_or_are_no_numbers():
+    from crosstrack.solvers.optimal_control.generated import step_function
+
+    problem = brake()
+    area = problem.data("area", value=1.0)
+    problem.subject_to(casadi.sqrt(area) <= 2.0, name="range of the data")
+    solver = ct.prepare(problem, intervals=3, degree=3, backend="sqpmethod")
+    step = step_function(solver.posed, solver.solver)
+    start = {"x0": [1, 0], "weight": 0.1, "z": solver.posed.guess, "lam_x": 0, "lam_g": 0}
+    for value, violation in ((1, 0.0), (9, 1.0), (np.nan, np.inf), (-1, np.inf)):
+        found = float(step(area=value, **start)["violation"])
+        scale = solver.posed.program.row_scale[solver.posed._data_rows[0]]
+        assert found == pytest.approx(violation / scale, abs=1e-6)
+    assert solver(area=1).ok
+    assert not solver(area=9).ok
+    assert not solver(area=-1).ok
+
+
 def test_rejects_functions_without_c_code(tmp_path):
     with pytest.raises(UnsupportedOption, match="backend 'sqpmethod' with its option"):
         ct.prepare(brake(), intervals=2, degree=2).generate(tmp_path / "step.c")

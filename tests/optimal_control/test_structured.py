@@ -144,6 +144,37 @@ def test_a_saddle_point_is_not_a_step():
     assert not result["success"] or result["f"] < -0.5
 
 
+def hill(pair):
+    """Return a problem whose guess is a maximum, with one phase or with two linked phases."""
+    problem = OptimalControlProblem("hill")
+    x0 = problem.data("x0", value=0.0)
+    phases = [problem.phase(f"p{k}", time=(k, k + 1)) for k in range(1 + pair)]
+    for number, phase in enumerate(phases):
+        x, u = phase.state("x", initial=None if number else x0), phase.control("u")
+        phase.dynamics({x: u})
+    if pair:
+        problem.link(*phases)
+    end = phases[-1].final(x)
+    energy = sum(phase.integral(phase.symbols["u"] ** 2) for phase in phases)
+    problem.minimise(0.1 * energy - end**2 + end**4)
+    return problem
+
+
+@pytest.mark.parametrize("pair", [False, True])
+@pytest.mark.parametrize("structured", [None, False])
+def test_a_maximum_is_left_for_a_minimum(pair, structured):
+    """Ipopt stops at its guess, a maximum along u, because it is stationary."""
+    solver = ct.prepare(hill(pair), intervals=3, degree=3, structured=structured)
+    least = -((1 - 0.1 / (1 + pair)) ** 2) / 4
+    first = solver()
+    assert (first.ok, first.warm) == (True, False)
+    assert first.objective == pytest.approx(least, abs=1e-6)
+    zero = np.zeros(first.z.size), np.zeros(first.multipliers[1].size)
+    if solver.structured is not None:
+        assert not solver.structured.solve(np.zeros(1), 0.0 * first.z, zero)["success"]
+    assert solver(warm=True).objective == pytest.approx(least, abs=1e-6)
+
+
 @pytest.mark.parametrize("case", list(CASES))
 def test_another_right_hand_side_is_solved_with_the_known_factors(case):
     make, _, _ = CASES[case]
