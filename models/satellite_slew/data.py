@@ -17,6 +17,8 @@ from ..model import Model
 from ..optimal_control.plan import ControlPlan
 from ..records import Member
 from .gyros import (
+    FEWEST,
+    MOST,
     Gyros,
     gyro_coefficients,
     momentum_capacity,
@@ -31,9 +33,6 @@ Floats = NDArray[np.float64]
 
 #: Largest difference of a quaternion's length from 1 that is accepted and normalised.
 LENGTH = 1e-6
-#: Fewest and most gyros: two cannot produce torques in all directions, and the guess enumerates gimbal
-#: angles.
-FEWEST, MOST = 3, 8
 #: Largest mismatch of momenta that is attributed to rounded gimbal angles, in units of one wheel's.
 MOMENTUM = 1e-8
 
@@ -205,10 +204,11 @@ class SlewData(Model[ControlPlan]):
         along = self.final_momentum / max(self.momentum * needed, np.finfo(float).tiny)
         capacity = momentum_capacity(self.gyros, along)
         if needed > capacity * (1.0 + LENGTH):
+            name = "initial_rate" if self.final_rate is None else "final_rate"
             raise InvalidData(
-                f"final_rate needs a momentum of {self.momentum * needed:.6g} N m s in the gyros, which "
-                f"hold at most {self.momentum * capacity:.6g} N m s in its direction",
-                field="final_rate",
+                f"{name} needs a momentum of {self.momentum * needed:.6g} N m s in the gyros at the end, "
+                f"which hold at most {self.momentum * capacity:.6g} N m s in its direction",
+                field=name,
             )
         if self.final_gimbals is not None:
             direction = momentum_direction(self.final_gimbals, self.gyros)

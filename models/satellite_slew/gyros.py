@@ -22,6 +22,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..fields import Real, Whole
+
 __all__ = [
     "Gyros",
     "as_coefficients",
@@ -37,6 +39,9 @@ Floats = NDArray[np.float64]
 #: Gyros as the skew angle of the pyramid of four, rad, or as the coefficients of the sines and of the
 #: cosines in A_s·1, each of shape (3, gyros).
 Gyros: TypeAlias = float | tuple[Floats, Floats]
+#: Fewest and most gyros: two cannot produce torques in all directions, and the guess enumerates gimbal
+#: angles.
+FEWEST, MOST = 3, 8
 
 
 def pyramid_axes(count: int, skew: float) -> Floats:
@@ -53,7 +58,13 @@ def pyramid_axes(count: int, skew: float) -> Floats:
     -------
     ndarray, shape (count, 3)
         Unit vectors in body axes, the first in the plane of x and z.
+
+    Raises
+    ------
+    InvalidData
+        `count` is not a whole number from 3 to 8, or `skew` is not a finite number.
     """
+    count, skew = Whole(FEWEST, MOST).coerce("count", count, {}), Real().coerce("skew", skew, {})
     around, beta = 2.0 * np.pi * np.arange(count) / count, np.deg2rad(skew)
     flat = np.column_stack([np.cos(around), np.sin(around)])
     return np.column_stack([np.sin(beta) * flat, np.full(count, np.cos(beta))])

@@ -221,7 +221,11 @@ def test_steering_laws_refuse_moving_ends_by_name():
         ({"final_rate": [0, 0.01, 0]}, "would not have final_rate; None leaves them free"),
         (
             {"final_rate": [0.12, 0, 0], "momentum": 5.0, "final_gimbals": None},
-            "final_rate needs a momentum of 27.36 N m s in the gyros, which hold at most",
+            "final_rate needs a momentum of 27.36 N m s in the gyros at the end, which hold at most",
+        ),
+        (
+            {"initial_rate": [0.12, 0, 0], "momentum": 5.0, "final_gimbals": None},
+            "initial_rate needs a momentum of 27.36 N m s in the gyros at the end",
         ),
         ({"final_rate": [0, 0]}, "final_rate must have shape"),
     ],
@@ -229,3 +233,12 @@ def test_steering_laws_refuse_moving_ends_by_name():
 def test_bad_data_is_named(change, words):
     with pytest.raises(InvalidData, match=words):
         SatelliteSlew(**change)
+
+
+@pytest.mark.parametrize(
+    ("count", "skew", "words"),
+    [(2, 54.73, "count must be >= 3"), (4.5, 54.73, "count must be"), (4, np.nan, "skew must be")],
+)
+def test_a_pyramid_names_its_bad_arguments(count, skew, words):
+    with pytest.raises(InvalidData, match=words):
+        pyramid_axes(count, skew)
