@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..fields import Whole
-from .definition import Definition
+from .definition import Definition, Phase
 from .plan import ControlPlan
 from .sampling import Course, courses, endpoint
 
@@ -168,9 +168,10 @@ def minimum_principle(
         known = any(part.plan.costates is not None for part in phases)
         weights = _weights(definition, phases) if known else np.zeros(0)
         for course in phases:
-            end += course.phase.end_size
+            phase = course.phase
+            end += phase.end_size
             if course.plan.costates is not None and course.plan.controls.size:
-                running = weights[end - course.phase.integrals : end]
+                running = _of_integrals(phase, weights[:end])
                 reports.append(_minimum(course, running, number, rng))
     return tuple(reports)
 
@@ -269,8 +270,7 @@ def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Float
             continue
         values = course.dense_values
         multipliers = costates.at(course.dense.interval, course.dense.tau)
-        last = end - len(phase.instants) * len(phase.state_names)
-        running = weights[last - phase.integrals : last] * values["integrand"]
+        running = _of_integrals(phase, weights[:end]) * values["integrand"]
         yield np.concatenate([multipliers * values["rate"], running], axis=1)
 
 
@@ -316,6 +316,12 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
             vanishing=is_free and not any(depends),
             required_end=0.0 - float(slope) if is_free and not depends[1] else None,
         )
+
+
+def _of_integrals(phase: Phase, weights: Floats) -> Floats:
+    """Return the weights of the integrals of a phase, from the endpoint vector up to its end."""
+    last = weights.size - len(phase.instants) * len(phase.state_names)
+    return weights[last - phase.integrals : last]
 
 
 def _weights(definition: Definition, phases: tuple[Course, ...]) -> Floats:

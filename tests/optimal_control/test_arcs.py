@@ -159,6 +159,17 @@ def test_the_hamiltonian_of_an_optimum_meets_its_conditions():
         assert least.relative < 1e-4 and least.samples == 64
 
 
+def test_an_interior_instant_keeps_the_weights_of_the_minimum_principle():
+    ocp = OptimalControlProblem("instant")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", initial=0), phase.control("u", lower=-3, upper=3)
+    phase.dynamics({x: u})
+    ocp.minimise(phase.integral(u**2) + (phase.at(0.5, x) - 1) ** 2)
+    model = ocp.build()
+    (least,) = minimum_principle(model, ct.solve(model, seed=0).plan)
+    assert least.relative < 1e-4
+
+
 def test_another_control_violates_the_minimum_principle():
     model, plan = solved("double-integrator")
     part = plan.phases[0]
