@@ -84,7 +84,7 @@ def _phase(phase: Phase, data: Any) -> PhasePlan:
     for items in (phase.states, phase.controls):
         tables = [np.zeros((times.size, 0))]
         for item in items:
-            table = np.asarray(data[item.name])
+            table = Array(())._numbers(item.name, data[item.name])
             if item.size == 1 and table.ndim == 1:
                 table = table[:, None]
             if items is phase.controls and len(np.atleast_1d(table)) == times.size - 1:

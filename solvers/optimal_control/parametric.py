@@ -136,7 +136,7 @@ class Parametric:
         return np.clip(z, self.bounds["lbx"], self.bounds["ubx"])
 
     def begin(self, warm: Any) -> tuple[Floats, tuple[Floats, Floats] | None]:
-        """Return the z of a step or plan, or the guess by default, with its multipliers if known.
+        """Return the z of a step, plan or samples, or the guess by default, with its multipliers if known.
 
         Raises
         ------
@@ -149,11 +149,15 @@ class Parametric:
             if warm.posed is not self:
                 raise InvalidData("warm must be a step of this solver, got another's", field="warm")
             return warm.z, warm.multipliers
-        if not isinstance(warm, ControlPlan):
+        plan = getattr(warm, "plan", warm)
+        if not isinstance(plan, ControlPlan | Mapping):
             raise InvalidData(
-                f"warm must be true or false, a step or a plan, got {show(warm)}", field="warm"
+                "warm must be true or false, a step, a plan or a solution with one, or samples, got "
+                f"{show(warm)}",
+                field="warm",
             )
-        plan = ControlPlan(warm.phases, {**warm.parameters, **self.named(self.declared)})
+        plan = self.model.as_plan(plan)
+        plan = ControlPlan(plan.phases, {**plan.parameters, **self.named(self.declared)})
         return self.start(self.formulation.encode(plan)), None
 
     def columns(self, z: Floats, p: Floats) -> Floats:

@@ -126,15 +126,15 @@ class PreparedSolver:
         """Values of the data that a call uses by default."""
         return self.posed.named(self.posed.declared)
 
-    def __call__(self, *, warm: bool | Step | ControlPlan = False, **data: Any) -> Step:
+    def __call__(self, *, warm: Any = False, **data: Any) -> Step:
         """Solve the problem for the given data.
 
         Parameters
         ----------
-        warm : bool, Step or ControlPlan
+        warm : bool, Step, ControlPlan, Solution or mapping
             True starts from the last successful step, or from the guess if there was none. A step of
-            this solver, or the states and controls of a plan, can be given instead. A search that fails
-            is repeated from the guess. By default the search starts from the guess.
+            this solver, or the states and controls of a plan or of samples, can be given instead. A
+            search that fails is repeated from the guess. By default the search starts from the guess.
         **data : array_like
             Values of data by name; others have their declared values.
 

@@ -79,7 +79,8 @@ def test_samples_per_phase_and_of_parameters():
         ({"x": np.zeros((21, 3))}, "x", "has 3 entries where the declaration has 4"),
         ({"x": np.full((21, 4), np.nan)}, "x", "must be finite"),
         ({"force": 3.0}, "force", "must have shape"),
-        ({"force": "a"}, "force", "must be a number"),
+        ({"force": "a"}, "force", "force must be an array of numbers"),
+        ({"x": [[0, 0], [1, 2, 3]]}, "x", "x must"),
         ({"time": TIMES[::-1]}, "time", "at least 2 samples that increase"),
         ({"parameters": {"z": 1}}, "parameters", r"must be \['x0'\]"),
         ({"parameters": 3}, "parameters", "must be a mapping"),
@@ -90,6 +91,18 @@ def test_bad_samples_are_named(change, field, words):
     with pytest.raises(InvalidData, match=words) as caught:
         ct.solve(cart_pole(), warm_start=data)
     assert caught.value.field == field
+
+
+def test_samples_and_solutions_start_prepared_steps():
+    solver = ct.prepare(cart_pole(), intervals=5, degree=4, structured=False)
+    best = ct.solve(cart_pole(), **OPTIONS)
+    cold = solver()
+    for start in (samples(), best, best.plan):
+        step = solver(warm=start)
+        assert (step.ok, step.warm) == (True, True)
+        assert step.objective == pytest.approx(cold.objective, rel=1e-6)
+    with pytest.raises(InvalidData, match="x has 20 entries where time has 21"):
+        solver(warm={**samples(), "x": np.zeros((20, 4))})
 
 
 # -- export ------------------------------------------------------------------------------------------
