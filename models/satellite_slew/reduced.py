@@ -196,6 +196,11 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         full = problem.formulate("gauss").started(seed)
         return self.guessed(full.decode(full.program.guess))
 
+    def coarse(self) -> Self | None:
+        """Return the formulation on a coarse mesh for a comparison of starts; None without refinement."""
+        coarse = self.inner.coarse()
+        return None if coarse is None else self._with(coarse)
+
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`."""
         return self._with(self.inner.guessed(self._narrowed(plan)))

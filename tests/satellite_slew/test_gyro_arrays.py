@@ -166,6 +166,13 @@ def test_the_full_program_has_the_same_optimum():
     assert values[0] == pytest.approx(values[1], rel=1e-3)
 
 
+def test_a_better_optimum_than_that_of_the_guess_is_found():
+    """The guess leads to 5.525 s."""
+    best = ct.solve(ct.load("satellite-slew/skew-30"), tolerance=1e-3)
+    assert best.statistics["second look"] == "better"
+    assert best.primal_bound < 5.473
+
+
 def test_limits_are_verified_with_many_gyros_and_moving_ends():
     model = SatelliteSlew(
         final_attitude=[1, 0, 0, 0], gimbal_axes=FIVE, initial_rate=[0, 0, 0.01], final_gimbals=None
