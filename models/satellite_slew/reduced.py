@@ -192,9 +192,17 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
 
         Starts drawn in σ led to worse optima: 5.72 instead of 5.47 s on ``satellite-slew/skew-30``.
         """
+        return self.guessed(self._drawn(seed))
+
+    def draw(self, seed: int) -> Floats:
+        """Return the random start of :meth:`started` on the current mesh, without building a program."""
+        return self.encode(self._drawn(seed))
+
+    def _drawn(self, seed: int) -> ControlPlan:
         problem: Any = self.model.lower()
         full = problem.formulate("gauss").started(seed)
-        return self.guessed(full.decode(full.program.guess))
+        plan: ControlPlan = full._start
+        return plan
 
     def coarse(self) -> Self | None:
         """Return the formulation on a coarse mesh for a comparison of starts; None without refinement."""
