@@ -13,6 +13,9 @@ from .parametric import Parametric
 
 __all__ = ["step_function", "write_step"]
 
+#: Names of the results of a step and of its start.
+IO = ("u", "objective", "violation", "z", "lam_x", "lam_g")
+
 
 def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
     """Return a step as a function that CasADi can evaluate, map and write as C.
@@ -83,6 +86,12 @@ def write_step(posed: Parametric, solver: Any, path: str | os.PathLike[str]) -> 
             f"the file's stem names the function in C, which cannot be {name!r}: take letters and "
             "digits, such as 'step.c'",
             field="path",
+        )
+    taken = posed.data.keys() & {*IO, *(f"{key}_out" for key in IO[3:])}
+    if taken:
+        raise UnsupportedFormulation(
+            f"no C code can be written: data {', '.join(map(repr, sorted(taken)))} have names of inputs or "
+            "outputs of the step: rename them"
         )
     start = casadi.Function(f"{name}_start", [], [casadi.DM(posed.guess)], [], ["z"])
     try:

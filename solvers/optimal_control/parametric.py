@@ -69,6 +69,11 @@ class Parametric:
         layout = formulation.layout
         parameters = layout.definition.parameters
         self.data = {item.name: item for item in parameters if item.given}
+        if "warm" in self.data:
+            raise InvalidData(
+                "data 'warm' cannot be passed to a prepared solver, whose option has this name: rename it",
+                field="warm",
+            )
         sizes = [item.size for item in parameters]
         self.given = layout.parameter_columns[np.repeat([p.given for p in parameters], sizes) > 0]
         self.declared = program.column_lower[self.given]

@@ -126,7 +126,7 @@ class PreparedSolver:
         """Values of the data that a call uses by default."""
         return self.posed.named(self.posed.declared)
 
-    def __call__(self, *, warm: Any = False, **data: Any) -> Step:
+    def __call__(self, /, *, warm: Any = False, **data: Any) -> Step:
         """Solve the problem for the given data.
 
         Parameters

@@ -9,7 +9,8 @@ import pytest
 from optimal_control.steered import brake, cart_pole
 
 import crosstrack as ct
-from crosstrack.errors import InvalidData, UnsupportedOption
+from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from crosstrack.models import OptimalControlProblem
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
@@ -74,6 +75,27 @@ def test_a_step_reports_data_that_break_a_row_or_are_no_numbers():
     assert solver(area=1).ok
     assert not solver(area=9).ok
     assert not solver(area=-1).ok
+
+
+def named(name):
+    """Return a problem with data `name`."""
+    problem = OptimalControlProblem("named")
+    start = problem.data(name, value=1.0)
+    phase = problem.phase(time=(0, 1))
+    x, force = phase.state("x", initial=start), phase.control("force")
+    phase.dynamics({x: force})
+    problem.minimise(phase.integral(x**2 + force**2))
+    return problem
+
+
+def test_rejects_data_with_names_of_the_step(tmp_path):
+    options = {"intervals": 2, "degree": 2, "backend": "sqpmethod"}
+    for name in ("u", "z", "lam_g", "lam_x_out"):
+        with pytest.raises(UnsupportedFormulation, match=f"data '{name}' have names of inputs"):
+            ct.prepare(named(name), **options).generate(tmp_path / "step.c")
+    with pytest.raises(InvalidData, match="data 'warm' cannot be passed"):
+        ct.prepare(named("warm"), **options)
+    assert ct.prepare(named("self"), **options)(self=2.0).ok
 
 
 def test_rejects_functions_without_c_code(tmp_path):
