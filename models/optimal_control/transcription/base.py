@@ -16,7 +16,7 @@ from ...formulation import Formulation
 from ...programs.base import Program
 from ...programs.nonlinear import NonlinearProgram
 from ..convexity import is_convex
-from ..definition import Phase
+from ..definition import Phase, entry_slices
 from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
 from ..plan import ControlPlan, PhasePlan, Piecewise
@@ -25,7 +25,7 @@ from ..sizes import Sizes, sizes_at
 from .assembly import Assembly, functions_of
 from .dependence import dependences, drop_dependent
 from .layout import Layout, layout_of
-from .mesh import DEGREE, UNIFORM, Mesh, even, read_mesh
+from .mesh import DEGREE, UNIFORM, Mesh, even, mesh_of, read_meshes
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
 from .starts import coarse_mesh, draw_flight, draw_start
@@ -100,12 +100,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Return the collocation scheme of an interval with `count` nodes."""
 
     def __post_init__(self) -> None:
-        for name, most in (
-            ("intervals", 10_000),
-            ("degree", 400),
-            ("rounds", 1000),
-            ("most_nodes", 10**7),
-        ):
+        limits = {"intervals": 10_000, "degree": 400, "rounds": 1000, "most_nodes": 10**7}
+        for name, most in limits.items():
             value = getattr(self, name)
             is_whole = isinstance(value, int) and not isinstance(value, bool)
             self._require(name, is_whole and 1 <= value <= most, f"a whole number from 1 to {most}")
@@ -123,21 +119,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             )
 
     def _first_meshes(self) -> tuple[Mesh, ...]:
-        phases = self.model.definition.phases
-        degree = self.degree
+        phases, degree = self.model.definition.phases, self.degree
         if self.mesh is None:
             return tuple(even(self.intervals, degree, self._knots(phase)) for phase in phases)
-        nested = isinstance(self.mesh, list | tuple) and any(
-            isinstance(item, Mesh) or np.ndim(item) == 1 for item in self.mesh
-        )
-        if not nested:
-            return tuple(read_mesh(self.mesh, degree) for _ in phases)
-        if len(self.mesh) != len(phases):
-            raise UnsupportedOption(
-                f"formulation {self.name!r}: option 'mesh' has {len(self.mesh)} lists for "
-                f"{len(phases)} phases"
-            )
-        return tuple(read_mesh(item, degree) for item in self.mesh)
+        return read_meshes(self.mesh, degree, len(phases))
 
     def _knots(self, phase: Phase) -> tuple[float, ...]:
         """Return the interior instants of a phase, at which intervals of the first mesh end.
@@ -195,10 +180,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Sizes of all quantities along the plan of the previous mesh, at first along the guess."""
         guessed = self._history is None
         plan = self.decode(self._guess()) if self._history is None else self._history.plan
-        definition = self.model.definition
         with np.errstate(all="ignore"):
-            phases = courses(definition, plan)
-            return sizes_at(definition, phases, endpoint(phases), guessed=guessed)
+            phases = courses(self.model.definition, plan)
+            return sizes_at(self.model.definition, phases, endpoint(phases), guessed=guessed)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -237,8 +221,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Return the values of a phase's node functions at every visit, shape (entries, visits)."""
         layout, argument_columns = self.layout.phases[number], self.layout.visit_columns(number)
         function = functions_of(self.model.definition).nodes[number].value.map(layout.visits)
-        values: Floats = np.array(function(columns[argument_columns], layout.visit_places), float)
-        return values
+        return np.array(function(columns[argument_columns], layout.visit_places), float)
 
     # -- plans -----------------------------------------------------------------------------------
 
@@ -278,10 +261,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     @property
     def _parameters(self) -> dict[str, Whole]:
         """Columns of each parameter by name."""
-        parameters = self.model.definition.parameters
-        ends = np.cumsum([quantity.size for quantity in parameters])
-        parts = np.split(self.layout.parameter_columns, ends[:-1])
-        return {item.name: part for item, part in zip(parameters, parts, strict=False)}
+        columns, items = self.layout.parameter_columns, self.model.definition.parameters
+        return {item.name: columns[places] for item, places in entry_slices(items)}
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the plan with the polynomials that the columns represent."""
@@ -392,14 +373,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if other is None or not self.refine:
             return None
         transcription = other(self.model, dependent=self.dependent, most_nodes=self.most_nodes)
-        fixed = other.rules.fixed_degree
-        meshes = self._meshes
+        meshes, fixed = self._meshes, other.rules.fixed_degree
         if fixed is not None:
-            meshes = tuple(
-                Mesh(mesh.fractions, np.full(mesh.intervals, fixed), mesh.calm) for mesh in meshes
-            )
-        plan = self.decode(point)
-        return transcription._with(_meshes=meshes, _start=plan, _history=None)
+            meshes = tuple(mesh.with_degree(fixed) for mesh in meshes)
+        return transcription._with(_meshes=meshes, _start=self.decode(point), _history=None)
 
     def compared(
         self, point: Floats, objective: float, tolerance: float, better: ControlPlan | None = None
@@ -421,9 +398,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         finding = Finding(meshes, np.nan, words, errors=errors)
         finding = finding.limited(len(self._rows), self.rounds, self.most_nodes)
         rows = (*self._rows[:-1], {**self._rows[-1], "then": finding.words})
-        if better is not None:
-            return self._following(finding, better, objective, rows)
-        return self._following(finding, self.decode(point), current, rows)
+        plan, value = (self.decode(point), current) if better is None else (better, objective)
+        return self._following(finding, plan, value, rows)
 
     def alternatives(self) -> Iterator[tuple[str, Transcription]]:
         """Yield labels and uniform meshes of the scheme that confirms this one, if its degree is variable."""
@@ -461,18 +437,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def fitted(self, plan: ControlPlan) -> Self:
         """Return the formulation on the plan's mesh, if the scheme supports its degrees."""
-        meshes = []
-        for part in plan.phases:
-            knots = part.states.knots
-            fractions = (knots - knots[0]) / (knots[-1] - knots[0])
-            fractions[-1] = 1.0
-            source = part.controls if part.controls.size else part.states
-            degrees = np.array([nodes.size for nodes in source.nodes])
-            fixed = self.rules.fixed_degree
-            if fixed is not None and (degrees != fixed).any():
-                return self
-            meshes.append(Mesh(fractions, degrees))
-        return self._with(_meshes=tuple(meshes))
+        meshes, fixed = tuple(map(mesh_of, plan.phases)), self.rules.fixed_degree
+        if fixed is not None and any((mesh.degrees != fixed).any() for mesh in meshes):
+            return self
+        return self._with(_meshes=meshes)
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a random start: the guess with waves drawn by `seed`."""
@@ -525,9 +493,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             result["objective_change"] = relative_change(
                 self.sizes.objective, objective, self._history.objective
             )
-        if all(part.costates is not None for part in plan.phases):
-            reports = hamiltonian_spread(self.model, plan)
-            spreads = [report.relative for report in reports if report.autonomous]
-            if spreads:
-                result["hamiltonian_spread"] = max(spreads)
+        reports = hamiltonian_spread(self.model, plan)
+        spreads = [report.relative for report in reports if report.autonomous]
+        if spreads and len(reports) == len(plan.phases):
+            result["hamiltonian_spread"] = max(spreads)
         return result

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ....errors import UnsupportedOption
 from ...fields import frozen, show
+from ..plan import PhasePlan
 
 __all__ = ["DEGREE", "UNIFORM", "Mesh", "even"]
 
@@ -99,6 +100,10 @@ class Mesh:
         fractions = np.sort(np.concatenate([self.fractions, middle[chosen]]))
         return Mesh(fractions, np.repeat(self.degrees, parts), np.repeat(quiet, parts))
 
+    def with_degree(self, degree: int) -> Mesh:
+        """Return the mesh with `degree` nodes on every interval."""
+        return Mesh(self.fractions, np.full(self.intervals, degree), self.calm)
+
     @property
     def calm_rows(self) -> NDArray[np.int64]:
         """Number of Legendre coefficients of a control that vanish, per interval."""
@@ -118,6 +123,15 @@ def even(intervals: int, degree: int, knots: Sequence[float] = ()) -> Mesh:
     return Mesh(fractions, np.full(fractions.size - 1, degree))
 
 
+def mesh_of(part: PhasePlan) -> Mesh:
+    """Return the mesh of a plan of one phase."""
+    knots = part.states.knots
+    fractions = (knots - knots[0]) / (knots[-1] - knots[0])
+    fractions[-1] = 1.0
+    source = part.controls if part.controls.size else part.states
+    return Mesh(fractions, np.array([nodes.size for nodes in source.nodes]))
+
+
 def read_mesh(mesh: Any, degree: int) -> Mesh:
     """Return a mesh from the fractions given by the user, with `degree` nodes per interval."""
     if isinstance(mesh, Mesh):
@@ -129,3 +143,15 @@ def read_mesh(mesh: Any, degree: int) -> Mesh:
     except (TypeError, ValueError):
         raise UnsupportedOption(f"mesh must be fractions from 0 to 1, got {show(mesh)}") from None
     return Mesh(fractions, np.full(max(fractions.size - 1, 0), degree))
+
+
+def read_meshes(meshes: Any, degree: int, phases: int) -> tuple[Mesh, ...]:
+    """Return one mesh per phase from fractions for all phases, or from one list of them per phase."""
+    nested = isinstance(meshes, list | tuple) and any(
+        isinstance(item, Mesh) or np.ndim(item) == 1 for item in meshes
+    )
+    if not nested:
+        return (read_mesh(meshes, degree),) * phases
+    if len(meshes) != phases:
+        raise UnsupportedOption(f"option 'mesh' has {len(meshes)} lists for {phases} phases")
+    return tuple(read_mesh(item, degree) for item in meshes)
