@@ -191,7 +191,9 @@ def stirred_tank(ocp):
     ocp.minimise(phase.integral(x**2 + y**2 + 0.1 * u**2))
 
 
-@_unseen(-21.8245, "Jensen 1964, Bojkov et al. 1993; value: Radau on 60 to 300 intervals agrees", 1e-5)
+@_unseen(
+    -21.8245, "Jensen 1964, Bojkov et al. 1993; value: Radau on 60 to 300 intervals agrees", 1e-5
+)
 def stirred_tank_eight(ocp):
     phase = ocp.phase(time=(0, 0.2))
     begin = [0.1883, 0.2507, 0.0467, 0.0899, 0.1804, 0.1394, 0.1046, 0]
