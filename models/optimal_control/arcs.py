@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..fields import Real
+from .algebraic import algebraic_entries
 from .definition import Phase, entry_names, entry_slices
 from .sampling import Course, courses
 
@@ -68,6 +69,8 @@ class Arc:
 def structure(problem: Any, plan: Any, *, tolerance: float = 1e-4) -> tuple[Arc, ...]:
     """Return the arcs of all controls and of the active constraints, in the order of names and times.
 
+    A bound of an algebraic variable is a constraint.
+
     Parameters
     ----------
     problem : OptimalControlProblem or Definition
@@ -100,17 +103,23 @@ def structure(problem: Any, plan: Any, *, tolerance: float = 1e-4) -> tuple[Arc,
 
 
 def _affine(phase: Phase) -> NDArray[np.bool_]:
-    """Return the controls that rates and integrands are affine in, each for fixed other ones."""
+    """Return the controls that rates and integrands are affine in, each for fixed other ones.
+
+    Algebraic variables follow a control, so their equations must be affine in both.
+    """
     function = phase.function
     kind: Any = casadi.SX if function.is_a("SXFunction") else casadi.MX
     symbols = [kind.sym(name, function.size1_in(name)) for name in function.name_in()]
     u = symbols[function.index_in("u")]
     parts = function.call(symbols)
-    value = casadi.vertcat(parts[0], parts[2])
+    following, equations = algebraic_entries(phase.controls), algebraic_entries(phase.paths)
+    value = casadi.vertcat(parts[0], parts[1][equations.tolist()], parts[2])
     slopes = casadi.jacobian(value, u)
-    return np.array(
-        [not casadi.depends_on(slopes[:, k], u[k]) for k in range(u.numel())], dtype=bool
-    )
+    result = np.zeros(u.numel(), dtype=bool)
+    for k in range(u.numel()):
+        places = sorted({k, *following.tolist()})
+        result[k] = not casadi.depends_on(slopes[:, places], u[places])
+    return result
 
 
 class _Stretches:
@@ -126,15 +135,15 @@ class _Stretches:
         }  # fmt: skip
         self.times = self.at.times
 
-    def _bounds(self, what: str) -> Iterator[tuple[str, Floats, float, float, float]]:
-        """Yield name, values, bounds and size of each entry."""
+    def _bounds(self, what: str) -> Iterator[tuple[str, Floats, float, float, float, bool]]:
+        """Yield name, values, bounds and size of each entry, and whether it is algebraic."""
         names = {"states": "states", "controls": "controls", "paths": "path"}
         sizes = getattr(self.course.sizes, what)
         for item, places in entry_slices(getattr(self.course.phase, what)):
             for k, name in enumerate(entry_names([item])):
                 entry = places.start + k
                 values = self.values[names[what]][:, entry]
-                yield name, values, item.lower[k], item.upper[k], sizes[entry]
+                yield name, values, item.lower[k], item.upper[k], sizes[entry], item.algebraic
 
     def _runs(self, distance: Floats) -> Iterator[tuple[int, int, float, float, float]]:
         """Yield first and last grid point, start, end and error of the stretches with distance 0."""
@@ -171,9 +180,9 @@ class _Stretches:
     def constraints(self) -> Iterator[Arc]:
         """Yield the arcs and touches of bounds of states and of path constraints."""
         phase = self.course.plan
-        for what in ("states", "paths"):
-            for name, values, low, high, size in self._bounds(what):
-                if low == high:
+        for what in ("states", "paths", "controls"):
+            for name, values, low, high, size, algebraic in self._bounds(what):
+                if low == high or (what == "controls" and not algebraic):
                     continue
                 for side, bound, sign in (("lower", low, 1.0), ("upper", high, -1.0)):
                     if not np.isfinite(bound):
@@ -194,9 +203,10 @@ class _Stretches:
         phase = self.course.plan
         active = [arc for arc in constraints if arc.kind.startswith("active")]
         ends = [time for arc in active for time in (arc.start, arc.end)]
-        for affine, bounds in zip(
-            _affine(self.course.phase), self._bounds("controls"), strict=True
-        ):
+        affines = _affine(self.course.phase)
+        for affine, (*bounds, algebraic) in zip(affines, self._bounds("controls"), strict=True):
+            if algebraic:
+                continue
             for kind, start, end, error in self._jumps(*bounds) if affine else self._bends(*bounds):
                 free = affine and not kind
                 margin = max(error, SHORT * phase.duration)

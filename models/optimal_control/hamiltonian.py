@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..fields import Whole
-from .definition import Definition, Phase
+from .algebraic import algebraic_entries, solved_controls
+from .definition import Definition
 from .plan import ControlPlan
 from .sampling import Course, courses, endpoint
 
@@ -135,7 +136,8 @@ def minimum_principle(
 
     At each node of the controls, H is evaluated for random controls between their bounds. Without bounds
     they are drawn from the range along the plan, extended by its size on both sides. Half of the samples
-    change a single control. Samples that violate a path constraint are ignored. H includes the costates,
+    change a single control. Algebraic variables solve their equations for the sampled controls. Samples that
+    violate a path constraint or a bound of an algebraic variable are ignored. H includes the costates,
     which are inaccurate near jumps of the control and ends of constraint arcs.
 
     Parameters
@@ -162,18 +164,13 @@ def minimum_principle(
     definition: Definition = getattr(problem, "definition", problem)
     number = Whole(1, 100_000).coerce("samples", samples, {})
     rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
-    reports, end = [], 0
     with np.errstate(all="ignore"):
         phases = courses(definition, plan)
-        known = any(part.plan.costates is not None for part in phases)
-        weights = _weights(definition, phases) if known else np.zeros(0)
-        for course in phases:
-            phase = course.phase
-            end += phase.end_size
-            if course.plan.costates is not None and course.plan.controls.size:
-                running = _of_integrals(phase, weights[:end])
-                reports.append(_minimum(course, running, number, rng))
-    return tuple(reports)
+        return tuple(
+            _minimum(course, running, number, rng)
+            for course, running in _running(definition, phases)
+            if course.plan.costates is not None and course.plan.controls.size
+        )
 
 
 def _minimum(
@@ -181,7 +178,8 @@ def _minimum(
 ) -> MinimumReport:
     plan, phase = course.plan, course.phase
     assert plan.costates is not None
-    counts = [nodes.size for nodes in plan.controls.nodes]
+    counts, solved = [nodes.size for nodes in plan.controls.nodes], solved_controls(phase)
+    algebraic = algebraic_entries(phase.controls)
     at = course.at(np.repeat(np.arange(len(counts)), counts), np.concatenate(plan.controls.nodes))
     multipliers = plan.costates.at(at.interval, at.tau)
 
@@ -190,22 +188,30 @@ def _minimum(
 
     low, high = phase.bounds("controls")
     size = course.sizes.controls
-    low = np.where(np.isfinite(low), low, at.controls.min(axis=0) - size)
-    high = np.where(np.isfinite(high), high, at.controls.max(axis=0) + size)
+    edges = (at.controls.min(axis=0) - size, at.controls.max(axis=0) + size)
+    lowest, highest = (
+        np.where(np.isfinite(x), x, y) for x, y in zip((low, high), edges, strict=True)
+    )
     path_low, path_high = phase.bounds("paths")
     slack = MARGIN * np.maximum(course.sizes.paths, 1e-300)
     current = terms(course.values(at))
     best, chosen = np.full(at.times.size, np.inf), at.controls.copy()
     for number in range(samples):
-        controls = rng.uniform(low, high, at.controls.shape)
+        controls = rng.uniform(lowest, highest, at.controls.shape)
         if number % 2:
             single = np.arange(low.size) == number // 2 % low.size
             edge = rng.choice([0.0, 0.5, 1.0], (at.times.size, 1))
-            controls = np.where(edge == 0.5, controls, low + edge * (high - low))
+            controls = np.where(edge == 0.5, controls, lowest + edge * (highest - lowest))
             controls = np.where(single, controls, at.controls)
+        if solved is not None:
+            controls[:, algebraic] = at.controls[:, algebraic]  # the start of Newton's method
+            controls = solved(at.times[None], at.states.T, controls.T, course.parameters).full().T
         values = course.values(at._replace(controls=controls))
         path = values["path"]
         allowed = ((path >= path_low - slack) & (path <= path_high + slack)).all(axis=1)
+        allowed &= ((controls >= low - MARGIN * size) & (controls <= high + MARGIN * size)).all(
+            axis=1
+        )
         level = np.where(allowed, terms(values).sum(axis=1), np.inf)
         better = level < best
         best[better], chosen[better] = level[better], controls[better]
@@ -259,19 +265,24 @@ def _gains(course: Course, level: Floats) -> Floats:
 
 def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Floats | None]:
     """Yield the terms of the Hamiltonian on each phase's dense grid; None without costates."""
-    known = any(part.plan.costates is not None for part in phases)
-    weights = _weights(definition, phases) if known else np.zeros(0)
-    end = 0
-    for course in phases:
-        phase, costates = course.phase, course.plan.costates
-        end += phase.end_size
+    for course, running in _running(definition, phases):
+        costates, values = course.plan.costates, course.dense_values
         if costates is None:
             yield None
             continue
-        values = course.dense_values
         multipliers = costates.at(course.dense.interval, course.dense.tau)
-        running = _of_integrals(phase, weights[:end]) * values["integrand"]
-        yield np.concatenate([multipliers * values["rate"], running], axis=1)
+        yield np.concatenate([multipliers * values["rate"], running * values["integrand"]], axis=1)
+
+
+def _running(definition: Definition, phases: tuple[Course, ...]) -> Iterator[tuple[Course, Floats]]:
+    """Yield each phase with the derivatives of the objective with respect to its integrals."""
+    known = any(course.plan.costates is not None for course in phases)
+    weights = _weights(definition, phases) if known else np.zeros(0)
+    begin = 0
+    for course in phases:
+        first = begin + 2 + 2 * len(course.phase.state_names)
+        yield course, weights[first : first + course.phase.integrals]
+        begin += course.phase.end_size
 
 
 def _autonomous(course: Course) -> bool:
@@ -316,12 +327,6 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
             vanishing=is_free and not any(depends),
             required_end=0.0 - float(slope) if is_free and not depends[1] else None,
         )
-
-
-def _of_integrals(phase: Phase, weights: Floats) -> Floats:
-    """Return the weights of the integrals of a phase, from the endpoint vector up to its end."""
-    last = weights.size - len(phase.instants) * len(phase.state_names)
-    return weights[last - phase.integrals : last]
 
 
 def _weights(definition: Definition, phases: tuple[Course, ...]) -> Floats:

@@ -1,6 +1,7 @@
 """Switching structures with known instants, and the sampled test of the minimum principle."""
 
 import math
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -189,3 +190,46 @@ def test_another_control_violates_the_minimum_principle():
     assert abs(least.better[0]) > 0.8
     with pytest.raises(InvalidData, match="samples must be"):
         minimum_principle(model, plan, samples=0)
+
+
+def measured_motion():
+    """Return a problem whose costates jump at an instant, and whose control acts by an algebraic variable."""
+    ocp = OptimalControlProblem("measured")
+    phase = ocp.phase(time=(0, 2))
+    x, v = phase.state("x", initial=0, final=(0.9, 1.1)), phase.state("v", initial=0)
+    u, force = phase.control("u", lower=-4, upper=4), phase.algebraic("force", upper=0.55)
+    phase.algebraic_equation(force + 0.1 * force**3 == u)
+    phase.dynamics({x: v, v: force - 0.1 * v})
+    ocp.minimise(phase.integral(u**2) + 10 * (phase.at(0.8, x) - 0.2) ** 2)
+    return ocp.build()
+
+
+def test_interior_instants_and_algebraic_variables_keep_the_minimum_principle():
+    model = measured_motion()
+    plan = ct.solve(model, seed=0, isolate=False).plan
+    (least,) = minimum_principle(model, plan)
+    assert abs(least.relative) < 1e-4
+    part = plan.phases[0]
+    double = tuple(2 * table for table in part.costates.values)
+    double = replace(part, costates=replace(part.costates, values=double))
+    # With the wrong costates, another force is better. The sampled controls must carry it along.
+    (least,) = minimum_principle(model, replace(plan, phases=(double,)))
+    assert least.relative > 0.02
+    assert least.better[1] + 0.1 * least.better[1] ** 3 == pytest.approx(least.better[0], abs=1e-7)
+
+
+def test_a_bound_of_an_algebraic_variable_is_a_constraint():
+    model = measured_motion()
+    kinds, times, arcs = arcs_of(model, "force")
+    assert kinds == ["active at upper"] and times[0][1] - times[0][0] > 0.02
+    # The control acts on the rates only by the nonlinear equation.
+    assert {arc.kind for arc in arcs if arc.name == "u"} == {"interior"}
+    linear = OptimalControlProblem("saturated")
+    phase = linear.phase(time=(0, (0.5, 9)))
+    x, v = phase.state("x", initial=0, final=1), phase.state("v", initial=0, final=0)
+    u, force = phase.control("u", lower=-1, upper=1), phase.algebraic("force")
+    phase.algebraic_equation(2 * force == u)
+    phase.dynamics({x: v, v: force})
+    linear.minimise(phase.end)
+    kinds, _, arcs = arcs_of(linear.build(), "u")
+    assert kinds == ["upper", "lower"] and all(arc.name == "u" for arc in arcs)
