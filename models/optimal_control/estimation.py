@@ -121,7 +121,9 @@ def covariance(problem: Any, plan: ControlPlan, residuals: Any) -> Estimate:
         "e": problem.end_symbols(),
         "p": [symbol for _, symbol in problem.parameters.values()],
     }
-    function = compile_function("residuals", arguments, {"r": [expressions]}, problem.explain)
+    function = compile_function(
+        "residuals", arguments, {"residual": [expressions]}, problem.explain
+    )
     transcription = Gauss(model, refine=False).fitted(plan)
     program, layout = transcription.program, transcription.layout
     assert isinstance(program, NonlinearProgram)
@@ -129,7 +131,7 @@ def covariance(problem: Any, plan: ControlPlan, residuals: Any) -> Estimate:
     columns = layout.end_columns
     ends = point[columns[: function.size1_in(0)]], point[layout.parameter_columns]
     values = function(*ends).full()[:, 0]
-    tables = function.factory("slope", ["e", "p"], ["jac:r:e", "jac:r:p"])(*ends)
+    tables = function.factory("slope", ["e", "p"], ["jac:residual:e", "jac:residual:p"])(*ends)
     table = casadi.horzcat(*tables)
     slopes = sp.coo_array(sp.csc_array(table.sparse()))
     shape = (values.size, program.size)

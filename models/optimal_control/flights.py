@@ -21,6 +21,7 @@ from ..fields import Real, Whole, required, show
 from .algebraic import solved_controls
 from .definition import Definition, Phase, entry_names
 from .plan import ControlPlan, PhasePlan
+from .sampling import courses
 
 __all__ = ["FlightLimit", "MonteCarlo", "monte_carlo"]
 
@@ -130,7 +131,7 @@ def monte_carlo(
 
     Parameters
     ----------
-    problem : OptimalControlProblem
+    problem : OptimalControlProblem or Definition
         Problem with data declared by ``ocp.data(…)``.
     plan : ControlPlan
         Plan of the problem; :func:`.scenario_plan` returns one of a plan with scenarios.
@@ -163,8 +164,12 @@ def monte_carlo(
     so shorter violations may be missed. All flights share the controls. Bounds of
     controls and of algebraic variables, which follow the data, are not evaluated.
     """
-    definition = required("problem", getattr(problem, "definition", None), Definition)
-    plan = problem.attach(plan)
+    definition = required("problem", getattr(problem, "definition", problem), Definition)
+    courses(definition, plan)  # raises if the plan does not fit
+    if not isinstance(allowed, Mapping | None):
+        raise InvalidData(
+            f"allowed must be a mapping of names of limits, got {show(allowed)}", field="allowed"
+        )
     count = Whole(1, 1_000_000).coerce("draws", draws, {})
     rng = np.random.default_rng(Whole(0).coerce("seed", seed, {}))
     drawn = _draw(definition, data, rng, count)

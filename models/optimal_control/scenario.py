@@ -158,6 +158,7 @@ def scenario_plan(problem: Any, plan: ControlPlan, scenario: str) -> ControlPlan
         The plan has no such scenario.
     """
     definition = required("problem", getattr(problem, "definition", problem), Definition)
+    required("plan", plan, ControlPlan)
 
     def find(name: str, known: Sequence[str]) -> str:
         base, bracket, entry = name.partition("[")

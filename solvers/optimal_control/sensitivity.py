@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import splu
 
 from ...errors import InvalidData, NoDerivative
+from ...models.fields import Text
 from ...models.optimal_control.definition import entry_slices
 from ...models.optimal_control.plan import ControlPlan, Piecewise, Signal
 from ..programs.casadi_plugins import vector
@@ -276,6 +277,7 @@ def differentiate(point: Point, name: str) -> Sensitivity:
     It raises the errors of :meth:`~.prepared.Step.sensitivity`.
     """
     posed = point.posed
+    name = Text().coerce("name", name, {})
     posed.values({name: point.data.get(name, 0.0)})  # an unknown name raises
     numbers = posed.named(np.arange(float(posed.given.size)))[name].astype(int)
     system = _System(point)

@@ -119,7 +119,7 @@ def test_bad_input_is_named():
         covariance(ocp.build(), plan, residuals)
     with pytest.raises(InvalidData, match="more than the 3 estimated quantities, got 3"):
         covariance(ocp, plan, residuals[:3])
-    with pytest.raises(InvalidData, match="uses 'x', a function of time"):
+    with pytest.raises(InvalidData, match="the residual uses 'x', a function of time"):
         covariance(ocp, plan, ocp.phases[0].symbols["x"])
     other = alpha_pinene()
     with pytest.raises(InvalidData, match="of the plan must be"):

@@ -156,6 +156,7 @@ def test_follows_linked_phases_and_robust_plans():
             {"allowed": {"final y": 1}},
             "allowed must name limits, got 'final y'; limits: 'final x', 'x'",
         ),
+        ({}, {"allowed": 3}, "allowed must be a mapping of names of limits, got 3"),
         ({}, {"draws": 0}, "draws must be"),
         ({}, {"seed": -1}, "seed must be"),
     ],
@@ -168,8 +169,10 @@ def test_rejects_invalid_draws(data, options, text):
 
 
 def test_rejects_another_kind_of_problem():
-    with pytest.raises(InvalidData, match="problem must be a Definition"):
+    with pytest.raises(InvalidData, match="problem must be a Definition, got <object"):
         monte_carlo(object(), None, {})
+    with pytest.raises(InvalidData, match="plan must be a ControlPlan, got None"):
+        monte_carlo(drop().definition, None, {})
 
 
 @pytest.mark.parametrize("implicit", [False, True])

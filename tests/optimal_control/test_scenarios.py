@@ -170,6 +170,8 @@ def test_names_the_missing_state_of_an_unknown_scenario():
     plan = ct.solve(robust, seed=0).plan
     with pytest.raises(InvalidData, match=r"'v \(c\)' or 'v' for scenario 'c', got 'v \(a\)'"):
         scenario_plan(push(), plan, "c")
+    with pytest.raises(InvalidData, match="plan must be a ControlPlan, got None"):
+        scenario_plan(push(), None, "a")
 
 
 def test_values_at_instants_are_those_of_each_scenario():

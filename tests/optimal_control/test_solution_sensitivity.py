@@ -137,6 +137,8 @@ def test_rejects_plans_without_derivatives():
     solution = ct.solve(brake(), seed=0, isolate=False)
     with pytest.raises(InvalidData, match="'mass' is no data"):
         solution.sensitivity("mass")
+    with pytest.raises(InvalidData, match="name must be"):
+        solution.sensitivity(["x0"])
     record = ct.Solution.from_dict(solution.to_dict())
     with pytest.raises(InvalidData, match="needs a solution with a control plan and its model"):
         record.sensitivity("x0")

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import casadi
-import numpy as np
 
 from ....errors import InvalidData
 from ...fields import show
@@ -101,7 +100,7 @@ class Instants:
         function = casadi.Function("instant", [self.start, self.end], [instant])
         fractions = [(float(function(a, b)) - a) / (b - a) for a, b in SPANS]
         place, (start, other, end, last) = fractions[0], self.bounds
-        if np.ptp(fractions) > EDGE * (1.0 + abs(place)):
+        if max(fractions) - min(fractions) > EDGE * (1.0 + abs(place)):
             if start < other or end < last:
                 raise InvalidData(
                     f"{label} must be at a constant fraction because the phase has a free time, such as "
