@@ -25,6 +25,7 @@ __all__ = ["Arc", "structure"]
 
 Floats = NDArray[np.float64]
 _Run = tuple[str, float, float, float]
+_Entry = tuple[str, Floats, float, float, float]
 
 #: Points per interval of the mesh, which cluster at its ends.
 POINTS = 161
@@ -135,7 +136,7 @@ class _Stretches:
         }  # fmt: skip
         self.times = self.at.times
 
-    def _bounds(self, what: str) -> Iterator[tuple[str, Floats, float, float, float, bool]]:
+    def _bounds(self, what: str) -> Iterator[tuple[_Entry, bool]]:
         """Yield name, values, bounds and size of each entry, and whether it is algebraic."""
         names = {"states": "states", "controls": "controls", "paths": "path"}
         sizes = getattr(self.course.sizes, what)
@@ -143,7 +144,7 @@ class _Stretches:
             for k, name in enumerate(entry_names([item])):
                 entry = places.start + k
                 values = self.values[names[what]][:, entry]
-                yield name, values, item.lower[k], item.upper[k], sizes[entry], item.algebraic
+                yield (name, values, item.lower[k], item.upper[k], sizes[entry]), item.algebraic
 
     def _runs(self, distance: Floats) -> Iterator[tuple[int, int, float, float, float]]:
         """Yield first and last grid point, start, end and error of the stretches with distance 0."""
@@ -181,7 +182,7 @@ class _Stretches:
         """Yield the arcs and touches of bounds of states and of path constraints."""
         phase = self.course.plan
         for what in ("states", "paths", "controls"):
-            for name, values, low, high, size, algebraic in self._bounds(what):
+            for (name, values, low, high, size), algebraic in self._bounds(what):
                 if low == high or (what == "controls" and not algebraic):
                     continue
                 for side, bound, sign in (("lower", low, 1.0), ("upper", high, -1.0)):
@@ -204,7 +205,7 @@ class _Stretches:
         active = [arc for arc in constraints if arc.kind.startswith("active")]
         ends = [time for arc in active for time in (arc.start, arc.end)]
         affines = _affine(self.course.phase)
-        for affine, (*bounds, algebraic) in zip(affines, self._bounds("controls"), strict=True):
+        for affine, (bounds, algebraic) in zip(affines, self._bounds("controls"), strict=True):
             if algebraic:
                 continue
             for kind, start, end, error in self._jumps(*bounds) if affine else self._bends(*bounds):

@@ -232,7 +232,7 @@ def _advance(
     Returns the number of steps, the next step size, and the reason of a breakdown or ``""``.
     """
     method, error = (Radau, ERROR_STIFF) if stiff else (DOP853, ERROR)
-    begin, *ends = times[0].item(), *stops.tolist()
+    begin, ends = float(times[0]), [float(stop) for stop in stops]
     end = ends[-1]
     # SciPy's own estimate of the first step may be NaN, which it would then retry for ever.
     first = min(step if step > 0 else FIRST * (end - begin), ends[0] - begin)
