@@ -140,8 +140,10 @@ def _values(function: Any, inputs: list[_Value], apart: bool) -> list[list[_Valu
         elif operation == casadi.OP_OUTPUT:
             results[into[0]][into[1]] = registers[places[0]]
             continue
-        else:
-            value = _applied(operation, [registers[place] for place in places], apart)
+        else:  # a call, as of a table, has several results
+            operands = [registers[place] for place in places]
+            registers.update((place, _applied(operation, operands, apart)) for place in into)
+            continue
         registers[into[0]] = value
     return results
 

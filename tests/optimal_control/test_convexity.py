@@ -194,3 +194,16 @@ def test_values_at_interior_instants_are_unknowns(sign):
     errors = (phase.at(t, x) - t for t in (0.2, 0.5, 0.7))
     ocp.minimise(phase.integral(u**2) + sign * sum(error**2 for error in errors))
     assert is_convex(ocp.definition) is (sign > 0)
+
+
+def test_a_table_of_two_states_is_not_affine():
+    grid = [0.0, 0.4, 0.8, 1.2, 1.6], [0.0, 5.0, 10.0, 15.0]
+    values = [[10, 6, 3, 1], [11, 7, 4, 2], [12, 8, 5, 2], [14, 9, 6, 3], [16, 11, 7, 3]]
+    table = ct.table(grid, values, outside="raise")
+    ocp = OptimalControlProblem("table")
+    phase = ocp.phase(time=(0, 10))
+    x, h = phase.state("x", initial=0.4, lower=0, upper=1.6), phase.state("h", initial=0, final=4)
+    u = phase.control("u", lower=-1, upper=1)
+    phase.dynamics({x: 0.02 * table(x, h) - 0.1 * x - 0.3 * u, h: u})
+    ocp.minimise(-phase.final(x))
+    assert not is_convex(ocp.build().definition)
