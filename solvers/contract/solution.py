@@ -283,7 +283,8 @@ class Solution(Generic[PlanT]):
     def sensitivity(self, name: str) -> Any:
         """Return the derivatives of an optimal control solution with respect to the data `name`.
 
-        It raises :class:`~crosstrack.errors.NoDerivative` if the optimum is not a differentiable function.
+        The result is a ``Sensitivity``. It raises :class:`~crosstrack.errors.NoDerivative` if the optimum
+        is not a differentiable function of the data, and ``InvalidData`` for other solutions or names.
         """
         return resolve(".solvers.optimal_control.optimum:sensitivity")(self, name)
 
