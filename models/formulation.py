@@ -203,6 +203,11 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         return iter(())
 
     @property
+    def is_last_resort(self) -> bool:
+        """Whether the optimum is restricted so that a plan verifies; tried only if no plan verified."""
+        return False
+
+    @property
     def history(self) -> tuple[Mapping[str, Any], ...]:
         """One row per program so far, with equal names and JSON values; empty by default."""
         return ()

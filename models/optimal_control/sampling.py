@@ -32,6 +32,8 @@ PEAKS, ROUNDS, SPREAD = 4, 6, 15
 #: Nodes of the Gauss-Legendre rule of the quadrature, largest number of halvings of a panel, and
 #: largest change by halving that is accepted, relative to the whole integral.
 RULE, HALVINGS, QUADRATURE = 16, 48, 1e-14
+#: Largest number of panels, at least 16 per interval. Halving does not reduce the rounding errors of an integrand that nearly vanishes.
+PANELS = 1000
 
 
 class Instants(NamedTuple):
@@ -181,6 +183,8 @@ class Course:
         size = size.sum(axis=0)
         limit = QUADRATURE * size
         for _ in range(HALVINGS):
+            if interval.size > max(PANELS, 16 * lengths.size):
+                break
             middle = 0.5 * (low + high)
             interval = np.repeat(interval, 2)
             low = np.stack([low, middle], axis=1).ravel()

@@ -21,7 +21,7 @@ from ..contract.backend import Answer, Request
 from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Feature, Limit, Termination
 from ..contract.job import Target
 from .confirmation import confirm
-from .rescue import explodes, has_ladder, limit_first, rescue
+from .rescue import LEAST_FIRST, Work, explodes, has_ladder, limit_first, rescue
 from .running import Run, proven_bound
 from .starts import SECOND, look_again
 
@@ -106,11 +106,16 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
         if SECOND in first.statistics:
             totals.counts[SECOND] = first.statistics[SECOND]
 
-    def approximate(program: Any, stage_request: Request) -> tuple[Answer, Any]:
-        answer = attend(program, limit_first(run, stage_request, is_uniform=True))
-        return _approximate(run, program, request, answer, attend, left)
+    work = Work(run)
 
-    answer, problem = _approximate(run, problem, request, first, attend, left)
+    def approximate(program: Any, stage_request: Request) -> tuple[Answer, Any]:
+        work.begin_stage()
+        limited = limit_first(run, stage_request, is_uniform=True)
+        answer = attend(program, work.limit(program, limited, LEAST_FIRST))
+        return _approximate(run, program, request, answer, attend, left, work)
+
+    work.begin_stage()
+    answer, problem = _approximate(run, problem, request, first, attend, left, work)
     answer, problem = rescue(run, formulation, problem, request, answer, approximate, left)
     if run.target.formulation is not None and run.target.formulation.name != formulation.name:
         # The remarks on other starts are about the first stage.
@@ -185,12 +190,19 @@ def _tighten(
 
 
 def _approximate(
-    run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left
+    run: Run,
+    problem: Any,
+    request: Request,
+    answer: Answer,
+    attend: Attend,
+    left: Left,
+    work: Work,
 ) -> tuple[Answer, Any]:
     """Solve finer and finer approximations, each from the last, until one is accurate enough."""
     rounds: list[_Round] = []
     ended, failure, settled = "", "", False
     confirmed: dict[str, Any] = {}
+    work.add(problem, answer)
     while answer.point is not None and answer.termination in CLAIMS_PLAN:
         formulation = run.target.formulation
         assert formulation is not None
@@ -221,15 +233,21 @@ def _approximate(
                 tolerance=min(request.tolerance, max(TIGHTEST, TIGHTER * request.tolerance)),
             )
         program = _program(run, finer)
+        if work.lacks(program, answer):
+            run.history[-1]["then"] = "given up: finer meshes need too many iterations"
+            break
         warm, seconds = None, left()
         if Feature.WARM_START in run.target.backend.features:
             warm = program.guess
         run.target, problem = replace(run.target, formulation=finer), program
-        answer = attend(problem, replace(request, time_limit=seconds, warm_start=warm))
+        limited = work.limit(problem, request)
+        answer = attend(problem, replace(limited, time_limit=seconds, warm_start=warm))
+        work.add(problem, answer)
         has_failed = answer.point is None or answer.termination not in CLAIMS_PLAN
         if has_failed and warm is not None and answer.limit is None:
             # Ipopt can fail to reach the accuracy from the small barrier of a warm start.
-            answer = attend(problem, replace(request, time_limit=left(), warm_start=None))
+            answer = attend(problem, replace(limited, time_limit=left(), warm_start=None))
+            work.add(problem, answer)
         if answer.point is None or answer.termination not in CLAIMS_PLAN:
             ended = f"on the refined program {answer.termination}: {answer.message}".rstrip(": ")
     if ended:

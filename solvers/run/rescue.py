@@ -21,8 +21,9 @@ from ..contract.backend import Answer, Request
 from ..contract.enums import CLAIMS_PLAN, Limit, Termination
 from ..contract.job import Job, Target
 from .running import Run
+from .starts import with_iterations
 
-__all__ = ["STAGES", "explodes", "has_ladder", "limit_first", "rescue"]
+__all__ = ["STAGES", "Work", "explodes", "has_ladder", "limit_first", "rescue"]
 
 #: Key of the statistics: the approximations that were tried, and how each ended.
 STAGES = "stages"
@@ -35,9 +36,15 @@ STEADY = {"mu_strategy": "monotone"}
 #: A refinement explodes if it multiplied its nodes by `GROWTH` in the last `MESHES` meshes, and the
 #: smallest error of these meshes is more than `SHRINKS` times the smallest one before.
 GROWTH, MESHES, SHRINKS = 2.0, 3, 0.5
+#: It also explodes if the last `STALLED` meshes, of any size, did not reduce the smallest error that much.
+STALLED = 6
 #: It also explodes if the objective rose by more than this share in each of the last `RISING` meshes. The
 #: plan then passes an obstacle between two nodes: each finer mesh needs a faster turn.
 RISE, RISING = 0.1, 3
+#: Work of all programs, in columns times iterations; a million take about 10 s. Each stage has half of the rest, at
+#: least `SHARE`.
+#: A program has at least `LEAST` iterations, the first of a stage `LEAST_FIRST`.
+WORK, LEAST, LEAST_FIRST, SHARE = 3_000_000, 50, 300, 300_000
 #: Relative advantage of an unsettled plan over a settled one beyond which both are different optima.
 CLEARLY = 1e-4
 
@@ -77,9 +84,38 @@ def explodes(rows: Sequence[dict[str, Any]]) -> bool:
     known = [row for row in rows if row.get("error") is not None and row.get("nodes")]
     if len(known) <= MESHES or any(row.get("verified") for row in known):
         return False
-    before, last = known[:-MESHES], known[-MESHES:]
-    least, former = (min(float(row["error"]) for row in part) for part in (last, before))
-    return least > SHRINKS * former and last[-1]["nodes"] >= GROWTH * before[-1]["nodes"]
+    errors = [float(row["error"]) for row in known]
+    if len(known) > STALLED and min(errors[-STALLED:]) > SHRINKS * min(errors[:-STALLED]):
+        return True
+    grown = known[-1]["nodes"] >= GROWTH * known[-MESHES - 1]["nodes"]
+    return bool(grown and min(errors[-MESHES:]) > SHRINKS * min(errors[:-MESHES]))
+
+
+class Work:
+    """Work of the programs of all stages, which is limited if the run has several stages."""
+
+    def __init__(self, run: Run) -> None:
+        self.left = self.stage = float(WORK) if has_ladder(run.job) else np.inf
+
+    def begin_stage(self) -> None:
+        """Give the next stage half of the rest, at least :data:`SHARE`."""
+        self.stage = max(SHARE, 0.5 * self.left)
+
+    def add(self, program: Any, answer: Answer) -> None:
+        """Subtract the work of a program."""
+        work = program.guess.size * int(answer.statistics.get("iterations", 0))
+        self.left, self.stage = self.left - work, self.stage - work
+
+    def lacks(self, program: Any, answer: Answer) -> bool:
+        """Return whether the rest of the stage is too small for `LEAST` iterations, or fewer as `answer`."""
+        iterations = min(LEAST, int(answer.statistics.get("iterations", 0)))
+        return program.guess.size * iterations > self.stage
+
+    def limit(self, program: Any, request: Request, least: int = LEAST) -> Request:
+        """Return the request with the iterations that the rest of the stage allows."""
+        if self.stage == np.inf:
+            return request
+        return with_iterations(request, max(least, int(self.stage // program.guess.size)))
 
 
 @dataclass
@@ -172,6 +208,12 @@ def rescue(
     best = _Stage.of(run, program, answer)
     stages = [best.words]
     for label, other in formulation.alternatives():
+        if other.is_last_resort:
+            if best.grade[0] <= _VERIFIED:
+                break
+            if best.grade[0] == _REJECTED and best.answer.point is not None:
+                assert best.target.formulation is not None
+                other = other.guessed(best.target.formulation.decode(best.answer.point))
         seconds = left()
         over = request.control.stopped or (seconds is not None and seconds <= 0)
         if best.grade[0] == _SETTLED or over or answer.limit not in (None, Limit.ITERATIONS):

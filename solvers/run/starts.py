@@ -169,8 +169,8 @@ def start_again(
 ) -> Solution[Any]:
     """Return `first`, or the result of a random start if the guess led to no plan.
 
-    Only formulations that draw starts are restarted, and only if the job has no seed, no number of
-    starts and no warm start. The solution has the seed of the successful start.
+    Only formulations that draw starts and are not convex are restarted, and only if the job has no
+    seed, no number of starts and no warm start. The solution has the seed of the successful start.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def start_again(
         return first
     misled = first.plan is None and first.statistics.get(SECOND) == "better"
     failed = misled or first.termination in _NOTHING
-    if not failed or first.limit not in (None, Limit.ITERATIONS):
+    if not failed or first.limit not in (None, Limit.ITERATIONS) or formulation.is_convex:
         return first
     begin, spent = time.perf_counter(), first.seconds.get("total", 0.0)
     assert isinstance(job.backend, Backend)

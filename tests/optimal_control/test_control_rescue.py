@@ -221,3 +221,39 @@ def test_the_order_of_stages():
     assert stage(rejected, 2.0).is_better(stage(rejected, 3.0))
     assert stage(verified, 9.0).is_better(stage(rejected, 1.0))
     assert not stage(nothing, 0.0).is_better(stage(rejected, 1e9))
+
+
+def test_an_error_that_stalls_on_meshes_of_equal_size_is_an_explosion():
+    rows = [{"error": e, "nodes": 100, "verified": None} for e in (0.1, 5e-3, *[0.4] * 6)]
+    assert rescue.explodes(rows)
+    assert not rescue.explodes(rows[:-1])
+
+
+def test_the_work_of_a_stage_is_limited(attended, monkeypatch):
+    monkeypatch.setattr(rescue, "WORK", 0)
+    monkeypatch.setattr(rescue, "SHARE", 0)
+    limits = []
+    attended.fake = lambda run, program, request: limits.append(request.options["max_iter"])
+    found = ct.solve(ct.load("optimal-control/bryson-denham"))
+    assert found.history[-1]["then"] == "given up: finer meshes need too many iterations"
+    assert min(limits[1:]) == rescue.LEAST_FIRST
+
+
+def test_constant_controls_give_a_verified_plan_if_no_other_stage_does(attended, monkeypatch):
+    def fake(run, program, request):
+        return None if run.target.formulation.is_last_resort else INFEASIBLE
+
+    attended.fake = fake
+    found = ct.solve(rest_to_rest().ocp)
+    assert found.verified and found.termination == "feasible"
+    assert found.statistics["stages"].endswith("radau 60x5, constant controls: feasible")
+    assert "constant per interval" in found.message
+    for values in found.plan.phases[0].controls.values:
+        assert np.ptp(values, axis=0).max() <= 1e-6
+
+
+def test_a_convex_problem_is_not_restarted(attended):
+    attended.fake = lambda run, program, request: INFEASIBLE
+    found = ct.solve(rest_to_rest().ocp)
+    assert found.termination == "locally_infeasible"
+    assert "starts tried" not in found.statistics

@@ -25,7 +25,7 @@ from ..sizes import Sizes, sizes_at
 from .assembly import Assembly, functions_of
 from .dependence import dependences, drop_dependent
 from .layout import Layout, layout_of
-from .mesh import DEGREE, UNIFORM, Mesh, even, mesh_of, read_meshes
+from .mesh import DEGREE, STEPS, UNIFORM, Mesh, even, mesh_of, read_meshes
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
 from .starts import coarse_mesh, draw_flight, draw_start
@@ -410,6 +410,15 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             other = scheme(self.model, intervals, DEGREE, dependent=self.dependent)
             other, label = other._with(_start=self._start), f"{scheme.name} {intervals}x{DEGREE}"
             yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
+        last = scheme(self.model, *STEPS, dependent=self.dependent)
+        steps = tuple(Mesh(m.fractions, m.degrees, np.True_, True) for m in last._meshes)
+        label = f"{scheme.name} {STEPS[0]}x{STEPS[1]}, constant controls"
+        yield label, last._with(_meshes=steps, _start=self._start)
+
+    @property
+    def is_last_resort(self) -> bool:
+        """Whether the mesh restricts the controls so that a plan verifies, at the cost of the objective."""
+        return self._meshes[0].steps
 
     @property
     def settled(self) -> bool:

@@ -255,7 +255,7 @@ def layout_of(
     contents = [
         array.tobytes() for mesh in meshes for array in (mesh.fractions, mesh.degrees, mesh.calm)
     ]
-    key = definition, scheme, *contents
+    key = definition, scheme, *contents, *(mesh.steps for mesh in meshes)
     layout = _recent.pop(key, None)
     if layout is None:
         layout = Layout(

@@ -13,7 +13,7 @@ from ....errors import UnsupportedOption
 from ...fields import frozen, show
 from ..plan import PhasePlan
 
-__all__ = ["DEGREE", "UNIFORM", "Mesh", "even"]
+__all__ = ["DEGREE", "STEPS", "UNIFORM", "Mesh", "even"]
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +24,9 @@ UNIFORM = ((20, 0), (20, 1), (60, 0), (40, 2), (120, 0))
 #: Their number of nodes per interval. Low degrees on many intervals converge on problems on which a few high
 #: polynomials oscillate.
 DEGREE = 3
+#: Intervals and nodes per interval of the last mesh, with constant controls per interval. Their motion is
+#: smooth, so the plan verifies even if optimal controls chatter or are singular.
+STEPS = 60, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +42,14 @@ class Mesh:
     calm : ndarray of bool, shape (intervals,), optional
         Intervals whose controls are polynomials of half the degree, which prevents chattering on a
         singular arc; none by default.
+    steps : bool
+        Whether controls are constant in calm intervals.
     """
 
     fractions: Floats
     degrees: NDArray[np.int64]
     calm: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((), bool))
+    steps: bool = False
 
     def __post_init__(self) -> None:
         fractions = np.asarray(self.fractions, float)
@@ -98,7 +104,8 @@ class Mesh:
         parts = np.where(chosen, 2, 1)
         quiet = self.calm & ~chosen if calm is None else calm
         fractions = np.sort(np.concatenate([self.fractions, middle[chosen]]))
-        return Mesh(fractions, np.repeat(self.degrees, parts), np.repeat(quiet, parts))
+        degrees, quiet = np.repeat(self.degrees, parts), np.repeat(quiet, parts)
+        return Mesh(fractions, degrees, quiet, self.steps)
 
     def with_degree(self, degree: int) -> Mesh:
         """Return the mesh with `degree` nodes on every interval."""
@@ -107,7 +114,8 @@ class Mesh:
     @property
     def calm_rows(self) -> NDArray[np.int64]:
         """Number of Legendre coefficients of a control that vanish, per interval."""
-        return np.where(self.calm, self.degrees - 1 - self.degrees // 2, 0)
+        least = 0 if self.steps else self.degrees // 2
+        return np.where(self.calm, self.degrees - 1 - least, 0)
 
 
 def even(intervals: int, degree: int, knots: Sequence[float] = ()) -> Mesh:

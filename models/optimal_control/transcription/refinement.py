@@ -36,6 +36,8 @@ Floats = NDArray[np.float64]
 
 #: Largest change of a converged objective from mesh to mesh, as a share of the tolerance.
 SETTLED = 0.1
+#: Largest relative change of the objective that ends the refinement of meshes with constant controls.
+COARSE = 1e-4
 #: Smallest decay of Legendre coefficients of a smooth interval, in decades per degree.
 SMOOTH = 0.5
 #: Share of the allowed error below which an interval may be merged.
@@ -160,9 +162,17 @@ def next_meshes(
     limit = SHARE * tolerance
     worst = max(float(report.worst.max()) for report in reports)
     change = np.inf if former is None else relative_change(size, objective, former.objective)
-    verified = model.verify(plan, tolerance=tolerance).ok if worst <= limit else None
+    steps = meshes[0].steps
+    verified = model.verify(plan, tolerance=tolerance).ok if steps or worst <= limit else None
     errors = tuple(report.worst for report in reports)
     finding = Finding(None, worst, "verified and settled", change, verified, errors)
+    if steps:
+        if verified and change <= COARSE:
+            return replace(
+                finding, words="the controls of the last stage are constant per interval"
+            )
+        finer = tuple(mesh.halved(np.ones(mesh.intervals, bool), mesh.calm) for mesh in meshes)
+        return replace(finding, meshes=finer, words="all intervals halved")
     accepted = None if former is None else former.accepted
     if accepted is not None:
         if relative_change(size, objective, accepted) <= CONFIRMED * tolerance:
