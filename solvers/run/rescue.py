@@ -43,7 +43,8 @@ STALLED = 6
 RISE, RISING = 0.1, 3
 #: Work of all programs, in columns times iterations; a million take about 10 s. Each stage has half of the rest, at
 #: least `SHARE`.
-#: A program has at least `LEAST` iterations, the first of a stage `LEAST_FIRST`.
+#: A program has at least `LEAST` iterations, the first of a stage `LEAST_FIRST`, and
+#: that of the last stage :data:`ITERATIONS`.
 WORK, LEAST, LEAST_FIRST, SHARE = 3_000_000, 50, 300, 300_000
 #: Relative advantage of an unsettled plan over a settled one beyond which both are different optima.
 CLEARLY = 1e-4

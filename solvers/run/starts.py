@@ -37,6 +37,8 @@ ITERATIONS, MORE = 3, 50
 SHARE, ROOM = 0.5, 8.0
 #: Largest number of random restarts, and iterations of each of their programs.
 RESTARTS, RESTART_ITERATIONS = 4, 1000
+#: Iterations of all programs so far after which another restart is unlikely to succeed.
+RESTARTS_END = 5000
 
 _NOTHING = (Termination.NO_SOLUTION, Termination.LOCALLY_INFEASIBLE, Termination.FAILED)
 
@@ -197,19 +199,24 @@ def start_again(
         most = min(RESTART_ITERATIONS, job.backend_options.get("max_iter", RESTART_ITERATIONS))
         limited = replace(job, backend_options={**job.backend_options, "max_iter": most})
     tried, result, left = 1, first, None
+    iterations = int(first.statistics.get("iterations", 0))
     # If the second look misled the first run, seed 0 repeats the guess without it.
     for seed in range(0 if misled else 1, RESTARTS + 1):
         if job.time_limit is not None:
             left = job.time_limit - spent - (time.perf_counter() - begin)
-        if control.stopped or (left is not None and left <= 0.0):
+        over = control.stopped or (left is not None and left <= 0.0)
+        if over or iterations >= RESTARTS_END:
             break
         tried += 1
         # Each start gets an equal share of the remaining seconds.
         share = None if left is None else left / (RESTARTS + 1 - seed)
         with control.stage(left) as part:
             result = run(replace(limited, seed=seed, time_limit=share), control=part)
+        iterations += int(result.statistics.get("iterations", 0))
         if result.plan is not None or result.limit is Limit.INTERRUPTED:
             break
+    if tried == 1:
+        return first
     best = first if result.plan is None else result
     remark = f"{tried} starts: from the guess {first.termination}"
     if result.plan is not None:

@@ -11,7 +11,7 @@ from control_declared import rest_to_rest
 import crosstrack as ct
 from crosstrack.solvers.contract.backend import Answer
 from crosstrack.solvers.contract.enums import Limit, Termination
-from crosstrack.solvers.run import rescue, running
+from crosstrack.solvers.run import rescue, running, starts
 
 INFEASIBLE = Answer(Termination.LOCALLY_INFEASIBLE, message="made infeasible")
 
@@ -257,3 +257,10 @@ def test_a_convex_problem_is_not_restarted(attended):
     found = ct.solve(rest_to_rest().ocp)
     assert found.termination == "locally_infeasible"
     assert "starts tried" not in found.statistics
+
+
+def test_no_restart_follows_many_iterations(attended):
+    answer = replace(INFEASIBLE, statistics={"iterations": starts.RESTARTS_END})
+    attended.fake = lambda run, program, request: answer
+    ocp = ct.load("optimal-control/dubins")
+    assert "starts tried" not in ct.solve(ocp).statistics
