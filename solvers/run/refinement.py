@@ -21,7 +21,7 @@ from ..contract.backend import Answer, Request
 from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Feature, Limit, Termination
 from ..contract.job import Target
 from .confirmation import confirm
-from .rescue import ITERATIONS, LEAST_FIRST, Work, explodes, has_ladder, limit_first, rescue
+from .rescue import Work, explodes, has_ladder, limit_first, rescue
 from .running import Run, proven_bound
 from .starts import SECOND, look_again
 
@@ -109,10 +109,9 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     work = Work(run)
 
     def approximate(program: Any, stage_request: Request) -> tuple[Answer, Any]:
-        work.begin_stage()
-        limited = limit_first(run, stage_request, is_uniform=True)
         assert run.target.formulation is not None
-        least = ITERATIONS if run.target.formulation.is_last_resort else LEAST_FIRST
+        least = work.begin_stage(run.target.formulation.is_last_resort)
+        limited = limit_first(run, stage_request, is_uniform=True)
         answer = attend(program, work.limit(program, limited, least))
         return _approximate(run, program, request, answer, attend, left, work)
 

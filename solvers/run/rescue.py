@@ -41,11 +41,11 @@ STALLED = 6
 #: It also explodes if the objective rose by more than this share in each of the last `RISING` meshes. The
 #: plan then passes an obstacle between two nodes: each finer mesh needs a faster turn.
 RISE, RISING = 0.1, 3
-#: Work of all programs, in columns times iterations; a million take about 10 s. Each stage has half of the rest, at
-#: least `SHARE`.
-#: A program has at least `LEAST` iterations, the first of a stage `LEAST_FIRST`, and
-#: that of the last stage :data:`ITERATIONS`.
-WORK, LEAST, LEAST_FIRST, SHARE = 3_000_000, 50, 300, 300_000
+#: Work of all programs, in columns times iterations; a million take about 10 s. Each stage has half of the
+#: rest, at least `SHARE`, and the last one `LAST`.
+WORK, SHARE, LAST = 3_000_000, 300_000, 1_000_000
+#: Iterations of a program at least, of the first one of a stage, and of the first one of the last stage.
+LEAST, LEAST_FIRST, LEAST_LAST = 50, 300, 1000
 #: Relative advantage of an unsettled plan over a settled one beyond which both are different optima.
 CLEARLY = 1e-4
 
@@ -98,9 +98,10 @@ class Work:
     def __init__(self, run: Run) -> None:
         self.left = self.stage = float(WORK) if has_ladder(run.job) else np.inf
 
-    def begin_stage(self) -> None:
-        """Give the next stage half of the rest, at least :data:`SHARE`."""
-        self.stage = max(SHARE, 0.5 * self.left)
+    def begin_stage(self, is_last: bool = False) -> int:
+        """Give the next stage its share, and return the iterations that its first program has at least."""
+        self.stage = max(LAST if is_last else SHARE, 0.5 * self.left)
+        return LEAST_LAST if is_last else LEAST_FIRST
 
     def add(self, program: Any, answer: Answer) -> None:
         """Subtract the work of a program."""
