@@ -38,7 +38,7 @@ SHARE, ROOM = 0.5, 8.0
 #: Largest number of random restarts, and iterations of each of their programs.
 RESTARTS, RESTART_ITERATIONS = 4, 1000
 #: Iterations of all programs so far after which another restart is unlikely to succeed.
-RESTARTS_END = 5000
+RESTARTS_END = 2500
 
 _NOTHING = (Termination.NO_SOLUTION, Termination.LOCALLY_INFEASIBLE, Termination.FAILED)
 

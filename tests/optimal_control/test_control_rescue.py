@@ -9,6 +9,8 @@ import pytest
 from control_declared import rest_to_rest
 
 import crosstrack as ct
+from crosstrack.models import OptimalControlProblem
+from crosstrack.models.optimal_control.sampling import PANELS, RULE, Course
 from crosstrack.solvers.contract.backend import Answer
 from crosstrack.solvers.contract.enums import Limit, Termination
 from crosstrack.solvers.run import rescue, running, starts
@@ -264,3 +266,21 @@ def test_no_restart_follows_many_iterations(attended):
     attended.fake = lambda run, program, request: answer
     ocp = ct.load("optimal-control/dubins")
     assert "starts tried" not in ct.solve(ocp).statistics
+
+
+def test_a_vanishing_integrand_has_few_panels(monkeypatch):
+    ocp = OptimalControlProblem("vanishing")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", initial=0), phase.control("u", upper=1)
+    phase.dynamics({x: u})
+    ocp.minimise(phase.integral((u - 1) ** 2))
+    points, at = [], Course.at
+
+    def counted(course, interval, tau):
+        points.append(tau.size)
+        return at(course, interval, tau)
+
+    monkeypatch.setattr(Course, "at", counted)
+    found = ct.solve(ocp, formulation="gauss", formulation_options={"rounds": 2})
+    assert found.verified and found.primal_bound == pytest.approx(0, abs=1e-8)
+    assert max(points) <= 2 * PANELS * RULE
