@@ -43,7 +43,7 @@ STALLED = 6
 RISE, RISING = 0.1, 3
 #: Work of all programs, in columns times iterations; a million take about 10 s. Each stage has half of the
 #: rest, at least `SHARE`, and the last one `LAST`.
-WORK, SHARE, LAST = 3_000_000, 300_000, 1_000_000
+WORK, SHARE, LAST = 4_500_000, 300_000, 1_000_000
 #: Iterations of a program at least, of the first one of a stage, and of the first one of the last stage.
 LEAST, LEAST_FIRST, LEAST_LAST = 50, 300, 1000
 #: Relative advantage of an unsettled plan over a settled one beyond which both are different optima.
