@@ -105,19 +105,19 @@ class Work:
 
     def add(self, program: Any, answer: Answer) -> None:
         """Subtract the work of a program."""
-        work = program.guess.size * int(answer.statistics.get("iterations", 0))
+        work = program.size * int(answer.statistics.get("iterations", 0))
         self.left, self.stage = self.left - work, self.stage - work
 
     def lacks(self, program: Any, answer: Answer) -> bool:
         """Return whether the rest of the stage is too small for `LEAST` iterations, or fewer as `answer`."""
         iterations = min(LEAST, int(answer.statistics.get("iterations", 0)))
-        return program.guess.size * iterations > self.stage
+        return bool(program.size * iterations > self.stage)
 
     def limit(self, program: Any, request: Request, least: int = LEAST) -> Request:
         """Return the request with the iterations that the rest of the stage allows."""
         if self.stage == np.inf:
             return request
-        return with_iterations(request, max(least, int(self.stage // program.guess.size)))
+        return with_iterations(request, max(least, int(self.stage // program.size)))
 
 
 @dataclass
@@ -215,7 +215,8 @@ def rescue(
                 break
             if best.grade[0] == _REJECTED and best.answer.point is not None:
                 assert best.target.formulation is not None
-                other = other.guessed(best.target.formulation.decode(best.answer.point))
+                plan = best.target.formulation.decode(best.answer.point)
+                other = other.guessed(plan) or other
         seconds = left()
         over = request.control.stopped or (seconds is not None and seconds <= 0)
         if best.grade[0] == _SETTLED or over or answer.limit not in (None, Limit.ITERATIONS):

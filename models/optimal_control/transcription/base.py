@@ -411,7 +411,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             other, label = other._with(_start=self._start), f"{scheme.name} {intervals}x{DEGREE}"
             yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
         last = scheme(self.model, *STEPS, dependent=self.dependent)
-        steps = tuple(Mesh(m.fractions, m.degrees, np.True_, True) for m in last._meshes)
+        steps = tuple(
+            Mesh(m.fractions, m.degrees, np.ones(m.intervals, bool), True) for m in last._meshes
+        )
         label = f"{scheme.name} {STEPS[0]}x{STEPS[1]}, constant controls"
         yield label, last._with(_meshes=steps, _start=self._start)
 

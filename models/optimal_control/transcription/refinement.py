@@ -171,8 +171,8 @@ def next_meshes(
             return replace(
                 finding, words="the controls of the last stage are constant per interval"
             )
-        finer = tuple(mesh.halved(np.ones(mesh.intervals, bool), mesh.calm) for mesh in meshes)
-        return replace(finding, meshes=finer, words="all intervals halved")
+        halves = tuple(mesh.halved(np.ones(mesh.intervals, bool), mesh.calm) for mesh in meshes)
+        return replace(finding, meshes=halves, words="all intervals halved")
     accepted = None if former is None else former.accepted
     if accepted is not None:
         if relative_change(size, objective, accepted) <= CONFIRMED * tolerance:
