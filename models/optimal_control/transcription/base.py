@@ -279,7 +279,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             knots[-1] = tf
             phase, schemes = layout.phase, layout.schemes
             nodes = tuple(scheme.plan_points for scheme in schemes)
-            states = Piecewise(knots, nodes, tuple(self._state_tables(columns, number)))
+            x, rates = columns[layout.state_columns].T, None
+            if any(scheme.from_rates.any() for scheme in schemes):
+                rates = self._visited(columns, number)[: layout.nx].T
+            states = Piecewise(knots, nodes, tuple(layout.state_tables(x, rates)))
             values = columns[layout.control_columns][:, layout.visit_control].T
             controls = Piecewise(
                 knots,
@@ -291,19 +294,6 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             phases.append(PhasePlan(phase.name, states, controls, *names))
         parameters = {name: columns[column] for name, column in self._parameters.items()}
         return ControlPlan(tuple(phases), parameters).attached(self.model.definition)
-
-    def _state_tables(self, columns: Floats, number: int) -> Iterator[Floats]:
-        """Yield the values of a phase's states at the plan's nodes of each interval."""
-        layout = self.layout.phases[number]
-        x, rates = columns[layout.state_columns].T, None
-        if any(scheme.from_rates.any() for scheme in layout.schemes):
-            rates = self._visited(columns, number)[: layout.nx].T
-        for k, scheme in enumerate(layout.schemes):
-            table = scheme.from_states @ x[layout.starts[k] : layout.starts[k + 1] + 1]
-            if rates is not None:
-                visits = slice(layout.visit_starts[k], layout.visit_starts[k + 1])
-                table = table + scheme.from_rates @ rates[visits]
-            yield table
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
         """Return the plan with costates from the program's row multipliers."""
@@ -411,9 +401,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             other, label = other._with(_start=self._start), f"{scheme.name} {intervals}x{DEGREE}"
             yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
         last = scheme(self.model, *STEPS, dependent=self.dependent)
-        steps = tuple(
-            Mesh(m.fractions, m.degrees, np.ones(m.intervals, bool), True) for m in last._meshes
-        )
+        steps = tuple(Mesh(m.fractions, m.degrees, m.degrees > 0, True) for m in last._meshes)
         label = f"{scheme.name} {STEPS[0]}x{STEPS[1]}, constant controls"
         yield label, last._with(_meshes=steps, _start=self._start)
 

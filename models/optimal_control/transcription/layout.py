@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -124,6 +124,19 @@ class PhaseLayout:
             visits = slice(self.visit_starts[k], self.visit_starts[k + 1])
             result.append((points, visits, shares @ scheme.from_states, shares @ scheme.from_rates))
         return result
+
+    def state_tables(self, x: Floats, rates: Floats | None) -> Iterator[Floats]:
+        """Yield the states at the plan's nodes of each interval.
+
+        `x` are the states at the points, and `rates` those at the visits, one row each; None if no scheme
+        uses them.
+        """
+        for k, scheme in enumerate(self.schemes):
+            table = scheme.from_states @ x[self.starts[k] : self.starts[k + 1] + 1]
+            if rates is not None:
+                visits = slice(self.visit_starts[k], self.visit_starts[k + 1])
+                table = table + scheme.from_rates @ rates[visits]
+            yield table
 
     def _within(self, tau: Sequence[Floats]) -> Floats:
         f = self.mesh.fractions
