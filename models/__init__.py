@@ -78,9 +78,14 @@ if TYPE_CHECKING:
     )
     from .model import Model as Model
     from .optimal_control import (
+        Arc as Arc,
         Breach as Breach,
         ControlPlan as ControlPlan,
+        Estimate as Estimate,
+        FlightLimit as FlightLimit,
         HamiltonianReport as HamiltonianReport,
+        MinimumReport as MinimumReport,
+        MonteCarlo as MonteCarlo,
         OptimalControlProblem as OptimalControlProblem,
         PhasePlan as PhasePlan,
         Piecewise as Piecewise,
@@ -89,10 +94,16 @@ if TYPE_CHECKING:
         Signal as Signal,
         Simulation as Simulation,
         Table as Table,
+        covariance as covariance,
         hamiltonian_spread as hamiltonian_spread,
+        minimum_principle as minimum_principle,
+        monte_carlo as monte_carlo,
         motion as motion,
         round_controls as round_controls,
+        scenario_plan as scenario_plan,
+        scenarios as scenarios,
         simulate as simulate,
+        structure as structure,
         table as table,
     )
     from .problems import (

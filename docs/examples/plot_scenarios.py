@@ -78,3 +78,8 @@ assert flights.all_limits.kept == 1000
 
 print(f"nominal {nominal.primal_bound:.4f}, robust {ocp.verify(part).objective:.4f}")
 print("heights at the end:", np.round([best.plan[f"height ({name})"](6.0) for name in masses], 3))
+
+# %%
+# Another transcription confirms the optimum of all scenarios.
+
+print(ct.compare(robust, ["ipopt:radau", "ipopt:gauss"], time_limit=60))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData, suggestion
 from ..declaration import Declared, Listed, Nested
-from ..fields import Array, Optional, Real, Text, Whole, declared, show
+from ..fields import Array, Optional, Real, Text, Whole, declared, frozen, show
 from ..programs.compiled import Compiled, canonical_text
 from ..records import Several
 from .quantities import (
@@ -315,7 +315,7 @@ class Definition(_Stacked):
     def interior(self) -> NDArray[np.bool_]:
         """Whether an entry of the endpoint vector is a state at an interior instant."""
         sizes = [(p.end_size, len(p.instants) * len(p.state_names)) for p in self.phases]
-        return np.concatenate([np.arange(size) >= size - inner for size, inner in sizes])
+        return frozen(np.concatenate([np.arange(size) >= size - inner for size, inner in sizes]))
 
     def given(self, values: Mapping[str, Any]) -> Definition:
         """Return the definition with other values of its data, by name; the others are unchanged.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -205,11 +205,13 @@ def rescue(
         and run.history
         and run.history[-1].get("verified")
     )
-    if settled or not has_ladder(run.job):
+    others = formulation.alternatives()
+    following = None if settled or not has_ladder(run.job) else next(others, None)
+    if following is None:  # no stage is graded, which hidden data would prevent
         return answer, program
     best = _Stage.of(run, program, answer)
     stages = [best.words]
-    for label, other in formulation.alternatives():
+    for label, other in chain([following], others):
         if other.is_last_resort:
             if best.grade[0] <= _VERIFIED:
                 break

@@ -37,7 +37,8 @@ ITERATIONS, MORE = 3, 50
 SHARE, ROOM = 0.5, 8.0
 #: Largest number of random restarts, and iterations of each of their programs.
 RESTARTS, RESTART_ITERATIONS = 4, 1000
-#: Iterations of all programs so far after which another restart is unlikely to succeed.
+#: Iterations of all restarts after which another one is unlikely to succeed. If the second look misled the
+#: first run, its iterations count, because seed 0 repeats all stages.
 RESTARTS_END = 2500
 
 _NOTHING = (Termination.NO_SOLUTION, Termination.LOCALLY_INFEASIBLE, Termination.FAILED)
@@ -199,7 +200,7 @@ def start_again(
         most = min(RESTART_ITERATIONS, job.backend_options.get("max_iter", RESTART_ITERATIONS))
         limited = replace(job, backend_options={**job.backend_options, "max_iter": most})
     tried, result, left = 1, first, None
-    iterations = int(first.statistics.get("iterations", 0))
+    iterations = int(first.statistics.get("iterations", 0)) if misled else 0
     # If the second look misled the first run, seed 0 repeats the guess without it.
     for seed in range(0 if misled else 1, RESTARTS + 1):
         if job.time_limit is not None:
