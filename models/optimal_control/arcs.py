@@ -53,10 +53,10 @@ class Arc:
     start, end : float
         Instants.
     tolerance : float
-        Estimated error of the instants: the distance between the measured and the extrapolated instant,
-        or half the width of a jump. At a jump to or from a singular arc it is the length of the mesh's
-        interval there, because the objective depends weakly on this instant. It is 0 at the ends of the
-        phase.
+        Heuristic estimate of the error of the instants, which can be too small: the distance between the
+        measured and the extrapolated instant, or half the width of a jump. At a jump to or from a singular
+        arc it is the length of the mesh's interval there, because the objective depends weakly on this
+        instant. It is 0 at the ends of the phase.
     """
 
     phase: str

@@ -37,6 +37,10 @@ _POSITIVE = (casadi.OP_EXP, casadi.OP_FABS, casadi.OP_SQRT, casadi.OP_SQ)
 _SUMS = {casadi.OP_ADD: 1, casadi.OP_SUB: -1}
 
 
+class _TooLarge(Exception):
+    """A function has more than :data:`MOST` instructions."""
+
+
 class _Value(NamedTuple):
     """Scalar as the sum of a polynomial in the unknowns and a rest.
 
@@ -168,7 +172,7 @@ class _Outputs:
         outputs = [casadi.densify(output) for output in function(*arguments)]
         scalar = casadi.Function("scalar", [symbols], outputs)
         if scalar.n_instructions() > MOST:
-            raise NotImplementedError
+            raise _TooLarge
         values = [value for _, value in inputs]
         # Squares are convex without a Hessian, whose entries may be rounded. Other products may need
         # them for a definite Hessian.
@@ -264,7 +268,7 @@ def is_convex(definition: Definition) -> bool:
             ]
         arguments = [casadi.vertcat(*e), casadi.vertcat(*p)]
         outputs = _Outputs(definition.endpoint, arguments, ends)
-    except (RuntimeError, NotImplementedError):  # without scalar operations, or too large
+    except (RuntimeError, _TooLarge):  # CasADi cannot write the function in scalar operations
         return False
     is_minimum_global = all(outputs.is_curved(0, 1))
     return is_minimum_global and outputs.allow(1, definition.bounds("boundaries"))

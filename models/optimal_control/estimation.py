@@ -75,6 +75,7 @@ class Estimate:
         return result
 
     def __str__(self) -> str:
+        """Return one estimate after the other, ± one standard deviation."""
         rows = zip(self.names, self.values, self.deviations, strict=True)
         return ", ".join(f"{name} = {value:.6g} ± {off:.2g}" for name, value, off in rows)
 

@@ -93,10 +93,12 @@ def explodes(rows: Sequence[dict[str, Any]]) -> bool:
 
 
 class Work:
-    """Work of the programs of all stages, which is limited if the run has several stages."""
+    """Work of the programs of all stages; unlimited if the caller chose a formulation or options."""
 
     def __init__(self, run: Run) -> None:
-        self.left = self.stage = float(WORK) if has_ladder(run.job) else np.inf
+        # Options of the caller, such as a number of iterations, are not reduced.
+        is_limited = has_ladder(run.job) and not run.job.backend_options
+        self.left = self.stage = float(WORK) if is_limited else np.inf
 
     def begin_stage(self, is_last: bool = False) -> int:
         """Give the next stage its share, and return the iterations that its first program has at least."""

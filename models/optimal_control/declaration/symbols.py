@@ -65,7 +65,7 @@ def _explaining(method: Callable[..., Any], explain: Callable[..., str]) -> Call
             result = method(self, *args, **options)
             if result is not NotImplemented or explain is not _of_function:
                 return result
-        except (RuntimeError, TypeError) as error:  # RuntimeError includes NotImplementedError
+        except (RuntimeError, TypeError) as error:  # CasADi raises both for unsupported functions
             reason = error
         cause = reason if isinstance(reason, Exception) else None
         raise InvalidData(explain(self, reason, *args), field="expression") from cause

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 from ....errors import CrosstrackError, InvalidData, UnknownName
 from ....files import writable, write_text
+from ....models.fields import show as quoted
 from ....models.model import as_model
 from ....models.plots import plot
 from ....models.plots.export import export_animation, export_figure
@@ -161,7 +162,11 @@ def _views(item: Any, plan: Any) -> tuple[str, list[_View], str]:
         )
     if isinstance(item, Solution):
         if plan is not None:
-            raise InvalidData("plan must be None for a solution, which has one", field="plan")
+            raise InvalidData(
+                f"plan must be None for a solution, which has one, got {quoted(plan)}; for the file "
+                "of the page give path=",
+                field="plan",
+            )
         view = _of_solution(item)
         return view.title, [view], ""
     model = as_model(item)

@@ -17,23 +17,12 @@ import casadi
 import numpy as np
 import pytest
 from benchmarks.ledger import Ledger, Row
-from benchmarks.optimal_control.prepared_steps import STEPS as TRACKED, loop
+from benchmarks.optimal_control.prepared_steps import IPOPT, STEPS as TRACKED, WARM, loop
 from optimal_control.steered import FORCE, TRACKING, brake, cart_cost, cart_pole, cart_rates
 
 import crosstrack as ct
 
 INTERVALS, DEGREE, STEPS = 5, 4, 60
-#: Ipopt options of both programs, cold and warm: those of a prepared solver.
-IPOPT = {"tol": 3e-9, "constr_viol_tol": 1e-10, "print_level": 0, "sb": "yes", "max_iter": 3000}
-NEAR = 1e-8
-WARM = {
-    "warm_start_init_point": "yes",
-    "mu_init": NEAR,
-    "warm_start_bound_push": NEAR,
-    "warm_start_mult_bound_push": NEAR,
-    "warm_start_slack_bound_push": NEAR,
-}
-
 Bare = Callable[..., dict[str, Any]]
 
 
