@@ -178,7 +178,7 @@ EXCEPTIONS = {
         "own kernels for waypoints are 10 to 150 times as fast as general ones",
     ),
     "optimal_control": (
-        14987,
+        14_992,
         (
             "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
             "scenarios, flights, arcs, algebraic equations, estimation, convexity and prepared steps were added"
