@@ -106,12 +106,17 @@ class MonteCarlo:
             f"{count} flights (seed {self.seed}): sampled evidence, not a proof; {self.failed} failed",
             f"objective: mean {np.mean(self.objectives):.6g}, largest {np.max(self.objectives):.6g}",
         ]
+
+        def kept(item: FlightLimit) -> str:
+            low, high = 100 * item.low, 100 * item.high
+            return f"kept by {item.kept} ({low:.1f} to {high:.1f} % with 95 % confidence)"
+
         lines += [
-            f"{item.name} {item.side} {item.limit:.6g}: kept by {item.kept} ({100 * item.low:.1f} to "
-            f"{100 * item.high:.1f} % with 95 % confidence), worst {item.worst:.6g} at t = {item.time:.6g}"
-            for item in (*self.limits, self.all_limits)
+            f"{item.name} {item.side} {item.limit:.6g}: {kept(item)}, worst {item.worst:.6g} at "
+            f"t = {item.time:.6g}"
+            for item in self.limits
         ]
-        return "\n".join(lines)
+        return "\n".join([*lines, f"all limits: {kept(self.all_limits)}"])
 
 
 def monte_carlo(

@@ -185,7 +185,7 @@ def _build(run: Run, control: Control) -> tuple[Any, Request]:
             if near is None:
                 cutoff = _objective(checked)
             else:
-                run.notes.append(f"warm start: a guess, for it is {checked.summary()}")
+                run.notes.append(f"warm start: used as a guess; verification {checked.summary()}")
                 warm, formulation = None, near
                 run.target = replace(run.target, formulation=formulation)
         if formulation is not None and formulation.draws:

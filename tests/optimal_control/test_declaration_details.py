@@ -212,7 +212,7 @@ def test_a_warm_start_must_fit_the_problem(answer):
     far.phase.path(far.v <= 1.2, name="slow")
     found = ct.solve(far.ocp, warm_start=answer, formulation_options=COARSE)
     assert found.verification.ok and found.primal_bound > 12.0
-    assert found.message == "warm start: a guess, for it is violated: slow"
+    assert found.message == "warm start: used as a guess; verification violated: slow"
 
 
 def test_a_plan_from_another_state_is_a_guess():
@@ -234,7 +234,7 @@ def test_a_plan_from_another_state_is_a_guess():
         model = way(start)
         again = ct.solve(model, warm_start=above)
         assert again.verification.ok
-        assert again.message == "warm start: a guess, for it is violated: initial values"
+        assert again.message == "warm start: used as a guess; verification violated: initial values"
         assert again.plan["y"](0.5) > 0.0 > ct.solve(model).plan["y"](0.5)
         # A warm start that fails must not become a plan of this problem.
         none = ct.solve(model, warm_start=above, backend_options={"max_iter": 1}, time_limit=1e-6)
