@@ -68,10 +68,13 @@ if TYPE_CHECKING:
     from .minimum_snap import (
         FREE as FREE,
         Bound as Bound,
+        DifferentialDrive as DifferentialDrive,
         Extremes as Extremes,
         Halfspaces as Halfspaces,
         MinimumDerivative as MinimumDerivative,
         MinimumSnap as MinimumSnap,
+        PointMass as PointMass,
+        Quadrotor as Quadrotor,
         TimeAllocation as TimeAllocation,
         Trajectory as Trajectory,
         derivative_name as derivative_name,

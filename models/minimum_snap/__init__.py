@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from .model import MinimumDerivative as MinimumDerivative, MinimumSnap as MinimumSnap
     from .time_allocation import TimeAllocation as TimeAllocation
     from .trajectory import Extremes as Extremes, Trajectory as Trajectory
+    from .vehicles import (
+        DifferentialDrive as DifferentialDrive,
+        PointMass as PointMass,
+        Quadrotor as Quadrotor,
+    )
 
 #: Private names that modules of other problems import.
 SHARED = (
