@@ -160,6 +160,14 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         """Whether the last :meth:`refined` that returned None did so because `point` had converged."""
         return True
 
+    @property
+    def is_local_optimum(self) -> bool:
+        """Whether the point of the last :meth:`refined` is a local optimum of the model.
+
+        It is for sequences of programs that begin with a relaxation and continue with linearisations.
+        """
+        return False
+
     def counterpart(self, point: NDArray[np.float64]) -> Formulation[ModelT, PlanT] | None:
         """Return another approximation, started at `point`, whose optimum must agree with this one.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
@@ -10,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Broadcast, Optional, Whole, declared, frozen, show
+from ..fields import Array, Broadcast, Flag, Optional, Whole, declared, frozen, show
 from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..model import Model
 from .trajectory import Trajectory
+from .vehicles import Vehicle, VehicleSpec
+from .yaw import YawSpec, smoothest_yaw
 
 __all__ = ["FREE", "Bound", "Halfspaces", "PathData", "derivative_name", "derivative_unit"]
 
@@ -172,6 +175,13 @@ class PathData(Model[Trajectory]):
     )
     degree: Field[int | None, int] = declared(Optional(Whole(1, 31)), default=None)
     continuity: Field[int | None, int] = declared(Optional(Whole(0)), default=None)
+    vehicle: Field[Vehicle | Mapping[str, Any] | None, Vehicle | None] = declared(
+        Optional(VehicleSpec()), default=None, added=True
+    )
+    yaw: Field[Numbers | str | None, Floats | float | str | None] = declared(
+        Optional(YawSpec()), default=None, added=True
+    )
+    periodic: bool = declared(Flag(), default=False, added=True)
 
     plan_type: ClassVar[type] = Trajectory
 
@@ -369,6 +379,20 @@ class PathData(Model[Trajectory]):
     def bounded(self) -> bool:
         """Whether the model has a corridor, a polytope or a limit."""
         return bool(self.bounds) or self.halfspaces is not None
+
+    @property
+    def joint_order(self) -> int:
+        """Highest derivative that agrees at the first and last knot of a lap; -1 without laps.
+
+        It is that of inner knots by optimality if only waypoints are fixed.
+        """
+        return max(self.continuity, 2 * self.order - 2) if self.periodic else -1
+
+    def with_yaw(self, plan: Trajectory) -> Trajectory:
+        """Return `plan` with the smoothest yaw through the given angles, if the model gives any."""
+        if self.yaw is None or isinstance(self.yaw, str):
+            return plan
+        return replace(plan, yaw=smoothest_yaw(self))
 
     def require_shape(self, plan: Trajectory) -> None:
         """Check the shape of a plan.

@@ -18,6 +18,7 @@ from .bounds import Bound, PathData, derivative_name, derivative_unit
 from .knots import SEGMENTS, ULPS, check_knots
 from .polynomials import bernstein_matrix, by_power
 from .trajectory import Trajectory
+from .vehicle_checks import check_flight
 
 __all__ = ["check_conditions", "verify_trajectory"]
 
@@ -155,6 +156,7 @@ def verify_trajectory(
     checks += check_knots(model, plan, tolerance)
     checks += (_bounded(model, plan, bound, tolerance) for bound in model.bounds)
     checks += _halfspaces(model, plan, tolerance)
+    checks += check_flight(model, plan, tolerance)
     return Verification(model.objective(plan), tuple(checks), scale=model.objective_scale)
 
 

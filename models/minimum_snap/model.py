@@ -7,6 +7,7 @@ Mellinger and Kumar 2011; Richter, Bry and Roy 2013; MINCO (Wang, Zhou, Xu, Gao)
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,6 +21,8 @@ from ..verification import TOLERANCE, Verification
 from .bounds import PathData, derivative_name
 from .checks import check_conditions, verify_trajectory
 from .trajectory import Trajectory, increasing
+from .vehicle_checks import check_vehicle
+from .vehicles import Vehicle
 
 __all__ = ["MinimumDerivative", "MinimumSnap"]
 
@@ -74,6 +77,14 @@ class MinimumDerivative(PathData):
     continuity : int, optional
         Highest order of a continuous derivative, by default r-1. The paper uses 2 and minimises
         snap: the jerk of its optimum jumps, so it is not the minimum-snap spline.
+    vehicle : PointMass, Quadrotor or DifferentialDrive, optional
+        Vehicle whose limits hold at every instant, or its JSON data.
+    yaw : "tangent", float or ndarray, shape (knots,), optional
+        Yaw of the vehicle in rad: along the path, constant, or through an angle per knot (None is
+        free) by the shortest turns, with the least angular acceleration. Plans carry it as ``plan.yaw``.
+    periodic : bool
+        Whether the path is a lap: the ends agree in position and in the derivatives up to 2r-2.
+        `start` and `end` are then free by default.
 
     Notes
     -----
@@ -95,6 +106,7 @@ class MinimumDerivative(PathData):
         "monomial": ".models.minimum_snap.formulations.bases:MonomialFormulation",
         "hermite": ".models.minimum_snap.formulations.hermite:HermiteFormulation",
         "legendre": ".models.minimum_snap.formulations.bases:LegendreFormulation",
+        "cones": ".models.minimum_snap.formulations.vehicles:VehicleFormulation",
     }
     default_formulation: ClassVar[str] = "legendre"
     certified_distance: ClassVar[float] = 1e-6
@@ -107,7 +119,7 @@ class MinimumDerivative(PathData):
             raise InvalidData("waypoints must have at least 1 dimension, got 0", field="waypoints")
         increasing("times", self.times)
         # Defaults are resolved here, so that a default and the same explicit value compare equal.
-        rest = np.zeros((self.order - 1, self.dimensions))
+        rest = np.zeros((0 if self.periodic else self.order - 1, self.dimensions))
         for name in ("start", "end"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, frozen(rest))
@@ -135,16 +147,23 @@ class MinimumDerivative(PathData):
                 field="continuity",
             )
         check_conditions(self)
+        check_vehicle(self)
 
     @property
     def preferred_formulation(self) -> str:
-        """``hermite`` if the free derivatives determine the path, else ``legendre``."""
+        """``cones`` for a vehicle, ``hermite`` if the free derivatives determine the path, else ``legendre``."""
+        if self.vehicle is not None:
+            return "cones"
+        if self.periodic:
+            return self.default_formulation
         free = self.continuity < self.order and not self.fixes_order
         return "hermite" if free else self.default_formulation
 
     @property
     def certifier(self) -> str:
-        """``banded`` without corridor and limits, else ``interior-point``."""
+        """``banded`` without corridor and limits, else ``interior-point``; empty for laps and vehicles."""
+        if self.vehicle is not None or self.periodic:
+            return ""
         return "interior-point" if self.bounded else "banded"
 
     # -- plans -----------------------------------------------------------------------------------
@@ -193,6 +212,8 @@ class MinimumDerivative(PathData):
         """Return a one-line summary: derivative, segments, dimensions and bounds."""
         what = derivative_name(self.order)
         more = [b.name for b in self.bounds] + (["polytopes"] if self.halfspaces else [])
+        more += [] if self.vehicle is None else [self.vehicle.kind]
+        more += ["a lap"] if self.periodic else []
         return (
             f"minimum {what}, {self.segments} segments in {self.dimensions}-D"
             + (", " if more else "")
@@ -214,7 +235,8 @@ class MinimumSnap(MinimumDerivative):
     times : ndarray, shape (knots,)
         Times of the knots in seconds, increasing.
     start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, acceleration_limit, \
-jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, continuity
+jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, continuity, vehicle, yaw, \
+periodic
         As in :class:`MinimumDerivative`.
 
     Raises
@@ -250,6 +272,8 @@ jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, conti
         polytope_segments: Field[Numbers | None, Ints | None] = PathData.polytope_segments
         degree: Field[int | None, int] = PathData.degree
         continuity: Field[int | None, int] = PathData.continuity
+        vehicle: Field[Vehicle | Mapping[str, Any] | None, Vehicle | None] = PathData.vehicle
+        yaw: Field[Numbers | str | None, Floats | float | str | None] = PathData.yaw
 
     kind: ClassVar[str] = "minimum-snap"
     objective_unit: ClassVar[str] = "m²/s⁷"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jets import Jet, squared_norm
-from .polynomials import derived
+from .polynomials import derived, horner
 from .trajectory import Trajectory
 
 __all__ = ["REST", "Extended", "Motion", "Yaw", "extended", "heading_jumps"]
@@ -111,7 +111,17 @@ class Extended(NamedTuple):
 
     def at(self, t: Floats, order: int) -> Motion:
         """Return the series at times with the derivatives up to an order."""
-        terms = [self.curve(t, k) / math.factorial(k) for k in range(order + 1)]
+        return self._motion([self.curve(t, k) / math.factorial(k) for k in range(order + 1)])
+
+    def on(self, segment: NDArray[np.int64], s: Floats, order: int) -> Motion:
+        """Return the series at scaled times of segments with the derivatives up to an order."""
+        inner, long = self.curve.coefficients[segment], self.curve.durations[segment]
+        scales = (long**-k / math.factorial(k) for k in range(order + 1))
+        return self._motion(
+            [horner(derived(inner, k), s) * scale[:, None] for k, scale in enumerate(scales)]
+        )
+
+    def _motion(self, terms: list[Floats]) -> Motion:
         columns = [Jet([term[:, j] for term in terms]) for j in range(self.curve.dimensions)]
         return self.motion(columns)
 

@@ -9,6 +9,7 @@ the times at the cost of one solve).
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, cast
@@ -24,6 +25,7 @@ from ..verification import TOLERANCE, Check, Verification
 from .bounds import Bound, Halfspaces, derivative_name
 from .model import MinimumDerivative
 from .trajectory import Trajectory
+from .vehicles import Vehicle
 
 __all__ = ["TimeAllocation"]
 
@@ -66,7 +68,7 @@ class TimeAllocation(Model[Trajectory]):
         Total time ΣT in seconds, positive. ρ ΣT is then a constant. By default the total time is free.
     order, weights, start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, \
 acceleration_limit, jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, \
-continuity
+continuity, vehicle, yaw, periodic
         As in :class:`~crosstrack.models.MinimumDerivative`.
 
     Raises
@@ -105,6 +107,9 @@ continuity
     polytope_offsets: FloatsOrNone = _shared("polytope_offsets")
     degree: Field[int | None, int] = _shared("degree")
     continuity: Field[int | None, int] = _shared("continuity")
+    vehicle: Field[Vehicle | Mapping[str, Any] | None, Vehicle | None] = _shared("vehicle")
+    yaw: Field[Numbers | str | None, Floats | float | str | None] = _shared("yaw")
+    periodic: bool = _shared("periodic")
 
     kind: ClassVar[str] = "time-allocation"
     formulations: ClassVar[dict[str, Any]] = {

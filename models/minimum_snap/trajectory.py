@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..declaration import Plan
-from ..fields import Array, Whole, declared, frozen, show
+from ..fields import Array, Optional, Spec, Whole, declared, frozen, show
 from ..sampling import sample_count
 from ..specs import count_rows
 from .polynomials import (
@@ -70,6 +71,23 @@ def increasing(name: str, times: Floats) -> None:
         )
 
 
+@dataclass(frozen=True)
+class _YawCurve(Spec):
+    """Field that holds another trajectory, which has one axis and no yaw."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Trajectory:
+        curve = value if isinstance(value, Trajectory) else Trajectory.from_data(value)
+        if curve.dimensions != 1 or curve.yaw is not None:
+            raise InvalidData(f"{name} must have one axis, got {curve.dimensions}", field=name)
+        return curve
+
+    def encode(self, value: Trajectory) -> Any:
+        return value.data()
+
+    def feed(self, value: Trajectory) -> Iterable[bytes]:
+        return value._feed()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory(Plan):
     """Piecewise polynomial, evaluated as ``trajectory(t, derivative=0)``.
@@ -82,6 +100,8 @@ class Trajectory(Plan):
         Coefficients in metres of ascending powers of the scaled time of each segment,
         ``s = (t - t_k) / (t_{k+1} - t_k)``. Powers of seconds would lose digits for short or long
         segments.
+    yaw : Trajectory, optional
+        Yaw of a vehicle, a trajectory of one axis in rad.
 
     Raises
     ------
@@ -91,6 +111,7 @@ class Trajectory(Plan):
 
     times: Floats = declared(Array(("knots",)))
     coefficients: Floats = declared(Array(("segments", "degree + 1", "dimensions")))
+    yaw: Trajectory | None = declared(Optional(_YawCurve()), default=None, added=True)
 
     def check(self) -> None:
         """Reject times that do not increase, and coefficients that do not fit them."""

@@ -23,6 +23,7 @@ from ..declaration import Declared
 from ..specs import Optional, Real, Spec, declared, show
 from .jets import Jet, squared_norm
 from .motion import Motion, extended
+from .peaks import peaks
 
 if TYPE_CHECKING:
     from .motion import Yaw
@@ -44,29 +45,78 @@ class Measure(NamedTuple):
         Its unit.
     limit : float
         Limit in that unit.
-    upper : bool
-        Whether the limit is the largest allowed value, else the smallest.
     function : callable
-        Increasing function of the quantity as a series (decreasing for a lower limit), from the motion.
+        Series of a function of the quantity whose limit is the upper bound `level`, from the motion.
+    level : float
+        Value of `function` at the limit.
     value : callable
         Quantity from the value of `function`.
+    cone : callable
+        Series ``[t, *y]`` from the motion: the limit holds if and only if ``|y| <= t``.
+    is_convex : bool
+        Whether the series of the cone are affine in the position, so that they define a convex set.
+    is_upper : bool
+        Whether the limit is the largest allowed value, else the smallest.
     """
 
     name: str
     unit: str
     limit: float
-    upper: bool
     function: Callable[[Motion], Jet]
+    level: float
     value: Callable[[Any], Any]
+    cone: Callable[[Motion], list[Jet]]
+    is_convex: bool
+    is_upper: bool = True
+
+
+class Extreme(NamedTuple):
+    """Largest value of a limited quantity along a trajectory, or the smallest one for a lower limit.
+
+    Parameters
+    ----------
+    name, equation : str
+        Name of the quantity, and the equation of its limit (empty).
+    amount : float
+        Violation of the limit, negative for slack.
+    unit : str
+        Unit of the quantity.
+    time : float
+        Instant of the value, s.
+    limit, value : float
+        Limit and proven extreme value.
+    """
+
+    name: str
+    equation: str
+    amount: float
+    unit: str
+    time: float
+    limit: float
+    value: float
 
 
 def _root(value: Any) -> Any:
-    return np.sqrt(np.maximum(np.abs(value), 0.0))
+    return np.sqrt(np.maximum(value, 0.0))
 
 
-def _norm(name: str, unit: str, limit: float | None, function: Any) -> list[Measure]:
-    """Return the measure of a norm from the function of its square; empty without a limit."""
-    return [] if limit is None else [Measure(name, unit, limit, True, function, _root)]
+def _norm(
+    name: str, unit: str, limit: float | None, vector: Callable[[Motion], list[Jet]], convex: bool
+) -> list[Measure]:
+    """Return the measure of the norm of a vector; empty without a limit."""
+    if limit is None:
+        return []
+    return [
+        Measure(
+            name, unit, limit, lambda at: squared_norm(vector(at)), limit**2, _root,
+            lambda at: [_constant(at, limit), *vector(at)], convex,
+        )
+    ]  # fmt: skip
+
+
+def _constant(motion: Motion, value: float) -> Jet:
+    """Return a constant series of the motion's shape."""
+    return motion.position[0] * 0.0 + value
 
 
 def _limit(unit: str, upper: float | None = None) -> Any:
@@ -121,6 +171,40 @@ class Vehicle(Declared):
         with np.errstate(all="ignore"):  # undefined quantities are NaN
             series = extended(trajectory, yaw, self.follows_path)
             return self._quantities(series.at(np.atleast_1d(np.asarray(t)), 4))
+
+    def check_curve(
+        self, trajectory: Trajectory, yaw: Yaw = None, *, exact: bool = True
+    ) -> list[Extreme]:
+        """Return the proven extreme of each limited quantity along a trajectory.
+
+        Every extreme is an upper bound (a lower bound for a lower limit) that bisection with interval
+        arithmetic proves for all instants up to rounding, at most 1e-9 from the value at `time`.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            Positions, m.
+        yaw : None, "tangent", float or Trajectory
+            Yaw, rad.
+        exact : bool
+            If false, bounds within the limit need not be close to the extreme.
+
+        Raises
+        ------
+        InvalidData
+            The trajectory has another number of axes than the vehicle.
+        """
+        self.require_axes(trajectory.dimensions, "trajectory")
+        series = extended(trajectory, yaw, self.follows_path)
+        result = []
+        for name, unit, limit, function, level, value, _, _, upper in self.measures:
+            accept = -math.inf if exact else level
+            bound, _, time = peaks(series, function, scale=abs(level), accept=accept)
+            at = int(bound.argmax())
+            extreme = float(value(bound[at]))
+            amount = extreme - limit if upper else limit - extreme
+            result.append(Extreme(name, "", amount, unit, float(time[at]), limit, extreme))
+        return result
 
     @abstractmethod
     def _quantities(self, motion: Motion) -> dict[str, Floats]:
@@ -190,8 +274,8 @@ class PointMass(Vehicle):
     def measures(self) -> tuple[Measure, ...]:
         """Speed and acceleration."""
         return (
-            *_norm("speed", "m/s", self.speed, lambda at: squared_norm(at.velocity)),
-            *_norm("acceleration", "m/s²", self.acceleration, lambda at: squared_norm(at.acceleration)),
+            *_norm("speed", "m/s", self.speed, lambda at: at.velocity, True),
+            *_norm("acceleration", "m/s²", self.acceleration, lambda at: at.acceleration, True),
         )  # fmt: skip
 
     def _quantities(self, motion: Motion) -> dict[str, Floats]:
@@ -268,9 +352,6 @@ class Quadrotor(Vehicle):
         ]
         return [*force[:2], force[2] + self.mass * self.gravity]
 
-    def _thrust(self, motion: Motion) -> Jet:
-        return squared_norm(self.force(motion))
-
     def _tilt(self, motion: Motion) -> Jet:
         """Return tan²(tilt / 2), which increases from 0 to infinity at the reversed vertical."""
         force = self.force(motion)
@@ -285,30 +366,44 @@ class Quadrotor(Vehicle):
         spin = (axis[1] * turn[0] - axis[0] * turn[1]) / (axis[2] + 1.0)
         return turn, spin if motion.turn is None else spin + motion.turn
 
-    def _body_rate(self, motion: Motion) -> Jet:
-        turn, spin = self._rates(motion)
-        return squared_norm([*turn, spin])
-
-    def _yaw_rate(self, motion: Motion) -> Jet:
-        return motion.velocity[0] * 0.0 if motion.turn is None else motion.turn.square()
-
     @property
     def measures(self) -> tuple[Measure, ...]:
         """Thrust, tilt, body rate, speed, acceleration and yaw rate."""
         low, high = self.thrust
-        measures = _norm("thrust", "N", high, self._thrust)
+        measures = _norm("thrust", "N", high, self.force, True)
         if low > 0:
             measures.append(
-                Measure("lowest thrust", "N", low, False, lambda at: -self._thrust(at), _root)
-            )
-        if self.tilt is not None:
-            measures.append(
-                Measure("tilt", "rad", self.tilt, True, self._tilt, lambda v: 2 * np.arctan(_root(v)))
+                Measure(
+                    "lowest thrust", "N", low, lambda at: -squared_norm(self.force(at)), -(low**2),
+                    lambda value: _root(-value),
+                    lambda at: [squared_norm(self.force(at)).root() - low], False, False,
+                )
             )  # fmt: skip
-        measures += _norm("body rate", "rad/s", self.body_rate, self._body_rate)
+        if self.tilt is not None:
+            slope = math.tan(self.tilt)
+
+            def cone(motion: Motion) -> list[Jet]:
+                force = self.force(motion)
+                return [force[2] * slope, *force[:2]]
+
+            measures.append(
+                Measure(
+                    "tilt", "rad", self.tilt, self._tilt, math.tan(self.tilt / 2) ** 2,
+                    lambda value: 2 * np.arctan(_root(value)), cone, True,
+                )
+            )  # fmt: skip
+        measures += _norm("body rate", "rad/s", self.body_rate, self._body_rates, False)
         measures += PointMass(self.speed, self.acceleration).measures
-        measures += _norm("yaw rate", "rad/s", self.yaw_rate, self._yaw_rate)
+        measures += _norm("yaw rate", "rad/s", self.yaw_rate, self._yaw_rate, False)
         return tuple(measures)
+
+    def _body_rates(self, motion: Motion) -> list[Jet]:
+        """Return a vector whose norm is that of the angular velocity."""
+        turn, spin = self._rates(motion)
+        return [*turn, spin]
+
+    def _yaw_rate(self, motion: Motion) -> list[Jet]:
+        return [_constant(motion, 0.0) if motion.turn is None else motion.turn]
 
     def _quantities(self, motion: Motion) -> dict[str, Floats]:
         (turn, spin), force = self._rates(motion), _first(self.force(motion))
@@ -380,11 +475,11 @@ class DifferentialDrive(Vehicle):
         for word, side in (("left", -1.0), ("right", 1.0)):
             result += _norm(
                 f"{word} wheel speed", "m/s", self.wheel_speed,
-                lambda at, side=side: self._wheel(at, side).square(),
+                lambda at, side=side: [self._wheel(at, side)], False,
             )  # fmt: skip
             result += _norm(
                 f"{word} wheel acceleration", "m/s²", self.wheel_acceleration,
-                lambda at, side=side: self._wheel(at, side).rate().square(),
+                lambda at, side=side: [self._wheel(at, side).rate()], False,
             )  # fmt: skip
         return tuple(result)
 

@@ -41,6 +41,8 @@ class Banded(Backend):
 
     def refuses(self, problem: MinimumDerivative) -> str:
         """Return the unsupported features of `problem`, or an empty string."""
+        if problem.vehicle is not None or problem.periodic:
+            return "vehicles and periodic paths: take formulation cones or legendre"
         if problem.bounded:
             names = [bound.name for bound in problem.bounds]
             names += ["polytopes"] if problem.halfspaces is not None else []
@@ -103,9 +105,8 @@ class Banded(Backend):
             return Answer(
                 Termination.NO_SOLUTION, seconds=seconds, statistics=statistics, message=message
             )
-        plan = Trajectory(
-            problem.times, jets_to_coefficients(durations, result.jets, result.moments)
-        )
+        powers = jets_to_coefficients(durations, result.jets, result.moments)
+        plan = problem.with_yaw(Trajectory(problem.times, powers))
         objective = float(result.objective.sum())
         statistics["correction"] = result.correction
         proven = result.correction <= CERTIFIED

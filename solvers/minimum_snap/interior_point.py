@@ -58,6 +58,8 @@ class InteriorPoint(Backend):
 
     def refuses(self, problem: MinimumDerivative) -> str:
         """Return the features of `problem` that shared knots cannot express, or an empty string."""
+        if problem.vehicle is not None or problem.periodic:
+            return "vehicles and periodic paths: take formulation cones or legendre"
         if problem.continuity != problem.order - 1:
             return (
                 f"continuity {problem.continuity}: knots share the derivatives up to "
@@ -115,7 +117,7 @@ def _in_metres(answer: Answer, problem: MinimumDerivative, unit: float) -> Answe
     plan, primal, dual = answer.point, answer.primal_bound, answer.dual_bound
     return replace(
         answer,
-        point=None if plan is None else Trajectory(problem.times, plan.coefficients * unit),
+        point=None if plan is None else replace(plan, coefficients=plan.coefficients * unit),
         primal_bound=None if primal is None else primal * unit**2,
         dual_bound=None if dual is None else dual * unit**2,
     )
@@ -156,7 +158,8 @@ def _conclude(
     objective = sum(r.objective for r in results)
     # The objective of each axis is a sum of squares, so 0 is a valid bound despite rounding.
     bound = sum(max(r.bound, 0.0) for r in results)
-    plan = Trajectory(problem.times, np.concatenate([r.powers for r in results], axis=2))
+    powers = np.concatenate([r.powers for r in results], axis=2)
+    plan = problem.with_yaw(Trajectory(problem.times, powers))
     settled = all(r.status == "solved" for r in results)
     message = "" if settled else "the iterations stalled before the residuals were small"
     if not settled:

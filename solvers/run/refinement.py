@@ -166,6 +166,10 @@ def _tighten(
     while answer.point is not None:
         finer = _refined(run, answer)
         if finer is None:
+            formulation = run.target.formulation
+            solved = answer.termination is Termination.OPTIMAL
+            if solved and formulation is not None and formulation.is_local_optimum:
+                answer = replace(answer, termination=Termination.LOCALLY_OPTIMAL, dual_bound=None)
             return answer, problem
         if run.target.proves:
             proven = proven_bound(problem, answer)

@@ -86,6 +86,10 @@ class HermiteFormulation(UnitBasisFormulation):
                 f"the derivatives at the knots that the program shares end with {model.order - 1}; "
                 f"continuity {model.continuity} needs another formulation"
             )
+        if model.periodic:
+            raise UnsupportedFormulation(
+                "a periodic path needs rows for its joint: take legendre or monomial"
+            )
         if model.fixes_order:
             raise UnsupportedFormulation(
                 f"derivative {model.highest_fixed} is fixed, but the program's columns are the "

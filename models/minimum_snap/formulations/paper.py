@@ -38,6 +38,8 @@ class PaperFormulation(PiecewiseFormulation):
     def __post_init__(self) -> None:
         super().__post_init__()
         model = self.model
+        if model.periodic:
+            raise UnsupportedFormulation("the paper's program has no periodic paths")
         if model.bounded:
             what = ", ".join(b.name for b in model.bounds) or "polytopes"
             raise UnsupportedFormulation(f"the paper's program does not support {what}")

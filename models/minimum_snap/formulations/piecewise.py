@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ....errors import InvalidData, UnsupportedOption, show
+from ....errors import InvalidData, UnsupportedFormulation, UnsupportedOption, show
 from ...formulation import Formulation
 from ...programs.blocks import Block
 from ...programs.linear import QuadraticProgram
@@ -98,6 +98,8 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     continuity_equation: ClassVar[str] = "25"
 
     def __post_init__(self) -> None:
+        if self.model.vehicle is not None:
+            raise UnsupportedFormulation("the limits of a vehicle need formulation 'cones'")
         if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
             raise UnsupportedOption(f"samples must be a whole number, got {show(self.samples)}")
         if not 2 <= self.samples <= 1000:
@@ -190,7 +192,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         return sp.csr_array(sp.coo_array(entries, shape=(count * size,) * 2))
 
     def _knot_rows(self) -> Iterator[Group]:
-        conditions = self.model.conditions
+        model, conditions = self.model, self.model.conditions
         knot_place = "at knot {0}, axis {1}"
         for order in range(min(conditions.shape[1], self.highest_fixed + 1)):
             fixed = np.isfinite(conditions[:, order])
@@ -206,6 +208,9 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         for order in range(self.continuity + 1):
             title = f"continuity of {derivative_name(order)}"
             yield Group(title, self.continuity_equation, knot_place, "", self._continuous(order))
+        for order in range(model.joint_order + 1):
+            title = f"joint of {derivative_name(order)}"
+            yield Group(title, "", knot_place, "", self._continuous(order, joint=True))
 
     def _bound_rows(self) -> Iterator[Group]:
         model, place = self.model, "on segment {0}, axis {1}"
@@ -282,14 +287,21 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         matrices, *columns = zip(*parts, strict=True)
         return Rows(sp.csr_array(sp.vstack(matrices)), *map(np.concatenate, columns))
 
-    def _continuous(self, order: int) -> Rows:
+    def _continuous(self, order: int, joint: bool = False) -> Rows:
+        """Return the rows that make a derivative continuous at inner knots, or at the joint of a lap."""
         model = self.model
-        knots, axes = np.indices((model.segments - 1, model.dimensions)).reshape(2, -1)
-        knots = knots + 1
+        count = 1 if joint else model.segments - 1
+        knots, axes = np.indices((count, model.dimensions)).reshape(2, -1)
+        knots = knots + (model.segments if joint else 1)
+        if joint and order < model.conditions.shape[1]:
+            # Values that are fixed at both ends need no row.
+            free = ~np.isfinite(model.conditions[[0, -1], order]).all(axis=0)
+            knots, axes = knots[free[axes]], axes[free[axes]]
+        next_segment = knots % model.segments
         before = self.basis_rows(knots - 1, np.ones(knots.size), order)
-        after = self.basis_rows(knots, np.zeros(knots.size), order)
+        after = self.basis_rows(next_segment, np.zeros(knots.size), order)
         matrix = self._sparse(
-            (self.columns(knots - 1, axes), before), (self.columns(knots, axes), -after)
+            (self.columns(knots - 1, axes), before), (self.columns(next_segment, axes), -after)
         )
         zero = np.zeros(knots.size)
         return self._scaled(matrix, zero, zero, np.column_stack([knots, axes]))
@@ -383,4 +395,4 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         """Return the trajectory with these coefficients."""
         model = self.model
         local = np.asarray(point, float).reshape(model.segments, model.dimensions, -1)
-        return Trajectory(model.times, np.moveaxis(self.to_powers(local), 1, 2))
+        return model.with_yaw(Trajectory(model.times, np.moveaxis(self.to_powers(local), 1, 2)))

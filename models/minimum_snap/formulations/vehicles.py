@@ -1,0 +1,430 @@
+"""Limits of a vehicle as cones at instants, with sequential linearisation of those that are not convex.
+
+Sources: Boyd and Vandenberghe, "Convex Optimization", 2004, section 4.4.2 (second-order cones); Schulman
+et al., "Motion planning with sequential convex optimization and convex collision checking", IJRR
+2014 (trust region and exact penalty).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ....errors import UnsupportedFormulation
+from ...formulation import Formulation
+from ...programs.blocks import Block
+from ...programs.cones import ConeBlock, ConeKind
+from ...programs.conic import ConicProgram
+from ..model import MinimumDerivative
+from ..motion import extended
+from ..peaks import Peaks, peaks
+from ..trajectory import Trajectory
+from ..vehicle_checks import yaw_of
+from ..vehicles import Measure
+from .bases import LegendreFormulation, UnitBasisFormulation
+from .hermite import HermiteFormulation
+from .piecewise import SETTLED
+
+__all__ = ["VehicleFormulation"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Programs with further instants, and linearisations.
+ROUNDS, STEPS = 30, 60
+#: Step of central differences, relative to the extent of the path. It is 1 for affine functions.
+_DIFFERENCE = 1e-6
+#: Relative change of the merit, and of the path, at which the linearisation has converged.
+_CONVERGED = 1e-9
+_SMALL = 1e-8
+#: First radius of the trust region, relative to the extent of the path; factors after bad and good steps.
+_RADIUS, _SHRINK, _GROW = 0.5, 0.25, 2.0
+#: First price of a relative violation, relative to the objective, its factor and its largest value.
+_PRICE, _DEARER, _DEAREST = 10.0, 10.0, 1e5
+
+
+class _Held(NamedTuple):
+    """Instants at which the limit of one quantity is imposed."""
+
+    segment: Ints
+    s: Floats
+
+    def joined(self, segment: Ints, s: Floats) -> _Held:
+        """Return the instants with further ones, without repetitions to seven decimals."""
+        both = np.append(self.segment, segment), np.append(self.s, s)
+        keys = np.column_stack([both[0], np.round(both[1] * 1e7).astype(np.int64)])
+        _, first = np.unique(keys, axis=0, return_index=True)
+        first.sort()
+        return _Held(both[0][first], both[1][first])
+
+
+@dataclass(frozen=True, eq=False)
+class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
+    """Second-order cones at instants for a vehicle, on a quadratic program of the path.
+
+    Upper limits of thrust, tilt, speed and acceleration are convex: the program with some of their
+    instants is a relaxation, to which instants are added until the path keeps the limits at all times.
+    If its optimum exceeds a limit that is not convex (lowest thrust, body rate, wheels), the quantity is
+    linearised about the last path within a trust region. The results of these programs prove nothing.
+
+    Parameters
+    ----------
+    model : MinimumDerivative
+        Problem at given times with a vehicle.
+    samples : int
+        Initial instants per segment at which limits are imposed, 2 to 1000.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model has no vehicle.
+    UnsupportedOption
+        `samples` is not an integer in [2, 1000].
+    """
+
+    samples: int = 5
+    base: UnitBasisFormulation = field(default=None, init=False, repr=False)  # type: ignore[assignment]
+    held: tuple[_Held, ...] = field(default=(), init=False, repr=False)
+    #: Path of the linearisation with its merit; None in the convex phase.
+    centre: Trajectory | None = field(default=None, init=False, repr=False)
+    merit: float = field(default=np.inf, init=False, repr=False)
+    radius: float = field(default=_RADIUS, init=False, repr=False)
+    price: float = field(default=_PRICE, init=False, repr=False)
+    rounds: int = field(default=0, init=False, repr=False)
+    converged: bool = field(default=True, init=False, repr=False)
+
+    name = "cones"
+    summary = "second-order cones for the limits of a vehicle, others by linearisation"
+    program_type = ConicProgram
+    # The terms of a row may be several times larger than their sum.
+    precision = 0.25
+
+    def __post_init__(self) -> None:
+        model = self.model
+        if model.vehicle is None:
+            raise UnsupportedFormulation("the model has no vehicle: take another formulation")
+        plain = replace(model, vehicle=None, yaw=None)
+        local = not (model.periodic or model.fixes_order) and model.continuity < model.order
+        # Only the columns of hermite keep a standstill, at which the direction of the path is a limit.
+        kind = HermiteFormulation if self._follows and local else LegendreFormulation
+        first = kind(plain, samples=self.samples)
+        nodes = (1 - np.cos(np.pi * np.arange(self.samples) / (self.samples - 1))) / 2
+        segment = np.repeat(np.arange(model.segments), self.samples)
+        s = np.tile(nodes, model.segments)
+        # The end of a segment is the start of the next one.
+        inner = (s < 1) | (segment == model.segments - 1) | (model.continuity < 3)
+        held = tuple(_Held(segment[inner], s[inner]) for _ in self.measures)
+        self._set(base=first, held=held)
+
+    def _set(self, **fields: Any) -> Self:
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+        return self
+
+    def _next(self, **fields: Any) -> Self:
+        """Return a copy of this formulation with other fields."""
+        names = ("base", "held", "centre", "merit", "radius", "price", "relaxes")
+        state = {name: getattr(self, name) for name in names}
+        state["rounds"] = self.rounds + 1
+        return replace(self)._set(**{**state, **fields})
+
+    @property
+    def _follows(self) -> bool:
+        return isinstance(self.model.yaw, str) or self._vehicle.follows_path
+
+    @property
+    def _vehicle(self) -> Any:
+        return self.model.vehicle
+
+    @cached_property
+    def measures(self) -> tuple[Measure, ...]:
+        """Limited quantities of the vehicle."""
+        measures: tuple[Measure, ...] = self._vehicle.measures
+        return measures
+
+    @cached_property
+    def _map(self) -> tuple[sp.csr_array, Floats]:
+        """Matrix and constant from the columns of the base to the coefficients of the segments."""
+        if isinstance(self.base, HermiteFormulation):
+            reduction = self.base.reduction
+            return sp.csr_array(reduction.matrix * self.base.unit), reduction.constant
+        size = self.model.segments * self.model.dimensions * (self.model.degree + 1)
+        return sp.csr_array(sp.eye_array(size)), np.zeros(size)
+
+    @cached_property
+    def _effect(self) -> Floats:
+        """Coefficient of every local column that moves the path by its extent, as a flat array."""
+        unit = np.abs(self.base.powers).max(axis=0) * self.base.scales
+        step = self.model.position_scale.max() / unit
+        return np.repeat(step, self.model.dimensions, axis=0)
+
+    # -- the program -----------------------------------------------------------------------------
+
+    def build(self) -> ConicProgram:
+        """Return the program: that of the base, the cones and, about a path, a slack and a trust region."""
+        quadratic = self.base.program
+        size, matrix = quadratic.size, quadratic.matrix
+        around = self.centre is not None
+        parts, offsets, blocks, at = [], [], [], 0
+        for measure, held in zip(self.measures, self.held, strict=True):
+            if not (measure.is_convex or around):
+                continue
+            rows, offset = self._cones(measure, held)
+            count, dimension = offset.shape
+            if not count:
+                continue
+            index = self._places(measure, held)
+            blocks.append(
+                ConeBlock(
+                    f"{measure.name} limit", "", at, count * dimension, "on segment {0}, instant {1}",
+                    index, kind=ConeKind.SECOND_ORDER, dimension=dimension,
+                )
+            )  # fmt: skip
+            parts.append(rows)
+            offsets.append(offset.ravel())
+            at += count * dimension
+        cones = sp.vstack(parts) if parts else sp.csr_array((0, size + around))
+        cost, hessian, columns = quadratic.cost, quadratic.hessian, quadratic.columns
+        lower, upper = quadratic.column_lower, quadratic.column_upper
+        if self.centre is not None:
+            point = self.base.encode(self.centre)
+            reach = self.radius * self._reach
+            lower, upper = np.append(point - reach, 0.0), np.append(point + reach, np.inf)
+            cost = np.append(cost, self._penalty)
+            matrix = sp.hstack([matrix, sp.csr_array((matrix.shape[0], 1))])
+            hessian = sp.block_diag([hessian, sp.csr_array((1, 1))])
+            columns = (*columns, Block("relative violation", "", size, 1))
+        return ConicProgram(
+            cost=cost, cone_matrix=sp.csr_array(cones), cone_offset=np.concatenate([[], *offsets]),
+            cones=tuple(blocks), hessian=sp.csr_array(hessian), matrix=sp.csr_array(matrix),
+            row_lower=quadratic.row_lower, row_upper=quadratic.row_upper, column_lower=lower,
+            column_upper=upper, offset=quadratic.offset, columns=columns, rows=quadratic.rows,
+            name=f"{self.model.name or self.model.kind}, {self.name}",
+        )  # fmt: skip
+
+    @cached_property
+    def _reach(self) -> Floats:
+        """Change of every column of the base that moves the path by its extent."""
+        matrix = abs(self._map[0])
+        share = matrix.multiply(1.0 / self._effect.ravel()[:, None]).max(axis=0).toarray().ravel()
+        return np.asarray(1.0 / np.maximum(share, 1e-300))
+
+    @property
+    def _penalty(self) -> float:
+        """Price of a relative violation of 1."""
+        assert self.centre is not None
+        return self.price * max(self.model.objective(self.centre), self.model.objective_scale)
+
+    def _places(self, measure: Measure, held: _Held) -> Ints:
+        """Return segment and number of the instants of a measure that have a cone."""
+        take = self._derived(measure, held)[2]
+        return np.column_stack([held.segment, np.arange(held.s.size)])[take].astype(np.int64)
+
+    def _cones(self, measure: Measure, held: _Held) -> tuple[sp.csr_array, Floats]:
+        """Return the cone rows of a measure at its instants, and their constants."""
+        model, (matrix, constant) = self.model, self._map
+        local, offset, take = self._derived(measure, held)
+        count, dimension, width = local.shape
+        block = model.dimensions * (model.degree + 1)
+        columns = (held.segment[take, None] * block + np.arange(block))[:, None, :]
+        columns = np.broadcast_to(columns, local.shape)
+        start = np.arange(count * dimension + 1) * width
+        size = model.segments * block
+        rows = sp.csr_array((local.ravel(), columns.ravel(), start), shape=(count * dimension, size))
+        offset = offset + (rows @ constant).reshape(offset.shape)
+        rows = sp.csr_array(rows @ matrix)
+        if self.centre is not None:
+            slack = np.zeros((count, dimension))
+            if not measure.is_convex:
+                slack[:, 0] = measure.limit
+            rows = sp.csr_array(sp.hstack([rows, sp.csr_array(slack.reshape(-1, 1))]))
+        # One scale per cone: derivatives of short segments are huge.
+        largest = abs(rows).max(axis=1).toarray().reshape(count, dimension).max(axis=1)
+        share = 1.0 / np.maximum(largest, np.abs(offset).max(axis=1))
+        return sp.csr_array(rows * np.repeat(share, dimension)[:, None]), offset * share[:, None]
+
+    def _derived(self, measure: Measure, held: _Held) -> tuple[Floats, Floats, Ints]:
+        """Return derivatives of a cone in the local coefficients, constants, and the instants they are of.
+
+        The derivatives have the shape (instants, dimension, columns of a segment). Instants at which the
+        fixed derivatives alone determine the quantity have no cone.
+        """
+        key = measure.name
+        if key in self._memory:
+            return self._memory[key]
+        model, base = self.model, self.base
+        shape = model.segments, model.dimensions, model.degree + 1
+        matrix, constant = self._map
+        free = (np.diff(matrix.indptr) > 0).reshape(shape)
+        affine = measure.is_convex or self.centre is None
+        if affine:
+            local, step = np.zeros(shape), self._effect.reshape(shape)
+        else:
+            assert self.centre is not None
+            local = (matrix @ base.encode(self.centre) + constant).reshape(shape)
+            step = _DIFFERENCE * self._effect.reshape(shape)
+        step = np.where(free | affine, step, 0.0)
+
+        def cone(change: Floats) -> Floats:
+            powers = np.moveaxis(base.to_powers(local + change), 1, 2)
+            plan = Trajectory(model.times, powers)
+            series = extended(plan, self._yaw, self._vehicle.follows_path)
+            values = measure.cone(series.on(held.segment, held.s, 4))
+            return np.column_stack([value.terms[0] for value in values])
+
+        value = cone(np.zeros(shape))
+        result = np.zeros((*value.shape, model.dimensions * shape[2]))
+        for axis in range(model.dimensions):
+            for column in range(shape[2]):
+                change = np.zeros(shape)
+                change[:, axis, column] = step[:, axis, column]
+                if not change.any():
+                    continue
+                by = 2.0 * change[held.segment, axis, column]
+                slope = (cone(change) - cone(-change)) / np.where(by != 0, by, np.inf)[:, None]
+                result[:, :, axis * shape[2] + column] = slope
+        if affine:
+            offset = value
+        else:
+            flat = local.reshape(model.segments, -1)[held.segment]
+            offset = value - np.einsum("qdc,qc->qd", result, flat)
+        mobile = np.where(free.reshape(model.segments, -1)[held.segment, None, :], result, 0.0)
+        moving = np.abs(mobile).max(axis=(1, 2)) > 0
+        finite = np.isfinite(result).all(axis=(1, 2)) & np.isfinite(offset).all(axis=1)
+        take = np.flatnonzero(moving & finite)
+        self._memory[key] = result[take], offset[take], take
+        return self._memory[key]
+
+    @cached_property
+    def _memory(self) -> dict[str, tuple[Floats, Floats, Ints]]:
+        return {}
+
+    @cached_property
+    def _yaw(self) -> Any:
+        """Yaw of all paths of the model."""
+        times = self.model.times
+        plan = Trajectory(times, np.zeros((self.model.segments, 1, self.model.dimensions)))
+        return yaw_of(self.model, self.model.with_yaw(plan))
+
+    # -- refinement ------------------------------------------------------------------------------
+
+    def _excess(self, plan: Trajectory, tolerance: float) -> Iterator[tuple[Measure, Peaks, Floats, float]]:
+        """Yield for each quantity its peaks, their relative violations, and the largest accepted one."""
+        series = extended(plan, self._yaw, self._vehicle.follows_path)
+        for measure, held in zip(self.measures, self.held, strict=True):
+            accept = measure.level + SETTLED * tolerance * abs(measure.level)
+            peak = peaks(series, measure.function, scale=abs(measure.level), accept=accept)
+            with np.errstate(all="ignore"):
+                known = measure.function(series.on(held.segment, held.s, 4)).terms[0]
+            sign = 1.0 if measure.is_upper else -1.0
+            share, imposed = (
+                sign * (measure.value(value) - measure.limit) / measure.limit
+                for value in (peak.value, known)
+            )
+            # The violation at imposed instants measures the inaccuracy of the solver.
+            active = measure.is_convex and imposed.size > 0
+            worst = 2.0 * float(np.nan_to_num(imposed).max()) if active else 0.0
+            yield measure, peak, share, max(SETTLED * tolerance, worst)
+
+    def refined(
+        self, point: Floats, tolerance: float, duals: Floats | None = None
+    ) -> Self | None:
+        """Return the formulation with the violated instants of `point`, or about its path; None at the end.
+
+        Parameters
+        ----------
+        point : ndarray, shape (columns,)
+            Solution of the current program.
+        tolerance : float
+            Tolerance of the verification.
+        duals : ndarray, optional
+            Not used.
+        """
+        plan = self.decode(point)
+        held, excess, new, bent = [], 0.0, False, False
+        for (measure, peak, share, accepted), former in zip(
+            self._excess(plan, tolerance), self.held, strict=True
+        ):
+            out = np.flatnonzero(share > accepted)
+            s = np.clip((peak.time[out] - plan.times[out]) / plan.durations[out], 0.0, 1.0)
+            more = former.joined(out, s) if out.size else former
+            held.append(more)
+            added = more.s.size > former.s.size
+            new |= added and (measure.is_convex or self.centre is not None)
+            bent |= out.size > 0 and not measure.is_convex
+            excess = max(excess, float(share.max()))
+        base = self.base.refined(point[: self.base.program.size], tolerance)
+        new |= base is not None
+        base = self.base if base is None else base
+        if self.centre is None:
+            if self.rounds >= ROUNDS or not (new or bent):
+                return None
+            if new:
+                # Instants of other limits are of no use until the linearisation begins.
+                return self._next(held=tuple(held), base=base)
+            first = self._next(
+                held=tuple(held), base=base, centre=plan, relaxes=False, rounds=0, converged=False
+            )
+            return first._set(merit=first._merit(plan, excess))
+        return self._stepped(plan, excess, tuple(held), base, tolerance, new)
+
+    def _merit(self, plan: Trajectory, excess: float) -> float:
+        return self.model.objective(plan) + self._penalty * max(excess, 0.0)
+
+    def _stepped(
+        self, plan: Trajectory, excess: float, held: tuple[_Held, ...], base: UnitBasisFormulation,
+        tolerance: float, new: bool,
+    ) -> Self | None:  # fmt: skip
+        """Return the next linearisation, about `plan` if it is better; None at the end."""
+        assert self.centre is not None
+        merit = self._merit(plan, excess)
+        gain = self.merit - merit
+        nodes = np.linspace(self.model.times[0], self.model.times[-1], 8 * self.model.segments + 1)
+        moved = float(np.abs(plan(nodes) - self.centre(nodes)).max() / self.model.position_scale.max())
+        kept = excess <= 0.5 * tolerance
+        still = abs(gain) <= _CONVERGED * abs(self.merit) or moved <= _SMALL
+        if self.rounds >= STEPS or (still and kept and not new):
+            return self._finished(plan, kept)
+        if still and not new and not kept and gain >= 0:
+            if self.price >= _DEAREST:
+                return self._finished(plan, kept)
+            dearer = self._next(held=held, base=base, centre=plan, price=self.price * _DEARER)
+            return dearer._set(radius=_RADIUS, merit=dearer._merit(plan, excess))
+        if gain > 0:
+            radius = min(self.radius * _GROW, 1.0)
+            better = self._next(held=held, base=base, centre=plan, radius=radius)
+            return better._set(merit=better._merit(plan, excess))
+        radius = _SHRINK * min(self.radius, moved if moved > 0 else self.radius)
+        if radius < 1e-12:
+            return self._finished(plan, kept)
+        return self._next(held=held, base=base, radius=radius)
+
+    def _finished(self, plan: Trajectory, kept: bool) -> None:
+        self._set(converged=kept)
+
+    @property
+    def is_local_optimum(self) -> bool:
+        """Whether the linearisation has converged to a path within the limits."""
+        return self.centre is not None and self.converged
+
+    # -- plans -----------------------------------------------------------------------------------
+
+    def encode(self, plan: Trajectory) -> Floats:
+        """Return the columns of `plan`."""
+        point = self.base.encode(plan)
+        return point if self.centre is None else np.append(point, 0.0)
+
+    def decode(self, point: Floats) -> Trajectory:
+        """Return the trajectory with these columns, and the yaw of the model."""
+        size = np.asarray(point, float).size - (self.centre is not None)
+        return self.model.with_yaw(self.base.decode(point[:size]))
+
+    def statistics(self, plan: Trajectory) -> dict[str, float | int | str]:
+        """Return the number of linearisations, if any."""
+        return {} if self.centre is None else {"linearisations": self.rounds + 1}
