@@ -1,0 +1,327 @@
+"""Inflation of one polytope of a corridor around a segment of a path.
+
+Source: Wang, Wang, Zhou, Gao, Xu: "Fast iterative region inflation for computing large 2-D/3-D convex regions
+of obstacle-free space" (2024). Each pass cuts the space by one plane per nearest obstacle, so that the plane
+is as far as possible from the centre of an ellipsoid, in its metric, and keeps the segment inside (restrictive
+inflation). The next ellipsoid is the largest one inside the resulting polytope.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .corridors_obstacles import Bodies
+
+__all__ = ["Contact", "Inflation", "inflate", "largest_ball"]
+
+Floats = NDArray[np.float64]
+
+#: Growth of the ellipsoid's volume below which the passes end, as in the paper, and their maximum number.
+_GROWTH, _PASSES = 1.02, 12
+#: Margin of the planes from the segment, relative to its clearance, and its largest value, relative to the
+#: window. Consecutive polytopes both contain a ball of this radius around their common point.
+_MARGIN, _MOST_MARGIN = 0.3, 0.05
+#: Maximum numbers of sweeps of the projections and of cuts per plane.
+_SWEEPS, _CUTS = 60, 12
+
+
+class Contact(NamedTuple):
+    """Obstacle that a segment touches or crosses: its index and the distance from it, m."""
+
+    body: int
+    distance: float
+
+
+class Inflation(NamedTuple):
+    """Polytope {x : normals @ x <= offsets} around a segment, and the margin from its planes, m."""
+
+    normals: Floats
+    offsets: Floats
+    margin: float
+
+
+class _Window(NamedTuple):
+    """Bodies and the segment in coordinates of the window: centre 0 in the segment, longest side 1."""
+
+    centres: Floats
+    arms: Floats
+    radius: float
+    seeds: Floats
+
+    def support(self, normals: Floats) -> Floats:
+        """Return the lowest offsets at which planes touch the enlarged bodies, shape (n, planes)."""
+        spread = np.abs(self.arms @ normals.T).sum(axis=1)
+        offsets: Floats = self.centres @ normals.T - spread - self.radius
+        return offsets
+
+    def vertex(self, body: int, normal: Floats) -> Floats:
+        """Return the point of an enlarged body with the lowest offset along a unit normal."""
+        signs = np.sign(self.arms[body] @ normal)
+        point: Floats = self.centres[body] - signs @ self.arms[body] - self.radius * normal
+        return point
+
+
+def inflate(
+    bodies: Bodies, radius: float, seeds: Floats, low: Floats, high: Floats, passes: int = _PASSES
+) -> Inflation | Contact:
+    """Return a polytope that contains a segment and no body, or the body that the segment touches.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Obstacles.
+    radius : float
+        Radius of the vehicle, m.
+    seeds : ndarray, shape (k, d)
+        Ends of the segment, m.
+    low, high : ndarray, shape (d,)
+        Box of the polytope, m, which contains the segment.
+    passes : int
+        Maximum number of passes.
+    """
+    scale, middle = float((high - low).max()), seeds.mean(axis=0)
+    guard = rounding(np.abs([low, high]).max() + radius)
+    window = _Window(
+        (bodies.centres - middle) / scale, bodies.arms / scale, (radius + guard) / scale,
+        (seeds - middle) / scale,
+    )  # fmt: skip
+    box = np.concatenate([np.eye(len(low)), -np.eye(len(low))])
+    edges = np.concatenate([high - middle, middle - low]) / scale
+    kept = np.flatnonzero((window.support(box) < edges).all(axis=1))
+    window = window._replace(centres=window.centres[kept], arms=window.arms[kept])
+    away, clear = _directions(window)
+    if not clear.min(initial=np.inf) > 0:
+        worst = int(clear.argmin())
+        return Contact(int(kept[worst]), max(float(clear[worst] + window.radius) * scale, 0.0))
+    margin = min(_MARGIN * float(clear.min(initial=np.inf)), _MOST_MARGIN)
+    result = np.empty((0, len(low))), np.empty(0)
+    centre, metric, best = np.zeros(len(low)), np.eye(len(low)), 0.0
+    for _ in range(passes):
+        normals, owners = _cover(window, away, margin, centre, metric)
+        offsets = window.support(normals)[owners, np.arange(len(owners))]
+        ellipsoid = _largest_ellipsoid(np.r_[normals, box], np.r_[offsets, edges])
+        volume = float(np.diag(ellipsoid[1]).prod()) if ellipsoid else 0.0
+        if volume > best or not best:
+            result = normals, offsets
+        if ellipsoid is None or not volume > _GROWTH * best:
+            break
+        best, (centre, metric) = volume, ellipsoid
+    normals, offsets = _needed(window, *result)
+    return Inflation(
+        np.concatenate([box, normals]),
+        np.concatenate([high, -low, offsets * scale + normals @ middle]),
+        margin * scale,
+    )
+
+
+def rounding(size: float) -> float:
+    """Return a bound on the rounding errors of planes through points with coordinates up to `size`, m."""
+    return 128 * float(np.finfo(float).eps) * float(size)
+
+
+def _directions(window: _Window) -> tuple[Floats, Floats]:
+    """Return unit normals that separate the segment from each body, and the distances along them.
+
+    The nearest points of a body and the segment are computed by coordinate descent. If the distance is not
+    accurate, least-norm planes refine it.
+    """
+    half = 0.5 * (window.seeds[-1] - window.seeds[0])
+    count, _, axes = window.arms.shape
+    arms = np.concatenate([window.arms, np.broadcast_to(half, (count, 1, axes))], axis=1)
+    points = nearest(window.centres, arms)
+    length = np.linalg.norm(points, axis=1)
+    normals = points / np.maximum(length, 1e-300)[:, None]
+    along = np.abs(arms @ normals[..., None]).sum(axis=(1, 2))
+    clear = np.einsum("nd,nd->n", window.centres, normals) - along - window.radius
+    upper = length - window.radius
+    for body in np.flatnonzero((clear < 0.9 * upper) & (clear <= upper.min(initial=np.inf))):
+        normal = _separation(window.centres[body], arms[body], points[body])
+        if normal is not None:
+            value = window.centres[body] @ normal - np.abs(arms[body] @ normal).sum()
+            if value - window.radius > clear[body]:
+                normals[body], clear[body] = normal, value - window.radius
+    return normals, clear
+
+
+def nearest(centres: Floats, arms: Floats, sweeps: int = _SWEEPS) -> Floats:
+    """Return the points of bodies nearest to the origin, shape (n, d), by coordinate descent."""
+    points = centres.copy()
+    squares = np.maximum((arms**2).sum(axis=2), 1e-300)
+    shares = np.zeros(squares.shape)
+    for _ in range(sweeps):
+        before = points.copy()
+        for k in range(arms.shape[1]):
+            arm = arms[:, k]
+            share = shares[:, k] - np.einsum("nd,nd->n", points, arm) / squares[:, k]
+            share = np.clip(share, -1.0, 1.0)
+            points += (share - shares[:, k])[:, None] * arm
+            shares[:, k] = share
+        if arms.shape[1] < 2 or np.abs(points - before).max(initial=0.0) < 1e-9:
+            break
+    return points
+
+
+def _separation(centre: Floats, arms: Floats, start: Floats) -> Floats | None:
+    """Return the unit normal of the widest slab between the origin and a body, or None if they meet."""
+    rows = [start]
+    for _ in range(_CUTS):
+        normal = _least_norm(np.array(rows), np.ones(len(rows)))
+        if normal is None:
+            return None
+        vertex = centre - np.sign(arms @ normal) @ arms
+        if vertex @ normal > 1 - 1e-9:
+            break
+        rows.append(vertex)
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def _least_norm(rows: Floats, bounds: Floats) -> Floats | None:
+    """Return the least a with rows @ a >= bounds, or None without one (Lawson, Hanson 1974, ch. 23)."""
+    from scipy.optimize import nnls
+
+    table = np.concatenate([rows.T, bounds[None]])
+    target = np.zeros(len(table))
+    target[-1] = 1.0
+    try:
+        weights, distance = nnls(table, target)
+    except RuntimeError:  # the maximum number of iterations
+        return None
+    residual = table @ weights - target
+    if distance < 1e-12 or residual[-1] >= 0:
+        return None
+    return np.asarray(-residual[:-1] / residual[-1])
+
+
+def _cover(
+    window: _Window, away: Floats, margin: float, centre: Floats, metric: Floats
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Return unit normals of planes that separate all bodies, and the body that each plane touches.
+
+    The bodies are processed in the order of their distance from the ellipsoid's centre.
+    """
+    inverse = np.linalg.inv(metric)
+    points = nearest((window.centres - centre) @ inverse.T, window.arms @ inverse.T, 4)
+    order = np.linalg.norm(points, axis=1)
+    normals, owners = [np.empty((0, len(centre)))], []
+    while np.isfinite(order).any():
+        body = int(order.argmin())
+        normal = _plane(window, body, points[body], margin, centre, inverse)
+        if normal is None:
+            normal = away[body]
+        offsets = window.support(normal[None])[:, 0]
+        order[offsets >= offsets[body]] = np.inf
+        normals.append(normal[None])
+        owners.append(body)
+    return np.concatenate(normals), np.array(owners, np.int64)
+
+
+def _plane(
+    window: _Window, body: int, start: Floats, margin: float, centre: Floats, inverse: Floats
+) -> Floats | None:
+    """Return the unit normal of the plane farthest from the ellipsoid's centre, or None if it fails.
+
+    The plane touches the body and keeps the margin from the segment. In the metric of the ellipsoid, it is
+    {y : a @ y = 1} with the least norm of a. The bodies are not polytopes if they have a radius, so the
+    constraints are added one at a time.
+    """
+    rows, bounds = [start], [1.0]
+    for _ in range(_CUTS):
+        least = _least_norm(np.array(rows), np.array(bounds))
+        if least is None:
+            return None
+        normal = inverse.T @ least
+        normal /= np.linalg.norm(normal)
+        vertex = inverse @ (window.vertex(body, normal) - centre)
+        seed = window.seeds[int((window.seeds @ normal).argmax())] + margin * normal
+        limit = inverse @ (seed - centre)
+        before = len(rows)
+        if vertex @ least < 1 - 1e-6:
+            rows.append(vertex)
+            bounds.append(1.0)
+        if limit @ least > 1 + 1e-6:
+            rows.append(-limit)
+            bounds.append(-1.0)
+        if len(rows) == before:
+            break
+    offset = window.vertex(body, normal) @ normal
+    fits = (window.seeds @ normal).max() + 0.5 * margin <= offset and centre @ normal < offset
+    return np.asarray(normal) if fits else None
+
+
+def _needed(window: _Window, normals: Floats, offsets: Floats) -> tuple[Floats, Floats]:
+    """Drop planes, the farthest first, if other planes separate all of their bodies."""
+    separated = window.support(normals) >= offsets
+    # Each plane separates the body that it touches, despite rounding.
+    counts = separated.sum(axis=1)
+    keep = np.ones(len(normals), bool)
+    for k in np.argsort(-offsets):
+        if (counts[separated[:, k]] > 1).all():
+            keep[k] = False
+            counts -= separated[:, k]
+    return normals[keep], offsets[keep]
+
+
+def _largest_ellipsoid(normals: Floats, offsets: Floats) -> tuple[Floats, Floats] | None:
+    """Return the centre p and the lower factor L of the largest {p + L u : |u| <= 1} in a polytope.
+
+    The conic program maximises Σ log L_ii subject to |Lᵀ n| + n·p <= b for each plane.
+    """
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    count, axes = normals.shape
+    row, column = np.tril_indices(axes)
+    size = axes + len(row) + axes
+    table = np.zeros((count, axes + 1, size))
+    table[:, 0, :axes] = normals
+    for k, (i, j) in enumerate(zip(row, column, strict=True), axes):
+        table[:, 1 + j, k] = -normals[:, i]
+    right = np.zeros((count, axes + 1))
+    right[:, 0] = offsets
+    logs = np.zeros((axes, 3, size))
+    for i in range(axes):
+        logs[i, 0, size - axes + i] = -1.0
+        logs[i, 2, axes + int(np.flatnonzero((row == i) & (column == i))[0])] = -1.0
+    ones = np.tile([0.0, 1.0, 0.0], axes)
+    matrix = csc_matrix(np.concatenate([table.reshape(-1, size), logs.reshape(-1, size)]))
+    cost = np.zeros(size)
+    cost[-axes:] = -1.0
+    cones: list[Any] = [clarabel.SecondOrderConeT(axes + 1)] * count
+    cones += [clarabel.ExponentialConeT()] * axes
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-6
+    solver = clarabel.DefaultSolver(
+        csc_matrix((size, size)), cost, matrix, np.r_[right.ravel(), ones], cones, settings
+    )
+    solution = solver.solve()
+    if "Solved" not in str(solution.status):
+        return None
+    values = np.array(solution.x)
+    factor = np.zeros((axes, axes))
+    factor[row, column] = values[axes : size - axes]
+    return values[:axes], factor
+
+
+def largest_ball(normals: Floats, offsets: Floats, middle: Floats) -> tuple[Floats, float]:
+    """Return the centre and the radius of the largest ball in a polytope near a point, m.
+
+    The radius is reduced by the rounding errors. It is not positive if the polytope has no interior.
+    """
+    from scipy.optimize import linprog
+
+    local = offsets - normals @ middle
+    scale = max(float(np.abs(local).max()), 1e-300)
+    table = np.column_stack([normals, np.ones(len(normals))])
+    cost = np.zeros(table.shape[1])
+    cost[-1] = -1.0
+    free = [(None, None)] * table.shape[1]
+    answer = linprog(cost, A_ub=table, b_ub=local / scale, bounds=free)
+    if answer.x is None:
+        return middle, 0.0
+    centre = middle + scale * answer.x[:-1]
+    radius = float((offsets - normals @ centre).min())
+    return centre, radius - rounding(np.abs(centre).max() + abs(radius))
