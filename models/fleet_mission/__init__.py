@@ -9,6 +9,7 @@ from ...lazy import attach
 if TYPE_CHECKING:
     from .curves import lengths_of as lengths_of
     from .model import FleetMission as FleetMission
+    from .moving import MovingObstacle as MovingObstacle
     from .plan import MissionPlan as MissionPlan
 
 MODELS = {"fleet-mission": ".model:FleetMission"}

@@ -7,6 +7,7 @@ property is proven for the whole curve by convex hulls of pieces, which are bise
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,14 @@ from numpy.typing import NDArray
 
 from ..fields import required
 from ..fleet.checks import objective_of
+from ..fleet.data import Objective
 from ..minimum_snap.bounds import derivative_name, derivative_unit
 from ..minimum_snap.polynomials import factorials
 from ..minimum_snap.trajectory import Trajectory
 from ..verification import Check, Verification, check_entries, check_tolerance
 from .collision import deepest
 from .curves import lengths_of, nearest, pieces_of
-from .data import MissionData
+from .data import MissionData, MissionObjective
 from .plan import MissionPlan
 
 __all__ = ["verify_mission"]
@@ -56,6 +58,8 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
         _inside(model, flights, tolerance),
         _collision(model, flights, tolerance),
         _separation(model, flights, tolerance),
+        *_moving(model, flights, tolerance),
+        *_departures(model, flights, tolerance),
     ]
     if len(plan.routes) != model.vehicles:
         return Verification(None, tuple(checks))
@@ -64,9 +68,12 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
         loads[k] = lengths_of(entry).sum()
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective == "range" else 0.0
-    # Only objective, q and deviation are read, which are fields of both models.
-    objective = objective_of(model, loads)  # type: ignore[arg-type]
-    return Verification(objective, tuple(checks), scale=scale)
+    if model.objective is MissionObjective.MAKESPAN:
+        return Verification(plan.end, tuple(checks))
+    lengths: Any = SimpleNamespace(
+        objective=Objective(model.objective), q=model.q, deviation=model.deviation
+    )
+    return Verification(objective_of(lengths, loads), tuple(checks), scale=scale)
 
 
 def _counts(model: MissionData, plan: MissionPlan) -> Iterator[Check]:
@@ -272,3 +279,35 @@ def _separation(model: MissionData, flights: Flights, tolerance: float) -> Check
     where += "; before departure and after return robots wait in the depot's queue"
     robots = [(model.separation - closest.distance, model.cell, where, 2 * _digits(model))]
     return _worst(name, "m", tolerance, robots, limit=model.separation)
+
+
+def _moving(model: MissionData, flights: Flights, tolerance: float) -> Iterator[Check]:
+    """Yield the check of the distance between robots and moving obstacles, if there are any."""
+    if not model.moving:
+        return
+    slack = SEARCH_SHARE * (tolerance * model.cell + _digits(model))
+    robots: list[tuple[Any, ...]] = []
+    begin = min((float(entry.times[0]) for _, entry in flights), default=0.0)
+    end = max((float(entry.times[-1]) for _, entry in flights), default=1.0)
+    for k, obstacle in enumerate(model.moving):
+        curves = [obstacle.during(begin, end), *(entry for _, entry in flights)]
+        pairs = np.array([[0, row] for row in range(1, len(curves))], int).reshape(-1, 2)
+        closest = nearest(curves, slack, pairs)
+        if np.isfinite(closest.distance):
+            where = f"robot {flights[closest.pair[1] - 1][0]} and moving obstacle {k} "
+            where += f"(t = {closest.time:.6g} s), {closest.distance:.6g} m apart"
+            needed = model.radius + obstacle.radius
+            noise = 2 * max(
+                _digits(model), DIGITS * float(np.abs(obstacle.trajectory.coefficients).max())
+            )
+            robots.append((needed - closest.distance, model.cell, where, noise))
+    yield _worst("distance to moving obstacles", "m", tolerance, robots)
+
+
+def _departures(model: MissionData, flights: Flights, tolerance: float) -> Iterator[Check]:
+    """Yield the check that no robot departs before time 0, if the clock matters."""
+    if not model.moving and model.objective is not MissionObjective.MAKESPAN:
+        return
+    pause = _scale(model, 0) / _scale(model, 1)
+    robots = [(-entry.times[0], pause, f"robot {k}", 0.0) for k, entry in flights]
+    yield _worst("departures at time 0 or later", "s", tolerance, robots)

@@ -197,7 +197,7 @@ def _common(
             long = entry.durations[index]
             s = (times[:, 0] - entry.times[index]) / long
             width = (times[:, 1] - times[:, 0]) / long
-            powers = np.zeros((len(times), degree + 1, 2))
+            powers = np.zeros((len(times), degree + 1, entry.dimensions))
             powers[:, : entry.degree + 1] = entry.coefficients[index]
             moved = np.einsum("jk,njk,nkd->njd", binomial, s[:, None, None] ** lag, powers)
             moved *= width[:, None, None] ** np.arange(degree + 1)[:, None]
@@ -210,7 +210,9 @@ def _common(
     return first, second
 
 
-def nearest(trajectories: list[Trajectory], slack: float) -> Near:
+def nearest(
+    trajectories: list[Trajectory], slack: float, pairs: NDArray[np.int64] | None = None
+) -> Near:
     """Return the closest approach of any two robots under way at the same time.
 
     Branch and bound in time: the hull of the Bézier points of a difference bounds it from below.
@@ -218,13 +220,17 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
     Parameters
     ----------
     trajectories : list of Trajectory
-        x, y (m) in time; before its first and after its last knot a robot is not under way.
+        Positions (m) in time, of equal dimensions; before its first and after its last knot a robot is
+        not under way.
     slack : float
         Accuracy: the least distance is at least the returned one minus `slack`, m.
+    pairs : ndarray of int, shape (n, 2), optional
+        Pairs of curves to compare; all pairs by default.
     """
     import shapely
 
-    pairs = np.array([[a, b] for b in range(len(trajectories)) for a in range(b)], int)
+    if pairs is None:
+        pairs = np.array([[a, b] for b in range(len(trajectories)) for a in range(b)], int)
     best = Near(math.inf, 0.0, (0, 0))
     common = _common(trajectories, pairs) if pairs.size else None
     if common is None:
@@ -238,7 +244,7 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
             (first.control[:, -1], second.control[:, -1], first.times[:, 1]),
         ]
         for a, b, times in places:
-            distance = np.hypot(*(a - b).T)
+            distance = np.linalg.norm(a - b, axis=1)
             k = int(np.argmin(distance))
             if distance[k] < best.distance:
                 robot, other = pairs[first.owner[k]].tolist()
@@ -246,16 +252,22 @@ def nearest(trajectories: list[Trajectory], slack: float) -> Near:
         between = first.control - second.control
         # Bounding boxes are cheap, so they are tested first.
         box = np.maximum(np.maximum(between.min(axis=1), -between.max(axis=1)), 0.0)
-        open_ = np.flatnonzero(np.hypot(*box.T) < best.distance - slack)
-        lower = shapely.distance(hulls_of(between[open_]), origin)
+        sizes = np.linalg.norm(box, axis=1)
+        open_ = np.flatnonzero(sizes < best.distance - slack)
+        if between.shape[2] == 2:
+            lower = shapely.distance(hulls_of(between[open_]), origin)
+        else:  # the extent of the hull along its middle is a bound in any dimension
+            middle = between[open_].mean(axis=1)
+            middle /= np.maximum(np.linalg.norm(middle, axis=1), 1e-300)[:, None]
+            lower = np.einsum("nkd,nd->nk", between[open_], middle).min(axis=1)
         open_ = open_[lower < best.distance - slack]
         long = first.times[open_, 1] - first.times[open_, 0]
         # Drop pieces whose duration is below floating-point resolution.
         size = np.abs(first.times[open_]).max(axis=1)
         open_ = open_[long > 1e-14 * np.maximum(size, 1e-300)]
         if open_.size > MOST:
-            k = open_[int(np.argmin(np.hypot(*box[open_].T)))]
+            k = open_[int(np.argmin(sizes[open_]))]
             robot, other = pairs[first.owner[k]].tolist()
-            return Near(float(np.hypot(*box[k])), float(first.times[k].mean()), (robot, other))
+            return Near(float(sizes[k]), float(first.times[k].mean()), (robot, other))
         first, second = first.take(open_).halve(), second.take(open_).halve()
     return best

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,24 +14,37 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Optional, Real, Whole, declared, frozen, show
-from ..fleet.data import Deviation, Objective
+from ..fleet.data import Deviation
 from ..grid_path.gridmap import GridMap
 from ..grid_path.polygons import Polygon, Polygons, as_shapely
 from ..inputs import Field, FloatArray, Names
 from ..labels import Ids
 from ..model import Model
-from ..records import Member
+from ..records import Member, Several
+from .moving import Movers, MovingObstacle
 from .plan import MissionPlan
 
 if TYPE_CHECKING:
     from .collision import Solids
 
-__all__ = ["MissionData"]
+__all__ = ["MissionData", "MissionObjective"]
 
 Floats = NDArray[np.float64]
 
 #: Maximum number of robots, as the separation check compares all pairs.
 MOST = 200
+
+
+class MissionObjective(StrEnum):
+    """Objective to minimise: the time of return, or a function of the lengths L_1 … L_m of the curves."""
+
+    SUM = "sum"  #: Σ L_k (eq. 15)
+    MAX = "max"  #: max L_k
+    VARIANCE = "sum-variance"  #: Σ L_k + q Y, with their variance Y (eq. 15 and 16)
+    DEVIATION = "sum-deviation"  #: Σ L_k + q s, with their standard deviation s
+    RANGE = "range"  #: max L_k - min L_k
+    LEXICOGRAPHIC = "max-sum"  #: max L_k, then Σ L_k: max L_k + 1e-6 Σ L_k
+    MAKESPAN = "makespan"  #: time at which the last robot is back, counted from 0, in seconds
 
 
 class EachAxis(Array):
@@ -62,11 +76,16 @@ class MissionData(Model[MissionPlan]):
     depot_radius: Field[float | None, float] = declared(
         Optional(Real(lower=0, unit="m")), default=None
     )
-    objective: Field[str, Objective] = declared(Member(Objective), default=Objective.DEVIATION)
+    objective: Field[str, MissionObjective] = declared(
+        Member(MissionObjective), default=MissionObjective.DEVIATION
+    )
     q: float = declared(Real(lower=0), default=0.4)
     deviation: Field[str, Deviation] = declared(Member(Deviation), default=Deviation.SAMPLE)
     ids: Names = declared(Optional(Ids()), default=None)
     continuity: int = declared(Whole(2, 3), default=3, added=True)
+    moving: Field[Iterable[Any], tuple[MovingObstacle, ...]] = declared(
+        Several(Movers(MovingObstacle)), default=(), added=True
+    )
 
     # -- checks ----------------------------------------------------------------------------------
 

@@ -12,10 +12,18 @@ import numpy as np
 
 from ..verification import TOLERANCE, Verification
 from .checks import verify_mission
-from .data import MissionData
+from .data import MissionData, MissionObjective
 from .plan import MissionPlan
 
 __all__ = ["FleetMission"]
+
+
+class _Unit:
+    """Unit of the objective: metres, and seconds for the makespan."""
+
+    def __get__(self, instance: MissionData | None, owner: type) -> str:
+        is_time = instance is not None and instance.objective is MissionObjective.MAKESPAN
+        return "s" if is_time else "m"
 
 
 class FleetMission(MissionData):
@@ -55,9 +63,9 @@ class FleetMission(MissionData):
         distance is required, and the verification reports it.
     depot_radius : float, optional
         Deprecated and without effect: robots near the depot keep the separation as well.
-    objective : {"sum-deviation", "sum-variance", "sum", "max", "range", "max-sum"}
+    objective : {"sum-deviation", "sum-variance", "sum", "max", "range", "max-sum", "makespan"}
         Objective of the lengths L_k, as in :class:`~crosstrack.models.FleetRouting`. The paper's is
-        "sum-variance".
+        "sum-variance". "makespan" is the time at which the last robot is back, in seconds from 0.
     q : float
         Weight of the deviation or of the variance, for the objectives that have one.
     deviation : {"sample", "population"}
@@ -67,6 +75,10 @@ class FleetMission(MissionData):
     continuity : {3, 2}
         Highest derivative that is continuous at the knots and 0 at both ends: 2 as in eq. 23-25, 3
         adds the jerk.
+    moving : sequence of MovingObstacle
+        Obstacles whose motion is known, in the plane. Robots under way keep a distance of both radii
+        between the centres at every instant. With moving obstacles or the objective "makespan", no robot
+        departs before time 0.
 
     Raises
     ------
@@ -87,7 +99,7 @@ class FleetMission(MissionData):
     """
 
     kind: ClassVar[str] = "fleet-mission"
-    objective_unit: ClassVar[str] = "m"
+    objective_unit: ClassVar[str] = _Unit()  # type: ignore[assignment]
     plan_type: ClassVar[type] = MissionPlan
 
     # -- plans -----------------------------------------------------------------------------------
@@ -107,7 +119,8 @@ class FleetMission(MissionData):
         def several(count: int, word: str) -> str:
             return f"{count} {word}" + "s" * (count != 1)
 
+        moving = f"{several(len(self.moving), 'moving obstacle')}, " if self.moving else ""
         return (
             f"{several(self.vehicles, 'robot')}, {several(len(self.nodes), 'node')}, "
-            f"{several(len(self.obstacles), 'obstacle')}, {self.objective}"
+            f"{several(len(self.obstacles), 'obstacle')}, {moving}{self.objective}"
         )

@@ -128,7 +128,11 @@ def _words(model: FleetMission, plan: MissionPlan | None, result: Verification |
     if what.startswith("sum-"):
         what = f"sum + {kit.number(model.q, 4)} × {what.partition('-')[2]}"
     parts = [kit.many(model.vehicles, "robot"), kit.many(len(model.nodes), "node")]
-    return [*parts, f"{what} {kit.number(result.objective)} m", f"{kit.number(plan.end, 5)} s"]
+    return [
+        *parts,
+        f"{what} {kit.number(result.objective)} {model.objective_unit}",
+        f"{kit.number(plan.end, 5)} s",
+    ]
 
 
 # -- the map and the bars ------------------------------------------------------------------------

@@ -61,12 +61,12 @@ def diagnose_mission(model: FleetMission, time_limit: float | None = None) -> Di
                 data={"radius": model.radius, "greatest": low},
             )
         )
-    return Diagnosis(
-        model.name, True, "connected free cells",
-        "a plan exists: all nodes can be reached from the depot, by robots that go one after the other "
-        "and rest where they turn",
-        tuple(findings),
-    )  # fmt: skip
+    text = "all nodes can be reached from the depot, by robots that go one after the other"
+    if model.moving:
+        text += "; whether moving obstacles leave the way free is not decided"
+        return Diagnosis(model.name, None, "connected free cells", text, tuple(findings))
+    text = f"a plan exists: {text} and rest where they turn"
+    return Diagnosis(model.name, True, "connected free cells", text, tuple(findings))
 
 
 def _possible(model: FleetMission, radius: float) -> bool:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from ... import jit
 from ...errors import CrosstrackError, UnsupportedOption
+from ...models.fleet.data import Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
+from ...models.fleet_mission.data import MissionObjective
 from ...models.fleet_mission.model import FleetMission
 from ...models.fleet_mission.plan import MissionPlan
 from ...models.grid_path.model import Connectivity, GridPath
@@ -108,8 +110,11 @@ class Stages:
         """
         problem = self.problem
         q = problem.q if problem.objective.startswith("sum-") else 0.0
+        # The return of the last robot depends on the longest route.
+        is_time = problem.objective is MissionObjective.MAKESPAN
+        objective = Objective.LEXICOGRAPHIC if is_time else Objective(problem.objective)
         routing = FleetRouting(
-            problem.vehicles, costs=costs, depots=np.zeros(1, np.int64), objective=problem.objective, q=q,
+            problem.vehicles, costs=costs, depots=np.zeros(1, np.int64), objective=objective, q=q,
             deviation=problem.deviation,
         )  # fmt: skip
         with self.clock("routing"):

@@ -9,7 +9,7 @@ from check_limits import SCALES, assert_complete, assert_limit, assert_only, pai
 from fleet_mission.missions import delayed, flown, legs, small
 
 from crosstrack.models import Trajectory
-from crosstrack.models.fleet_mission import MissionPlan, checks
+from crosstrack.models.fleet_mission import MissionPlan, MovingObstacle, checks
 
 TOLERANCE = 1e-6
 HOME, A, B, C = [1, 1], [8, 8], [8, 2], [2, 8]
@@ -212,6 +212,18 @@ def passing(shift):
     return found
 
 
+def beside(scale, share):
+    """A moving obstacle passes one metre beside the first robot, in half of the scaled time."""
+    radius = scale * (0.75 + share * (DEPTH + 10e-13))
+    cart = MovingObstacle(radius, [0.0, 35.0], scale * np.array([[9.0, 9.0], [9.0, 2.0]]))
+    return verified(flight(), scale, moving=[cart])
+
+
+def early(e):
+    """Return a plan whose second robot departs `e` seconds before 0."""
+    return delayed(flown([HOME, (1, B), (0, A), (None, B)], [HOME, (2, C)], pace=2.0**5), -e)
+
+
 ORDER = 0.5 * TOLERANCE  # the time for a cell at 1 m/s
 LIMITS = {
     "nodes passed at their times": [
@@ -264,6 +276,8 @@ LIMITS = {
     ],
     "radius away from obstacles": [case(along(3.75)), case(along(4.0), radius=0.0)],
     "distance between robots": [corner, passing(0.0), passing(0.3)],
+    "distance to moving obstacles": [beside],
+    "departures at time 0 or later": [case(early, ORDER, objective="makespan", separation=0.0)],
 }  # fmt: skip
 ALONE = flown([HOME, (1, B), (0, A), (None, B), (None, HOME), (2, C)])
 #: Plans with one fault, and the place that the check must name.
@@ -330,5 +344,6 @@ def test_no_distance_between_robots_is_reported_but_not_required():
 
 
 def test_every_check_is_tested():
-    found = [verified(flight(), separation=separation) for separation in (0.0, 0.5)]
+    cart = MovingObstacle(0.5, [0.0], [[5.0, 9.0]])
+    found = [verified(flight(), separation=separation, moving=[cart]) for separation in (0.0, 0.5)]
     assert_complete({*LIMITS, *FAULTS, "separation not required"}, found, checks)
