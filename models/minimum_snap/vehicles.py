@@ -470,8 +470,8 @@ class DifferentialDrive(Vehicle):
 
     @property
     def measures(self) -> tuple[Measure, ...]:
-        """Speed and acceleration of both wheels."""
-        result: list[Measure] = []
+        """Speed and acceleration of both wheels, and the speed that follows: the mean of the wheels."""
+        result = list(PointMass(speed=self.wheel_speed).measures)
         for word, side in (("left", -1.0), ("right", 1.0)):
             result += _norm(
                 f"{word} wheel speed", "m/s", self.wheel_speed,

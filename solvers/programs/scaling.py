@@ -109,6 +109,21 @@ class Scaling:
             return None
         return cls(replace(program, **changed), columns, rows, unit)
 
+    @classmethod
+    def of_objective(cls, program: Any) -> Scaling | None:
+        """Return the scaling of the objective of a conic program by its constant; None if it needs none.
+
+        The constant has the size of the objective if most of the data are fixed.
+        """
+        unit = common(abs(program.offset) or 1.0)
+        if unit == 1.0:
+            return None
+        scaled = replace(
+            program, cost=program.cost / unit, hessian=program.hessian / unit,
+            offset=program.offset / unit,
+        )  # fmt: skip
+        return cls(scaled, np.ones(1), np.ones(1), unit)
+
     def request(self, request: Request, control: Any) -> Request:
         """Return `request` in the units of the scaled program.
 

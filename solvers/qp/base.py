@@ -144,7 +144,8 @@ def answered(
     def solve_posed(posed: QuadraticProgram, posed_request: Request) -> Answer:
         return kind(posed, posed_request, attempt, Clock(posed_request.time_limit)).answer()
 
-    scaling = Scaling.of(problem) if type(problem) is QuadraticProgram else None
+    scale = Scaling.of if type(problem) is QuadraticProgram else Scaling.of_objective
+    scaling = scale(problem)
     return (
         solve_posed(problem, request) if scaling is None else scaling.answered(request, solve_posed)
     )

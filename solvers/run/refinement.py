@@ -155,6 +155,7 @@ def _reached(request: Request, seconds: float | None) -> Limit | None:
 TIGHTER, TIGHTEST = 0.1, 1e-9
 #: Number of earlier programs whose plans are also verified if none was accurate enough.
 LOOKED = 2
+_UNSETTLED = "the linearisation converged to no plan within the limits"
 _BETWEEN = "stopped between two refinements of the program"
 
 
@@ -167,14 +168,20 @@ def _tighten(
         finer = _refined(run, answer)
         if finer is None:
             formulation = run.target.formulation
-            solved = answer.termination is Termination.OPTIMAL
-            if solved and formulation is not None and formulation.is_local_optimum:
-                answer = replace(answer, termination=Termination.LOCALLY_OPTIMAL, dual_bound=None)
+            found = answer.termination in CLAIMS_PLAN and answer.limit is None
+            if found and formulation is not None and formulation.is_local_optimum:
+                answer = replace(
+                    answer, termination=Termination.LOCALLY_OPTIMAL, dual_bound=None, message=""
+                )
+            elif found and formulation is not None and not formulation.relaxes:
+                answer = Answer(Termination.NO_SOLUTION, message=_UNSETTLED)
             return answer, problem
         if run.target.proves:
             proven = proven_bound(problem, answer)
             bound = max(bound, -np.inf if proven is None else proven)
-        solved = answer.termination is Termination.OPTIMAL
+        # A linearisation may continue from a point whose optimality is not proven.
+        linear = not finer.relaxes and answer.termination in CLAIMS_PLAN and answer.limit is None
+        solved = answer.termination is Termination.OPTIMAL or linear
         limit = (answer.limit or _reached(request, left())) if solved else answer.limit
         if limit is not None or not solved:
             # The point of a relaxation is not a plan of the model.

@@ -29,22 +29,24 @@ from ..vehicle_checks import yaw_of
 from ..vehicles import Measure
 from .bases import LegendreFormulation, UnitBasisFormulation
 from .hermite import HermiteFormulation
-from .piecewise import SETTLED
 
 __all__ = ["VehicleFormulation"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Largest violation between the instants, as a share of the tolerance: the limits are as accurate as the
+#: solutions of conic programs.
+SETTLED = 0.1
 #: Programs with further instants, and linearisations.
 ROUNDS, STEPS = 30, 60
 #: Step of central differences, relative to the extent of the path. It is 1 for affine functions.
 _DIFFERENCE = 1e-6
 #: Relative change of the merit, and of the path, at which the linearisation has converged.
 _CONVERGED = 1e-9
-_SMALL = 1e-8
+_SMALL = 1e-6
 #: First radius of the trust region, relative to the extent of the path; factors after bad and good steps.
-_RADIUS, _SHRINK, _GROW = 0.5, 0.25, 2.0
+_RADIUS, _SHRINK, _GROW, _LEAST = 0.5, 0.25, 4.0, 1e-6
 #: First price of a relative violation, relative to the objective, its factor and its largest value.
 _PRICE, _DEARER, _DEAREST = 10.0, 10.0, 1e5
 
@@ -56,8 +58,15 @@ class _Held(NamedTuple):
     s: Floats
 
     def joined(self, segment: Ints, s: Floats) -> _Held:
-        """Return the instants with further ones, without repetitions to seven decimals."""
-        both = np.append(self.segment, segment), np.append(self.s, s)
+        """Return the instants with further ones, without repetitions to seven decimals.
+
+        Each one has a neighbour on either side, at a quarter of its distance to the next instant. Peaks
+        between two active instants then approach the limit by a factor of 16 per round.
+        """
+        apart = np.abs(self.s[:, None] - s) + 2.0 * (self.segment[:, None] != segment)
+        near = 0.25 * apart.min(axis=0, initial=1.0)
+        flanked = np.clip(np.concatenate([s, s - near, s + near]), 0.0, 1.0)
+        both = np.append(self.segment, np.tile(segment, 3)), np.append(self.s, flanked)
         keys = np.column_stack([both[0], np.round(both[1] * 1e7).astype(np.int64)])
         _, first = np.unique(keys, axis=0, return_index=True)
         first.sort()
@@ -112,7 +121,7 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         plain = replace(model, vehicle=None, yaw=None)
         local = not (model.periodic or model.fixes_order) and model.continuity < model.order
         # Only the columns of hermite keep a standstill, at which the direction of the path is a limit.
-        kind = HermiteFormulation if self._follows and local else LegendreFormulation
+        kind = HermiteFormulation if local else LegendreFormulation
         first = kind(plain, samples=self.samples)
         nodes = (1 - np.cos(np.pi * np.arange(self.samples) / (self.samples - 1))) / 2
         segment = np.repeat(np.arange(model.segments), self.samples)
@@ -164,6 +173,11 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         step = self.model.position_scale.max() / unit
         return np.repeat(step, self.model.dimensions, axis=0)
 
+    @cached_property
+    def unit(self) -> float:
+        """Unit of the columns, a power of two near the extent of the path, m."""
+        return float(2.0 ** np.round(np.log2(self.model.position_scale.max())))
+
     # -- the program -----------------------------------------------------------------------------
 
     def build(self) -> ConicProgram:
@@ -190,11 +204,11 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
             offsets.append(offset.ravel())
             at += count * dimension
         cones = sp.vstack(parts) if parts else sp.csr_array((0, size + around))
-        cost, hessian, columns = quadratic.cost, quadratic.hessian, quadratic.columns
-        lower, upper = quadratic.column_lower, quadratic.column_upper
+        cost, hessian = quadratic.cost * self.unit, quadratic.hessian * self.unit**2
+        lower, upper, columns = quadratic.column_lower, quadratic.column_upper, quadratic.columns
         if self.centre is not None:
-            point = self.base.encode(self.centre)
-            reach = self.radius * self._reach
+            point = self.base.encode(self.centre) / self.unit
+            reach = self.radius * self._reach / self.unit
             lower, upper = np.append(point - reach, 0.0), np.append(point + reach, np.inf)
             cost = np.append(cost, self._penalty)
             matrix = sp.hstack([matrix, sp.csr_array((matrix.shape[0], 1))])
@@ -203,8 +217,8 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         return ConicProgram(
             cost=cost, cone_matrix=sp.csr_array(cones), cone_offset=np.concatenate([[], *offsets]),
             cones=tuple(blocks), hessian=sp.csr_array(hessian), matrix=sp.csr_array(matrix),
-            row_lower=quadratic.row_lower, row_upper=quadratic.row_upper, column_lower=lower,
-            column_upper=upper, offset=quadratic.offset, columns=columns, rows=quadratic.rows,
+            row_lower=quadratic.row_lower / self.unit, row_upper=quadratic.row_upper / self.unit,
+            column_lower=lower, column_upper=upper, offset=quadratic.offset, columns=columns, rows=quadratic.rows,
             name=f"{self.model.name or self.model.kind}, {self.name}",
         )  # fmt: skip
 
@@ -231,6 +245,8 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         model, (matrix, constant) = self.model, self._map
         local, offset, take = self._derived(measure, held)
         count, dimension, width = local.shape
+        if not count:
+            return sp.csr_array((0, matrix.shape[1])), offset
         block = model.dimensions * (model.degree + 1)
         columns = (held.segment[take, None] * block + np.arange(block))[:, None, :]
         columns = np.broadcast_to(columns, local.shape)
@@ -238,15 +254,16 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         size = model.segments * block
         rows = sp.csr_array((local.ravel(), columns.ravel(), start), shape=(count * dimension, size))
         offset = offset + (rows @ constant).reshape(offset.shape)
-        rows = sp.csr_array(rows @ matrix)
+        rows = sp.csr_array(rows @ matrix) * self.unit
         if self.centre is not None:
             slack = np.zeros((count, dimension))
             if not measure.is_convex:
                 slack[:, 0] = measure.limit
             rows = sp.csr_array(sp.hstack([rows, sp.csr_array(slack.reshape(-1, 1))]))
-        # One scale per cone: derivatives of short segments are huge.
-        largest = abs(rows).max(axis=1).toarray().reshape(count, dimension).max(axis=1)
-        share = 1.0 / np.maximum(largest, np.abs(offset).max(axis=1))
+        # Constants near 1: the violation of a cone is then relative to the limit, so that proofs of
+        # infeasibility are independent of the units.
+        size = np.abs(offset).max(axis=1) if measure.is_convex else np.full(count, measure.limit)
+        share = 1.0 / size
         return sp.csr_array(rows * np.repeat(share, dimension)[:, None]), offset * share[:, None]
 
     def _derived(self, measure: Measure, held: _Held) -> tuple[Floats, Floats, Ints]:
@@ -359,7 +376,7 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
             new |= added and (measure.is_convex or self.centre is not None)
             bent |= out.size > 0 and not measure.is_convex
             excess = max(excess, float(share.max()))
-        base = self.base.refined(point[: self.base.program.size], tolerance)
+        base = self.base.refined(self._local(point), tolerance)
         new |= base is not None
         base = self.base if base is None else base
         if self.centre is None:
@@ -385,8 +402,8 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         assert self.centre is not None
         merit = self._merit(plan, excess)
         gain = self.merit - merit
-        nodes = np.linspace(self.model.times[0], self.model.times[-1], 8 * self.model.segments + 1)
-        moved = float(np.abs(plan(nodes) - self.centre(nodes)).max() / self.model.position_scale.max())
+        change = self.base.encode(plan) - self.base.encode(self.centre)
+        moved = float((np.abs(change) / self._reach).max(initial=0.0))
         kept = excess <= 0.5 * tolerance
         still = abs(gain) <= _CONVERGED * abs(self.merit) or moved <= _SMALL
         if self.rounds >= STEPS or (still and kept and not new):
@@ -397,9 +414,12 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
             dearer = self._next(held=held, base=base, centre=plan, price=self.price * _DEARER)
             return dearer._set(radius=_RADIUS, merit=dearer._merit(plan, excess))
         if gain > 0:
-            radius = min(self.radius * _GROW, 1.0)
+            # A region far beyond the last step would only blur the bound of the program.
+            radius = min(max(_GROW * moved, _LEAST), 1.0)
             better = self._next(held=held, base=base, centre=plan, radius=radius)
             return better._set(merit=better._merit(plan, excess))
+        if new:  # the program lacked instants: it is not the region that is too large
+            return self._next(held=held, base=base)
         radius = _SHRINK * min(self.radius, moved if moved > 0 else self.radius)
         if radius < 1e-12:
             return self._finished(plan, kept)
@@ -417,13 +437,17 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     def encode(self, plan: Trajectory) -> Floats:
         """Return the columns of `plan`."""
-        point = self.base.encode(plan)
+        point: Floats = self.base.encode(plan) / self.unit
         return point if self.centre is None else np.append(point, 0.0)
 
     def decode(self, point: Floats) -> Trajectory:
         """Return the trajectory with these columns, and the yaw of the model."""
-        size = np.asarray(point, float).size - (self.centre is not None)
-        return self.model.with_yaw(self.base.decode(point[:size]))
+        return self.model.with_yaw(self.base.decode(self._local(point)))
+
+    def _local(self, point: Floats) -> Floats:
+        """Return the columns of the base."""
+        point = np.asarray(point, float)
+        return point[: point.size - (self.centre is not None)] * self.unit
 
     def statistics(self, plan: Trajectory) -> dict[str, float | int | str]:
         """Return the number of linearisations, if any."""
