@@ -70,6 +70,7 @@ if TYPE_CHECKING:
         Bound as Bound,
         DifferentialDrive as DifferentialDrive,
         Extremes as Extremes,
+        Gate as Gate,
         Halfspaces as Halfspaces,
         MinimumDerivative as MinimumDerivative,
         MinimumSnap as MinimumSnap,

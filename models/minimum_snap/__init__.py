@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         Halfspaces as Halfspaces,
         derivative_name as derivative_name,
     )
+    from .gates import Gate as Gate
     from .model import MinimumDerivative as MinimumDerivative, MinimumSnap as MinimumSnap
     from .time_allocation import TimeAllocation as TimeAllocation
     from .trajectory import Extremes as Extremes, Trajectory as Trajectory

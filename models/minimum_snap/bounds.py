@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ..declaration import Listed
 from ..fields import Array, Broadcast, Flag, Optional, Whole, declared, frozen, show
 from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..model import Model
+from .gates import Gate
 from .trajectory import Trajectory
 from .vehicles import Vehicle, VehicleSpec
 from .yaw import YawSpec, smoothest_yaw
@@ -182,6 +184,7 @@ class PathData(Model[Trajectory]):
         Optional(YawSpec()), default=None, added=True
     )
     periodic: bool = declared(Flag(), default=False, added=True)
+    gates: tuple[Gate, ...] = declared(Listed(Gate), default=(), added=True)
 
     plan_type: ClassVar[type] = Trajectory
 
@@ -283,7 +286,10 @@ class PathData(Model[Trajectory]):
     def reach(self) -> tuple[Floats, Floats]:
         """Smallest and largest coordinate of waypoints and corridor per axis, m, else inf and -inf."""
         tables = (self.waypoints, self.corridor_lower, self.corridor_upper)
-        table = np.concatenate([table for table in tables if table is not None])
+        shapes = [
+            gate.frame.centre[None] if gate.polygon is None else gate.polygon for gate in self.gates
+        ]
+        table = np.concatenate([table for table in (*tables, *shapes) if table is not None])
         low = np.where(np.isfinite(table), table, np.inf).min(axis=0)
         high = np.where(np.isfinite(table), table, -np.inf).max(axis=0)
         return frozen(low), frozen(high)
@@ -373,7 +379,7 @@ class PathData(Model[Trajectory]):
         ]  # fmt: skip
         fields = {name: getattr(self, name) for name in names}
         scaled = {name: value / length for name, value in fields.items() if value is not None}
-        return replace(self, **scaled)
+        return replace(self, **scaled, gates=tuple(gate.in_unit(length) for gate in self.gates))
 
     @property
     def bounded(self) -> bool:

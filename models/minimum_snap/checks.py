@@ -15,6 +15,7 @@ from ...errors import InvalidData
 from ..fields import required
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .bounds import Bound, PathData, derivative_name, derivative_unit
+from .gates import check_gates
 from .knots import SEGMENTS, ULPS, check_knots
 from .polynomials import bernstein_matrix, by_power
 from .trajectory import Trajectory
@@ -156,6 +157,7 @@ def verify_trajectory(
     checks += check_knots(model, plan, tolerance)
     checks += (_bounded(model, plan, bound, tolerance) for bound in model.bounds)
     checks += _halfspaces(model, plan, tolerance)
+    checks += check_gates(model, plan, tolerance)
     checks += check_flight(model, plan, tolerance)
     return Verification(model.objective(plan), tuple(checks), scale=model.objective_scale)
 

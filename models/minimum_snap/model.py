@@ -20,6 +20,7 @@ from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..verification import TOLERANCE, Verification
 from .bounds import PathData, derivative_name
 from .checks import check_conditions, verify_trajectory
+from .gates import Gate, check_gate_data
 from .trajectory import Trajectory, increasing
 from .vehicle_checks import check_vehicle
 from .vehicles import Vehicle
@@ -85,6 +86,8 @@ class MinimumDerivative(PathData):
     periodic : bool
         Whether the path is a lap: the ends agree in position and in the derivatives up to 2r-2.
         `start` and `end` are then free by default.
+    gates : sequence of Gate
+        Discs, balls or polygons that contain the positions of knots, whose waypoints are free.
 
     Notes
     -----
@@ -146,13 +149,14 @@ class MinimumDerivative(PathData):
                 f"continuity must be <= degree = {self.degree}, got {self.continuity}",
                 field="continuity",
             )
+        check_gate_data(self)
         check_conditions(self)
         check_vehicle(self)
 
     @property
     def preferred_formulation(self) -> str:
-        """``cones`` for a vehicle, ``hermite`` if the free derivatives determine the path, else ``legendre``."""
-        if self.vehicle is not None:
+        """``cones`` for a vehicle or gates, ``hermite`` if the free derivatives determine the path, else ``legendre``."""
+        if self.vehicle is not None or self.gates:
             return "cones"
         if self.periodic:
             return self.default_formulation
@@ -161,8 +165,8 @@ class MinimumDerivative(PathData):
 
     @property
     def certifier(self) -> str:
-        """``banded`` without corridor and limits, else ``interior-point``; empty for laps and vehicles."""
-        if self.vehicle is not None or self.periodic:
+        """``banded`` without corridor and limits, else ``interior-point``; empty for laps, vehicles, gates."""
+        if self.vehicle is not None or self.periodic or self.gates:
             return ""
         return "interior-point" if self.bounded else "banded"
 
@@ -214,6 +218,7 @@ class MinimumDerivative(PathData):
         more = [b.name for b in self.bounds] + (["polytopes"] if self.halfspaces else [])
         more += [] if self.vehicle is None else [self.vehicle.kind]
         more += ["a lap"] if self.periodic else []
+        more += [f"{len(self.gates)} gates"] if self.gates else []
         return (
             f"minimum {what}, {self.segments} segments in {self.dimensions}-D"
             + (", " if more else "")
@@ -236,7 +241,7 @@ class MinimumSnap(MinimumDerivative):
         Times of the knots in seconds, increasing.
     start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, acceleration_limit, \
 jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, continuity, vehicle, yaw, \
-periodic
+periodic, gates
         As in :class:`MinimumDerivative`.
 
     Raises
@@ -274,6 +279,7 @@ periodic
         continuity: Field[int | None, int] = PathData.continuity
         vehicle: Field[Vehicle | Mapping[str, Any] | None, Vehicle | None] = PathData.vehicle
         yaw: Field[Numbers | str | None, Floats | float | str | None] = PathData.yaw
+        gates: tuple[Gate, ...] = PathData.gates
 
     kind: ClassVar[str] = "minimum-snap"
     objective_unit: ClassVar[str] = "m²/s⁷"

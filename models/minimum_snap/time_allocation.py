@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from typing import Any, ClassVar, cast
 
@@ -21,13 +22,15 @@ from ...errors import InvalidData
 from ..fields import Optional, Real, declared, frozen, required
 from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..model import Model
+from ..records import Member
 from ..verification import TOLERANCE, Check, Verification
 from .bounds import Bound, Halfspaces, derivative_name
+from .gates import Gate
 from .model import MinimumDerivative
 from .trajectory import Trajectory
 from .vehicles import Vehicle
 
-__all__ = ["TimeAllocation"]
+__all__ = ["Minimise", "TimeAllocation"]
 
 Floats = NDArray[np.float64]
 
@@ -41,6 +44,15 @@ def _shared(name: str) -> Any:
     """Return a field with the default and metadata that :class:`MinimumDerivative` declares."""
     field = _SHARED[name]
     return dataclasses.field(default=field.default, metadata=field.metadata)
+
+
+class Minimise(StrEnum):
+    """Objective of a :class:`TimeAllocation`."""
+
+    #: J + ρ ΣT, or J alone for a given total time.
+    WEIGHTED = "weighted"
+    #: Total time alone.
+    TIME = "time"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,8 +80,11 @@ class TimeAllocation(Model[Trajectory]):
         Total time ΣT in seconds, positive. ρ ΣT is then a constant. By default the total time is free.
     order, weights, start, end, derivatives, corridor_lower, corridor_upper, velocity_limit, \
 acceleration_limit, jerk_limit, polytope_segments, polytope_normals, polytope_offsets, degree, \
-continuity, vehicle, yaw, periodic
+continuity, vehicle, yaw, periodic, gates
         As in :class:`~crosstrack.models.MinimumDerivative`.
+    minimise : {"weighted", "time"}
+        Objective: J + ρ ΣT (default), or the total time alone, without J. The second one needs a
+        vehicle or a limit of velocity, acceleration or jerk, and excludes `time_weight` and `total_time`.
 
     Raises
     ------
@@ -110,6 +125,8 @@ continuity, vehicle, yaw, periodic
     vehicle: Field[Vehicle | Mapping[str, Any] | None, Vehicle | None] = _shared("vehicle")
     yaw: Field[Numbers | str | None, Floats | float | str | None] = _shared("yaw")
     periodic: bool = _shared("periodic")
+    gates: tuple[Gate, ...] = _shared("gates")
+    minimise: Minimise = declared(Member(Minimise), default=Minimise.WEIGHTED, added=True)
 
     kind: ClassVar[str] = "time-allocation"
     formulations: ClassVar[dict[str, Any]] = {
@@ -127,13 +144,31 @@ continuity, vehicle, yaw, periodic
             )
         for name in _COMPLETED:
             object.__setattr__(self, name, getattr(self.unit, name))
-        if self.time_weight == 0.0 and self.total_time is None:
+        if self.minimise is Minimise.TIME:
+            self._check_limits()
+        elif self.time_weight == 0.0 and self.total_time is None:
             raise InvalidData(
                 "time_weight must be > 0 unless total_time is given, got 0: the objective would "
                 "fall to 0 for times that grow without end",
                 field="time_weight",
             )
         self._check_movement()
+
+    def _check_limits(self) -> None:
+        """Reject a minimum of the time alone that is 0 or that other fields fix."""
+        for name in ("time_weight", "total_time"):
+            if getattr(self, name):
+                raise InvalidData(
+                    f"{name} must be left out with minimise='time', got {getattr(self, name):g}",
+                    field=name,
+                )
+        limited = any(bound.derivative for bound in self.bounds)
+        if not limited and (self.vehicle is None or not self.vehicle.limits):
+            raise InvalidData(
+                "minimise='time' needs a vehicle with limits or a limit of velocity, acceleration or "
+                "jerk: otherwise the shorter, the better, and no duration > 0 is the best",
+                field="minimise",
+            )
 
     def _check_movement(self) -> None:
         """Reject a segment without motion: its objective has no minimum over positive durations."""
@@ -210,6 +245,19 @@ continuity, vehicle, yaw, periodic
         """Whether the model has a corridor, a polytope or a limit."""
         return self.unit.bounded
 
+    @property
+    def preferred_backend(self) -> str:
+        """``minco`` for vehicles, gates, laps and the time alone; otherwise empty."""
+        special = self.vehicle is not None or self.gates or self.periodic
+        return "minco" if special or self.minimise is Minimise.TIME else ""
+
+    @property
+    def objective_name(self) -> str:
+        """Objective in words, for summaries."""
+        if self.minimise is Minimise.TIME:
+            return "minimum time"
+        return f"{self.time_weight:g} a second" if self.total_time is None else "of a given total"
+
     @cached_property
     def from_rest_to_rest(self) -> bool:
         """Whether all fixed derivatives are zero, so that slowing a plan down keeps them."""
@@ -219,7 +267,8 @@ continuity, vehicle, yaw, periodic
     @cached_property
     def scales(self) -> bool:
         """Whether stretching time keeps all constraints, so that ``ρ ΣT = Σ (2j-1) J_j``."""
-        return self.from_rest_to_rest and all(b.derivative == 0 for b in self.bounds)
+        timeless = self.vehicle is None and all(b.derivative == 0 for b in self.bounds)
+        return self.from_rest_to_rest and timeless
 
     # -- plans -----------------------------------------------------------------------------------
 
@@ -248,7 +297,9 @@ continuity, vehicle, yaw, periodic
         return factor
 
     def objective(self, plan: Trajectory) -> float:
-        """Return J + ρ ΣT."""
+        """Return J + ρ ΣT, or the total time if that is minimised."""
+        if self.minimise is Minimise.TIME:
+            return plan.duration
         return self.unit.objective(plan) + self.time_weight * plan.duration
 
     def identity_residual(self, plan: Trajectory) -> float | None:
@@ -256,7 +307,7 @@ continuity, vehicle, yaw, periodic
 
         The identity holds at every local optimum if stretching time keeps all constraints.
         """
-        if not self.scales or self.total_time is not None:
+        if not self.scales or self.total_time is not None or self.minimise is Minimise.TIME:
             return None
         total = 0.0
         for order, weight in enumerate(self.order_weights, start=1):
@@ -311,10 +362,12 @@ continuity, vehicle, yaw, periodic
             )  # fmt: skip
         # The check of the times would compare the plan's times with themselves.
         checks += [check for check in timed.checks if check.name != "times"]
-        value = timed.objective
-        if value is not None:
+        value, scale = timed.objective, timed.scale
+        if self.minimise is Minimise.TIME:
+            value, scale = plan.duration, plan.duration
+        elif value is not None:
             value += self.time_weight * plan.duration
-        return Verification(value, tuple(checks), scale=timed.scale)
+        return Verification(value, tuple(checks), scale=scale)
 
     def as_plan(self, value: Any) -> Trajectory:
         """Convert a trajectory, a solution or a SciPy ``PPoly`` to a trajectory."""
@@ -328,6 +381,8 @@ continuity, vehicle, yaw, periodic
     def describe(self) -> str:
         """Return a one-line summary: objective, segments, dimensions and bounds."""
         more = [b.name for b in self.bounds] + (["polytopes"] if self.halfspaces else [])
-        what = f"{self.time_weight:g} a second" if self.total_time is None else "of a given total"
+        what = self.objective_name
+        more += [] if self.vehicle is None else [self.vehicle.kind]
+        more += [f"{len(self.gates)} gates"] if self.gates else []
         size = f"{self.segments} segments in {self.dimensions}-D"
         return ", ".join([f"times, {what}, of minimum {derivative_name(self.order)}", size, *more])

@@ -4,6 +4,7 @@ BACKENDS = {
     "banded": ".direct:Banded",
     "interior-point": ".interior_point:InteriorPoint",
     "time-gradient": ".time_gradient:TimeGradient",
+    "minco": ".minco_backend:Minco",
 }
 DIAGNOSES = {
     "minimum-derivative": ".diagnosis:diagnose_trajectory",

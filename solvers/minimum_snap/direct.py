@@ -41,8 +41,8 @@ class Banded(Backend):
 
     def refuses(self, problem: MinimumDerivative) -> str:
         """Return the unsupported features of `problem`, or an empty string."""
-        if problem.vehicle is not None or problem.periodic:
-            return "vehicles and periodic paths: take formulation cones or legendre"
+        if problem.vehicle is not None or problem.periodic or problem.gates:
+            return "vehicles, gates and periodic paths: take formulation cones or legendre"
         if problem.bounded:
             names = [bound.name for bound in problem.bounds]
             names += ["polytopes"] if problem.halfspaces is not None else []

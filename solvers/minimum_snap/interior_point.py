@@ -58,8 +58,8 @@ class InteriorPoint(Backend):
 
     def refuses(self, problem: MinimumDerivative) -> str:
         """Return the features of `problem` that shared knots cannot express, or an empty string."""
-        if problem.vehicle is not None or problem.periodic:
-            return "vehicles and periodic paths: take formulation cones or legendre"
+        if problem.vehicle is not None or problem.periodic or problem.gates:
+            return "vehicles, gates and periodic paths: take formulation cones or legendre"
         if problem.continuity != problem.order - 1:
             return (
                 f"continuity {problem.continuity}: knots share the derivatives up to "

@@ -103,14 +103,18 @@ def limits_of(vehicle: Any) -> Floats:
     """Return the limits of a vehicle in the order of :class:`~.minco_kernels.Task`.
 
     The attributes `mass`, `gravity`, `drag`, `thrust`, `tilt`, `body_rate`, `speed` and
-    `acceleration` are read if the vehicle has them. None is unlimited.
+    `acceleration` (for wheels: `wheel_speed` and `wheel_acceleration`, without turns) are read if the
+    vehicle has them. None is unlimited.
     """
 
     def square(name: str) -> float:
         value = getattr(vehicle, name, None)
         return np.inf if value is None else float(value) ** 2
 
-    limits = np.array([9.81, 0.0, square("speed"), square("acceleration"), np.inf, 0, -1, np.inf])
+    # The wheels of a robot that turns are slower: its motion is stretched later.
+    speed = min(square("speed"), square("wheel_speed"))
+    acceleration = min(square("acceleration"), square("wheel_acceleration"))
+    limits = np.array([9.81, 0.0, speed, acceleration, np.inf, 0, -1, np.inf])
     if getattr(vehicle, "thrust", None) is not None:
         mass, tilt = float(vehicle.mass), vehicle.tilt
         low, high = (float(side) / mass for side in vehicle.thrust)

@@ -100,6 +100,8 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     def __post_init__(self) -> None:
         if self.model.vehicle is not None:
             raise UnsupportedFormulation("the limits of a vehicle need formulation 'cones'")
+        if self.model.gates:
+            raise UnsupportedFormulation("gates need formulation 'cones'")
         if isinstance(self.samples, bool) or not isinstance(self.samples, int | np.integer):
             raise UnsupportedOption(f"samples must be a whole number, got {show(self.samples)}")
         if not 2 <= self.samples <= 1000:

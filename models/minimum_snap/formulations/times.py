@@ -16,12 +16,13 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ....errors import UnsupportedFormulation
 from ...formulation import Formulation
 from ...programs.blocks import Block
 from ...programs.compiled import require_casadi
 from ...programs.nonlinear import NonlinearProgram
 from ..bounds import derivative_unit
-from ..time_allocation import TimeAllocation
+from ..time_allocation import Minimise, TimeAllocation
 from ..trajectory import Trajectory
 from .bases import UnitBasisFormulation
 from .hermite import HermiteFormulation, knot_times
@@ -91,6 +92,8 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
     precision = 0.25
 
     def __post_init__(self) -> None:
+        if self.model.minimise is Minimise.TIME:
+            raise UnsupportedFormulation("the minimum of the time alone needs backend 'minco'")
         require_casadi(f"formulation {self.name!r}")
         self._at(self.model.unit.times)
 

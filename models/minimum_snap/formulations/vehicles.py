@@ -28,6 +28,7 @@ from ..trajectory import Trajectory
 from ..vehicle_checks import yaw_of
 from ..vehicles import Measure
 from .bases import LegendreFormulation, UnitBasisFormulation
+from .gates import gate_rows
 from .hermite import HermiteFormulation
 
 __all__ = ["VehicleFormulation"]
@@ -116,10 +117,10 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     def __post_init__(self) -> None:
         model = self.model
-        if model.vehicle is None:
-            raise UnsupportedFormulation("the model has no vehicle: take another formulation")
-        plain = replace(model, vehicle=None, yaw=None)
-        local = not (model.periodic or model.fixes_order) and model.continuity < model.order
+        if model.vehicle is None and not model.gates:
+            raise UnsupportedFormulation("the model has no vehicle or gates: take another formulation")
+        plain = replace(model, vehicle=None, yaw=None, gates=())
+        local = not (model.periodic or model.fixes_order or model.gates) and model.continuity < model.order
         # Only the columns of hermite keep a standstill, at which the direction of the path is a limit.
         kind = HermiteFormulation if local else LegendreFormulation
         first = kind(plain, samples=self.samples)
@@ -145,7 +146,8 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     @property
     def _follows(self) -> bool:
-        return isinstance(self.model.yaw, str) or self._vehicle.follows_path
+        vehicle = self.model.vehicle
+        return isinstance(self.model.yaw, str) or (vehicle is not None and vehicle.follows_path)
 
     @property
     def _vehicle(self) -> Any:
@@ -154,8 +156,7 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
     @cached_property
     def measures(self) -> tuple[Measure, ...]:
         """Limited quantities of the vehicle."""
-        measures: tuple[Measure, ...] = self._vehicle.measures
-        return measures
+        return () if self.model.vehicle is None else self.model.vehicle.measures
 
     @cached_property
     def _map(self) -> tuple[sp.csr_array, Floats]:
@@ -185,7 +186,13 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         quadratic = self.base.program
         size, matrix = quadratic.size, quadratic.matrix
         around = self.centre is not None
-        parts, offsets, blocks, at = [], [], [], 0
+        gates = gate_rows(self.model, self.base, quadratic.matrix.shape[0])
+        matrix = sp.vstack([matrix, gates.matrix @ self._map[0]])
+        constant = gates.matrix @ self._map[1]
+        cone_rows, slack = gates.cone_matrix @ self._map[0], sp.csr_array((len(gates.cone_offset), 1))
+        parts = [sp.hstack([cone_rows, slack]) if around else cone_rows] if self.model.gates else []
+        offsets = [(gates.cone_offset + gates.cone_matrix @ self._map[1]) / self.unit]
+        blocks, at = list(gates.cones), len(gates.cone_offset)
         for measure, held in zip(self.measures, self.held, strict=True):
             if not (measure.is_convex or around):
                 continue
@@ -217,8 +224,10 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         return ConicProgram(
             cost=cost, cone_matrix=sp.csr_array(cones), cone_offset=np.concatenate([[], *offsets]),
             cones=tuple(blocks), hessian=sp.csr_array(hessian), matrix=sp.csr_array(matrix),
-            row_lower=quadratic.row_lower / self.unit, row_upper=quadratic.row_upper / self.unit,
-            column_lower=lower, column_upper=upper, offset=quadratic.offset, columns=columns, rows=quadratic.rows,
+            row_lower=np.append(quadratic.row_lower, gates.lower - constant) / self.unit,
+            row_upper=np.append(quadratic.row_upper, gates.upper - constant) / self.unit,
+            column_lower=lower, column_upper=upper, offset=quadratic.offset, columns=columns,
+            rows=(*quadratic.rows, *gates.rows),
             name=f"{self.model.name or self.model.kind}, {self.name}",
         )  # fmt: skip
 
@@ -333,6 +342,8 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     def _excess(self, plan: Trajectory, tolerance: float) -> Iterator[tuple[Measure, Peaks, Floats, float]]:
         """Yield for each quantity its peaks, their relative violations, and the largest accepted one."""
+        if not self.measures:
+            return
         series = extended(plan, self._yaw, self._vehicle.follows_path)
         for measure, held in zip(self.measures, self.held, strict=True):
             accept = measure.level + SETTLED * tolerance * abs(measure.level)

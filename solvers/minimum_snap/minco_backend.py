@@ -1,0 +1,215 @@
+"""``minco``: native trajectories of minimum time through gates, within the limits of a vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...jit import clock
+from ...models.minimum_snap.gates import Gate
+from ...models.minimum_snap.time_allocation import Minimise, TimeAllocation
+from ...models.minimum_snap.trajectory import Trajectory
+from ...models.minimum_snap.vehicle_checks import yaw_of
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
+
+__all__ = ["Minco"]
+
+Floats = NDArray[np.float64]
+
+
+class Minco(Backend):
+    """L-BFGS on durations and knots between which the path is a spline of minimum effort.
+
+    Limits of the vehicle, corridors and polytopes enter as an augmented Lagrangian at instants. The
+    motion is then stretched in time until the proven extremes of all quantities keep their limits, so
+    that the plan is feasible and close to a local optimum, which is not certified. Without free knots
+    between the gates, the spline limits the accelerations that the path can use: more free knots per
+    segment give shorter times.
+    """
+
+    name = "minco"
+    accepts = TimeAllocation
+    single_threaded = True
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.SEED, Feature.WARM_START, Feature.INTERRUPT})
+    options: ClassVar[Mapping[str, Option]] = {
+        "evaluations": Option(4000, "Most evaluations of the objective.", int, lower=1),
+    }
+    summary = "minimum time through gates and polytopes within a vehicle's limits; ours"
+
+    def refuses(self, problem: TimeAllocation) -> str:
+        """Return the unsupported features of `problem`, or an empty string."""
+        inner = np.isfinite(problem.conditions[1:-1, 1:])
+        if problem.total_time is not None:
+            return "a given total time: take time-gradient"
+        if problem.order < 2:
+            return "the order 1"
+        if problem.unit.fixes_order:
+            return f"fixed derivatives of order {problem.order} or above"
+        if problem.continuity > (problem.order - 1 if inner.any() else 2 * problem.order - 2):
+            return f"continuity {problem.continuity}"
+        if problem.periodic and np.isfinite(problem.conditions[[0, -1], 1:]).any():
+            return "fixed derivatives at the joint of a lap"
+        return ""
+
+    def run(self, problem: TimeAllocation, request: Request) -> Answer:
+        """Search from the waypoints and the centres of the gates, or from the warm start."""
+        from .minco import fastest, limits_of
+
+        refusal = self.refuses(problem)
+        if refusal:
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        begin = clock()
+        points, durations = _points(problem), None
+        if request.warm_start is not None:
+            ends = request.warm_start.at_ends()
+            points = np.concatenate([ends[0], ends[1][-1:]])
+            durations = np.array(request.warm_start.durations)
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).mean()) or 1.0
+        jets = np.array(problem.unit.jets)
+        weighted = problem.minimise is Minimise.WEIGHTED
+        vehicle = problem.vehicle
+        result = fastest(
+            points,
+            limits_of(vehicle),
+            regions=_regions(problem, points, length),
+            jets=jets,
+            rows=_rows(problem, length),
+            weights=np.array(problem.order_weights),
+            time_weight=problem.time_weight if weighted else None,
+            periodic=problem.periodic,
+            durations=durations,
+            exact=lambda durations, powers: _excess(problem, _plan(problem, durations, powers)),
+            evaluations=request.options.get("evaluations", 4000),
+            flag=request.control.flag,
+            seed=request.seed or 0,
+        )
+        statistics: dict[str, Any] = {
+            "iterations": result.iterations,
+            "evaluations": result.evaluations,
+            "converged": "yes" if result.settled else "no",
+        }
+        seconds = {"solve": clock() - begin}
+        limit = None
+        if request.control.stopped:
+            limit = request.control.reason or Limit.INTERRUPTED
+        plan = _plan(problem, result.durations, result.coefficients)
+        if plan is None or not problem.verify(plan, tolerance=request.tolerance).ok:
+            return Answer(
+                Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics,
+                message=f"no path within the limits was found (nearest: {result.worst} exceeded by "
+                f"{result.excess:.2g}); this is no proof that none exists",
+            )  # fmt: skip
+        return Answer(
+            Termination.FEASIBLE, limit, plan, problem.objective(plan), seconds=seconds,
+            statistics=statistics,
+        )  # fmt: skip
+
+
+def _plan(problem: TimeAllocation, durations: Floats, powers: Floats) -> Trajectory | None:
+    times = problem.times(durations)
+    if not (np.isfinite(powers).all() and np.all(np.diff(times) > 0)):
+        return None
+    plan = Trajectory(times, powers)
+    return problem.at(times).with_yaw(plan) if problem.yaw is not None else plan
+
+
+def _excess(problem: TimeAllocation, plan: Trajectory | None) -> float:
+    """Return the largest proven excess of a limit that slower motions reduce, relative to it."""
+    if plan is None:
+        return np.inf
+    excess = problem.stretch(plan) - 1.0
+    if problem.vehicle is not None:
+        yaw = yaw_of(problem.unit, plan)
+        for extreme in problem.vehicle.check_curve(plan, yaw, exact=False):
+            excess = max(excess, extreme.amount / extreme.limit)
+    return excess
+
+
+def _points(problem: TimeAllocation) -> Floats:
+    """Return waypoints, centres of gates, and points between them for free coordinates."""
+    points = np.array(problem.waypoints)
+    for gate in problem.gates:
+        points[gate.knot] = gate.frame.centre
+    if problem.periodic:
+        for one, other in ((0, -1), (-1, 0)):
+            points[one] = np.where(np.isfinite(points[one]), points[one], points[other])
+    knots = np.arange(len(points), dtype=float)
+    low, high = problem.unit.reach
+    for axis, column in enumerate(points.T):
+        known = np.isfinite(column)
+        if known.any():
+            column[:] = np.interp(knots, knots[known], column[known])
+        else:
+            both = [side[axis] for side in (low, high) if np.isfinite(side[axis])]
+            column[:] = np.mean(both) if both else 0.0
+    return points
+
+
+def _region(gate: Gate) -> Any:
+    from .minco import Region
+
+    frame = gate.frame
+    if gate.polygon is not None:
+        return Region("hull", np.zeros_like(frame.centre), np.array(gate.polygon))
+    assert gate.radius is not None
+    return Region("ball", np.array(frame.centre), gate.radius * np.array(frame.axes))
+
+
+def _regions(problem: TimeAllocation, points: Floats, length: float) -> list[Any]:
+    """Return the region of each knot: its gate, or its waypoint with free coordinates."""
+    from .minco import Region
+
+    gates = {gate.knot: gate for gate in problem.gates}
+    free = ~np.isfinite(problem.waypoints)
+    last = problem.segments
+    if problem.periodic:
+        free[0] = free[-1] = free[0] & free[-1]
+        gates.setdefault(0, gates.get(last))  # type: ignore[arg-type]
+    regions = []
+    for knot, point in enumerate(points):
+        gate = gates.get(knot)
+        if gate is not None:
+            regions.append(_region(gate))
+            continue
+        centre = np.where(free[knot], 0.0, point)
+        regions.append(Region("affine", centre, length * np.eye(len(point))[free[knot]]))
+    return regions
+
+
+def _rows(problem: TimeAllocation, length: float) -> Any:
+    """Return corridor, limits of components and polytopes as linear rows."""
+    from .minco import SIZE, Rows
+
+    parts = []
+    for bound in problem.bounds:
+        for side, edge in ((-1.0, -bound.lower), (1.0, bound.upper)):
+            segment, axis = np.nonzero(np.isfinite(edge))
+            offset = edge[segment, axis]
+            size = np.full(segment.size, SIZE * length)
+            if bound.derivative:
+                size = np.maximum(np.abs(offset), 1e-6 * np.abs(offset).max(initial=0.0))
+                size[size == 0.0] = 1.0
+            order = np.full(segment.size, bound.derivative)
+            parts.append(
+                Rows(segment, order, side * np.eye(problem.dimensions)[axis], offset, size)
+            )
+    spaces = problem.halfspaces
+    if spaces is not None:
+        size = np.full(spaces.segments.size, SIZE * length)
+        order = np.zeros(spaces.segments.size, np.int64)
+        parts.append(Rows(spaces.segments, order, spaces.normals, spaces.offsets, size))
+    return Rows(*(np.concatenate(part) for part in zip(*parts, strict=True))) if parts else None
