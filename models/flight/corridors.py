@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..fields import Array, Optional, Real, declared, frozen, show
 from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..verification import Verification
 from .corridors_inflation import Contact, Inflation, inflate, largest_ball
-from .corridors_obstacles import Cells, Obstacles, as_obstacles
+from .corridors_obstacles import Obstacles, as_obstacles
 from .corridors_proof import verify_corridor
 
 __all__ = ["METHODS", "Corridor", "corridor"]
@@ -106,30 +107,35 @@ class Corridor(Declared):
 
     @cached_property
     def corners(self) -> list[Floats]:
-        """Corners of each polytope, m, shape (corners, d)."""
+        """Corners of each polytope, m, shape (corners, d); none if it is unbounded or has no interior."""
         from scipy.spatial import HalfspaceIntersection
 
         corners = []
         for normals, offsets in self.polytopes:
-            low, high = (np.array(end) for end in _box(normals, offsets))
+            low, high = _box(normals, offsets)
             scale = float((high - low).max())
-            middle, _ = largest_ball(normals, offsets, 0.5 * (low + high))
-            local = (normals @ middle - offsets) / scale
-            space = HalfspaceIntersection(np.column_stack([normals, local]), np.zeros(len(low)))
-            corners.append(middle + scale * space.intersections)
+            middle, depth = low, 0.0
+            if np.isfinite(scale):
+                middle, depth = largest_ball(normals, offsets, 0.5 * (low + high))
+            points = np.empty((0, len(low)))
+            if depth > 0:
+                local = np.column_stack([normals, (normals @ middle - offsets) / scale])
+                points = middle + scale * HalfspaceIntersection(local, 0.0 * low).intersections
+            corners.append(points)
         return corners
 
     @cached_property
     def volumes(self) -> Floats:
-        """Volume of each polytope, m³, or area, m², shape (polytopes,)."""
+        """Volume of each polytope, m³, or area, m², shape (polytopes,); NaN without corners."""
         from scipy.spatial import ConvexHull
 
-        volumes = []
-        for points in self.corners:
-            scale = float(np.ptp(points, axis=0).max())
-            hull = ConvexHull((points - points.mean(axis=0)) / scale)
-            volumes.append(hull.volume * scale ** points.shape[1])
-        return frozen(np.array(volumes))
+        volumes = np.full(len(self), np.nan)
+        for k, points in enumerate(self.corners):
+            if len(points):
+                scale = float(np.ptp(points, axis=0).max())
+                hull = ConvexHull((points - points[0]) / scale)
+                volumes[k] = hull.volume * scale ** points.shape[1]
+        return frozen(volumes)
 
     def fields(self, polytopes: ArrayLike | None = None) -> dict[str, Any]:
         """Return the fields of :class:`~crosstrack.models.MinimumDerivative` for trajectories inside.
@@ -212,8 +218,8 @@ def corridor(
 
     Each polytope is inflated around a segment of the path by restrictive inflation and largest inscribed
     ellipsoids (Wang et al. 2024), until the ellipsoid grows by less than 2 %. It is maximal in this sense:
-    each face belongs to its box or touches an obstacle at the distance `radius`, and no face can be omitted.
-    Consecutive polytopes share a ball of positive radius.
+    each face belongs to its box, or touches an obstacle at the distance `radius` that no other face
+    separates. Consecutive polytopes share a ball of positive radius.
 
     Parameters
     ----------
@@ -222,7 +228,7 @@ def corridor(
         array with two axes is a cloud of points.
     path : array-like, shape (k, d)
         Waypoints, m, with d = 2 or 3 axes. Equal consecutive waypoints and a single one are allowed. The path
-        must keep a distance greater than `radius` from all obstacles.
+        must keep a distance greater than `radius` from all obstacles, by 1e-9 of `reach`.
     radius : float, default 0
         Radius of the vehicle, m.
     bounds : array-like, shape (2 d,), optional
@@ -267,7 +273,7 @@ def corridor(
         )
     stops = _stops(points, side)
     covers, parts = _chain(solids, points, stops, size, limits, side, METHODS[method])
-    balls = [_overlap(first, second) for first, second in zip(parts, parts[1:], strict=False)]
+    balls = [_overlap(first, second) for first, second in pairwise(parts)]
     return Corridor(
         path=points, covers=covers, owners=np.repeat(np.arange(len(parts)), [len(p.offsets) for p in parts]),
         normals=np.concatenate([part.normals for part in parts]),
@@ -363,25 +369,22 @@ def _chain(
         if isinstance(part, Contact):
             raise InvalidData(
                 f"path must keep a distance > {size:g} m (radius) from all obstacles, but segment "
-                f"{min(int(stops[k]), max(len(points) - 2, 0))}, near {middle.tolist()}, is at {part.distance:g} m from "
+                f"{min(int(stops[k]), max(len(points) - 2, 0))}, near "
+                f"({', '.join(f'{x:g}' for x in middle)}), is at {part.distance:g} m from "
                 f"{around.name(part.body)}; move the path away or reduce the radius",
                 field="path",
             )
         last = k + 1
+        # The path may touch the limits of the vehicle's centre, but no other face.
+        touching = np.concatenate([high == limits[1], low == limits[0]])
         room = part.offsets - 0.5 * part.margin
-        room[: 2 * len(low)] = np.r_[
-            np.where(high == limits[1], high, high - 0.5 * part.margin),
-            np.where(low == limits[0], -low, -low - 0.5 * part.margin),
-        ]
+        room[: len(touching)][touching] = part.offsets[: len(touching)][touching]
         while last + 1 < len(stops) and (part.normals @ places[last + 1] <= room).all():
             last += 1
-        covers.append((0.0 if k == 0 else stops[k], stops[min(last, len(stops) - 1)]))
+        # The last part ends at the last waypoint, also if that repeats the one before.
+        covers.append((stops[k], stops[last] if last + 1 < len(stops) else len(points) - 1.0))
         parts.append(part)
         k = last
-    if len(stops) == 1:
-        covers[-1] = (0.0, float(len(points) - 1))
-    else:
-        covers[-1] = (covers[-1][0], float(len(points) - 1))
     return covers, parts
 
 
@@ -389,7 +392,5 @@ def _overlap(first: Inflation, second: Inflation) -> Floats:
     """Return the centre and the radius of the largest ball in two polytopes."""
     normals = np.concatenate([first.normals, second.normals])
     offsets = np.concatenate([first.offsets, second.offsets])
-    middle = 0.5 * (
-        second.offsets[: len(normals[0])] - second.offsets[len(normals[0]) : 2 * len(normals[0])]
-    )
-    return np.append(*largest_ball(normals, offsets, middle))
+    high, low = second.offsets[: 2 * normals.shape[1]].reshape(2, -1)
+    return np.append(*largest_ball(normals, offsets, 0.5 * (high - low)))

@@ -24,6 +24,8 @@ _GROWTH, _PASSES = 1.02, 12
 #: Margin of the planes from the segment, relative to its clearance, and its largest value, relative to the
 #: window. Consecutive polytopes both contain a ball of this radius around their common point.
 _MARGIN, _MOST_MARGIN = 0.3, 0.05
+#: Distance from an obstacle, beyond the radius and relative to the window, that is treated as contact.
+CONTACT = 1e-9
 #: Maximum numbers of sweeps of the projections and of cuts per plane.
 _SWEEPS, _CUTS = 60, 12
 
@@ -93,15 +95,19 @@ def inflate(
     kept = np.flatnonzero((window.support(box) < edges).all(axis=1))
     window = window._replace(centres=window.centres[kept], arms=window.arms[kept])
     away, clear = _directions(window)
-    if not clear.min(initial=np.inf) > 0:
+    if not clear.min(initial=np.inf) > CONTACT:
         worst = int(clear.argmin())
-        return Contact(int(kept[worst]), max(float(clear[worst] + window.radius) * scale, 0.0))
+        distance = float(clear[worst] + window.radius) * scale
+        return Contact(int(kept[worst]), distance if distance > guard else 0.0)
     margin = min(_MARGIN * float(clear.min(initial=np.inf)), _MOST_MARGIN)
     result = np.empty((0, len(low))), np.empty(0)
     centre, metric, best = np.zeros(len(low)), np.eye(len(low)), 0.0
     for _ in range(passes):
         normals, owners = _cover(window, away, margin, centre, metric)
         offsets = window.support(normals)[owners, np.arange(len(owners))]
+        if passes == 1:
+            result = normals, offsets
+            break
         ellipsoid = _largest_ellipsoid(np.r_[normals, box], np.r_[offsets, edges])
         volume = float(np.diag(ellipsoid[1]).prod()) if ellipsoid else 0.0
         if volume > best or not best:
@@ -119,7 +125,7 @@ def inflate(
 
 def rounding(size: float) -> float:
     """Return a bound on the rounding errors of planes through points with coordinates up to `size`, m."""
-    return 128 * float(np.finfo(float).eps) * float(size)
+    return 512 * float(np.finfo(float).eps) * float(size)
 
 
 def _directions(window: _Window) -> tuple[Floats, Floats]:
@@ -159,7 +165,7 @@ def nearest(centres: Floats, arms: Floats, sweeps: int = _SWEEPS) -> Floats:
             share = np.clip(share, -1.0, 1.0)
             points += (share - shares[:, k])[:, None] * arm
             shares[:, k] = share
-        if arms.shape[1] < 2 or np.abs(points - before).max(initial=0.0) < 1e-9:
+        if arms.shape[1] < 2 or np.abs(points - before).max(initial=0.0) < 1e-12:
             break
     return points
 
@@ -252,16 +258,18 @@ def _plane(
 
 
 def _needed(window: _Window, normals: Floats, offsets: Floats) -> tuple[Floats, Floats]:
-    """Drop planes, the farthest first, if other planes separate all of their bodies."""
-    separated = window.support(normals) >= offsets
-    # Each plane separates the body that it touches, despite rounding.
-    counts = separated.sum(axis=1)
-    keep = np.ones(len(normals), bool)
+    """Move planes outward, the farthest first, to the nearest body that no other plane separates.
+
+    Planes without such a body are dropped.
+    """
+    extents = window.support(normals)
+    separated, moved = extents >= offsets, offsets.copy()
     for k in np.argsort(-offsets):
-        if (counts[separated[:, k]] > 1).all():
-            keep[k] = False
-            counts -= separated[:, k]
-    return normals[keep], offsets[keep]
+        alone = separated[:, k] & (separated.sum(axis=1) == 1)
+        moved[k] = extents[alone, k].min(initial=np.inf)
+        separated[:, k] = extents[:, k] >= moved[k]
+    keep = np.isfinite(moved)
+    return normals[keep], moved[keep]
 
 
 def _largest_ellipsoid(normals: Floats, offsets: Floats) -> tuple[Floats, Floats] | None:

@@ -57,10 +57,10 @@ class Cells(Obstacles):
 
     noun = "blocked cell"
 
-    def __init__(self, map: GridMap | VoxelMap) -> None:
-        self.planar = isinstance(map, GridMap)
-        self.blocked = map.blocked.T if self.planar else map.blocked
-        self.cell, self.origin = map.cell, map.origin
+    def __init__(self, source: GridMap | VoxelMap) -> None:
+        self.planar = isinstance(source, GridMap)
+        self.blocked = source.blocked.T if self.planar else source.blocked
+        self.cell, self.origin = source.cell, source.origin
         self.dimensions = self.blocked.ndim
         size = Fraction(self.cell)
         low = tuple(fractions(self.origin))
@@ -100,7 +100,7 @@ def fractions(values: Any) -> list[Fraction]:
 
 def _merged(boxes: Ints, axis: int) -> Ints:
     """Join boxes of cells, shape (n, d, 2), that continue one another along an axis."""
-    others = np.delete(boxes, axis, axis=1).reshape(len(boxes), -1)
+    others = np.delete(boxes, axis, axis=1).reshape(len(boxes), 2 * boxes.shape[1] - 2)
     order = np.lexsort((boxes[:, axis, 0], *others.T))
     boxes, others = boxes[order], others[order]
     same = (others[1:] == others[:-1]).all(axis=1)
