@@ -9,11 +9,14 @@ import numpy as np
 from ...models.fleet_mission.curves import nearest
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.trajectory import Trajectory
+from .schedule import is_clear
 
 __all__ = ["departures"]
 
 #: Number of departure steps per total flight time of all robots.
 TRIED = 200
+#: Maximum number of departures per robot, if moving obstacles stop late.
+LATER = 2000
 
 
 def departures(
@@ -21,8 +24,8 @@ def departures(
 ) -> list[Trajectory]:
     """Return the trajectories, delayed so that the robots keep their separation.
 
-    Each robot in turn departs as early as the previous ones allow. Departing after all of them have
-    returned is always feasible, as robots then wait in the depot's queue.
+    Each robot in turn departs as early as the previous ones and moving obstacles allow. Departing after
+    all of them have returned or stopped is the last attempt: robots then wait in the depot's queue.
 
     Parameters
     ----------
@@ -33,23 +36,26 @@ def departures(
     slack : float
         Accuracy of the least distance, m.
     """
-    if problem.separation == 0.0 or len(flights) < 2:
+    if not problem.moving and (problem.separation == 0.0 or len(flights) < 2):
         return list(flights)
+    stopped = max((float(item.times[-1]) for item in problem.moving), default=0.0)
+    stopped = max(stopped, 0.0)
     # The longest trajectory first, as the shorter ones are easier to fit in.
     order = sorted(range(len(flights)), key=lambda k: -flights[k].duration)
     step = sum(entry.duration for entry in flights) / TRIED
     fine = step / max(1, int(np.ceil(step / max(flights[order[-1]].duration / 200, 1e-12))))
     placed: dict[int, Trajectory] = {}
     for k in order:
-        latest = max((float(entry.times[-1]) for entry in placed.values()), default=0.0)
-        for delay in (*np.arange(0.0, latest, step).tolist(), latest):
-            moved = Trajectory(flights[k].times + delay, flights[k].coefficients)
+        latest = max(stopped, *(float(entry.times[-1]) for entry in placed.values()), 0.0)
+        coarse = max(step, latest / LATER)
+        for delay in (*np.arange(0.0, latest, coarse).tolist(), latest):
+            placed[k] = moved = Trajectory(flights[k].times + delay, flights[k].coefficients)
+            others = [entry for other, entry in placed.items() if other != k]
             if all(
                 _apart(problem, moved, other, fine, slack)
-                for other in placed.values()
+                for other in others
                 if delay < other.times[-1]
-            ):
-                placed[k] = moved
+            ) and is_clear(problem, [moved], slack):
                 break
     return [placed[k] for k in range(len(flights))]
 

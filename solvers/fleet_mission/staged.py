@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...jit import OutOfTime, clock
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
+from ...models.fleet_mission.data import MissionObjective
 from ...models.fleet_mission.model import FleetMission
 from ...models.fleet_mission.plan import MissionPlan
 from ...models.grid_path import distances
@@ -23,9 +24,12 @@ from ...models.programs.linear import QuadraticProgram
 from ...models.verification import Verification
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Option, Request, Termination
 from .corridor import Cell, Corridor, corridor, crossed
+from .courses import courses_with_rests, whole_courses
 from .delays import departures
 from .flight import Flight, fly, resting
+from .lanes import kept_right
 from .neighbours import NeighbourWays
+from .schedule import Course, schedule
 from .stages import Stages, Unanswered, planned, taking
 
 __all__ = ["Staged"]
@@ -36,6 +40,10 @@ Floats = NDArray[np.float64]
 SECONDS_A_NODE = 0.04
 #: Largest share of the remaining time for the routing.
 ROUTING_SHARE = 0.4
+#: Lanes and rests are considered if the last return exceeds the longest flight by this factor.
+LATE = 1.001
+#: Time for the flights with lanes and rests as a multiple of the time for the direct ones.
+LEGS = 8.0
 
 
 class Staged(Backend):
@@ -93,7 +101,12 @@ class Staged(Backend):
         routes = stages.routed(router, seconds, costs)
         with stages.clock("paths"):
             stops = [[0, *route, 0] for route in routes.routes]
-            corridors = self._corridors(stages, searcher, stops, ways)
+            chains = [self._chains(stages, searcher, entry, ways) for entry in stops]
+            margin = own["margin"] * problem.cell
+            corridors = [
+                corridor(problem.map, problem.places[entry], cells, margin)
+                for entry, cells in zip(stops, chains, strict=True)
+            ]
         counts["segments"] = sum(len(way.lower) for way in corridors)
         counts["polyline length"] = float(
             sum(np.hypot(*np.diff(way.knots, axis=0).T).sum() for way in corridors)
@@ -106,6 +119,15 @@ class Staged(Backend):
             flights = [Flight(resting(problem, way), 0, True) for way in corridors]
             plan, result = self._put_together(stages, routes, corridors, flights)
         counts["robots that rest at knots"] = sum(entry.rests for entry in flights)
+        counts["longest flight alone"] = max(entry.trajectory.duration for entry in flights)
+        if self._is_late(stages, plan, result, flights):
+            full = [
+                corridor(problem.map, problem.places[entry], cells, np.inf)
+                for entry, cells in zip(stops, chains, strict=True)
+            ]
+            lanes = [kept_right(way, problem.separation, margin) for way in full]
+            wide = [lane or way for lane, way in zip(lanes, corridors, strict=True)]
+            plan, result = self._shared(stages, solver, routes, (corridors, wide), flights, plan)
         if not result.ok:
             return Answer(Termination.NO_SOLUTION, stages.stopped(), message=result.summary())
         return Answer(Termination.FEASIBLE, stages.stopped(), plan, result.objective)
@@ -113,46 +135,97 @@ class Staged(Backend):
     def _put_together(
         self, stages: Stages, routes: FleetPlan, ways: list[Corridor], flights: list[Flight]
     ) -> tuple[MissionPlan, Verification]:
-        """Return the plan of flights with their departures, and what its check says."""
-        problem, tolerance = stages.problem, stages.request.tolerance
+        """Return the plan of flights with the better of two schedules, and its verification."""
+        problem = stages.problem
+        trajectories = [entry.trajectory for entry in flights]
         with stages.clock("departures"):
-            slack = 1e-3 * tolerance * problem.cell
-            moved = departures(problem, [entry.trajectory for entry in flights], slack)
+            moved = departures(problem, trajectories, stages.slack)
         plan = planned(routes, moved, [way.stops for way in ways])
+        return self._better(stages, routes, self._whole(stages, ways, flights), plan)
+
+    def _whole(self, stages: Stages, ways: list[Corridor], flights: list[Flight]) -> list[Course]:
+        """Return the courses of flights without rests."""
+        trajectories = [entry.trajectory for entry in flights]
+        visits = [
+            entry.times[way.stops[1:-1]] for entry, way in zip(trajectories, ways, strict=True)
+        ]
+        return whole_courses(stages.problem, trajectories, visits)
+
+    def _better(
+        self, stages: Stages, routes: FleetPlan, courses: list[Course], plan: MissionPlan
+    ) -> tuple[MissionPlan, Verification]:
+        """Return `plan` or the plan of a schedule of the courses: the objective counts, then the makespan."""
+        problem, request = stages.problem, stages.request
+        plans = [plan]
+        with stages.clock("schedule"):
+            seed = request.seed or 0
+            stopped = lambda: request.control.stopped  # noqa: E731
+            timed = schedule(problem, courses, seed, stages.slack, stopped)
+        if timed is not None:
+            trajectories, visits = zip(*timed, strict=True)
+            plans.append(MissionPlan(plan.routes, trajectories, visits))
         with stages.clock("verification"):
-            return plan, problem.verify(plan, tolerance=tolerance)
+            results = [problem.verify(entry, tolerance=request.tolerance) for entry in plans]
 
-    def _corridors(
-        self,
-        stages: Stages,
-        searcher: Backend,
-        stops: list[list[int]],
-        along: NeighbourWays | None,
-    ) -> list[Corridor]:
-        """Return the corridor of each robot's way over its stops (0 the depot, then the nodes).
+        def rank(pair: tuple[MissionPlan, Verification]) -> tuple[bool, float, float]:
+            value = pair[1].objective or 0.0
+            # Lengths of one curve at two speeds differ by rounding.
+            return not pair[1].ok, float(f"{value:.9g}"), pair[0].end
 
-        A way that `searcher` has no time for leads along neighbours.
+        return min(zip(plans, results, strict=True), key=rank)
+
+    def _is_late(
+        self, stages: Stages, plan: MissionPlan, result: Verification, flights: list[Flight]
+    ) -> bool:
+        """Return whether lanes and rests may improve a plan, and the time suffices for them."""
+        problem, left = stages.problem, stages.request.left()
+        if stages.stopped() is not None or (not problem.moving and len(flights) < 2):
+            return False
+        seconds = LEGS * float(stages.statistics["trajectories seconds"])
+        if left is not None and left < seconds:
+            return False
+        if not result.ok:
+            return True
+        longest = max(entry.trajectory.duration for entry in flights)
+        return problem.objective is MissionObjective.MAKESPAN and plan.end > LATE * longest
+
+    def _shared(
+        self, stages: Stages, solver: Backend, routes: FleetPlan, ways: tuple[list[Corridor], ...],
+        flights: list[Flight], plan: MissionPlan,
+    ) -> tuple[MissionPlan, Verification]:  # fmt: skip
+        """Return a plan with lanes, and with rests at which robots may wait, if that is better."""
+        problem, request = stages.problem, stages.request
+        with stages.clock("lanes and rests"):
+            courses = list(
+                courses_with_rests(
+                    problem, self._whole(stages, ways[0], flights), ways[1],
+                    lambda way: fly(problem, way, solver, request, 1).trajectory,
+                )
+            )  # fmt: skip
+        return self._better(stages, routes, courses, plan)
+
+    def _chains(
+        self, stages: Stages, searcher: Backend, route: list[int], along: NeighbourWays | None
+    ) -> list[list[Cell]]:
+        """Return the cells of a robot's way over its stops (0 the depot, then the nodes).
+
+        If the time does not suffice for `searcher`, the way leads along neighbours.
         """
         problem, grid = stages.problem, stages.problem.map
-        margin = stages.request.options["margin"] * grid.cell
         same = 1e-7 * grid.cell
-        ways = []
-        for route in stops:
-            places = problem.places[route]
-            chains: list[list[Cell]] = []
-            for start, goal in itertools.pairwise(route):
-                ends = problem.places[[start, goal]]
-                if np.hypot(*(ends[1] - ends[0])) <= same:
-                    chains.append([])
-                    continue
-                path = _path(stages, searcher, start, goal, along)
-                chain = crossed(grid, np.concatenate([ends[:1], path, ends[1:]]))
-                if chain is None:
-                    lost = Answer(Termination.NO_SOLUTION, message="a path leaves the free cells")
-                    raise Unanswered("corridors", lost)
-                chains.append(chain)
-            ways.append(corridor(grid, places, chains, margin))
-        return ways
+        chains: list[list[Cell]] = []
+        for start, goal in itertools.pairwise(route):
+            ends = problem.places[[start, goal]]
+            if np.hypot(*(ends[1] - ends[0])) <= same:
+                chains.append([])
+                continue
+            path = _path(stages, searcher, start, goal, along)
+            chain = crossed(grid, np.concatenate([ends[:1], path, ends[1:]]))
+            if chain is None:
+                lost = Answer(Termination.NO_SOLUTION, message="a path leaves the free cells")
+                raise Unanswered("corridors", lost)
+            chains.append(chain)
+        return chains
 
     def _flights(self, stages: Stages, solver: Backend, ways: list[Corridor]) -> list[Flight]:
         problem, request = stages.problem, stages.request

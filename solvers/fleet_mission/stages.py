@@ -144,6 +144,11 @@ class Stages:
             self.paths[key] = answer.point.paths[0]
         return self.paths[key]
 
+    @property
+    def slack(self) -> float:
+        """Accuracy of proven distances between robots, m."""
+        return 1e-3 * self.request.tolerance * self.problem.cell
+
     def stopped(self) -> Limit | None:
         """Return the limit that ends the run, or None while it may continue."""
         control = self.request.control
