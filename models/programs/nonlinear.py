@@ -193,32 +193,39 @@ class NonlinearProgram(BlockProgram):
             ["hess"],
         )
 
-    def jacobian(self, point: Vector) -> sp.csc_array:
-        """Return the Jacobian of the rows at `point`, sparse, shape (m, n)."""
+    def linearised(self, point: Vector) -> tuple[Vector, sp.csc_array]:
+        """Return the gradient of the objective, shape (n,), and the Jacobian of the rows, shape (m, n)."""
         import scipy.sparse as sp
 
-        return sp.csc_array(self.first_order(np.asarray(point, float))[1].sparse())
+        gradient, jacobian = self.first_order(np.asarray(point, float))
+        return np.array(gradient, float).reshape(-1), sp.csc_array(jacobian.sparse())
+
+    def jacobian(self, point: Vector) -> sp.csc_array:
+        """Return the Jacobian of the rows at `point`, sparse, shape (m, n)."""
+        return self.linearised(point)[1]
 
     def gradient(self, point: Vector) -> Vector:
         """Return the gradient of the objective at `point`, shape (n,)."""
-        return np.array(self.first_order(np.asarray(point, float))[0], float).reshape(-1)
+        return self.linearised(point)[0]
 
     def reduced_costs(self, point: Vector, duals: Vector) -> Vector:
         """Return ``∇f - duals·∇g``, the multipliers of the columns, with the signs of linear duals.
 
         ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the upper bound.
         """
-        reduced: Vector = self.gradient(point) - self.jacobian(point).T @ np.asarray(duals, float)
+        gradient, jacobian = self.linearised(point)
+        reduced: Vector = gradient - jacobian.T @ np.asarray(duals, float)
         return reduced
 
-    def stationarity(self, point: Vector, duals: Vector) -> float:
+    def stationarity(self, point: Vector, duals: Vector, reduced: Vector | None = None) -> float:
         """Return the largest scaled reduced cost without an active bound.
 
         A positive reduced cost is admissible at the column's lower bound, a negative one at the upper
-        bound. The others are divided by ``objective_scale / column_scale``.
+        bound. The others are divided by ``objective_scale / column_scale``. `reduced` are the reduced
+        costs, if they are known.
         """
         p = np.asarray(point, float)
-        reduced = self.reduced_costs(p, duals)
+        reduced = self.reduced_costs(p, duals) if reduced is None else reduced
         reach = 1e-6 * np.maximum(np.abs(p), self.column_scale)
         at_lower = p - self.column_lower <= reach
         at_upper = self.column_upper - p <= reach

@@ -124,8 +124,9 @@ def _stationarity(
     be small. Rounding errors of the multipliers are added: with linearly dependent rows, cancelling
     multipliers of 1e14 explained any gradient.
     """
-    gradient = program.gradient(point) * program.column_scale / program.objective_scale
-    reduced = program.reduced_costs(point, duals)
+    gradient, jacobian = program.linearised(point)
+    reduced = gradient - jacobian.T @ duals
+    gradient = gradient * program.column_scale / program.objective_scale
     if not (np.isfinite(gradient).all() and np.isfinite(reduced).all()):
         return float("inf")
     slack = np.where(reduced > 0, point - program.column_lower, program.column_upper - point)
@@ -133,9 +134,9 @@ def _stationarity(
         unexplained = ~(np.abs(reduced) * slack <= _idle(program, objective))
     remaining = np.abs(reduced) * program.column_scale / program.objective_scale
     largest = min(
-        program.stationarity(point, duals), float(remaining[unexplained].max(initial=0.0))
+        program.stationarity(point, duals, reduced), float(remaining[unexplained].max(initial=0.0))
     )
-    rounded = np.abs(program.jacobian(point)).T @ np.abs(duals) * np.finfo(float).eps
+    rounded = np.abs(jacobian).T @ np.abs(duals) * np.finfo(float).eps
     rounded *= program.column_scale / program.objective_scale
     largest += float(rounded.max(initial=0.0))
     return largest / max(1.0, float(np.abs(gradient).max(initial=0.0)))
@@ -169,9 +170,10 @@ def estimated_duals(program: NonlinearProgram, point: Vector) -> Vector | None:
     Multipliers of rows that do not bind are 0, and those of the wrong sign are removed.
     """
     scale, weight = program.column_scale, program.objective_scale
-    gradient = program.gradient(point) * scale / weight
+    gradient, jacobian = program.linearised(point)
+    gradient = gradient * scale / weight
     jacobian = sp.csc_array(
-        sp.diags_array(1.0 / program.row_scale) @ program.jacobian(point) @ sp.diags_array(scale)
+        sp.diags_array(1.0 / program.row_scale) @ jacobian @ sp.diags_array(scale)
     )
     if not (np.isfinite(gradient).all() and np.isfinite(jacobian.data).all()):
         return None
