@@ -20,7 +20,7 @@ from .definition import Definition, Phase
 from .plan import ControlPlan, PhasePlan
 from .sizes import PhaseSizes, of_phase
 
-__all__ = ["Course", "Extreme", "Instants", "courses", "endpoint"]
+__all__ = ["Course", "Extreme", "Instants", "course_of", "courses", "endpoint"]
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -144,63 +144,69 @@ class Course:
         return self.sizes.states
 
     @property
-    def integrals(self) -> Floats:
-        """Integrals of the integrands over the phase, shape (integrals,)."""
-        return self._quadrature[0]
-
-    @property
     def magnitudes(self) -> Floats:
         """Approximate integrals of the integrands' magnitudes, shape (integrals,)."""
-        return self._quadrature[1]
+        result: Floats = self._coarse[1].sum(axis=0)
+        return result
+
+    @property
+    def rough_integrals(self) -> Floats:
+        """Integrals without refinement of the panels, shape (integrals,)."""
+        result: Floats = self._coarse[0].sum(axis=0)
+        return result
 
     @cached_property
-    def _quadrature(self) -> tuple[Floats, Floats]:
-        """Integrals, and those of the magnitudes on the initial panels.
+    def _coarse(self) -> tuple[Floats, Floats]:
+        """Integrals of the integrands and of their magnitudes by one panel per interval."""
+        count = self.plan.states.intervals
+        return self._panels(np.arange(count), np.full(count, -1.0), np.ones(count))
+
+    def _panels(self, interval: Whole, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+        """Return the integrals over panels of intervals, and those of the magnitudes, (panels, integrals)."""
+        if not self.phase.integrals:
+            return (np.zeros((interval.size, 0)),) * 2
+        nodes, weights = np.polynomial.legendre.leggauss(RULE)
+        half = 0.5 * (high - low)
+        tau = (0.5 * (high + low))[:, None] + half[:, None] * nodes
+        instants = self.at(np.repeat(interval, RULE), tau.ravel())
+        table = self.values(instants)["integrand"].reshape(interval.size, RULE, -1)
+        share = weights * (half * 0.5 * np.diff(self.plan.states.knots)[interval])[:, None]
+        with np.errstate(all="ignore"):
+            sums = np.einsum("kr,kri->ki", share, table)
+            size = np.einsum("kr,kri->ki", share, np.abs(table))
+        return sums, size
+
+    @cached_property
+    def integrals(self) -> Floats:
+        """Integrals of the integrands over the phase, shape (integrals,).
 
         Gauss-Legendre quadrature on panels that are halved until their integrals no longer change.
         All panels are evaluated together. A panel never crosses a knot.
         """
-        if not self.phase.integrals:
-            return np.zeros(0), np.zeros(0)
-        nodes, weights = np.polynomial.legendre.leggauss(RULE)
-        lengths = np.diff(self.plan.states.knots)
-
-        def panels(interval: Whole, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-            half = 0.5 * (high - low)
-            tau = (0.5 * (high + low))[:, None] + half[:, None] * nodes
-            instants = self.at(np.repeat(interval, RULE), tau.ravel())
-            table = self.values(instants)["integrand"].reshape(interval.size, RULE, -1)
-            share = weights * (half * 0.5 * lengths[interval])[:, None]
-            with np.errstate(all="ignore"):
-                sums = np.einsum("kr,kri->ki", share, table)
-                size = np.einsum("kr,kri->ki", share, np.abs(table))
-            return sums, size
-
-        interval = np.arange(lengths.size)
-        low, high = np.full(lengths.size, -1.0), np.ones(lengths.size)
         total: Floats = np.zeros(self.phase.integrals)
-        values, size = panels(interval, low, high)
-        size = size.sum(axis=0)
-        limit = QUADRATURE * size
-        for _ in range(HALVINGS):
+        lengths = np.diff(self.plan.states.knots)
+        interval, values = np.arange(lengths.size), self._coarse[0]
+        low, high = np.full(lengths.size, -1.0), np.ones(lengths.size)
+        limit = QUADRATURE * self.magnitudes
+        for _ in range(HALVINGS if self.phase.integrals else 0):
             if interval.size > max(PANELS, 16 * lengths.size):
                 break
             middle = 0.5 * (low + high)
             interval = np.repeat(interval, 2)
             low = np.stack([low, middle], axis=1).ravel()
             high = np.stack([middle, high], axis=1).ravel()
-            parts, _ = panels(interval, low, high)
+            parts, _ = self._panels(interval, low, high)
             pairs = parts.reshape(-1, 2, parts.shape[1]).sum(axis=1)
             # Non-finite values would never converge: they are accepted and make the sum non-finite.
             active = (np.abs(pairs - values) > limit).any(axis=1)
             total += pairs[~active].sum(axis=0)
             if not active.any():
-                return total, size
+                return total
             selected = np.repeat(active, 2)
             interval, values = interval[selected], parts[selected]
             low, high = low[selected], high[selected]
         total += values.sum(axis=0)
-        return total, size
+        return total
 
     def largest(self, measure: Callable[[Instants], Floats], on_grid: Floats) -> Extreme:
         """Return the maximum over the phase of `measure`, with values of shape (points, entries).
@@ -242,6 +248,20 @@ class Course:
         return best._replace(time=float(best.time))
 
 
+#: Recent courses, which keep the values on their grids.
+RECENT = 4
+_recent: dict[tuple[int, int, bytes], Course] = {}
+
+
+def course_of(phase: Phase, plan: PhasePlan, parameters: Floats) -> Course:
+    """Return the course of a phase; of the same phase and plan as a recent one, the same object."""
+    key = id(phase), id(plan), parameters.tobytes()
+    _recent[key] = course = _recent.pop(key, None) or Course(phase, plan, parameters)
+    while len(_recent) > RECENT:
+        _recent.pop(next(iter(_recent)), None)
+    return course
+
+
 def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:
     """Return the phases of `plan` with their declarations.
 
@@ -271,7 +291,7 @@ def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:
         for what in ("state_names", "control_names"):
             label = f"{what} of phase {phase.name!r}"
             _same(label, list(getattr(phase, what)), list(getattr(part, what)))
-        result.append(Course(phase, part, parameters))
+        result.append(course_of(phase, part, parameters))
     return tuple(result)
 
 

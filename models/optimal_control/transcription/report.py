@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..definition import Phase
 from ..lagrange import interpolation
 from ..plan import PhasePlan
-from ..sampling import Course
+from ..sampling import Course, course_of
 from ..sizes import PhaseSizes
 from .schemes import gauss_points, integration
 
@@ -99,7 +99,7 @@ def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     decays, tails, chatters = np.zeros(count), np.zeros(count), np.zeros(count, bool)
     windows: list[tuple[tuple[float, float], ...]] = [()] * count
     with np.errstate(invalid="ignore", over="ignore"):
-        course = Course(phase, part, parameters)
+        course = course_of(phase, part, parameters)
         sizes = course.sizes
         for group in _groups(course):
             rows = group.rows
