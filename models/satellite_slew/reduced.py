@@ -32,14 +32,21 @@ Floats = NDArray[np.float64]
 
 #: Additional nodes of an interval in the slew's plan, because attitude and rates are no polynomials there.
 MORE = 4
-#: Share of the tolerance for the reduced problem if its plan verifies there but not as a slew.
-STRICTER = 0.25
 
 
+@dataclass(frozen=True, eq=False)
 class _Inner(Gauss):
-    """Transcription of the reduced problem; messages name the formulation of the slew."""
+    """Transcription of the reduced problem, refined until the slew's plan verifies."""
 
+    slew: Reduced | None = None
+
+    #: Name in messages.
     name: ClassVar[str] = "reduced"
+
+    def _verifies(self, plan: ControlPlan, tolerance: float) -> bool:
+        # Both problems have the same phases, but the slew's checks bound angles in radians, and the rates.
+        assert self.slew is not None
+        return self.slew.model.verify(self.slew.widened(plan), tolerance=tolerance).ok
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +72,7 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
 
     def __post_init__(self) -> None:
         options = {item.name: getattr(self, item.name) for item in fields(self)[1:]}
-        object.__setattr__(self, "_inner", _Inner(self.model.reduced, **options))
+        object.__setattr__(self, "_inner", _Inner(self.model.reduced, **options, slew=self))
 
     @property
     def inner(self) -> Gauss:
@@ -89,8 +96,14 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         return self.inner.encode(self._narrowed(plan))
 
     def decode(self, point: Floats) -> ControlPlan:
-        """Return the slew's plan, with attitude and rates at some more nodes than the gimbal angles."""
-        plan = self.inner.decode(point)
+        """Return the slew's plan."""
+        return self.widened(self.inner.decode(point))
+
+    def widened(self, plan: ControlPlan) -> ControlPlan:
+        """Return the slew's plan from that of the reduced problem.
+
+        Attitude and rates have some more nodes than the gimbal angles.
+        """
         part = plan.phases[0]
         nodes = tuple(
             -np.cos(np.linspace(0.0, np.pi, positions.size + MORE))
@@ -156,11 +169,6 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
     def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
         finer = self.inner.refined(point, tolerance, duals)
-        if finer is None and self.inner.settled and self.inner.refine:
-            # The slew's checks bound angles in radians and the rates, those of the reduced problem
-            # angles relative to the largest.
-            if not self.model.verify(self.decode(point), tolerance=tolerance).ok:
-                finer = self.inner.refined(point, STRICTER * tolerance, duals)
         return None if finer is None else self._with(finer)
 
     def counterpart(self, point: Floats) -> Any:

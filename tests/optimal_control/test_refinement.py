@@ -8,7 +8,7 @@ from transcribed import LINEAR, catalogue, layers, regulator, solved
 
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
-from crosstrack.models.optimal_control.transcription import base
+from crosstrack.models.optimal_control.transcription import base, refinement
 from crosstrack.solvers.run.running import Run
 
 
@@ -133,3 +133,12 @@ def test_a_plan_that_does_not_verify_tightens_the_solver(monkeypatch):
     found = ct.solve(ct.load("optimal-control/bryson-denham"))
     assert found.termination == "locally_optimal"
     assert requested[1] == pytest.approx(0.1 * requested[0])
+
+
+def test_a_plan_within_the_tolerance_is_verified_whatever_the_share_of_an_interval(monkeypatch):
+    monkeypatch.setattr(refinement, "SHARE", 1e-6)
+    found = ct.solve(ct.load("optimal-control/bryson-denham"), tolerance=1e-6)
+    assert found.termination == "locally_optimal", found.message
+    last = found.history[-1]
+    assert last["verified"] and 1e-12 < last["error"] <= 1e-6
+    assert found.verification.ok

@@ -182,7 +182,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         plan = self.decode(self._guess()) if self._history is None else self._history.plan
         with np.errstate(all="ignore"):
             phases = courses(self.model.definition, plan)
-            return sizes_at(self.model.definition, phases, endpoint(phases), guessed=guessed)
+            rough = [(course.dense.states, course.rough_integrals) for course in phases]
+            ends = endpoint(phases, None if guessed else rough)
+            return sizes_at(self.model.definition, phases, ends, guessed=guessed)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -323,7 +325,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             finding = next_meshes(
                 self.model, plan, self._meshes, self.rules, tolerance,
                 (objective, self.sizes.objective), self._history,
-                self.layout.strains(self.sizes, duals),
+                self.layout.strains(self.sizes, duals), self._verifies,
             )  # fmt: skip
         finding = finding.limited(rounds, self.rounds, self.most_nodes)
         row = {
@@ -337,6 +339,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         }
         finer = self._following(finding, plan, objective, (*self._past_rows, row))
         return finer if finer is None or restored is None else restored._with(_past_rows=self._rows)
+
+    def _verifies(self, plan: ControlPlan, tolerance: float) -> bool:
+        """Return whether a plan passes the verification that decides about the answer."""
+        return self.model.verify(plan, tolerance=tolerance).ok
 
     def _following(
         self, finding: Finding, plan: ControlPlan, objective: float, rows: tuple[Any, ...]

@@ -12,7 +12,7 @@ Neighbours that one polynomial fits are merged.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -146,10 +146,13 @@ def next_meshes(
     objectives: tuple[float, float],
     former: History | None,
     strains: Sequence[Floats],
+    verifies: Callable[[ControlPlan, float], bool],
 ) -> Finding:
     """Return finer meshes, or none if the plan verifies and its objective has converged.
 
-    Costates of the plan, if available, indicate whether it is optimal. `objectives` are the objective
+    The share of an interval in the tolerance is an estimate of the accumulation of errors: once the
+    objective has converged, a plan without a larger error than the tolerance is verified in any case.
+    `verifies` decides, for a plan and a tolerance. Costates of the plan, if available, indicate whether it is optimal. `objectives` are the objective
     and its size. `strains` are the possible gains of the objective, per interval of each phase, without
     the rows that keep controls calm (:meth:`~.layout.Layout.strains`).
     """
@@ -163,7 +166,10 @@ def next_meshes(
     worst = max(float(report.worst.max()) for report in reports)
     change = np.inf if former is None else relative_change(size, objective, former.objective)
     steps = meshes[0].steps
-    verified = model.verify(plan, tolerance=tolerance).ok if steps or worst <= limit else None
+    is_accurate, converged = worst <= limit, change <= SETTLED * tolerance
+    verified = verifies(plan, tolerance) if steps or is_accurate else None
+    if verified is None and converged and all(report.is_within(tolerance) for report in reports):
+        verified = verifies(plan, tolerance) or None
     errors = tuple(report.worst for report in reports)
     finding = Finding(None, worst, "verified and settled", change, verified, errors)
     if steps:
@@ -181,7 +187,7 @@ def next_meshes(
         accepted = None
     why = ""
     if verified is not None:
-        if verified and change <= SETTLED * tolerance:
+        if verified and converged:
             accuracy = tolerance * size
             halved, text = _reexamine(model, plan, meshes, rules, accuracy, former, strains)
             if halved is None:

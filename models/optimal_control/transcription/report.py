@@ -91,6 +91,10 @@ class Report:
         result: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
         return result
 
+    def is_within(self, tolerance: float) -> bool:
+        """Return whether neither an error nor a violation of an interval exceeds the tolerance."""
+        return max(float(self.errors.max()), float(self.violations.max())) <= tolerance
+
 
 def examine(phase: Phase, part: PhasePlan, parameters: Floats) -> Report:
     """Return the report on one phase of a plan; intervals with equal nodes are evaluated together."""
