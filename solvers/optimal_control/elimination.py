@@ -90,17 +90,15 @@ class Group:
             raise Singular("the dynamics cannot be solved for the states") from error
         #: States as a linear function of the other unknowns.
         self.states = -(self.inverse @ defect[:, :, :cut])
-        self.pull = matrix[:, cut:, cut:] @ self.states
-        self.pull += matrix[:, cut:, :cut]
-        self.curved = matrix[:, :cut, cut:] @ self.states
-        self.curved += matrix[:, :cut, :cut]
+        product = matrix[:, :, cut:] @ self.states
+        product += matrix[:, :, :cut]
+        self.curved, self.pull = product[:, :cut], product[:, cut:]
         self.curved += self.states.transpose(0, 2, 1) @ self.pull
         self.link[:, self.from_states] = self.states[:, self.end_states]
 
     def sweep(self, tail: Floats) -> Floats:
         """Eliminate the controls from the last interval to the first, and return the matrix that remains."""
         outer = self.outer
-        self.triangles: list[Floats] = []
         for k in range(self.count - 1, -1, -1):
             link, curved = self.link[k], self.curved[k]
             self.tails[k] = tail
@@ -114,32 +112,6 @@ class Group:
                     raise Singular("the curvature along the controls is not positive")
                 self.gains[k] = dpotrs(triangle, curved[outer + 1 :, : outer + 1], lower=1)[0]
                 tail = tail - curved[:outer, outer + 1 :] @ self.gains[k]
-                self.triangles.insert(0, triangle)
-        return tail
-
-    def replace_right(self, tail: Floats, shift: Floats) -> Floats:
-        """Eliminate another right-hand side, which the buffer contains, with the known factors.
-
-        `shift` is the product of weights and residuals of the path rows. Both `tail` and the result are the
-        right-hand sides of the matrices that remain.
-        """
-        matrix, defect, path = self.views
-        outer, cut = self.outer, self.reduced
-        right = matrix[:, :, outer] + (path.transpose(0, 2, 1) @ shift[:, :, None])[:, :, 0]
-        states = -(self.inverse @ defect[:, :, outer, None])
-        pull = matrix[:, cut:, cut:] @ states + right[:, cut:, None]
-        curved = (matrix[:, :cut, cut:] @ states)[:, :, 0] + right[:, :cut]
-        curved += (self.states.transpose(0, 2, 1) @ pull)[:, :, 0]
-        self.states[:, :, outer], self.pull[:, :, outer] = states[:, :, 0], pull[:, :, 0]
-        self.link[:, self.from_states, outer] = states[:, self.end_states, 0]
-        for k in range(self.count - 1, -1, -1):
-            link, own, known, gain = self.link[k], curved[k], self.tails[k], self.gains[k]
-            known[:, -1] = tail
-            own += link.T @ (known[:, :-1] @ link[:, outer] + tail)
-            tail = own[:outer]
-            if gain.size:
-                gain[:, outer] = dpotrs(self.triangles[k], own[outer + 1 :], lower=1)[0]
-                tail = tail - self.curved[k, :outer, outer + 1 :] @ gain[:, outer]
         return tail
 
     def back(self, begin: Floats, step: Floats, duals: Floats, weight: Floats) -> Floats:

@@ -262,36 +262,14 @@ class Stages:
         factor, pivots, failure = dsytrf(root, lower=1)
         if failure or _negative(factor, pivots) != shared.size:
             raise Singular("the last elimination has the wrong inertia")
-        self._factor = factor, pivots
-        return self._back(tail[:, outer], gradient, residual, weight)
-
-    def solve_again(
-        self, gradient: Floats, residual: Floats, weight: Floats
-    ) -> tuple[Floats, Floats]:
-        """Return the step for another gradient and residual with the matrices of the last :meth:`solve`."""
-        for group in self.groups:
-            group.views[0][:, :, group.outer] = 0.0
-        self._buffer[self._right] = gradient[self._inside]
-        self._buffer[self._local_right] = residual[self._local]
-        tail = np.zeros(self.fronts[-1].following.size)
-        for group in self.groups[::-1]:
-            shift = weight[group.paths] * residual[group.paths]
-            # The right-hand side of the path rows is part of `shift`.
-            group.views[2][:, :, group.outer] = 0.0
-            tail = group.replace_right(tail, shift)
-            group.views[2][:, :, group.outer] = residual[group.paths]
-        return self._back(tail, gradient, residual, weight)
-
-    def _back(
-        self, tail: Floats, gradient: Floats, residual: Floats, weight: Floats
-    ) -> tuple[Floats, Floats]:
-        count = self.root_columns.size
         right = np.concatenate([gradient[self.root_columns], residual[self.shared_rows]])
-        right[: tail.size] += tail
-        unknown = dsytrs(*self._factor, -right, lower=1)[0]
+        right[:outer] += tail[:, outer]
+        unknown = dsytrs(factor, pivots, -right, lower=1)[0]
         step, duals = np.zeros(gradient.size), np.zeros(residual.size)
-        step[self.root_columns], duals[self.shared_rows] = unknown[:count], unknown[count:]
-        begin = unknown[: tail.size]
+        step[self.root_columns], duals[self.shared_rows] = np.split(
+            unknown, [self.root_columns.size]
+        )
+        begin = unknown[:outer]
         for group in self.groups:
             begin = group.back(begin, step, duals, weight)
         return step, duals

@@ -28,8 +28,6 @@ LEFT = 1e-3
 #: Largest error of the objective by the residuals of the rows, relative, and absolute in its scale. Without
 #: this limit, the scale of an objective with large bounds on its states left relative errors of 2e-5.
 ACCURATE, ROUNDED = 3e-7, 1e-13
-#: Largest error for a step with the matrices of the step before.
-CLOSE = 1e-6
 #: Bound of a column without a bound.
 FAR = 1e20
 #: Largest number of Newton steps.
@@ -126,7 +124,7 @@ class StructuredSolver:
         pressure = np.concatenate([multipliers[0], duals[between]])
         zeta = np.where(self._sided, np.maximum(-SIDES * pressure, NEAR), 0.0)
         weight, residual = np.full(duals.size, np.inf), np.zeros(duals.size)
-        status, success, convex, reuse = "Maximum_Iterations_Exceeded", False, 0.0, False
+        status, success, convex = "Maximum_Iterations_Exceeded", False, 0.0
         v = z.clip((low + self._push)[:count], (high - self._push)[:count])
         for number in range(MOST + 1):
             gradient, g, jacobian, hessian, f = self._at(v[:count], p, duals)
@@ -151,21 +149,13 @@ class StructuredSolver:
                 break
             push = BARRIER / gap
             barrier = push[1] - push[0]
-            # Near the solution, every second step uses the matrices of the one before.
-            reuse = error <= CLOSE and convex == 0.0 and not reuse and number > 0
-            if not reuse:
-                ratio = zeta / gap
-                sigma = ratio[0] + ratio[1]
-                weight[between], nonzeros = sigma[count:], jacobian.copy()
+            ratio = zeta / gap
+            sigma = ratio[0] + ratio[1]
+            weight[between] = sigma[count:]
             shifted = residual.copy()
             shifted[between] += barrier[count:] / sigma[count:]
-            if reuse:
-                # The known matrices contain the Jacobian of the step before.
-                gradient = slope - np.bincount(self._column, nonzeros * duals[self._row], count)
             system = gradient + barrier[:count], shifted, weight
-            if reuse:
-                step, duals = self.stages.solve_again(*system)
-            for convex in () if reuse else CONVEX:
+            for convex in CONVEX:
                 try:
                     step, duals = self.stages.solve(
                         jacobian, hessian, sigma[:count] + convex, *system
@@ -174,8 +164,7 @@ class StructuredSolver:
                 except Singular as reason:
                     status = str(reason)
             else:
-                if not reuse:
-                    break
+                break
             step = np.concatenate([step, (duals[between] - barrier[count:]) / sigma[count:]])
             # Each distance and multiplier is kept positive by itself, without a common step length.
             zeta = np.maximum(push - SIDES * ratio * step, LEFT * zeta)

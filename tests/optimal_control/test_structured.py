@@ -176,25 +176,6 @@ def test_a_maximum_is_left_for_a_minimum(pair, structured):
 
 
 @pytest.mark.parametrize("case", list(CASES))
-def test_another_right_hand_side_is_solved_with_the_known_factors(case):
-    make, _, _ = CASES[case]
-    solver = ct.prepare(make(), formulation="radau", intervals=4, degree=3)
-    step, structured = solver(), solver.structured
-    _, g, jacobian, hessian, _ = structured._at(step.z, step.values, step.multipliers[1])
-    rng = np.random.default_rng(0)
-    diagonal = rng.uniform(1.0, 2.0, step.z.size)
-    weight = np.full(g.size, np.inf)
-    weight[structured._between] = rng.uniform(1.0, 2.0, structured._between.size)
-    stages, matrices = structured.stages, (jacobian, hessian, diagonal)
-    first, second = ((rng.normal(size=step.z.size), rng.normal(size=g.size)) for _ in range(2))
-    stages.solve(*matrices, *first, weight)
-    again = stages.solve_again(*second, weight)
-    expected = stages.solve(*matrices, *second, weight)
-    for mine, theirs in zip(again, expected, strict=True):
-        np.testing.assert_allclose(mine, theirs, rtol=1e-8, atol=1e-8 * np.abs(theirs).max())
-
-
-@pytest.mark.parametrize("case", list(CASES))
 def test_the_step_solves_the_kkt_system(case):
     """Compare with a dense solution of the same equations."""
     make, _, _ = CASES[case]
