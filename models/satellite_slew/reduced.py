@@ -7,19 +7,18 @@ condition at the end depends on others, and the program takes half the time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formulation import Formulation
 from ..optimal_control.hamiltonian import hamiltonian_spread
+from ..optimal_control.model import OptimalControlProblem
 from ..optimal_control.plan import ControlPlan, PhasePlan, Piecewise
+from ..optimal_control.transcription.base import Transcription
 from ..optimal_control.transcription.methods import Gauss
-from ..programs.base import Program
-from ..programs.nonlinear import NonlinearProgram
 from .checks import slew_phase
 from .dynamics import SlewMotion, names_of
 from .lowered import rodrigues
@@ -35,75 +34,34 @@ MORE = 4
 
 
 @dataclass(frozen=True, eq=False)
-class _Inner(Gauss):
-    """Transcription of the reduced problem, refined until the slew's plan verifies."""
-
-    slew: Reduced | None = None
-
-    #: Name in messages.
-    name: ClassVar[str] = "reduced"
-
-    def _verifies(self, plan: ControlPlan, tolerance: float) -> bool:
-        # Both problems have the same phases, but the slew's checks bound angles in radians, and the rates.
-        assert self.slew is not None
-        return self.slew.model.verify(self.slew.widened(plan), tolerance=tolerance).ok
-
-
-@dataclass(frozen=True, eq=False)
-class Reduced(Formulation[SatelliteSlew, ControlPlan]):
+class Reduced(Gauss):
     """Gauss collocation of attitude and gimbal angles, with body rates from the conserved momentum.
 
-    Parameters are those of ``Transcription``.
+    Parameters are those of ``Transcription``. Meshes are refined until the slew's plan verifies.
     """
 
-    intervals: int = 8
-    degree: int = 6
-    mesh: Any = None
-    refine: bool = True
-    rounds: int = 25
-    most_nodes: int = 3000
+    model: SatelliteSlew  # type: ignore[assignment]
 
     name: ClassVar[str] = "reduced"
     summary: ClassVar[str] = "Gauss (LG) on attitude and gimbals; rates from the conserved momentum"
-    program_type: ClassVar[type[Program]] = NonlinearProgram
-    relaxes: ClassVar[bool] = False
-    draws: ClassVar[bool] = True
-    precision: ClassVar[float] = Gauss.precision
-
-    def __post_init__(self) -> None:
-        options = {item.name: getattr(self, item.name) for item in fields(self)[1:]}
-        object.__setattr__(self, "_inner", _Inner(self.model.reduced, **options, slew=self))
 
     @property
-    def inner(self) -> Gauss:
-        """The transcription of the reduced problem."""
-        inner: Gauss = self.__dict__["_inner"]
-        return inner
-
-    def _with(self, inner: Gauss) -> Self:
-        result = replace(self)
-        object.__setattr__(result, "_inner", inner)
-        return result
-
-    def build(self) -> Program:
-        """Return the program of the reduced problem on the current mesh."""
-        return self.inner.program
+    def problem(self) -> OptimalControlProblem:
+        """The slew with attitude and gimbal angles as the only states."""
+        return self.model.reduced
 
     # -- plans -----------------------------------------------------------------------------------
 
     def encode(self, plan: ControlPlan) -> Floats:
         """Return the columns that sample `plan`."""
-        return self.inner.encode(self._narrowed(plan))
+        return self.sample(self._narrowed(plan))
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the slew's plan."""
-        return self.widened(self.inner.decode(point))
+        return self._widened(self.interpolate(point))
 
-    def widened(self, plan: ControlPlan) -> ControlPlan:
-        """Return the slew's plan from that of the reduced problem.
-
-        Attitude and rates have some more nodes than the gimbal angles.
-        """
+    def _widened(self, plan: ControlPlan) -> ControlPlan:
+        """Return the slew's plan, with attitude and rates at some more nodes than the gimbal angles."""
         part = plan.phases[0]
         nodes = tuple(
             -np.cos(np.linspace(0.0, np.pi, positions.size + MORE))
@@ -146,8 +104,7 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         The rates are no states of the reduced problem. The costates of the attitude are λ_q = (∂σ/∂q)ᵀ
         λ_σ, so that λ·ẋ and the Hamiltonian are those of the reduced problem.
         """
-        inner = self.inner
-        part = inner.explained(inner.decode(point), point, duals).phases[0]
+        part = self._with_costates(self.interpolate(point), duals).phases[0]
         costates = part.costates
         if costates is None:
             return plan
@@ -166,34 +123,13 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
 
     # -- refinement and other starts -------------------------------------------------------------
 
-    def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
-        """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
-        finer = self.inner.refined(point, tolerance, duals)
-        return None if finer is None else self._with(finer)
+    def _verifies(self, plan: ControlPlan, tolerance: float) -> bool:
+        # The slew's checks bound angles in radians, and the rates.
+        return self.model.verify(self._widened(plan), tolerance=tolerance).ok
 
-    def counterpart(self, point: Floats) -> Any:
-        """Return the Radau transcription of the reduced problem, started at `point`."""
-        return self.inner.counterpart(point)
-
-    def compared(
-        self, point: Floats, objective: float, tolerance: float, better: ControlPlan | None = None
-    ) -> Self | None:
-        """Return the formulation on a finer mesh if the other scheme has another optimum.
-
-        The plan `better` is one of the reduced problem, as the counterpart's.
-        """
-        finer = self.inner.compared(point, objective, tolerance, better)
-        return None if finer is None else self._with(finer)
-
-    @property
-    def settled(self) -> bool:
-        """Whether the last plan verified and its objective converged."""
-        return self.inner.settled
-
-    @property
-    def history(self) -> tuple[Mapping[str, Any], ...]:
-        """One row per mesh so far."""
-        return self.inner.history
+    def alternatives(self) -> Iterator[tuple[str, Transcription]]:
+        """Return no other meshes."""
+        return iter(())
 
     def started(self, seed: int) -> Self:
         """Return the formulation at the random start of the program with all states.
@@ -212,22 +148,17 @@ class Reduced(Formulation[SatelliteSlew, ControlPlan]):
         plan: ControlPlan = full._start
         return plan
 
-    def coarse(self) -> Self | None:
-        """Return the formulation on a coarse mesh for a comparison of starts; None without refinement."""
-        coarse = self.inner.coarse()
-        return None if coarse is None else self._with(coarse)
-
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`."""
-        return self._with(self.inner.guessed(self._narrowed(plan)))
+        return super().guessed(self._narrowed(plan))
 
     def fitted(self, plan: ControlPlan) -> Self:
         """Return the formulation on the plan's mesh."""
-        return self._with(self.inner.fitted(self._narrowed(plan)))
+        return super().fitted(self._narrowed(plan))
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
-        result = self.inner.statistics(self._narrowed(plan))
+        result = super().statistics(self._narrowed(plan))
         problem = self.model.lower()
         if plan.phases[0].costates is not None and problem is not None:
             result["hamiltonian_spread"] = hamiltonian_spread(problem, plan)[0].relative

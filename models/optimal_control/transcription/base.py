@@ -119,7 +119,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             )
 
     def _first_meshes(self) -> tuple[Mesh, ...]:
-        phases, degree = self.model.definition.phases, self.degree
+        phases, degree = self.problem.definition.phases, self.degree
         if self.mesh is None:
             return tuple(even(self.intervals, degree, self._knots(phase)) for phase in phases)
         return read_meshes(self.mesh, degree, len(phases))
@@ -134,6 +134,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return phase.instants if few and self.rules.split else ()
 
     @property
+    def problem(self) -> OptimalControlProblem:
+        """Problem that is transcribed, with its own plans; by default the model."""
+        return self.model
+
+    @property
     def meshes(self) -> tuple[Mesh, ...]:
         """The mesh of each phase."""
         return self._meshes
@@ -143,14 +148,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     @cached_property
     def layout(self) -> Layout:
         """Assignment of columns and rows to points and equations."""
-        return layout_of(self.model.definition, type(self).scheme, self._meshes)
+        return layout_of(self.problem.definition, type(self).scheme, self._meshes)
 
     def build(self) -> NonlinearProgram:
         """Return the program on the current mesh, started at the plan of the previous one."""
         assembly = Assembly(self.layout, self.sizes)
         start = self._start if self._history is None else self._history.plan
-        guess = self._guess() if start is None else self.encode(start)
-        program = assembly.program(guess, self.model.name)
+        guess = self._guess() if start is None else self.sample(start)
+        program = assembly.program(guess, self.problem.name)
         if not self.dropped:
             return program
         if self.dependent == "raise":
@@ -160,12 +165,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 "verification checks them all the same",
                 field="final",
             )
-        return drop_dependent(assembly, program, dependences(self.model.definition))
+        return drop_dependent(assembly, program, dependences(self.problem.definition))
 
     @property
     def dropped(self) -> str:
         """Names of the equations that are removed from the program because others imply them."""
-        definition = self.model.definition
+        definition = self.problem.definition
         implied = () if self.dependent == "keep" else dependences(definition)
         return ", ".join(name for item in implied for name in item.names(definition))
 
@@ -179,12 +184,12 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def sizes(self) -> Sizes:
         """Sizes of all quantities along the plan of the previous mesh, at first along the guess."""
         guessed = self._history is None
-        plan = self.decode(self._guess()) if self._history is None else self._history.plan
+        plan = self.interpolate(self._guess()) if self._history is None else self._history.plan
         with np.errstate(all="ignore"):
-            phases = courses(self.model.definition, plan)
+            phases = courses(self.problem.definition, plan)
             rough = [(course.dense.states, course.rough_integrals) for course in phases]
             ends = endpoint(phases, None if guessed else rough)
-            return sizes_at(self.model.definition, phases, ends, guessed=guessed)
+            return sizes_at(self.problem.definition, phases, ends, guessed=guessed)
 
     def _guess(self) -> Floats:
         columns = np.zeros(self.layout.size)
@@ -197,7 +202,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 for k in range(table.shape[1]):
                     columns[places[k]] = np.interp(fractions, guess.fractions, table[:, k])
             columns[layout.time_columns] = guess.start, guess.end
-        columns[self.layout.parameter_columns] = self.model.definition.stacked(
+        columns[self.layout.parameter_columns] = self.problem.definition.stacked(
             "parameters", "initial_lower"
         )
         return self._with_integrals(columns)
@@ -222,13 +227,17 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def _visited(self, columns: Floats, number: int) -> Floats:
         """Return the values of a phase's node functions at every visit, shape (entries, visits)."""
         layout, argument_columns = self.layout.phases[number], self.layout.visit_columns(number)
-        function = functions_of(self.model.definition).nodes[number].value.map(layout.visits)
+        function = functions_of(self.problem.definition).nodes[number].value.map(layout.visits)
         return np.array(function(columns[argument_columns], layout.visit_places), float)
 
     # -- plans -----------------------------------------------------------------------------------
 
     def encode(self, plan: ControlPlan) -> Floats:
         """Return the columns that sample `plan`, which satisfies the rows up to the mesh's resolution."""
+        return self.sample(plan)
+
+    def sample(self, plan: ControlPlan) -> Floats:
+        """Return the columns that sample a plan of :attr:`problem`."""
         if len(plan.phases) != len(self.layout.phases):
             raise InvalidData(
                 f"the plan has {len(plan.phases)} phases, the problem {len(self.layout.phases)}",
@@ -263,11 +272,15 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     @property
     def _parameters(self) -> dict[str, Whole]:
         """Columns of each parameter by name."""
-        columns, items = self.layout.parameter_columns, self.model.definition.parameters
+        columns, items = self.layout.parameter_columns, self.problem.definition.parameters
         return {item.name: columns[places] for item, places in entry_slices(items)}
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the plan with the polynomials that the columns represent."""
+        return self.interpolate(point)
+
+    def interpolate(self, point: Floats) -> ControlPlan:
+        """Return the plan of :attr:`problem` with the polynomials that the columns represent."""
         columns = np.asarray(point, float)
         phases = []
         for number, layout in enumerate(self.layout.phases):
@@ -295,10 +308,13 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             names = phase.state_names, phase.control_names
             phases.append(PhasePlan(phase.name, states, controls, *names))
         parameters = {name: columns[column] for name, column in self._parameters.items()}
-        return ControlPlan(tuple(phases), parameters).attached(self.model.definition)
+        return ControlPlan(tuple(phases), parameters).attached(self.problem.definition)
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
         """Return the plan with costates from the program's row multipliers."""
+        return self._with_costates(plan, duals)
+
+    def _with_costates(self, plan: ControlPlan, duals: Floats) -> ControlPlan:
         phases, row = [], 0
         for layout, part in zip(self.layout.phases, plan.phases, strict=True):
             count = layout.nx * layout.defects
@@ -311,11 +327,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
-        plan = self.decode(point)
+        plan = self.interpolate(point)
         objective = float(self.program.objective(point))  # type: ignore[attr-defined]
         rounds = len(self._past_rows) + 1
         if duals is not None:
-            plan = self.explained(plan, point, duals)
+            plan = self._with_costates(plan, duals)
         finding = Finding(None, np.nan, "not refined", settled=True)
         restored = self._restored(plan, tolerance) if self.refine else None
         if restored is not None:
@@ -323,7 +339,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             finding = Finding(self._meshes, np.nan, words)
         elif self.refine:
             finding = next_meshes(
-                self.model, plan, self._meshes, self.rules, tolerance,
+                self.problem, plan, self._meshes, self.rules, tolerance,
                 (objective, self.sizes.objective), self._history,
                 self.layout.strains(self.sizes, duals), self._verifies,
             )  # fmt: skip
@@ -368,11 +384,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         other = self.confirmed_by
         if other is None or not self.refine:
             return None
-        transcription = other(self.model, dependent=self.dependent, most_nodes=self.most_nodes)
+        transcription = other(self.problem, dependent=self.dependent, most_nodes=self.most_nodes)
         meshes, fixed = self._meshes, other.rules.fixed_degree
         if fixed is not None:
             meshes = tuple(mesh.with_degree(fixed) for mesh in meshes)
-        return transcription._with(_meshes=meshes, _start=self.decode(point), _history=None)
+        return transcription._with(_meshes=meshes, _start=self.interpolate(point), _history=None)
 
     def compared(
         self, point: Floats, objective: float, tolerance: float, better: ControlPlan | None = None
@@ -394,7 +410,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         finding = Finding(meshes, np.nan, words, errors=errors)
         finding = finding.limited(len(self._rows), self.rounds, self.most_nodes)
         rows = (*self._rows[:-1], {**self._rows[-1], "then": finding.words})
-        plan, value = (self.decode(point), current) if better is None else (better, objective)
+        plan, value = (self.interpolate(point), current) if better is None else (better, objective)
         return self._following(finding, plan, value, rows)
 
     def alternatives(self) -> Iterator[tuple[str, Transcription]]:
@@ -403,10 +419,10 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if scheme is None or scheme.rules.fixed_degree is not None or not self.refine:
             return
         for intervals, seed in UNIFORM:
-            other = scheme(self.model, intervals, DEGREE, dependent=self.dependent)
+            other = scheme(self.problem, intervals, DEGREE, dependent=self.dependent)
             other, label = other._with(_start=self._start), f"{scheme.name} {intervals}x{DEGREE}"
             yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
-        last = scheme(self.model, *STEPS, dependent=self.dependent)
+        last = scheme(self.problem, *STEPS, dependent=self.dependent)
         steps = tuple(Mesh(m.fractions, m.degrees, m.degrees > 0, True) for m in last._meshes)
         label = f"{scheme.name} {STEPS[0]}x{STEPS[1]}, constant controls"
         yield label, last._with(_meshes=steps, _start=self._start)
@@ -434,7 +450,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         before, now = (
             max(
                 check.worst / check.scale
-                for check in complete.program.verify(complete.encode(item)).checks
+                for check in complete.program.verify(complete.sample(item)).checks
             )
             for item in (self._history.plan, plan)
         )
@@ -449,13 +465,13 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a random start: the guess with waves drawn by `seed`."""
-        guess = self._start or self.decode(self._guess())
-        return self._with(_start=draw_start(self.model.definition, guess, seed))
+        guess = self._start or self.interpolate(self._guess())
+        return self._with(_start=draw_start(self.problem.definition, guess, seed))
 
     @property
     def is_convex(self) -> bool:
         """Whether the problem is proven to be convex."""
-        return is_convex(self.model.definition)
+        return is_convex(self.problem.definition)
 
     def coarse(self) -> Self | None:
         """Return the formulation on a coarse mesh for a comparison of starts; None without refinement."""
@@ -466,9 +482,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def draw(self, seed: int) -> Floats:
         """Return a random start of the program: waves for odd seeds, motions for even ones."""
-        guess = self._start or self.decode(self._guess())
+        guess = self._start or self.interpolate(self._guess())
         draw_plan = draw_start if seed % 2 else draw_flight
-        columns = self.encode(draw_plan(self.model.definition, guess, seed))
+        columns = self.sample(draw_plan(self.problem.definition, guess, seed))
         return np.clip(columns, self.program.column_lower, self.program.column_upper)  # type: ignore[attr-defined]
 
     def guessed(self, plan: ControlPlan) -> Self:
@@ -494,11 +510,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if self.dropped:
             result["dropped"] = self.dropped
         if self._history is not None:
-            objective = float(self.program.objective(self.encode(plan)))  # type: ignore[attr-defined]
+            objective = float(self.program.objective(self.sample(plan)))  # type: ignore[attr-defined]
             result["objective_change"] = relative_change(
                 self.sizes.objective, objective, self._history.objective
             )
-        reports = hamiltonian_spread(self.model, plan)
+        reports = hamiltonian_spread(self.problem, plan)
         spreads = [report.relative for report in reports if report.autonomous]
         if spreads and len(reports) == len(plan.phases):
             result["hamiltonian_spread"] = max(spreads)
