@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ..optimal_control.hamiltonian import hamiltonian_spread
 from ..optimal_control.model import OptimalControlProblem
 from ..optimal_control.plan import ControlPlan, PhasePlan, Piecewise
-from ..optimal_control.transcription.base import Transcription
 from ..optimal_control.transcription.methods import Gauss
 from .checks import slew_phase
 from .dynamics import SlewMotion, names_of
@@ -54,11 +53,11 @@ class Reduced(Gauss):
 
     def encode(self, plan: ControlPlan) -> Floats:
         """Return the columns that sample `plan`."""
-        return self.sample(self._narrowed(plan))
+        return super().encode(self._narrowed(plan))
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the slew's plan."""
-        return self._widened(self.interpolate(point))
+        return self._widened(super().decode(point))
 
     def _widened(self, plan: ControlPlan) -> ControlPlan:
         """Return the slew's plan, with attitude and rates at some more nodes than the gimbal angles."""
@@ -104,7 +103,7 @@ class Reduced(Gauss):
         The rates are no states of the reduced problem. The costates of the attitude are λ_q = (∂σ/∂q)ᵀ
         λ_σ, so that λ·ẋ and the Hamiltonian are those of the reduced problem.
         """
-        part = self._with_costates(self.interpolate(point), duals).phases[0]
+        part = self._with_costates(super().decode(point), duals).phases[0]
         costates = part.costates
         if costates is None:
             return plan
@@ -127,7 +126,7 @@ class Reduced(Gauss):
         # The slew's checks bound angles in radians, and the rates.
         return self.model.verify(self._widened(plan), tolerance=tolerance).ok
 
-    def alternatives(self) -> Iterator[tuple[str, Transcription]]:
+    def alternatives(self) -> Iterator[Any]:
         """Return no other meshes."""
         return iter(())
 

@@ -16,13 +16,14 @@ from ...formulation import Formulation
 from ...programs.base import Program
 from ...programs.nonlinear import NonlinearProgram
 from ..convexity import is_convex
-from ..definition import Phase, entry_slices
+from ..definition import Phase
 from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
-from ..plan import ControlPlan, PhasePlan, Piecewise
+from ..plan import ControlPlan
 from ..sampling import courses, endpoint
 from ..sizes import Sizes, sizes_at
-from .assembly import Assembly, functions_of
+from .assembly import Assembly
+from .columns import guessed_columns, interpolate, sample
 from .dependence import dependences, drop_dependent
 from .layout import Layout, layout_of
 from .mesh import DEGREE, STEPS, UNIFORM, Mesh, even, mesh_of, read_meshes
@@ -35,8 +36,6 @@ __all__ = ["Transcription"]
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-#: Distance before a knot, relative to the phase, at which a control is evaluated from the left.
-LEFT = 1e-13
 #: Largest relative difference between the objectives of two schemes that agree, in tolerances.
 AGREED = 10.0
 #: Largest number of interior instants that are knots of the first mesh, per interval of it.
@@ -154,7 +153,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """Return the program on the current mesh, started at the plan of the previous one."""
         assembly = Assembly(self.layout, self.sizes)
         start = self._start if self._history is None else self._history.plan
-        guess = self._guess() if start is None else self.sample(start)
+        guess = guessed_columns(self.layout) if start is None else sample(self.layout, start)
         program = assembly.program(guess, self.problem.name)
         if not self.dropped:
             return program
@@ -184,131 +183,26 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def sizes(self) -> Sizes:
         """Sizes of all quantities along the plan of the previous mesh, at first along the guess."""
         guessed = self._history is None
-        plan = self.interpolate(self._guess()) if self._history is None else self._history.plan
+        plan = (
+            interpolate(self.layout, guessed_columns(self.layout))
+            if self._history is None
+            else self._history.plan
+        )
         with np.errstate(all="ignore"):
             phases = courses(self.problem.definition, plan)
             rough = [(course.dense.states, course.rough_integrals) for course in phases]
             ends = endpoint(phases, None if guessed else rough)
             return sizes_at(self.problem.definition, phases, ends, guessed=guessed)
 
-    def _guess(self) -> Floats:
-        columns = np.zeros(self.layout.size)
-        for layout in self.layout.phases:
-            guess = layout.phase.guess
-            for table, places, fractions in (
-                (guess.states, layout.state_columns, layout.point_fractions),
-                (guess.controls, layout.control_columns, layout.visit_places[0][layout.owners]),
-            ):
-                for k in range(table.shape[1]):
-                    columns[places[k]] = np.interp(fractions, guess.fractions, table[:, k])
-            columns[layout.time_columns] = guess.start, guess.end
-        columns[self.layout.parameter_columns] = self.problem.definition.stacked(
-            "parameters", "initial_lower"
-        )
-        return self._with_integrals(columns)
-
-    def _with_integrals(self, columns: Floats) -> Floats:
-        """Return `columns` with the integrals and interior states that its states and controls define."""
-        for number, layout in enumerate(self.layout.phases):
-            rates = any(of_rates.any() for *_, of_rates in layout.instants)
-            if layout.phase.integrals or rates:
-                values = self._visited(columns, number)
-            for at, instant in zip(layout.instant_columns, layout.instants, strict=True):
-                points, visits, of_states, of_rates = instant
-                columns[at] = columns[layout.state_columns[:, points]] @ of_states
-                if of_rates.any():
-                    columns[at] += values[: layout.nx, visits] @ of_rates
-            if layout.phase.integrals:
-                weights = np.concatenate([scheme.weights for scheme in layout.schemes])
-                integrals = values[layout.nx : layout.nx + layout.phase.integrals] @ weights
-                columns[layout.integral_columns] = np.where(np.isfinite(integrals), integrals, 0.0)
-        return columns
-
-    def _visited(self, columns: Floats, number: int) -> Floats:
-        """Return the values of a phase's node functions at every visit, shape (entries, visits)."""
-        layout, argument_columns = self.layout.phases[number], self.layout.visit_columns(number)
-        function = functions_of(self.problem.definition).nodes[number].value.map(layout.visits)
-        return np.array(function(columns[argument_columns], layout.visit_places), float)
-
     # -- plans -----------------------------------------------------------------------------------
 
     def encode(self, plan: ControlPlan) -> Floats:
         """Return the columns that sample `plan`, which satisfies the rows up to the mesh's resolution."""
-        return self.sample(plan)
-
-    def sample(self, plan: ControlPlan) -> Floats:
-        """Return the columns that sample a plan of :attr:`problem`."""
-        if len(plan.phases) != len(self.layout.phases):
-            raise InvalidData(
-                f"the plan has {len(plan.phases)} phases, the problem {len(self.layout.phases)}",
-                field="phases",
-            )
-        columns = np.zeros(self.layout.size)
-        for layout, part in zip(self.layout.phases, plan.phases, strict=True):
-            if part.states.size != layout.nx or part.controls.size != layout.nu:
-                raise InvalidData(
-                    f"phase {part.name!r} of the plan has {part.states.size} states and "
-                    f"{part.controls.size} controls, the problem {layout.nx} and {layout.nu}",
-                    field="phases",
-                )
-            times = part.start + layout.point_fractions * part.duration
-            columns[layout.state_columns] = part.states(np.minimum(times, part.end)).T
-            times = part.start + layout.visit_places[0][layout.owners] * part.duration
-            # At a collocated end, take the control of this interval, not that of the next.
-            ends = layout.visit_ends[layout.owners]
-            times = np.clip(times - np.where(ends, LEFT * part.duration, 0.0), part.start, part.end)
-            columns[layout.control_columns] = part.controls(times).T
-            columns[layout.time_columns] = part.start, part.end
-        for name, column in self._parameters.items():
-            value = plan.parameters.get(name)
-            if value is None or value.size != column.size:
-                raise InvalidData(
-                    f"the plan must have {column.size} value(s) of parameter {name!r}",
-                    field="parameters",
-                )
-            columns[column] = value
-        return self._with_integrals(columns)
-
-    @property
-    def _parameters(self) -> dict[str, Whole]:
-        """Columns of each parameter by name."""
-        columns, items = self.layout.parameter_columns, self.problem.definition.parameters
-        return {item.name: columns[places] for item, places in entry_slices(items)}
+        return sample(self.layout, plan)
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the plan with the polynomials that the columns represent."""
-        return self.interpolate(point)
-
-    def interpolate(self, point: Floats) -> ControlPlan:
-        """Return the plan of :attr:`problem` with the polynomials that the columns represent."""
-        columns = np.asarray(point, float)
-        phases = []
-        for number, layout in enumerate(self.layout.phases):
-            t0, tf = columns[layout.time_columns]
-            if not tf > t0:
-                raise InvalidData(
-                    f"phase {layout.phase.name!r}: its end {tf:g} is not after its start {t0:g}",
-                    field="time",
-                )
-            knots = t0 + layout.mesh.fractions * (tf - t0)
-            knots[-1] = tf
-            phase, schemes = layout.phase, layout.schemes
-            nodes = tuple(scheme.plan_points for scheme in schemes)
-            x, rates = columns[layout.state_columns].T, None
-            if any(scheme.from_rates.any() for scheme in schemes):
-                rates = self._visited(columns, number)[: layout.nx].T
-            states = Piecewise(knots, nodes, tuple(layout.state_tables(x, rates)))
-            values = columns[layout.control_columns][:, layout.visit_control].T
-            controls = Piecewise(
-                knots,
-                tuple(scheme.control_points for scheme in schemes),
-                tuple(np.split(values, layout.visit_starts[1:-1])),
-                *phase.bounds("controls"),
-            )
-            names = phase.state_names, phase.control_names
-            phases.append(PhasePlan(phase.name, states, controls, *names))
-        parameters = {name: columns[column] for name, column in self._parameters.items()}
-        return ControlPlan(tuple(phases), parameters).attached(self.problem.definition)
+        return interpolate(self.layout, point)
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
         """Return the plan with costates from the program's row multipliers."""
@@ -327,7 +221,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation on a finer mesh; None if the plan verifies or no finer mesh helps."""
-        plan = self.interpolate(point)
+        plan = interpolate(self.layout, point)
         objective = float(self.program.objective(point))  # type: ignore[attr-defined]
         rounds = len(self._past_rows) + 1
         if duals is not None:
@@ -388,7 +282,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         meshes, fixed = self._meshes, other.rules.fixed_degree
         if fixed is not None:
             meshes = tuple(mesh.with_degree(fixed) for mesh in meshes)
-        return transcription._with(_meshes=meshes, _start=self.interpolate(point), _history=None)
+        return transcription._with(
+            _meshes=meshes, _start=interpolate(self.layout, point), _history=None
+        )
 
     def compared(
         self, point: Floats, objective: float, tolerance: float, better: ControlPlan | None = None
@@ -410,7 +306,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         finding = Finding(meshes, np.nan, words, errors=errors)
         finding = finding.limited(len(self._rows), self.rounds, self.most_nodes)
         rows = (*self._rows[:-1], {**self._rows[-1], "then": finding.words})
-        plan, value = (self.interpolate(point), current) if better is None else (better, objective)
+        plan, value = (
+            (interpolate(self.layout, point), current) if better is None else (better, objective)
+        )
         return self._following(finding, plan, value, rows)
 
     def alternatives(self) -> Iterator[tuple[str, Transcription]]:
@@ -450,7 +348,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         before, now = (
             max(
                 check.worst / check.scale
-                for check in complete.program.verify(complete.sample(item)).checks
+                for check in complete.program.verify(sample(complete.layout, item)).checks
             )
             for item in (self._history.plan, plan)
         )
@@ -465,7 +363,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a random start: the guess with waves drawn by `seed`."""
-        guess = self._start or self.interpolate(self._guess())
+        guess = self._start or interpolate(self.layout, guessed_columns(self.layout))
         return self._with(_start=draw_start(self.problem.definition, guess, seed))
 
     @property
@@ -482,9 +380,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def draw(self, seed: int) -> Floats:
         """Return a random start of the program: waves for odd seeds, motions for even ones."""
-        guess = self._start or self.interpolate(self._guess())
+        guess = self._start or interpolate(self.layout, guessed_columns(self.layout))
         draw_plan = draw_start if seed % 2 else draw_flight
-        columns = self.sample(draw_plan(self.problem.definition, guess, seed))
+        columns = sample(self.layout, draw_plan(self.problem.definition, guess, seed))
         return np.clip(columns, self.program.column_lower, self.program.column_upper)  # type: ignore[attr-defined]
 
     def guessed(self, plan: ControlPlan) -> Self:
@@ -510,7 +408,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if self.dropped:
             result["dropped"] = self.dropped
         if self._history is not None:
-            objective = float(self.program.objective(self.sample(plan)))  # type: ignore[attr-defined]
+            objective = float(self.program.objective(sample(self.layout, plan)))  # type: ignore[attr-defined]
             result["objective_change"] = relative_change(
                 self.sizes.objective, objective, self._history.objective
             )
