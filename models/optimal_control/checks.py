@@ -191,7 +191,7 @@ def _motion(course: Course, label: str, reintegrated: Reintegration, tolerance: 
         return text + (f": {reintegrated.failure}" if reintegrated.failure else "")
 
     return Check.largest(
-        "motion", np.abs(reintegrated.deviation), course.state_scale,
+        "motion", np.abs(reintegrated.deviation), course.sizes.states,
         lambda row, state: units[state], place, tolerance, equation=course.phase.dynamics_equation,
     )  # fmt: skip
 
@@ -207,7 +207,7 @@ def _continuity(course: Course, label: str, tolerance: float) -> Check:
 
     jumps = np.abs(grid.states[starts + 1] - grid.states[starts])
     return Check.largest(
-        name, jumps, course.state_scale, lambda row, state: units[state], place, tolerance
+        name, jumps, course.sizes.states, lambda row, state: units[state], place, tolerance
     )
 
 
@@ -327,7 +327,7 @@ def _ends(
 ) -> Iterator[Check]:
     """Yield the checks of the states at one end, relative to the size of the motion."""
     word = ("initial", "final")[end]
-    sides = _Sides(*course.phase.bounds("states", word), course.state_scale)
+    sides = _Sides(*course.phase.bounds("states", word), course.sizes.states)
     values = [(course.dense.states[-end], "")]
     if end and reintegrated.windows == 1:
         values.append((reintegrated.states[-1], " (integrated)"))

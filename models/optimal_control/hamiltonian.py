@@ -168,7 +168,7 @@ def minimum_principle(
         phases = courses(definition, plan)
         return tuple(
             _minimum(course, running, number, rng)
-            for course, running in _running(definition, phases)
+            for course, _, running in _running(definition, phases)
             if course.plan.costates is not None and course.plan.controls.size
         )
 
@@ -265,7 +265,7 @@ def _gains(course: Course, level: Floats) -> Floats:
 
 def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Floats | None]:
     """Yield the terms of the Hamiltonian on each phase's dense grid; None without costates."""
-    for course, running in _running(definition, phases):
+    for course, _, running in _running(definition, phases):
         costates, values = course.plan.costates, course.dense_values
         if costates is None:
             yield None
@@ -274,14 +274,17 @@ def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Float
         yield np.concatenate([multipliers * values["rate"], running * values["integrand"]], axis=1)
 
 
-def _running(definition: Definition, phases: tuple[Course, ...]) -> Iterator[tuple[Course, Floats]]:
-    """Yield each phase with the derivatives of the objective with respect to its integrals."""
+def _running(
+    definition: Definition, phases: tuple[Course, ...]
+) -> Iterator[tuple[Course, float, Floats]]:
+    """Yield each phase with the derivatives of the objective by its end time and by its integrals."""
     known = any(course.plan.costates is not None for course in phases)
     weights = _weights(definition, phases) if known else np.zeros(0)
     begin = 0
     for course in phases:
         first = begin + 2 + 2 * len(course.phase.state_names)
-        yield course, weights[first : first + course.phase.integrals]
+        slope = float(weights[begin + 1]) if known else np.nan
+        yield course, slope, weights[first : first + course.phase.integrals]
         begin += course.phase.end_size
 
 
@@ -300,9 +303,8 @@ def _autonomous(course: Course) -> bool:
 
 def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[HamiltonianReport]:
     begin = 0
-    known = any(course.plan.costates is not None for course in phases)
-    weights = _weights(definition, phases) if known else np.zeros(0)
-    for course, terms in zip(phases, _terms(definition, phases), strict=True):
+    pairs = zip(_running(definition, phases), _terms(definition, phases), strict=True)
+    for (course, slope, _), terms in pairs:
         phase, grid, first = course.phase, course.dense, begin
         begin += phase.end_size
         if terms is None:
@@ -315,7 +317,7 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
         width = np.diff(grid.times)
         mean = float((0.5 * (level[1:] + level[:-1]) * width).sum() / width.sum())
         is_free = phase.end_lower < course.plan.end < phase.end_upper
-        slope, depends = weights[first + 1], _speaks_of(definition, first + 1)
+        depends = _speaks_of(definition, first + 1)
         yield HamiltonianReport(
             phase=phase.name,
             autonomous=_autonomous(course),
@@ -325,7 +327,7 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
             time=float(grid.times[row]),
             end=float(level[-1]),
             vanishing=is_free and not any(depends),
-            required_end=0.0 - float(slope) if is_free and not depends[1] else None,
+            required_end=0.0 - slope if is_free and not depends[1] else None,
         )
 
 

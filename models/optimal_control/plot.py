@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import UnsupportedOption
 from ..plots import kit
 from ..verification import Check, Verification
-from .definition import Definition, Guess, Quantity, Restriction, entry_names
+from .definition import Definition, Guess, Quantity, Restriction, entry_names, entry_slices
 from .plan import ControlPlan, PhasePlan, Piecewise
 from .sampling import Course, courses
 
@@ -205,10 +205,7 @@ def _of_kind(
     units: dict[str, str] = {}
     gathered: dict[str, tuple[list[kit.Curve], list[kit.Mark], list[kit.Limit]]] = {}
     for k, course in enumerate(phases):
-        start = 0
-        for item in getattr(course.phase, what):
-            columns = slice(start, start + item.size)
-            start += item.size
+        for item, columns in entry_slices(getattr(course.phase, what)):
             at_nodes = None if dots is None else (dots[k][0], dots[k][1][:, columns])
             curves, marks, bounds = gathered.setdefault(item.name, ([], [], []))
             times, values = tables[k]
@@ -264,11 +261,9 @@ def _deviation(
     order = list(dict.fromkeys(item.name for course in phases for item in course.phase.states))
     for k, course in enumerate(phases):
         reintegrated = motion(model, plan, k)
-        share = np.abs(reintegrated.deviation) / course.state_scale
-        start = 0
-        for item in course.phase.states:
-            largest = share[:, start : start + item.size].max(axis=1)
-            start += item.size
+        share = np.abs(reintegrated.deviation) / course.sizes.states
+        for item, columns in entry_slices(course.phase.states):
+            largest = share[:, columns].max(axis=1)
             # Zeros, such as the deviation at the start, have no logarithm.
             largest = np.where(largest > 0.0, largest, np.nan)
             curves.append(kit.Curve(item.name, order.index(item.name), reintegrated.times, largest))

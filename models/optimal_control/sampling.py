@@ -139,11 +139,6 @@ class Course:
         return of_phase(self)
 
     @property
-    def state_scale(self) -> Floats:
-        """Size of each state along the plan."""
-        return self.sizes.states
-
-    @property
     def magnitudes(self) -> Floats:
         """Approximate integrals of the integrands' magnitudes, shape (integrals,)."""
         result: Floats = self._coarse[1].sum(axis=0)
