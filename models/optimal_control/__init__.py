@@ -37,6 +37,7 @@ SHARED = (
     "plot.guessed",
     "plot.nodes_of",
     "plot.sampled",
+    "simulation.checked_function",
     "transcription.methods.Gauss",
 )
 MODELS = {"optimal-control": ".model:OptimalControlProblem"}

@@ -187,23 +187,12 @@ class _Rate:
     def enter(self, interval: int) -> None:
         """Select the interval of the control."""
         low, high = self.controls.knots[interval : interval + 2]
-        self._nodes, self._table = self.controls.nodes[interval], self.controls.values[interval]
-        self._weights = self.controls.weights[interval]
-        self._low, self._factor = float(low), 2.0 / float(high - low)
+        self._interval, self._low, self._factor = interval, float(low), 2.0 / float(high - low)
 
     def __call__(self, t: float, y: Floats) -> Floats:
         if self._control.size:
-            distance = ((t - self._low) * self._factor - 1.0) - self._nodes
-            if distance.all():
-                share = self._weights / distance
-                value = share @ self._table / share.sum()
-            else:
-                value = self._table[int(np.flatnonzero(distance == 0.0)[0])]
-            if self.controls.lower is not None:
-                value = np.maximum(value, self.controls.lower)
-            if self.controls.upper is not None:
-                value = np.minimum(value, self.controls.upper)
-            self._control[:] = value
+            place = (t - self._low) * self._factor - 1.0
+            self._control[:] = self.controls.value(self._interval, place)
         self._time[0] = t
         self._state[:] = y[: self._state.size]
         self._evaluate()

@@ -182,6 +182,17 @@ class Piecewise:
         matrix = interpolation(self.nodes[interval], points, self.weights[interval])
         return self._cut(matrix @ self.values[interval])
 
+    def value(self, interval: int, place: float) -> Floats:
+        """Return the values at one position in [-1, 1], shape (size,), several times as fast as :meth:`on`."""
+        distance = place - self.nodes[interval]
+        if distance.all():
+            share = self.weights[interval] / distance
+            value: Floats = share @ self.values[interval] / share.sum()
+        else:
+            value = self.values[interval][int(np.flatnonzero(distance == 0.0)[0])]
+        value = value if self.lower is None else np.maximum(value, self.lower)
+        return value if self.upper is None else np.minimum(value, self.upper)
+
     def at(self, intervals: NDArray[np.int64], points: Floats) -> Floats:
         """Return the values at positions `points` in [-1, 1] of `intervals`, shape (points, size)."""
         if intervals.size and (intervals == intervals[0]).all():

@@ -15,7 +15,7 @@ from ..fields import Array, Real, show
 from .algebraic import algebraic_entries, solved_controls
 from .definition import entry_names, entry_slices
 
-__all__ = ["Breach", "Simulation", "simulate"]
+__all__ = ["Breach", "Simulation", "checked_function", "simulate"]
 
 Floats = NDArray[np.float64]
 
@@ -73,14 +73,12 @@ class Simulation:
     failure: str
 
 
-def _callable(name: str, source: Any, size: int) -> Callable[..., Floats]:
+def checked_function(name: str, source: Any, size: int) -> Callable[..., Floats]:
     """Return a function that returns checked values: finite vectors of `size`."""
 
     def checked(*arguments: Any) -> Floats:
         value = source(*arguments) if callable(source) else source
-        result: Floats = Array(("size",)).coerce(
-            name, np.atleast_1d(value), {"size": (size, "the plan")}
-        )
+        result: Floats = Array((size,)).coerce(name, np.atleast_1d(value), {})
         return result
 
     if not callable(source):
@@ -145,10 +143,12 @@ def simulate(
                 )
             current[names.index(name)] = Real().coerce(f"initial[{name!r}]", value, {})
     elif initial is not None:
-        current = _callable("initial", initial, size)()
-    added = _callable("disturbance", np.zeros(size) if disturbance is None else disturbance, size)
+        current = checked_function("initial", initial, size)()
+    added = checked_function(
+        "disturbance", np.zeros(size) if disturbance is None else disturbance, size
+    )
     low, high = phase.bounds("controls")
-    steer = None if feedback is None else _callable("feedback", feedback, plan.controls.size)
+    steer = None if feedback is None else checked_function("feedback", feedback, plan.controls.size)
     solved, algebraic = solved_controls(phase), algebraic_entries(phase.controls)
     knots = plan.states.knots
     scale = np.maximum(phase.stacked("states", "scale"), np.abs(current))

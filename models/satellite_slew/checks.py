@@ -133,20 +133,8 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
     even = np.linspace(-1.0, 1.0, count + 1)
     weights = model.rate_weight
 
-    control = phase.controls
-    low = -np.inf if control.lower is None else control.lower
-    high = np.inf if control.upper is None else control.upper
-
     def rates(place: float, x: Floats, interval: int, half: float) -> list[float]:
-        # Barycentric interpolation at one place, five times as fast as `Piecewise.on`.
-        gaps, values = place - control.nodes[interval], control.values[interval]
-        nearest = int(np.abs(gaps).argmin())
-        if gaps[nearest] == 0.0:
-            u = values[nearest]
-        else:
-            shares = control.weights[interval] / gaps
-            u = (shares @ values) / shares.sum()
-        u = np.minimum(np.maximum(u, low), high)
+        u = phase.controls.value(interval, place)
         return [half * rate for rate in (*motion.rate(x[:-1], u), 1.0 + float(weights @ u**2))]
 
     times, states, controls, anew = [], [], [], []

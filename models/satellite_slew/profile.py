@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .quaternions import axis_and_angle, conjugate, product, rotation_about
+from .quaternions import product, rotation_about
 
 __all__ = ["EigenaxisProfile"]
 
@@ -38,15 +38,6 @@ class EigenaxisProfile:
     angle: float
     peak: float
     acceleration: float
-
-    @classmethod
-    def between(
-        cls, initial: ArrayLike, final: ArrayLike, peak: float, acceleration: float
-    ) -> EigenaxisProfile:
-        """Return the shorter rotation from one attitude to another."""
-        begin = np.asarray(initial, float)
-        axis, angle = axis_and_angle(product(conjugate(begin), final))
-        return cls(begin, axis, angle, peak, acceleration)
 
     @cached_property
     def ramp(self) -> float:

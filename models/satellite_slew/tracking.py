@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Real, frozen, required, show
+from ..fields import Real, frozen, required
 from ..optimal_control.plan import ControlPlan
+from ..optimal_control.simulation import checked_function
 from ..records import Member
 from ..verification import check_tolerance
 from .checks import slew_phase
@@ -145,7 +146,7 @@ def track(
             field="sample_time",
         )
     controller = Controller(
-        model, phase, natural_frequency, damping, _outer(disturbance), known_disturbance, homing,
+        model, phase, natural_frequency, damping, checked_function("disturbance", disturbance, 3), known_disturbance, homing,
         law,
     )  # fmt: skip
     return _fly(controller, truth, sample_time, after, tolerance, (final_angle, final_rate))
@@ -168,27 +169,6 @@ def _true_inertia(model: SatelliteSlew, error: Any) -> Floats:
             f"inertia_error makes an inertia that no body has: {fault}", field="inertia_error"
         ) from None
     return result
-
-
-def _outer(disturbance: Any) -> Callable[[float], Floats]:
-    """Return the outer torque as a checked function of time."""
-    if not callable(disturbance):
-        constant = Array((3,)).coerce("disturbance", disturbance, {})
-        return lambda t: constant
-
-    def outer(t: float) -> Floats:
-        try:
-            torque = np.asarray(disturbance(t), float)
-        except (TypeError, ValueError):
-            torque = np.empty(0)
-        if torque.shape != (3,) or not np.isfinite(torque).all():
-            raise InvalidData(
-                f"disturbance must return 3 finite numbers, got {show(torque.tolist())} at t = {t:g}",
-                field="disturbance",
-            )
-        return torque
-
-    return outer
 
 
 def _move(

@@ -36,8 +36,8 @@ LAWS = ("slew-pseudo-inverse", "slew-singularity-robust", "slew-generalised")
 @pytest.mark.parametrize(("peak", "push"), [(0.1, 0.05), (1.0, 0.05), (0.02, 0.1)])
 def test_profile_is_a_trapezoid_or_a_triangle(peak, push):
     final = rotation_about([1, 2, 2], 1.2)
-    profile = EigenaxisProfile.between([1, 0, 0, 0], final, peak, push)
-    assert profile.angle == pytest.approx(1.2)
+    axis = np.array([1.0, 2.0, 2.0]) / 3.0
+    profile = EigenaxisProfile(np.array([1.0, 0.0, 0.0, 0.0]), axis, 1.2, peak, push)
     assert profile.reached <= peak * (1 + 1e-12)
     times = np.linspace(0, profile.duration, 20_001)
     angle, speed, push_at = profile.turned(times)
@@ -48,7 +48,7 @@ def test_profile_is_a_trapezoid_or_a_triangle(peak, push):
     attitude, rates, _ = profile.course(profile.duration + 1.0)
     close(attitude, final)
     close(rates, np.zeros(3))
-    standing = EigenaxisProfile.between(final, final, peak, push)
+    standing = EigenaxisProfile(final, axis, 0.0, peak, push)
     assert standing.duration == 0.0
     assert standing.breaks.tolist() == [0.0]
 

@@ -84,7 +84,7 @@ def test_bad_parameters_of_tracking_are_named(reserved):
         ({"sample_time": 0}, "sample_time must be > 0"),
         ({"natural_frequency": -1}, "natural_frequency must be > 0"),
         ({"disturbance": (1, 2)}, "disturbance must have shape"),
-        ({"disturbance": lambda t: [1]}, "disturbance must return 3 finite numbers"),
+        ({"disturbance": lambda t: [1]}, "disturbance must have shape"),
         ({"known_disturbance": 2}, "known_disturbance must be <= 1"),
         ({"inertia_error": -1.0}, "inertia_error must be > -1"),
         ({"inertia_error": "5 %"}, "inertia_error must be a number"),

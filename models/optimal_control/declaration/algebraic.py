@@ -10,7 +10,8 @@ import casadi
 
 from ....errors import InvalidData
 from ...fields import Text
-from ..definition import Quantity, Restriction
+from ..definition import Restriction
+from .guess import Guessed
 from .terms import bounds, constraint, quantity
 
 __all__ = ["Algebraic"]
@@ -18,15 +19,10 @@ __all__ = ["Algebraic"]
 Symbol = Any  # casadi.MX
 
 
-class Algebraic:
+class Algebraic(Guessed):
     """Part of a phase under declaration that declares differential-algebraic equations."""
 
-    name: str
-    opened: Callable[[], Any]
-    controls: dict[str, Quantity]
-    symbols: dict[str, Symbol]
     paths: list[tuple[Restriction, Symbol]]
-    guess: Callable[..., None]
     _check_name: Callable[[str, str, Any], int]
     _constraints: Callable[[], list[str]]
 

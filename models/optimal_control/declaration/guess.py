@@ -14,6 +14,7 @@ from ...fields import show
 from ..definition import Guess, Phase, Quantity
 from ..piecewise import EDGE
 from ..plan import ControlPlan, PhasePlan
+from .instants import Instants
 from .terms import column, entries, middle, numbers
 
 __all__ = ["After", "Guessed", "define_linked", "draw_lines", "sample_guess"]
@@ -28,18 +29,13 @@ After = Mapping[str, tuple[Floats, Floats]]
 SAMPLES = 201
 
 
-class Guessed:
+class Guessed(Instants):
     """Guessed data of a phase: samples (fractions, table) or functions of time, by quantity.
 
     The key ``"time"`` holds the guessed times of both ends. States in `flown` are integrated with
     the guessed controls and with the feedback laws in `feedback`.
     """
 
-    name: str
-    bounds: tuple[float, float, float, float]
-    opened: Callable[[], Any]
-    states: dict[str, Quantity]
-    controls: dict[str, Quantity]
     guessed: dict[str, Any]
     flown: set[str]
     feedback: dict[str, Symbol]

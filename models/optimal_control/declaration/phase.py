@@ -16,8 +16,7 @@ from ..algebraic import check_index, solver_of
 from ..definition import Phase, Restriction, check_algebraic
 from .algebraic import Algebraic
 from .flight import fly
-from .guess import After, Guessed, draw_lines
-from .instants import Instants
+from .guess import After, draw_lines
 from .symbols import explain_symbols
 from .tables import domains
 from .terms import (
@@ -40,7 +39,7 @@ Symbol = Any  # casadi.MX
 
 
 @dataclass(eq=False)
-class PhaseBuilder(Guessed, Instants, Algebraic):
+class PhaseBuilder(Algebraic):
     """Phase under declaration, created by :meth:`ControlProblemBuilder.phase`.
 
     Attributes
