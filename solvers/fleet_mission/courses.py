@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.trajectory import Trajectory
 from .corridor import Corridor
+from .flight import Flight
 from .schedule import Course, Leg
 
 __all__ = ["courses_with_rests", "whole_courses"]
 
 Floats = NDArray[np.float64]
-Fly = Callable[[Corridor], Trajectory]
+Fly = Callable[[Corridor], Flight]
 
 #: Factors of the durations of whole flights.
 SLOWER = (1.0, 1.12, 1.3)
@@ -60,7 +61,7 @@ def courses_with_rests(
     ways : sequence of Corridor
         Corridors of the further flights.
     fly : callable
-        Returns the trajectory through a corridor, from rest to rest.
+        Returns the flight through a corridor, from rest to rest.
     """
     lines = [_points_along(way)[1] for way in ways]
     for robot, (course, way) in enumerate(zip(direct, ways, strict=True)):
@@ -122,4 +123,5 @@ def _leg(way: Corridor, stops: Sequence[float], begin: int, end: int, fly: Fly) 
         np.unique([0, *rows, len(knots) - 1]),
     )  # fmt: skip
     flight = fly(part)
-    return Leg(begin, end, flight, flight.times[rows])
+    passed = flight.stops[np.searchsorted(part.stops, rows)]
+    return Leg(begin, end, flight.trajectory, flight.trajectory.times[passed])

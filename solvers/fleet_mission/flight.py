@@ -1,4 +1,4 @@
-"""Minimum-snap trajectories through corridors: times of the knots, limits, and what always fits."""
+"""Trajectories through corridors: rounded polylines, or minimum snap, and what always fits."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from ...models.minimum_snap.model import MinimumSnap
 from ...models.minimum_snap.trajectory import Trajectory
 from ..contract.backend import Answer, Backend, Request, Termination
 from .corridor import Corridor
+from .rounded import rounded_curve
 
 __all__ = ["Flight", "fly", "programmed", "resting", "slowed", "times_along"]
 
@@ -42,11 +43,14 @@ class Flight(NamedTuple):
         Minimum-snap problems that were solved.
     rests : bool
         Whether it rests at every knot, for no better one was found.
+    stops : ndarray of int, shape (stops,)
+        Its knots at the depot, the nodes and the depot again.
     """
 
     trajectory: Trajectory
     programs: int
     rests: bool
+    stops: NDArray[np.int64]
 
 
 def resting(problem: FleetMission, way: Corridor) -> Trajectory:
@@ -139,14 +143,20 @@ def programmed(backend: Backend, model: MinimumSnap, request: Request, threads: 
 
 @np.errstate(all="ignore")  # what overflows is no limit, or refused where it counts
 def fly(
-    problem: FleetMission, way: Corridor, backend: Backend, request: Request, threads: int
+    problem: FleetMission, way: Corridor, backend: Backend | None, request: Request, threads: int
 ) -> Flight:
-    """Return the shortest trajectory of those within the limits, of less and less time.
+    """Return a fast rounded curve if there is no backend, or the shortest of several minimum-snap curves.
 
-    Without limits first, and slowed down until it keeps them; then with limits, and the time halved
-    between what is feasible and what is not. Each has been checked by its own model.
+    Minimum snap without limits first, and slowed down until it keeps them; then with limits, and the
+    time halved between what is feasible and what is not. Each has been checked by its own model.
     """
-    best = Flight(resting(problem, way), 0, True)
+    best = Flight(resting(problem, way), 0, True, way.stops)
+    if backend is None:
+        rounded = rounded_curve(problem, way, request.options["detour"])
+        if rounded is None:
+            return best
+        curve, stops, rests = rounded
+        return Flight(slowed(problem, curve), 0, rests, stops)
     if len(way.knots) < 2:
         return best
     points = np.full_like(way.knots, np.inf)
@@ -182,7 +192,8 @@ def fly(
             along = float(lengths_of(result, 1e-9).sum())
             if along < length:
                 length = along
-                best = Flight(Trajectory(result.times * unit, result.coefficients), programs, False)
+                curve = Trajectory(result.times * unit, result.coefficients)
+                best = Flight(curve, programs, False, way.stops)
         else:
             low = share
         if request.control.stopped:

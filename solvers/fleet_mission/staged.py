@@ -47,7 +47,7 @@ LEGS = 8.0
 
 
 class Staged(Backend):
-    """Distances on the map, routes, paths, corridors of free cells, minimum snap, departures.
+    """Distances on the map, routes, paths, corridors of free cells, curves in them, departures.
 
     Each stage is solved by a backend of its own model and checked by it. Corridors consist of whole
     free cells, so the curves keep their distance from the obstacles whatever they do in between; a
@@ -63,12 +63,21 @@ class Staged(Backend):
         "paths": Option(
             "any-angle", "Backend for the paths from node to node, in any direction.", str
         ),
-        "trajectories": Option("interior-point", "Backend for the minimum-snap problems.", str),
+        "trajectories": Option(
+            "rounded",
+            "Curves: polylines with rounded corners ('rounded'), or minimum snap by the backend named.",
+            str,
+        ),
+        "detour": Option(
+            1e-3,
+            "Largest share by which rounded corners lengthen the shortest polyline.",
+            lower=0.0,
+        ),
         "margin": Option(
             1.0, "How far corridors reach beyond the shortest polyline, in cells.", lower=0.01
         ),
     }
-    summary = "distances, routes, paths, corridors and minimum snap, each checked; ours"
+    summary = "distances, routes, paths, corridors and fast curves in them, each checked; ours"
 
     def run(self, problem: FleetMission, request: Request) -> Answer:
         """Carry out the stages."""
@@ -89,7 +98,9 @@ class Staged(Backend):
         own, counts = request.options, stages.statistics
         router = taking("routing", own["routing"], FleetRouting)
         searcher = taking("paths", own["paths"], GridPath)
-        solver = taking("trajectories", own["trajectories"], MinimumSnap, QuadraticProgram)
+        solver = None
+        if own["trajectories"] != "rounded":
+            solver = taking("trajectories", own["trajectories"], MinimumSnap, QuadraticProgram)
         with stages.clock("gridding"):
             problem.map  # noqa: B018 - made when it is first asked for
         seconds, left = SECONDS_A_NODE * len(problem.nodes), request.left()
@@ -114,10 +125,10 @@ class Staged(Backend):
         with stages.clock("trajectories"):
             flights = self._flights(stages, solver, corridors)
         counts["minimum-snap problems"] = sum(entry.programs for entry in flights)
-        plan, result = self._put_together(stages, routes, corridors, flights)
+        plan, result = self._put_together(stages, routes, flights)
         if not result.ok:  # a stop at every knot repairs violations by rounding
-            flights = [Flight(resting(problem, way), 0, True) for way in corridors]
-            plan, result = self._put_together(stages, routes, corridors, flights)
+            flights = [Flight(resting(problem, way), 0, True, way.stops) for way in corridors]
+            plan, result = self._put_together(stages, routes, flights)
         counts["robots that rest at knots"] = sum(entry.rests for entry in flights)
         counts["longest flight alone"] = max(entry.trajectory.duration for entry in flights)
         if self._is_late(stages, plan, result, flights):
@@ -127,28 +138,26 @@ class Staged(Backend):
             ]
             lanes = [kept_right(way, problem.separation, margin) for way in full]
             wide = [lane or way for lane, way in zip(lanes, corridors, strict=True)]
-            plan, result = self._shared(stages, solver, routes, (corridors, wide), flights, plan)
+            plan, result = self._shared(stages, solver, routes, wide, flights, plan)
         if not result.ok:
             return Answer(Termination.NO_SOLUTION, stages.stopped(), message=result.summary())
         return Answer(Termination.FEASIBLE, stages.stopped(), plan, result.objective)
 
     def _put_together(
-        self, stages: Stages, routes: FleetPlan, ways: list[Corridor], flights: list[Flight]
+        self, stages: Stages, routes: FleetPlan, flights: list[Flight]
     ) -> tuple[MissionPlan, Verification]:
         """Return the plan of flights with the better of two schedules, and its verification."""
         problem = stages.problem
         trajectories = [entry.trajectory for entry in flights]
         with stages.clock("departures"):
             moved = departures(problem, trajectories, stages.slack)
-        plan = planned(routes, moved, [way.stops for way in ways])
-        return self._better(stages, routes, self._whole(stages, ways, flights), plan)
+        plan = planned(routes, moved, [entry.stops for entry in flights])
+        return self._better(stages, routes, self._whole(stages, flights), plan)
 
-    def _whole(self, stages: Stages, ways: list[Corridor], flights: list[Flight]) -> list[Course]:
+    def _whole(self, stages: Stages, flights: list[Flight]) -> list[Course]:
         """Return the courses of flights without rests."""
         trajectories = [entry.trajectory for entry in flights]
-        visits = [
-            entry.times[way.stops[1:-1]] for entry, way in zip(trajectories, ways, strict=True)
-        ]
+        visits = [entry.trajectory.times[entry.stops[1:-1]] for entry in flights]
         return whole_courses(stages.problem, trajectories, visits)
 
     def _better(
@@ -190,7 +199,7 @@ class Staged(Backend):
         return problem.objective is MissionObjective.MAKESPAN and plan.end > LATE * longest
 
     def _shared(
-        self, stages: Stages, solver: Backend, routes: FleetPlan, ways: tuple[list[Corridor], ...],
+        self, stages: Stages, solver: Backend | None, routes: FleetPlan, ways: list[Corridor],
         flights: list[Flight], plan: MissionPlan,
     ) -> tuple[MissionPlan, Verification]:  # fmt: skip
         """Return a plan with lanes, and with rests at which robots may wait, if that is better."""
@@ -198,8 +207,8 @@ class Staged(Backend):
         with stages.clock("lanes and rests"):
             courses = list(
                 courses_with_rests(
-                    problem, self._whole(stages, ways[0], flights), ways[1],
-                    lambda way: fly(problem, way, solver, request, 1).trajectory,
+                    problem, self._whole(stages, flights), ways,
+                    lambda way: fly(problem, way, solver, request, 1),
                 )
             )  # fmt: skip
         return self._better(stages, routes, courses, plan)
@@ -227,7 +236,9 @@ class Staged(Backend):
             chains.append(chain)
         return chains
 
-    def _flights(self, stages: Stages, solver: Backend, ways: list[Corridor]) -> list[Flight]:
+    def _flights(
+        self, stages: Stages, solver: Backend | None, ways: list[Corridor]
+    ) -> list[Flight]:
         problem, request = stages.problem, stages.request
         threads = min(request.threads or os.cpu_count() or 1, len(ways))
 

@@ -75,7 +75,7 @@ def test_the_same_seed_is_the_same_plan_on_any_number_of_threads():
 
 
 def test_stages_are_counted():
-    found = staged(ct.load("fleet-mission/nested"))
+    found = staged(ct.load("fleet-mission/nested"), trajectories="interior-point")
     counts = found.statistics
     assert counts["robots that rest at knots"] == 0
     assert counts["minimum-snap problems"] == 8
@@ -86,7 +86,9 @@ def test_stages_are_counted():
 
 def test_wider_corridors_give_longer_and_narrower_ones_shorter_curves():
     model = ct.load("fleet-mission/pocket")
-    wide, narrow = (staged(model, margin=margin) for margin in (4.0, 0.1))
+    wide, narrow = (
+        staged(model, margin=margin, trajectories="interior-point") for margin in (4.0, 0.1)
+    )
     assert narrow.primal_bound < wide.primal_bound
     assert narrow.primal_bound < 1.06 * narrow.statistics["polyline length"]
 
@@ -105,7 +107,7 @@ def test_other_backends_of_the_stages():
 def test_robots_rest_at_knots_if_no_curve_is_found(monkeypatch):
     none = Answer(Termination.NO_SOLUTION)
     monkeypatch.setattr(flight, "programmed", lambda *_: none)
-    found = staged(ct.load("fleet-mission/corridor"))
+    found = staged(ct.load("fleet-mission/corridor"), trajectories="interior-point")
     assert found.termination == "feasible", found.message
     assert found.statistics["robots that rest at knots"] == 2
     lengths = sum(lengths_of(one).sum() for one in found.plan.trajectories)
