@@ -38,14 +38,16 @@ Ints = NDArray[np.int64]
 DEGREE = 7
 #: Share of a cell up to which a knot is on a straight leg.
 STRAIGHT = 1e-9
-#: Speed at the start of a corner, relative to the mean speed from there to its knot. With 2, the robot
-#: brakes uniformly to a stop.
-RATIOS = np.linspace(1.0, 2.0, 11)
+#: Shapes of corners: speed at the start, relative to the mean speed from there to the knot, and deceleration
+#: there, in units of the reach per squared time. With 2 and 2, the robot brakes uniformly to a stop.
+RATIOS, PULLS = np.stack(np.meshgrid(np.linspace(1.0, 2.0, 11), np.linspace(0.0, 2.0, 6))).reshape(
+    2, -1
+)
 #: Samples per piece of a corner (odd, for Simpson's rule), and factor on sampled peaks.
 SAMPLES, PEAK = 65, 1.0 + 1e-3
 #: Speeds per corner, and the factors between neighbouring ones in consecutive passes.
 SPEEDS, FACTORS = 12, (0.7, 0.9, 0.97)
-#: Least share of the largest reach that is used, so that the acceleration is low in slight turns.
+#: Least share of the largest reach, so that slight turns have a low acceleration, and of a ramp's duration.
 GENTLE = 0.1
 #: Durations of ramps relative to the shortest acceleration phase of a leg. Shorter ramps are faster and
 #: have a larger jerk; the first one is used that needs at most `GAIN` times the time with stops.
@@ -54,7 +56,7 @@ RAMPS, GAIN = (0.05, 0.02, 0.005, 0.001), 0.99
 BISECTIONS = 50
 #: Shares of a time or a length that are rounding errors.
 SHORT = 1e-10
-#: Longest mission in multiples of a robot's shortest acceleration phase.
+#: Longest flight in multiples of the shortest acceleration phase and of the shortest ramp.
 PHASES = 1e7
 
 
@@ -120,7 +122,7 @@ def _shapes() -> tuple[Floats, Floats]:
     shapes = []
     for sign, free in ((-1.0, [5, 7]), (1.0, [6])):
         states = np.zeros((len(RATIOS), DEGREE + 1))
-        states[:, 0], states[:, 1] = sign, -sign * RATIOS
+        states[:, :3] = sign * np.array([np.ones(len(RATIOS)), -RATIOS, PULLS]).T
         states[:, free] = -np.linalg.lstsq(jerk[:, free], jerk @ states.T, rcond=None)[0].T
         shapes.append(states @ hermite.T)
     return shapes[0], shapes[1]
@@ -178,7 +180,8 @@ def _limits_of_corners(
     peaks = (PEAK * np.abs(both).max(axis=(0, 3)) for both in (velocity, acceleration))
     limits = (problem.velocity_limit, problem.acceleration_limit)
     share, bend = ((peak / limit).max(axis=2) for peak, limit in zip(peaks, limits, strict=True))
-    return reach, RATIOS / share, bend / RATIOS**2
+    weak = np.minimum(legs.push[:-1], legs.push[1:])[:, None]
+    return reach, RATIOS / share, np.maximum(bend, PULLS / weak) / RATIOS**2
 
 
 def _ways(
@@ -186,9 +189,9 @@ def _ways(
 ) -> Floats:
     """Return ways to pass each corner: a stop, and speeds near `around` or below the largest speed.
 
-    The result, shape (4, corners, ways), contains the speed at start and end (m/s), the reach from there to
-    the knot (m), the time to the knot (s) and the index of the shape. Shape and reach minimise the time lost
-    beside a robot that flies straight on.
+    The result, shape (5, corners, ways), contains the speed at start and end (m/s), the reach from there to
+    the knot (m), the time to the knot (s), the deceleration at the start (m/s²) and the index of the shape.
+    Shape and reach minimise the time lost beside a robot that flies straight on.
     """
     reach, speed_limit, bend = limits
     straight = np.minimum(legs.speed[:-1], legs.speed[1:])[:, None]
@@ -205,27 +208,45 @@ def _ways(
         lost = lost - long / fast + (fast - wide) ** 2 / (2.0 * fast * push)
     shape = np.where(wide <= most[:, None], lost, np.inf).argmin(axis=2)
     pick = (np.arange(len(reach))[:, None], np.arange(SPEEDS), shape)
-    ways = np.where(speed > 0.0, [speed, long[pick], seconds[pick], shape], 0.0)
+    pull = PULLS[shape] * long[pick] / seconds[pick] ** 2
+    ways = np.where(speed > 0.0, [speed, long[pick], seconds[pick], pull, shape], 0.0)
     return np.pad(ways, ((0, 0), (0, 0), (1, 0)))
 
 
-def _phase(change: Floats, push: Floats, ramp: Floats) -> Floats:
-    """Return the time in which the speed changes by `change`, s."""
-    return np.asarray(change / push + np.minimum(ramp, change / push))
+def _phase(
+    slow: Floats, fast: Floats, pull: Floats, push: Floats, ramp: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the times (s) of both ramps and the plateau between them, and the length (m) of a phase.
+
+    The acceleration is `pull` at the slow end and 0 at the fast end.
+    """
+    change = np.maximum(fast - slow, 0.0)
+    first, last = ramp * np.maximum(1.0 - pull / push, GENTLE), ramp
+    rise, fall = 0.5 * (push + pull) * first, 0.5 * push * last
+    scale = np.minimum(1.0, change / (rise + fall))
+    first, last, rise, fall = (value * scale for value in (first, last, rise, fall))
+    plateau = np.maximum(change - rise - fall, 0.0) / push
+    length = slow * first + (0.35 * pull + 0.15 * push) * first**2
+    length += (slow + rise) * plateau + 0.5 * push * plateau**2
+    length += fast * last - 0.15 * push * last**2
+    return first, plateau, last, length
 
 
 def _cruise(
     legs: Legs, ramp: Floats, before: Floats, after: Floats, length: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the cruise speeds (m/s) and the times (s; infinite if impossible) on straight legs."""
+    """Return the cruise speeds (m/s) and the times (s; infinite if impossible) on straight legs.
+
+    `before` and `after` contain the speed and the acceleration at both ends.
+    """
     shape = (-1, *[1] * (length.ndim - 1))
     push, ramps = legs.push.reshape(shape), ramp.reshape(shape)
 
     def phases(cruise: Floats) -> tuple[Floats, Floats]:
-        first, second = (_phase(cruise - end, push, ramps) for end in (before, after))
-        return first + second, 0.5 * ((cruise + before) * first + (cruise + after) * second)
+        first, second = (_phase(end[0], cruise, end[1], push, ramps) for end in (before, after))
+        return sum(first[:3]) + sum(second[:3]), first[3] + second[3]
 
-    least = np.broadcast_to(np.maximum(before, after), length.shape)
+    least = np.broadcast_to(np.maximum(before[0], after[0]), length.shape)
     possible = (phases(least)[1] <= length) & (length > 0.0)
     low, high = least, np.broadcast_to(legs.speed.reshape(shape), length.shape)
     low = np.where(phases(high)[1] <= length, high, low)
@@ -236,14 +257,18 @@ def _cruise(
     seconds, used = phases(low)
     rest = length - used
     rest[rest <= SHORT * length] = 0.0
+    for speed, pull in (before, after):
+        # Without a phase, the acceleration would jump.
+        possible &= (pull == 0.0) | (low > speed * (1.0 + GENTLE**2))
     return low, np.where(possible, seconds + rest / np.maximum(low, 1e-300), np.inf)
 
 
 def _fastest(legs: Legs, ways: Floats, ramp: Floats) -> Ints:
     """Return the way to pass each corner with the least total time, by dynamic programming."""
-    speed, reach, own = np.pad(ways[:3], ((0, 0), (1, 1), (0, 0)))
+    speed, reach, own, pull = np.pad(ways[:4], ((0, 0), (1, 1), (0, 0)))
+    ends = np.array([speed, pull])
     length = legs.length[:, None, None] - reach[:-1, :, None] - reach[1:, None]
-    _, seconds = _cruise(legs, ramp, speed[:-1, :, None], speed[1:, None], length)
+    _, seconds = _cruise(legs, ramp, ends[:, :-1, :, None], ends[:, 1:, None], length)
     seconds += own[:-1, :, None] + own[1:, None]
     total = np.append(0.0, np.full(SPEEDS, np.inf))
     origins = []
@@ -263,17 +288,16 @@ def _pieces(legs: Legs, places: Floats, corners: Floats, ramp: Floats) -> tuple[
     Unused pieces have duration 0.
     """
     count = len(legs.length)
-    speed, reach = np.pad(corners[:2], ((0, 0), (1, 1)))
+    speed, reach, _, pull = np.pad(corners[:4], ((0, 0), (1, 1)))
     length = legs.length - reach[:-1] - reach[1:]
-    cruise, total = _cruise(legs, ramp, speed[:-1], speed[1:], length)
+    ends = np.array([speed, pull])
+    cruise, total = _cruise(legs, ramp, ends[:, :-1], ends[:, 1:], length)
     times = np.zeros((count, 9))
     forces = np.zeros((count, 8))
-    for first, end, push in ((0, speed[:-1], legs.push), (4, speed[1:], -legs.push)):
-        change = (cruise - end) / legs.push
-        change[cruise - end <= SHORT * legs.speed] = 0.0
-        times[:, first] = times[:, first + 2] = np.minimum(ramp, change)
-        times[:, first + 1] = change - times[:, first]
-        forces[:, first + 1] = forces[:, first + 2] = push
+    for columns, sign, (slow, weak) in (([0, 1, 2], 1, ends[:, :-1]), ([6, 5, 4], -1, ends[:, 1:])):
+        times[:, columns] = np.stack(_phase(slow, cruise, weak, legs.push, ramp)[:3], axis=1)
+        forces[:, columns[1]] = forces[:, columns[1] + 1] = sign * legs.push
+    forces[:, 0], forces[:, 7] = pull[:-1], -pull[1:]
     times[:, 3] = total - times[:, :3].sum(axis=1) - times[:, 4:7].sum(axis=1)
     times[times <= SHORT * total[:, None]] = 0.0
     pieces = np.zeros((count, 9, DEGREE + 1, 2))
@@ -288,7 +312,7 @@ def _pieces(legs: Legs, places: Floats, corners: Floats, ramp: Floats) -> tuple[
         pieces[:, column, 0] = places[:-1] + along[:, None] * legs.direction
         along = along + terms.sum(axis=1)
         rate = rate + 0.5 * (start + end) * seconds
-    shapes = (shape[corners[3].astype(int)] for shape in _shapes())
+    shapes = (shape[corners[4].astype(int)] for shape in _shapes())
     halves = corners[1, :, None, None] * np.array(_halves(legs, *shapes))
     halves[1] = (power_matrix(DEGREE) @ bernstein_matrix(DEGREE)[::-1]) @ halves[1]  # reverses time
     halves[:, :, 0] += places[1:-1]
@@ -336,12 +360,13 @@ def rounded_curve(
     shortest = np.minimum(legs.speed / legs.push, np.sqrt(legs.length / legs.push))
     row = np.arange(len(legs.length) - 1)
     for share in RAMPS:
+        ramp = np.maximum(share * shortest, legs.stopping() / PHASES)
         speed = None
         for factor in FACTORS:
             ways = _ways(legs, limits, speed, factor)
-            corners = ways[:, row, _fastest(legs, ways, share * shortest)]
+            corners = ways[:, row, _fastest(legs, ways, ramp)]
             speed = corners[0]
-        pieces, times = _pieces(legs, way.knots[legs.knots], corners, share * shortest)
+        pieces, times = _pieces(legs, way.knots[legs.knots], corners, ramp)
         if times.sum() <= GAIN * legs.stopping():
             break
     used = times.ravel() > 0.0
