@@ -145,7 +145,7 @@ def programmed(backend: Backend, model: MinimumSnap, request: Request, threads: 
 def fly(
     problem: FleetMission, way: Corridor, backend: Backend | None, request: Request, threads: int
 ) -> Flight:
-    """Return a fast rounded curve if there is no backend, or the shortest of several minimum-snap curves.
+    """Return a fast rounded curve or, with a backend, the shortest of several minimum-snap curves.
 
     Minimum snap without limits first, and slowed down until it keeps them; then with limits, and the
     time halved between what is feasible and what is not. Each has been checked by its own model.

@@ -81,7 +81,7 @@ class Legs(NamedTuple):
 
 
 def legs_of(problem: FleetMission, way: Corridor) -> Legs:
-    """Return the straight legs of a corridor's polyline; there are none if all knots coincide."""
+    """Return the straight legs of a corridor's polyline, none if all its knots coincide."""
     same, knots = STRAIGHT * problem.cell, way.knots
     kept = [0]
     for k in range(1, len(knots) - 1):
@@ -215,8 +215,8 @@ def _ways(
 
 def _phase(
     slow: Floats, fast: Floats, pull: Floats, push: Floats, ramp: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the times (s) of both ramps and the plateau between them, and the length (m) of a phase.
+) -> tuple[Floats, Floats]:
+    """Return the times of ramp, plateau and ramp along the first axis (s), and the length of a phase (m).
 
     The acceleration is `pull` at the slow end and 0 at the fast end.
     """
@@ -229,7 +229,7 @@ def _phase(
     length = slow * first + (0.35 * pull + 0.15 * push) * first**2
     length += (slow + rise) * plateau + 0.5 * push * plateau**2
     length += fast * last - 0.15 * push * last**2
-    return first, plateau, last, length
+    return np.stack([first, plateau, last]), length
 
 
 def _cruise(
@@ -244,7 +244,7 @@ def _cruise(
 
     def phases(cruise: Floats) -> tuple[Floats, Floats]:
         first, second = (_phase(end[0], cruise, end[1], push, ramps) for end in (before, after))
-        return sum(first[:3]) + sum(second[:3]), first[3] + second[3]
+        return (first[0] + second[0]).sum(axis=0), first[1] + second[1]
 
     least = np.broadcast_to(np.maximum(before[0], after[0]), length.shape)
     possible = (phases(least)[1] <= length) & (length > 0.0)
@@ -295,7 +295,7 @@ def _pieces(legs: Legs, places: Floats, corners: Floats, ramp: Floats) -> tuple[
     times = np.zeros((count, 9))
     forces = np.zeros((count, 8))
     for columns, sign, (slow, weak) in (([0, 1, 2], 1, ends[:, :-1]), ([6, 5, 4], -1, ends[:, 1:])):
-        times[:, columns] = np.stack(_phase(slow, cruise, weak, legs.push, ramp)[:3], axis=1)
+        times[:, columns] = _phase(slow, cruise, weak, legs.push, ramp)[0].T
         forces[:, columns[1]] = forces[:, columns[1] + 1] = sign * legs.push
     forces[:, 0], forces[:, 7] = pull[:-1], -pull[1:]
     times[:, 3] = total - times[:, :3].sum(axis=1) - times[:, 4:7].sum(axis=1)

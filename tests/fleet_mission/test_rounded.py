@@ -16,15 +16,11 @@ from crosstrack.solvers.fleet_mission.flight import slowed
 from crosstrack.solvers.fleet_mission.rounded import rounded_curve
 
 
-def mission(velocity=3.0, acceleration=2.0, cell=1.0, **changes):
-    """Return a mission of which only the limits and the cell are used."""
+def mission(velocity=3.0, acceleration=2.0, cell=1.0):
+    """Return a mission for its limits and its cell."""
     return small(
-        obstacles=[], radius=0.0, velocity_limit=velocity, acceleration_limit=acceleration,
-        cell=0.5, **changes,
-    ) if cell == 1.0 else dataclasses.replace(
-        small(obstacles=[], radius=0.0, bounds=np.array([0, 0, 20, 20]) * cell, nodes=np.array([[8, 8]]) * cell,
-              depot=(cell, cell), vehicles=1, cell=cell),
-        velocity_limit=velocity, acceleration_limit=acceleration,
+        obstacles=[], radius=0.0, bounds=np.array([0, 0, 10, 10]) * cell, nodes=np.array([[8, 8]]) * cell,
+        depot=(cell, cell), vehicles=1, cell=cell, velocity_limit=velocity, acceleration_limit=acceleration,
     )  # fmt: skip
 
 
