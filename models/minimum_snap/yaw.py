@@ -56,7 +56,9 @@ class YawSpec(Spec):
         return array
 
     def encode(self, value: Any) -> Any:
-        return Array(("knots",), infinity=1).encode(value) if isinstance(value, np.ndarray) else value
+        return (
+            Array(("knots",), infinity=1).encode(value) if isinstance(value, np.ndarray) else value
+        )
 
     def feed(self, value: Any) -> Iterable[bytes]:
         yield value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()

@@ -7,6 +7,7 @@ et al., "Motion planning with sequential convex optimization and convex collisio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -26,7 +27,7 @@ from ..motion import extended
 from ..peaks import Peaks, peaks
 from ..trajectory import Trajectory
 from ..vehicle_checks import yaw_of
-from ..vehicles import Measure
+from ..vehicles import Measure, Quadrotor
 from .bases import LegendreFormulation, UnitBasisFormulation
 from .gates import gate_rows
 from .hermite import HermiteFormulation
@@ -183,7 +184,7 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     def build(self) -> ConicProgram:
         """Return the program: that of the base, the cones and, about a path, a slack and a trust region."""
-        quadratic = self.base.program
+        quadratic: Any = self.base.program
         size, matrix = quadratic.size, quadratic.matrix
         around = self.centre is not None
         gates = gate_rows(self.model, self.base, quadratic.matrix.shape[0])
@@ -212,11 +213,13 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
             at += count * dimension
         cones = sp.vstack(parts) if parts else sp.csr_array((0, size + around))
         cost, hessian = quadratic.cost * self.unit, quadratic.hessian * self.unit**2
-        lower, upper, columns = quadratic.column_lower, quadratic.column_upper, quadratic.columns
+        upper, columns = self._implied, quadratic.columns
+        lower = -upper
         if self.centre is not None:
             point = self.base.encode(self.centre) / self.unit
             reach = self.radius * self._reach / self.unit
-            lower, upper = np.append(point - reach, 0.0), np.append(point + reach, np.inf)
+            lower = np.append(np.maximum(lower, point - reach), 0.0)
+            upper = np.append(np.minimum(upper, point + reach), np.inf)
             cost = np.append(cost, self._penalty)
             matrix = sp.hstack([matrix, sp.csr_array((matrix.shape[0], 1))])
             hessian = sp.block_diag([hessian, sp.csr_array((1, 1))])
@@ -230,6 +233,40 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
             rows=(*quadratic.rows, *gates.rows),
             name=f"{self.model.name or self.model.kind}, {self.name}",
         )  # fmt: skip
+
+    @cached_property
+    def _implied(self) -> Floats:
+        """Return bounds of the columns that follow from the limits at all times; infinite if unknown.
+
+        By Markov's inequality, a polynomial of degree n that is bounded by B on a segment of duration T has
+        a derivative of order k of at most ``B (2 / T)^k`` times that of the Chebyshev polynomial at 1. Bounded
+        columns make proofs of infeasibility by approximate multipliers rigorous.
+        """
+        model, base = self.model, self.base
+        result = np.full(base.program.size, np.inf)
+        if not (result.size and isinstance(base, HermiteFormulation)):
+            return result
+        limits = {measure.name: measure.limit for measure in self.measures}
+        pace, bend = limits.get("speed", np.inf), limits.get("acceleration", np.inf)
+        if isinstance(model.vehicle, Quadrotor) and not model.vehicle.drag:
+            bend = min(bend, model.vehicle.thrust[1] / model.vehicle.mass + model.vehicle.gravity)
+        reduction, r = base.reduction, model.order
+        segment, axis, function = reduction.places.T
+        order, inner = function % r, function < 2 * r
+        long = model.durations[segment]
+        step = np.abs(np.diff(model.waypoints, axis=0))[segment, axis]
+        for limit, first in ((pace, 1), (bend, 2)):
+            for k in range(first, r):
+                n = max(model.degree - first, 0)
+                grown = math.prod((n * n - i * i) / (2 * i + 1) for i in range(k - first))
+                here = np.flatnonzero(inner & (order == k))
+                bound = limit * grown * (2.0 / long[here]) ** (k - first)
+                result[here] = np.minimum(result[here], bound)
+        # A velocity differs from the mean over its segment by the acceleration times the duration.
+        here = np.flatnonzero(inner & (order == 1) & np.isfinite(step))
+        result[here] = np.minimum(result[here], step[here] / long[here] + bend * long[here])
+        scale = reduction.matrix[reduction.source, np.arange(result.size)] * base.unit * self.unit
+        return np.asarray((1.0 + 1e-6) * result / np.maximum(scale, 1e-300))
 
     @cached_property
     def _reach(self) -> Floats:
@@ -261,7 +298,9 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         columns = np.broadcast_to(columns, local.shape)
         start = np.arange(count * dimension + 1) * width
         size = model.segments * block
-        rows = sp.csr_array((local.ravel(), columns.ravel(), start), shape=(count * dimension, size))
+        rows = sp.csr_array(
+            (local.ravel(), columns.ravel(), start), shape=(count * dimension, size)
+        )
         offset = offset + (rows @ constant).reshape(offset.shape)
         rows = sp.csr_array(rows @ matrix) * self.unit
         if self.centre is not None:
@@ -340,7 +379,9 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     # -- refinement ------------------------------------------------------------------------------
 
-    def _excess(self, plan: Trajectory, tolerance: float) -> Iterator[tuple[Measure, Peaks, Floats, float]]:
+    def _excess(
+        self, plan: Trajectory, tolerance: float
+    ) -> Iterator[tuple[Measure, Peaks, Floats, float]]:
         """Yield for each quantity its peaks, their relative violations, and the largest accepted one."""
         if not self.measures:
             return
@@ -360,9 +401,7 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
             worst = 2.0 * float(np.nan_to_num(imposed).max()) if active else 0.0
             yield measure, peak, share, max(SETTLED * tolerance, worst)
 
-    def refined(
-        self, point: Floats, tolerance: float, duals: Floats | None = None
-    ) -> Self | None:
+    def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation with the violated instants of `point`, or about its path; None at the end.
 
         Parameters
