@@ -12,6 +12,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -463,10 +464,13 @@ class DifferentialDrive(Vehicle):
     axes: ClassVar[int | None] = 2
     follows_path: ClassVar[bool] = True
 
-    def _wheel(self, motion: Motion, side: float) -> Jet:
+    def _wheel_speed(self, side: float, motion: Motion) -> list[Jet]:
         """Return the speed of the wheel on a side: 1 right, -1 left."""
         speed, turn = motion.course
-        return speed + turn * (0.5 * side * self.track)
+        return [speed + turn * (0.5 * side * self.track)]
+
+    def _wheel_acceleration(self, side: float, motion: Motion) -> list[Jet]:
+        return [wheel.rate() for wheel in self._wheel_speed(side, motion)]
 
     @property
     def measures(self) -> tuple[Measure, ...]:
@@ -475,17 +479,17 @@ class DifferentialDrive(Vehicle):
         for word, side in (("left", -1.0), ("right", 1.0)):
             result += _norm(
                 f"{word} wheel speed", "m/s", self.wheel_speed,
-                lambda at, side=side: [self._wheel(at, side)], False,
+                partial(self._wheel_speed, side), False,
             )  # fmt: skip
             result += _norm(
                 f"{word} wheel acceleration", "m/s²", self.wheel_acceleration,
-                lambda at, side=side: [self._wheel(at, side).rate()], False,
+                partial(self._wheel_acceleration, side), False,
             )  # fmt: skip
         return tuple(result)
 
     def _quantities(self, motion: Motion) -> dict[str, Floats]:
         speed, turn = motion.course
-        left, right = self._wheel(motion, -1.0), self._wheel(motion, 1.0)
+        left, right = (self._wheel_speed(side, motion)[0] for side in (-1.0, 1.0))
         return {
             "speed": speed.terms[0],
             "turn_rate": turn.terms[0],

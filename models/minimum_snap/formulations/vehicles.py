@@ -257,7 +257,7 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         step = np.abs(np.diff(model.waypoints, axis=0))[segment, axis]
         for limit, first in ((pace, 1), (bend, 2)):
             for k in range(first, r):
-                n = max(model.degree - first, 0)
+                n: int = max(model.degree - first, 0)
                 grown = math.prod((n * n - i * i) / (2 * i + 1) for i in range(k - first))
                 here = np.flatnonzero(inner & (order == k))
                 bound = limit * grown * (2.0 / long[here]) ** (k - first)
