@@ -112,8 +112,7 @@ def noise_map(
     fill : float
         Share of blocked cubes before the points are kept free, less than 1.
     wavelength : float
-        Distance of the random values of the first octave, m. It halves with each octave, and so does the
-        amplitude.
+        Distance of the random values of the first octave, m. Distance and amplitude halve with each octave.
     octaves : int
         Number of octaves.
 
@@ -145,7 +144,7 @@ def _axes(size: ArrayLike, cell: float) -> list[Floats]:
             f"size must give 1 … {_CUBES} cubes of {side:g} m, got {show(sides.tolist())}",
             field="size",
         )
-    return [(np.arange(int(count)) + 0.5) * side for count in counts]
+    return [np.asarray((np.arange(int(count)) + 0.5) * side) for count in counts]
 
 
 def _around(axes: list[Floats], place: Floats, reach: float) -> tuple[slice, ...]:

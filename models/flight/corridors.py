@@ -30,6 +30,8 @@ Bounded = TypeVar("Bounded", bound=Any)
 METHODS = {"firi": 12, "one-pass": 1}
 #: Maximum number of polytopes.
 MOST = 100_000
+#: Least and greatest side of a box, m, and its least size relative to the coordinates, because of rounding.
+_SIZES, _FINEST = (1e-100, 1e100), 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,16 +79,21 @@ class Corridor(Declared):
     def check(self) -> None:
         """Raise if the sizes of fields contradict one another."""
         count, axes = len(self.covers), self.path.shape[1]
-        shapes = {
-            "overlaps": (self.overlaps.size, max(count - 1, 0) * (axes + 1)),
-            "bounds": (2 * axes if self.bounds is None else self.bounds.size, 2 * axes),
-            "owners": (int((np.bincount(self.owners, minlength=count) > 0).sum()), count),
+        if not self.overlaps.size:
+            object.__setattr__(self, "overlaps", frozen(np.empty((0, axes + 1))))
+        fits = {
+            "path": len(self.path) > 0,
+            "owners": count > 0
+            and np.array_equal(np.unique(self.owners), np.arange(count))
+            and bool((np.diff(self.owners) >= 0).all()),
+            "overlaps": self.overlaps.shape == (count - 1, axes + 1),
+            "bounds": self.bounds is None or self.bounds.size == 2 * axes,
         }
-        for name, (actual, allowed) in shapes.items():
-            if actual != allowed or not count or (np.diff(self.owners) < 0).any():
+        for name, good in fits.items():
+            if not good:
                 raise InvalidData(
-                    f"{name} must fit {count} polytopes with {axes} axes, of which each has faces in "
-                    f"the order of the polytopes, got {actual} entries where {allowed} are due",
+                    f"{name} must fit {count} polytopes with {axes} axes in the order of their faces, got "
+                    f"shape {getattr(self, name).shape}",
                     field=name,
                 )
 
@@ -187,11 +194,6 @@ class Corridor(Declared):
             The objective is the total volume. The checks have no tolerance.
         """
         return verify_corridor(self, as_obstacles(obstacles, self.path.shape[1]))
-
-    @cached_property
-    def proof(self) -> tuple[str, ...]:
-        """Kind of the proof of each polytope."""
-        return ("separated by its faces, exact arithmetic",) * len(self)
 
     def __repr__(self) -> str:
         return f"<Corridor of {len(self)} polytopes, {len(self.offsets)} faces, {self.path.shape[1]}-D>"
@@ -316,12 +318,21 @@ def _reach(
     reach: float | None, limits: Floats, solids: Obstacles, points: Floats, size: float
 ) -> float:
     """Return the side of the box around a polytope, m."""
-    if reach is not None:
-        return Real(lower=0, strict=True, unit="m").coerce("reach", reach, {})
     extent = np.concatenate([solids.extent, points])
-    low = np.where(np.isfinite(limits[0]), limits[0], extent.min(axis=0))
-    high = np.where(np.isfinite(limits[1]), limits[1], extent.max(axis=0))
-    return max(0.5 * float((high - low).max()), 4 * size) or 1.0
+    if reach is None:
+        low = np.where(np.isfinite(limits[0]), limits[0], extent.min(axis=0))
+        high = np.where(np.isfinite(limits[1]), limits[1], extent.max(axis=0))
+        side = max(0.5 * float((high - low).max()), 4 * size) or 1.0
+    else:
+        side = Real(lower=0, strict=True, unit="m").coerce("reach", reach, {})
+    least = max(_SIZES[0], _FINEST * float(np.abs(points).max()))
+    if not least <= side <= _SIZES[1]:
+        raise InvalidData(
+            f"reach must be between {least:g} m and {_SIZES[1]:g} m for coordinates of the path up to "
+            f"{np.abs(points).max():g} m, got {side:g} m",
+            field="reach",
+        )
+    return side
 
 
 def _stops(points: Floats, side: float) -> list[float]:
@@ -340,15 +351,6 @@ def _stops(points: Floats, side: float) -> list[float]:
     return stops
 
 
-def _at(points: Floats, stop: float) -> Floats:
-    """Return the position at a waypoint number with a fraction."""
-    k = min(int(stop), len(points) - 1)
-    if stop == k:
-        return points[k]
-    place: Floats = points[k] + (stop - k) * (points[k + 1] - points[k])
-    return place
-
-
 def _chain(
     solids: Obstacles, points: Floats, stops: list[float], size: float, limits: Floats, side: float,
     passes: int,
@@ -357,8 +359,10 @@ def _chain(
 
     A polytope that contains the next parts as well, with half of its margin, covers them.
     """
-    places = np.array([_at(points, stop) for stop in stops])
-    covers, parts, k = [], [], 0
+    places = np.stack([np.interp(stops, np.arange(len(points)), x) for x in points.T], axis=1)
+    covers: list[tuple[float, float]] = []
+    parts: list[Inflation] = []
+    k = 0
     while not parts or k < len(stops) - 1:
         seeds = places[k : k + 2]
         middle = 0.5 * (seeds[0] + seeds[-1])

@@ -172,11 +172,12 @@ def nearest(centres: Floats, arms: Floats, sweeps: int = _SWEEPS) -> Floats:
 
 def _separation(centre: Floats, arms: Floats, start: Floats) -> Floats | None:
     """Return the unit normal of the widest slab between the origin and a body, or None if they meet."""
-    rows = [start]
+    rows, normal = [start], start
     for _ in range(_CUTS):
-        normal = _least_norm(np.array(rows), np.ones(len(rows)))
-        if normal is None:
+        least = _least_norm(np.array(rows), np.ones(len(rows)))
+        if least is None:
             return None
+        normal = least
         vertex = centre - np.sign(arms @ normal) @ arms
         if vertex @ normal > 1 - 1e-9:
             break
@@ -208,7 +209,7 @@ def _cover(
 
     The bodies are processed in the order of their distance from the ellipsoid's centre.
     """
-    inverse = np.linalg.inv(metric)
+    inverse: Floats = np.linalg.inv(metric).astype(float)
     points = nearest((window.centres - centre) @ inverse.T, window.arms @ inverse.T, 4)
     order = np.linalg.norm(points, axis=1)
     normals, owners = [np.empty((0, len(centre)))], []
@@ -277,7 +278,7 @@ def _largest_ellipsoid(normals: Floats, offsets: Floats) -> tuple[Floats, Floats
 
     The conic program maximises Σ log L_ii subject to |Lᵀ n| + n·p <= b for each plane.
     """
-    import clarabel
+    import clarabel  # type: ignore[import-untyped]
     from scipy.sparse import csc_matrix
 
     count, axes = normals.shape
@@ -285,14 +286,13 @@ def _largest_ellipsoid(normals: Floats, offsets: Floats) -> tuple[Floats, Floats
     size = axes + len(row) + axes
     table = np.zeros((count, axes + 1, size))
     table[:, 0, :axes] = normals
-    for k, (i, j) in enumerate(zip(row, column, strict=True), axes):
+    for k, (i, j) in enumerate(zip(row.tolist(), column.tolist(), strict=True), axes):
         table[:, 1 + j, k] = -normals[:, i]
     right = np.zeros((count, axes + 1))
     right[:, 0] = offsets
     logs = np.zeros((axes, 3, size))
-    for i in range(axes):
-        logs[i, 0, size - axes + i] = -1.0
-        logs[i, 2, axes + int(np.flatnonzero((row == i) & (column == i))[0])] = -1.0
+    for i, k in enumerate(np.flatnonzero(row == column).tolist()):
+        logs[i, 0, size - axes + i] = logs[i, 2, axes + k] = -1.0
     ones = np.tile([0.0, 1.0, 0.0], axes)
     matrix = csc_matrix(np.concatenate([table.reshape(-1, size), logs.reshape(-1, size)]))
     cost = np.zeros(size)

@@ -6,7 +6,7 @@ vehicle. Its extent in a direction n is n·c ± Σ |n·g_j|.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -187,6 +187,8 @@ def as_obstacles(value: Any, dimensions: int) -> Obstacles:
         The obstacles are invalid, or have another number of axes.
     """
     obstacles: Obstacles
+    if isinstance(value, Mapping | Polygon) or hasattr(value, "exterior"):
+        value = [value]  # a single polygon
     if isinstance(value, GridMap | VoxelMap):
         obstacles = Cells(value)
     elif dimensions == 2 and not _is_table(value):

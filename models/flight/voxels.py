@@ -63,7 +63,7 @@ class VoxelMap(Declared):
     """Map of cubes, each free or blocked. Every position in a free cube is safe.
 
     The cube (i, j, k) covers x from ``origin[0] + i * cell`` to ``origin[0] + (i + 1) * cell``, and y and z
-    likewise with j and k. The region outside the map is blocked.
+    in the same way with j and k. The region outside the map is blocked.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class VoxelMap(Declared):
         if not 0 < self.blocked.size <= MOST_VOXELS or self.blocked.all():
             raise InvalidData(
                 f"blocked must have at most {MOST_VOXELS} cubes and at least one that is free, got "
-                f"{' × '.join(map(str, self.shape))} of which {int((~self.blocked).sum())} are free",
+                f"{' × '.join(map(str, self.shape))} with {int((~self.blocked).sum())} free",
                 field="blocked",
             )
         corner = np.abs(self.origin).max() + self.cell * max(self.shape)
@@ -133,7 +133,7 @@ class VoxelMap(Declared):
     def from_points(
         cls, points: ArrayLike, cell: float, bounds: ArrayLike | None = None, radius: float = 0.0
     ) -> VoxelMap:
-        """Return the map in which every cube with a point is blocked.
+        """Return the map that blocks every cube with a point.
 
         A point nearer than 1e-9 cells to a face blocks the cubes on both sides. With a radius, the map
         is :meth:`inflated` afterwards.
@@ -153,12 +153,12 @@ class VoxelMap(Declared):
         Raises
         ------
         InvalidData
-            An argument is invalid, there are no points and no bounds, or the map is too large.
+            An argument is invalid, points and bounds are both missing, or the map is too large.
         """
         cloud = Array(("n", 3)).coerce("points", points, {})
         side = Real(lower=0, strict=True, unit="m").coerce("cell", cell, {})
         if bounds is None and not len(cloud):
-            raise InvalidData("bounds must be given if there are no points", field="bounds")
+            raise InvalidData("bounds must be given if points is empty", field="bounds")
         ends = (
             Array((6,)).coerce("bounds", bounds, {}).reshape(2, 3)
             if bounds is not None

@@ -296,6 +296,29 @@ def test_a_hole_of_a_polygon_is_free():
     assert result.volumes.tolist() == pytest.approx([49.0])
 
 
+def test_accepts_a_single_polygon_in_each_form():
+    square = [[1, 1], [2, 1], [2, 2], [1, 2]]
+    forms = [
+        [square],
+        {"shell": square, "holes": []},
+        shapely.Polygon(square),
+        [shapely.Polygon(square)],
+    ]
+    first, *others = (corridor(form, [[0, 0], [0, 3]]) for form in forms)
+    for other in others:
+        assert other.offsets.tolist() == first.offsets.tolist()
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-3, 1e6, 1e154, 1e300])
+def test_extreme_scales_give_a_corridor_or_an_error_that_names_a_field(size):
+    cloud = np.array([[0.5, 0.2], [0.3, 0.9], [0.8, 0.7]]) * size
+    try:
+        result = corridor(cloud, np.array([[0.1, 0.1], [0.6, 0.6]]) * size)
+        assert result.verify(cloud).ok
+    except InvalidData as error:
+        assert error.field and size not in (1e-3, 1e6)  # noqa: PT017
+
+
 def test_no_obstacles_and_no_bounds():
     for obstacles in ([], np.empty((0, 2))):
         result = corridor(obstacles, [[0, 0], [3, 4]])
@@ -312,7 +335,8 @@ def test_no_obstacles_and_no_bounds():
         ({"path": [[0.5, float("nan")]]}, "path", "finite"),
         ({"radius": -1}, "radius", ">= 0"),
         ({"reach": 0}, "reach", "> 0"),
-        ({"reach": 1e-9}, "reach", "at most 100000 parts"),
+        ({"reach": 1e-7}, "reach", "at most 100000 parts"),
+        ({"reach": 1e-9}, "reach", "between 2.5e-09 m"),
         ({"method": "iris"}, "method", "firi, one-pass"),
         ({"bounds": [0, 0, 0, 3]}, "bounds", "with a volume"),
         ({"bounds": [1, 0, 6, 3]}, "path", r"path\[0\] must be within"),
@@ -355,6 +379,9 @@ def test_json_keeps_every_digit():
     again = Corridor.from_data(result.data())
     assert tuple(again._feed()) == tuple(result._feed())
     assert again.verify(ROOM).ok
-    assert len(result.proof) == len(result)
+    single = corridor(ROOM, [[0.5, 0.5]])
+    assert Corridor.from_data(single.data()).knots.tolist() == single.knots.tolist()
+    with pytest.raises(InvalidData, match="owners"):
+        replace(result, owners=result.owners + 10**12)
     with pytest.raises(InvalidData, match="overlaps"):
         replace(result, overlaps=np.empty((0, 3)))
