@@ -205,10 +205,10 @@ def main() -> None:
             into = max(part.verify(map_).checks[0].worst for part in parts)
             points_in = max((cloud @ n.T - b).max(axis=1).min() < -1e-9 for n, b in polytopes)
             volume = sum(float(part.volumes[0]) for part in parts)
-            rows.setdefault("GCOPTER, points", []).append(
-                (into == 0, len(parts), volume, spent, np.nan)
+            rows.setdefault("GCOPTER, cubes", []).append(
+                (into == 0, len(parts), volume, spent, into)
             )
-            rows.setdefault("GCOPTER, its points", []).append(
+            rows.setdefault("GCOPTER, points", []).append(
                 (not points_in, len(parts), volume, spent, into)
             )
             # The same segments and boxes: the volume of each polytope is comparable.
@@ -240,10 +240,13 @@ def main() -> None:
         )
         print(
             "{:22s} {:>12s} {:6.1f} {:10.1f} m³ {:8.4f} s {:8.4f} s".format(*table[-1]),
-            np.nanmedian(data[:, 4]),
-            np.nanmax(data[:, 4]),
+            np.median(data[:, 4]),
+            data[:, 4].max(),
         )
-    said = f"{maps} maps of 25 m × 25 m × 5 m in cubes of 0.25 m, half forests and half noise, seeds 0 to {seed - 1}."
+    said = (
+        f"{maps} maps of 25 m × 25 m × 5 m in cubes of 0.25 m: forests and noise in turns, seeds 0 to {seed - 1}, if "
+        "they have a path. GCOPTER gets the points in both rows. Medians, and the greatest CPU time."
+    )
     if ratios:
         median = np.median(ratios, axis=0)
         print(
@@ -256,7 +259,7 @@ def main() -> None:
             " With GCOPTER's segments and boxes, the median volume of a polytope relative to GCOPTER's is "
             f"{median[0]:.2f} for cubes and {median[1]:.2f} for points."
         )
-    columns = {"method, obstacles": "", "without contact": "", "polytopes": ".0f", "volume (m³)": ".0f",
+    columns = {"method, obstacles": "", "free": "", "polytopes": ".0f", "volume (m³)": ".0f",
                "CPU (s)": ".3f", "CPU, greatest (s)": ".3f"}  # fmt: skip
     if maps >= 100 and program is not None:
         write("flight", "corridors", __file__, columns, table, ("numpy", "scipy", "clarabel"), said)
