@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from .curves import Pieces, hulls_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Solids", "deepest"]
+__all__ = ["Obstacles", "Region", "Solids", "deepest"]
 
 Floats = NDArray[np.float64]
 
@@ -20,6 +20,28 @@ Floats = NDArray[np.float64]
 MOST = 20_000
 #: Maximum number of bisections.
 HALVINGS = 200
+
+
+class Region(Protocol):
+    """Forbidden region of a robot's centre."""
+
+    def meets(self, control: Floats) -> NDArray[np.int64]:
+        """Return the indices of pieces whose hulls may intersect it, control (n, degree + 1, axes)."""
+
+
+class Obstacles(Protocol):
+    """Obstacles of any shape and dimension, as :func:`deepest` uses them."""
+
+    def __len__(self) -> int: ...
+
+    def depths(self, points: Floats, radius: float) -> Floats:
+        """Return the penetration depth of points into obstacles enlarged by `radius`, m, shape (n,)."""
+
+    def chord_depths(self, ends: Floats, radius: float) -> tuple[Floats, Floats]:
+        """Return the depths of chords between `ends`, shape (n, 2, axes), and their places, m."""
+
+    def forbidden(self, radius: float, slack: float) -> Region:
+        """Return the forbidden region of points, reduced by `slack`."""
 
 
 class Solids:
@@ -37,6 +59,9 @@ class Solids:
         self.parts = shapely.get_parts(shapely.union_all(polygons))
         self.tree = shapely.STRtree(self.parts)
         self.edges = shapely.boundary(self.parts)
+
+    def __len__(self) -> int:
+        return len(self.parts)
 
     def depths(self, points: Floats, radius: float) -> Floats:
         """Return the penetration depth of points into obstacles enlarged by `radius`, m, shape (n,).
@@ -61,6 +86,26 @@ class Solids:
         """Return the forbidden region of points, reduced by `slack`."""
         return _Forbidden(self, radius, slack)
 
+    def chord_depths(self, ends: Floats, radius: float) -> tuple[Floats, Floats]:
+        """Return the penetration depths of chords, shape (n, 2, 2), and their places, m."""
+        import shapely
+
+        chords = shapely.linestrings(ends)
+        nearest = self.tree.query_nearest(chords, return_distance=True, all_matches=False)
+        (rows, hits), distance = nearest
+        depths = np.full(len(chords), -np.inf)
+        depths[rows] = radius - distance
+        places = shapely.get_coordinates(
+            shapely.line_interpolate_point(chords, 0.5, normalized=True)
+        )
+        crossing = np.flatnonzero(distance == 0.0)
+        if crossing.size:
+            within = shapely.intersection(chords[rows[crossing]], self.parts[hits[crossing]])
+            middle = shapely.centroid(within)
+            depths[rows[crossing]] += shapely.distance(middle, self.edges[hits[crossing]])
+            places[rows[crossing]] = shapely.get_coordinates(middle)
+        return depths, places
+
 
 class _Forbidden:
     """Region closer to obstacles than radius - slack; shrunk obstacles if that is negative."""
@@ -75,8 +120,9 @@ class _Forbidden:
             self.parts = shrunk[~shapely.is_empty(shrunk)]
             self.tree = shapely.STRtree(self.parts)
 
-    def meets(self, geometries: Any) -> NDArray[np.int64]:
-        """Return the indices of the geometries that intersect the region."""
+    def meets(self, control: Floats) -> NDArray[np.int64]:
+        """Return the indices of the pieces whose convex hulls intersect the region."""
+        geometries = hulls_of(control)
         if self.reach > 0.0:
             rows = self.tree.query(geometries, predicate="dwithin", distance=self.reach)[0]
         else:
@@ -85,8 +131,8 @@ class _Forbidden:
 
 
 def deepest(
-    curves: Sequence[Pieces], solids: Solids, radius: float, slack: float, cell: float
-) -> tuple[float, int, float, tuple[float, float]]:
+    curves: Sequence[Pieces], solids: Obstacles, radius: float, slack: float, cell: float
+) -> tuple[float, int, float, tuple[float, ...]]:
     """Return the largest penetration of curves into obstacles enlarged by `radius`, and its place.
 
     A piece is safe if its convex hull is. Other pieces are bisected until the chord approximates the
@@ -96,8 +142,8 @@ def deepest(
     ----------
     curves : sequence of Pieces
         The curves.
-    solids : Solids
-        The obstacles.
+    solids : Obstacles
+        The obstacles, in the dimension of the curves.
     radius : float
         Radius of the robots, m.
     slack : float
@@ -113,18 +159,17 @@ def deepest(
         Curve with the largest penetration.
     time : float
         Its time, s.
-    place : (float, float)
-        Its position x, y, m.
+    place : tuple of float
+        Its position, m.
     """
-    import shapely
-
     pieces = Pieces(*(np.concatenate(parts) for parts in zip(*curves, strict=True)))
-    best = (0.0, int(pieces.owner[0]), float(pieces.times[0, 0]), (0.0, 0.0))
+    best: tuple[float, int, float, tuple[float, ...]]
+    best = (0.0, int(pieces.owner[0]), float(pieces.times[0, 0]), (0.0,) * pieces.control.shape[2])
     beyond = ~np.isfinite(pieces.control).all(axis=(1, 2))
     if beyond.any():
         k = int(np.argmax(beyond))
-        return np.inf, int(pieces.owner[k]), float(pieces.times[k, 0]), (np.nan, np.nan)
-    if not len(solids.parts):
+        return np.inf, int(pieces.owner[k]), float(pieces.times[k, 0]), (np.nan,) * len(best[3])
+    if not len(solids):
         return best
     forbidden = solids.forbidden(radius, slack)
     fine = 0.01 * cell
@@ -133,11 +178,11 @@ def deepest(
         nonlocal best
         k = int(np.argmax(depths))
         if depths[k] > best[0]:
-            x, y = places[k].tolist()
-            best = (float(depths[k]), int(owners[k]), float(times[k]), (x, y))
+            place = tuple(places[k].tolist())
+            best = (float(depths[k]), int(owners[k]), float(times[k]), place)
 
     for _ in range(HALVINGS):
-        pieces = pieces.take(forbidden.meets(hulls_of(pieces.control)))
+        pieces = pieces.take(forbidden.meets(pieces.control))
         if not len(pieces.times):
             break
         middles, sizes = pieces.middles(), pieces.sizes()
@@ -146,8 +191,8 @@ def deepest(
         small = (sizes <= fine) & (pieces.bends() <= 0.01 * slack)
         if small.any():
             last = pieces.take(small)
-            chords = shapely.linestrings(last.control[:, [0, -1]])
-            _meet(last, chords, solids, radius, note)
+            reach, near = solids.chord_depths(last.control[:, [0, -1]], radius)
+            note(reach, last.owner, last.times.mean(axis=1), near)
         # After a violation is proven, only its depth is refined.
         wide = sizes > fine
         open_ = ~small & (wide | (depths <= slack))
@@ -158,20 +203,3 @@ def deepest(
             break
         pieces = pieces.halve()
     return best
-
-
-def _meet(pieces: Pieces, chords: Any, solids: Solids, radius: float, note: Any) -> None:
-    """Record the penetration depths of the chords of nearly straight pieces."""
-    import shapely
-
-    nearest = solids.tree.query_nearest(chords, return_distance=True, all_matches=False)
-    (rows, hits), distance = nearest
-    depths = radius - distance
-    places = shapely.get_coordinates(shapely.line_interpolate_point(chords, 0.5, normalized=True))
-    crossing = np.flatnonzero(distance == 0.0)
-    if crossing.size:
-        within = shapely.intersection(chords[rows[crossing]], solids.parts[hits[crossing]])
-        middle = shapely.centroid(within)
-        depths[crossing] += shapely.distance(middle, solids.edges[hits[crossing]])
-        places[rows[crossing]] = shapely.get_coordinates(middle)
-    note(depths, pieces.owner[rows], pieces.times[rows].mean(axis=1), places[rows])

@@ -31,7 +31,7 @@ class Pieces(NamedTuple):
 
     Parameters
     ----------
-    control : ndarray, shape (n, degree + 1, 2)
+    control : ndarray, shape (n, degree + 1, axes)
         Bézier points, m.
     times : ndarray, shape (n, 2)
         Start and end of each piece, s.
@@ -63,20 +63,20 @@ class Pieces(NamedTuple):
         )
 
     def middles(self) -> Floats:
-        """Return the points at half time, m, shape (n, 2)."""
+        """Return the points at half time, m, shape (n, axes)."""
         left, _ = _halving(self.control.shape[1] - 1)
         return np.asarray(left[-1] @ self.control)
 
     def sizes(self) -> Floats:
         """Return the diagonals of the bounding boxes, m, shape (n,)."""
-        return np.asarray(np.hypot(*np.ptp(self.control, axis=1).T))
+        return np.asarray(np.linalg.norm(np.ptp(self.control, axis=1), axis=1))
 
     def bends(self) -> Floats:
         """Return a bound on the distance of each curve from its chord, m, shape (n,)."""
         share = np.linspace(0.0, 1.0, self.control.shape[1])[:, None]
         first, last = self.control[:, :1], self.control[:, -1:]
         off = self.control - (first + share * (last - first))
-        return np.asarray(np.hypot(off[..., 0], off[..., 1]).max(axis=1))
+        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1))
 
 
 @cache
