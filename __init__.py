@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from . import errors as errors, instances as instances, models as models, solvers as solvers
     from .errors import CrosstrackError as CrosstrackError
     from .instances.catalogue import load as load
+    from .models.flight.corridors import corridor as corridor
     from .models.optimal_control.declaration.tables import table as table
     from .models.plots import plot as plot
     from .solvers.bench.running import bench as bench
     from .solvers.contract.limits import Limits as Limits
     from .solvers.contract.solution import Solution as Solution
     from .solvers.contract.states import backends as backends
+    from .solvers.flight.planning import plan_flight as plan_flight
     from .solvers.optimal_control.prepared import prepare as prepare
     from .solvers.report.view.page import Page as Page, show as show
     from .solvers.run.crosscheck import Comparison as Comparison, compare as compare

@@ -41,6 +41,11 @@ if TYPE_CHECKING:
         lengths_of as lengths_of,
     )
     from .formulation import Formulation as Formulation
+    from .flight import (
+        Flight as Flight,
+        FlightPlan as FlightPlan,
+        VoxelMap as VoxelMap,
+    )
     from .grid_path import (
         Connectivity as Connectivity,
         GridMap as GridMap,

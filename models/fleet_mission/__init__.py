@@ -12,6 +12,15 @@ if TYPE_CHECKING:
     from .moving import MovingObstacle as MovingObstacle
     from .plan import MissionPlan as MissionPlan
 
+#: Private names that modules of other problems import.
+SHARED = (
+    "collision.Obstacles",
+    "collision.Solids",
+    "collision.deepest",
+    "curves.Pieces",
+    "curves.nearest",
+    "curves.pieces_of",
+)
 MODELS = {"fleet-mission": ".model:FleetMission"}
 PICTURES = {"fleet-mission": ".plot:draw"}
 ANIMATIONS = {"fleet-mission": ".plot:animate_mission"}

@@ -26,10 +26,13 @@ if TYPE_CHECKING:
 #: Private names that modules of other problems import.
 SHARED = (
     "bounds.derivative_unit",
+    "motion.heading_jumps",
     "polynomials.bernstein_matrix",
     "polynomials.derived",
     "polynomials.factorials",
     "polynomials.gauss_legendre",
+    "vehicles.Vehicle",
+    "vehicles.VehicleSpec",
 )
 MODELS = {
     "minimum-derivative": ".model:MinimumDerivative",

@@ -1,5 +1,11 @@
 """Native algorithms for polynomial trajectories."""
 
+#: Names that modules of other problems import.
+SHARED = (
+    *("minco.INSTANTS", "minco.Fastest", "minco.Region", "minco.Rows", "minco.Search"),
+    *("minco.coefficients_of", "minco.fastest", "minco.limits_of"),
+    *("minco_limits.Task", "minco_task.posed"),
+)
 BACKENDS = {
     "banded": ".direct:Banded",
     "interior-point": ".interior_point:InteriorPoint",

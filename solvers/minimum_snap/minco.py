@@ -390,3 +390,7 @@ def _coefficients(search: _Search, jets: Floats) -> Floats:
     powers: Floats = np.einsum("pa,kad->kpd", hermite_basis(r, 2 * r - 1), local)
     powers[:, 0] += start[:, 0]
     return powers
+
+
+#: Names for other modules that start from an earlier search.
+Search, coefficients_of = _Search, _coefficients

@@ -1,8 +1,8 @@
 """Optimal control problems built once on a fixed mesh and solved repeatedly for other data.
 
-:func:`crosstrack.solve` draws starts, refines, verifies and names its results. For a small problem this
-takes many times the time of the solver. Here it is done once or on request. A step is one call of
-CasADi's ``nlpsol``, or of an interior-point method that uses the structure of the intervals.
+:func:`crosstrack.solve` draws starts, refines, verifies and names its results, which takes many times the
+time of the solver for small problems. Here it is done once or on request. A step is one call of CasADi's
+``nlpsol``, or of an interior-point method that uses the structure of the intervals.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.fields import Flag, Optional, Real, show
+from ...models.flight.model import Flight
 from ...models.model import as_model
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
@@ -25,6 +26,7 @@ from ...models.optimal_control.transcription.base import Transcription
 from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
+from ..flight.replanning import prepare_flight
 from ..nlp.base import AWAY
 from ..nlp.casadi_nlp import CasadiNlp
 from ..nlp.ipopt import PUSHES
@@ -296,43 +298,40 @@ def prepare(
     backend_options: Mapping[str, Any] | None = None,
     structured: bool | None = None,
     **options: Any,
-) -> PreparedSolver:
+) -> Any:
     """Build an optimal control problem on a fixed mesh once, to solve it for other data by a call.
 
     It serves model-predictive control and parameter studies. The mesh is not refined, and plans are
-    verified only on request (``step.verification()``).
+    verified only on request (``step.verification()``). A flight is prepared for replanning in the air.
 
     Parameters
     ----------
-    problem : OptimalControlProblem
-        Problem with data declared by ``ocp.data(…)``.
+    problem : OptimalControlProblem or Flight
+        Problem with data declared by ``ocp.data(…)``. A flight accepts no options.
     backend : str
         Backend that uses CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
     formulation : str, optional
         Name of the transcription; by default that of the problem.
     mesh : Solution, ControlPlan, Mesh or sequence of float, optional
-        Ends of the intervals, as fractions from 0 to 1. A solution or plan provides its own mesh,
-        such as a refined one, and the guess.
+        Ends of the intervals, as fractions from 0 to 1. A solution or plan provides mesh and guess.
     tolerance : float, optional
         Largest violation of a scaled row, and tolerance of the backend (default 1e-6).
     time_limit : float, optional
-        Time limit of a search in seconds, for backends that support it. A step that is repeated may
-        take twice as long.
+        Time limit of a search in seconds, if supported; a repeated step may take twice as long.
     limits : Limits, optional
-        Record with the tolerance and the time limit; other limits are refused.
+        Record with the tolerance and the time limit.
     backend_options : mapping, optional
         Options of the backend.
     structured : bool, optional
         Whether steps from an earlier step use an interior-point method on the structure of the intervals;
         the backend solves the others, and those on which it does not converge. By default it is used
-        with ``"ipopt"`` for programs that have the structure: one phase, no path equations. True
-        requires it.
+        with ``"ipopt"`` for programs of one phase without path equations. True requires it.
     **options
         Options of the transcription: `intervals`, `degree` …
 
     Returns
     -------
-    PreparedSolver
+    PreparedSolver or :class:`~crosstrack.solvers.flight.PreparedFlight`
         Solver; ``solver(x0=…, warm=True)`` returns a :class:`Step`.
 
     Raises
@@ -358,6 +357,9 @@ def prepare(
     (True, True, True)
     """
     original = model = as_model(problem)
+    if isinstance(original, Flight):
+        given = formulation, mesh, tolerance, time_limit, limits, backend_options, structured
+        return prepare_flight(original, *given, *options)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:

@@ -1,0 +1,267 @@
+"""``staged``: path, corridor, times, smoothest curve in the corridor, each stage after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InvalidData
+from ...jit import OutOfTime, clock
+from ...models.flight.model import Flight
+from ...models.flight.plan import FlightPlan
+from ...models.minimum_snap.model import MinimumDerivative
+from ...models.minimum_snap.trajectory import Trajectory
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
+from ..contract.registry import find_backend
+from .course import Course, course_of, resting, stretched, times_along, typical
+from .proofs import find_separation, least_objective
+from .ways import lattice, way
+
+__all__ = ["Staged", "StagedFlight"]
+
+Floats = NDArray[np.float64]
+
+#: Numbers of parts of a cell for which a way is searched, in turn.
+PARTS = (1, 2, 4)
+#: Multiples of the estimated times for flights that do not begin and end at rest.
+MULTIPLES = (1.0, 0.7, 1.4, 2.0, 3.0, 0.5, 5.0)
+#: Waits before the departure per flight time, and their largest number.
+DELAYS, MOST_DELAYS = 20, 400
+#: Share of the time between two places at the same position, relative to the length scale.
+HOVER = 1e-3
+
+
+class StagedFlight(Backend):
+    """Base of the backends: path and corridor, then the curve of :meth:`fly`.
+
+    A claim of infeasibility is a proof: two places are in different components of a set that contains the
+    free space.
+    """
+
+    accepts = Flight
+    guarantee = Guarantee.RELAXATION
+    features = frozenset({Feature.INCUMBENTS, Feature.DUAL_BOUND, Feature.INTERRUPT})
+    deterministic = True
+    single_threaded = True
+
+    def run(self, problem: Flight, request: Request) -> Answer:
+        """Carry out the stages."""
+        begin = clock()
+        bound = least_objective(problem)
+        statistics: dict[str, Any] = {}
+        plan, message = None, ""
+        for parts in PARTS:
+            plan, message = self._planned(problem, request, parts, statistics)
+            if plan is not None or request.control.stopped or message:
+                break
+        common: dict[str, Any] = {"seconds": {"solve": clock() - begin}, "statistics": statistics}
+        control = request.control
+        limit = (control.reason or Limit.INTERRUPTED) if control.stopped else None
+        if plan is not None:
+            objective = problem.verify(plan, tolerance=request.tolerance).objective
+            return Answer(Termination.FEASIBLE, limit, plan, objective, bound, **common)
+        proof = find_separation(problem)
+        if proof:
+            return Answer(Termination.INFEASIBLE, message=proof, **common)
+        message = message or "no way over cells was found, and none is excluded"
+        return Answer(Termination.NO_SOLUTION, limit, dual_bound=bound, message=message, **common)
+
+    def _planned(
+        self, problem: Flight, request: Request, parts: int, statistics: dict[str, Any]
+    ) -> tuple[FlightPlan | None, str]:
+        """Return a verified plan along the way over cells divided into `parts`, or a reason."""
+        begin = clock()
+        cells = lattice(problem, parts)
+        result = None if cells is None else way(problem, cells, request.control.flag)
+        statistics["path seconds"] = statistics.get("path seconds", 0.0) + clock() - begin
+        if result is None:
+            return None, ""
+        path, stops = result
+        if len(path) < 2:
+            return hovering(problem), ""
+        statistics["path length"] = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+        begin = clock()
+        course, reason = None, ""
+        try:
+            course = course_of(problem, path, stops)
+            statistics["polytopes"] = len(course.polytopes)
+        except InvalidData as error:
+            reason = f"corridor: {error}"
+        statistics["corridor seconds"] = clock() - begin
+        begin = clock()
+        best: FlightPlan | None = None
+        if course is not None:
+            with suppress(OutOfTime):
+                best = self.fly(problem, course, request, statistics)
+        if best is None:  # a curve that rests at all points of the path fits
+            curve = resting(problem, path)
+            best = None if curve is None else FlightPlan(curve, curve.times[stops[1:-1]], path)
+            statistics["rests at points of the path"] = best is not None
+        statistics["curve seconds"] = clock() - begin
+        if best is None:
+            return None, reason or "no curve within the limits was found in the corridor"
+        if problem.moving:
+            best = delayed(problem, best, request)
+            if best is None:
+                return None, "no departure within the search avoids the moving obstacles"
+        result_check = problem.verify(best, tolerance=request.tolerance)
+        return (best, "") if result_check.ok else (None, result_check.summary())
+
+    def fly(
+        self, problem: Flight, course: Course, request: Request, statistics: dict[str, Any]
+    ) -> FlightPlan | None:
+        """Return a verified plan in the corridor of a course, or None."""
+        raise NotImplementedError
+
+
+class Staged(StagedFlight):
+    """Path by A*, corridor of convex polytopes, times by a trapezoid of speed, smoothest curve.
+
+    From rest to rest the curve is stretched in time until the vehicle's limits hold. If that fails, a
+    curve that rests at each point of the path always fits. Other flights try several times.
+    """
+
+    name = "staged"
+    options: ClassVar[Mapping[str, Option]] = {
+        "trajectories": Option("interior-point", "Backend for the curve in the corridor.", str),
+    }
+    summary = "path, corridor, times and the smoothest curve, stretched to the limits; ours"
+
+    def fly(
+        self, problem: Flight, course: Course, request: Request, statistics: dict[str, Any]
+    ) -> FlightPlan | None:
+        """Solve one minimum-derivative problem per multiple of the estimated times."""
+        solver = find_backend(request.options["trajectories"], problem="minimum_snap")
+        durations = times_along(problem, course.knots)
+        for multiple in MULTIPLES:
+            if request.control.stopped:
+                return None
+            scaled = Scaled.of(problem, course, durations * multiple)
+            answer = request.within(solver, scaled.model)
+            statistics["trajectory problems"] = statistics.get("trajectory problems", 0) + 1
+            if answer.point is None:
+                continue
+            curve: Trajectory | None = scaled.restored(answer.point)
+            if scaled.rests:
+                curve = stretched(problem.vehicle, scaled.restored(answer.point))
+            if curve is not None:
+                plan = FlightPlan(curve, curve.times[course.stops[1:-1]], course.path)
+                if standing(problem).verify(plan, tolerance=request.tolerance).ok:
+                    return plan
+            if scaled.rests:
+                return None
+        return None
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """Minimum-derivative problem of a course in units of length and time of its own.
+
+    Parameters
+    ----------
+    model : MinimumDerivative
+        The problem.
+    origin : ndarray, shape (axes,)
+        Origin of its positions, m.
+    length, time : float
+        Units in metres and seconds.
+    rests : bool
+        Whether it begins and ends at rest, so that its shape does not depend on the unit of time.
+    """
+
+    model: MinimumDerivative
+    origin: Floats
+    length: float
+    time: float
+    rests: bool
+
+    @classmethod
+    def of(cls, problem: Flight, course: Course, durations: Floats) -> Scaled:
+        """Return the problem at given durations of the segments, s."""
+        origin, count = course.path[0], len(durations)
+        length = float(np.linalg.norm(np.diff(course.path, axis=0), axis=1).sum()) / count
+        time = float(durations.sum()) / count
+        points = np.full((count + 1, problem.dimensions), np.inf)
+        points[course.stops] = (problem.places - origin) / length
+        ends = []
+        for side in ("start", "goal"):
+            velocity = getattr(problem, f"{side}_velocity") * time / length
+            push = getattr(problem, f"{side}_acceleration") * time**2 / length
+            rest = np.zeros((problem.order - 3, problem.dimensions))
+            ends.append(np.concatenate([velocity[None], push[None], rest]))
+        segments = [np.full(len(b), k) for k, (_, b) in enumerate(course.polytopes)]
+        offsets = [(b - a @ origin) / length for a, b in course.polytopes]
+        model = MinimumDerivative(
+            points, np.concatenate([[0.0], np.cumsum(durations / time)]), problem.order,
+            start=ends[0], end=ends[1],
+            polytope_segments=np.concatenate(segments),
+            polytope_normals=np.concatenate([a for a, _ in course.polytopes]),
+            polytope_offsets=np.concatenate(offsets),
+        )  # fmt: skip
+        rests = not any(end.any() for end in ends)
+        return cls(model, origin, length, time, rests)
+
+    def restored(self, curve: Trajectory) -> Trajectory:
+        """Return a curve of the problem in metres and seconds."""
+        coefficients = curve.coefficients * self.length
+        coefficients[:, 0] += self.origin
+        return Trajectory(curve.times * self.time, coefficients)
+
+
+def standing(problem: Flight) -> Flight:
+    """Return the flight without moving obstacles."""
+    return replace(problem, moving=()) if problem.moving else problem
+
+
+def delayed(problem: Flight, plan: FlightPlan, request: Request) -> FlightPlan | None:
+    """Return the plan after the least tested wait at the start that avoids all moving obstacles.
+
+    Waits are multiples of a share of the flight time. Only a flight that begins at rest can wait.
+    """
+    curve = plan.trajectory
+    rests = not (problem.start_velocity.any() or problem.start_acceleration.any())
+    last = max(float(entry.trajectory.times[-1]) for entry in problem.moving) + curve.duration
+    step = max(curve.duration / DELAYS, last / MOST_DELAYS)
+    for wait in np.arange(0.0, last if rests else 0.5 * step, step).tolist():
+        if request.control.stopped:
+            return None
+        times, powers = curve.times + wait, curve.coefficients
+        if wait:
+            still = np.zeros((1, *powers.shape[1:]))
+            still[0, 0] = problem.start
+            times, powers = np.append(0.0, times), np.concatenate([still, powers])
+        later = FlightPlan(Trajectory(times, powers), plan.visits + wait, plan.path)
+        if problem.verify(later, tolerance=request.tolerance).ok:
+            return later
+    return None
+
+
+def hovering(problem: Flight) -> FlightPlan | None:
+    """Return the plan of a flight whose places coincide, or None if it does not rest at both ends.
+
+    The objective has no minimum, as any duration > 0 is possible: the vehicle hovers for the time of a
+    thousandth of a cell at its typical acceleration.
+    """
+    ends = ("start_velocity", "start_acceleration", "goal_velocity", "goal_acceleration")
+    if any(getattr(problem, name).any() for name in ends):
+        return None
+    _, push = typical(problem.vehicle)
+    duration = (HOVER * problem.cell / push) ** 0.5
+    coefficients = np.zeros((1, 2 * problem.order, problem.dimensions))
+    coefficients[0, 0] = problem.start
+    curve = Trajectory(np.array([0.0, duration]), coefficients)
+    return FlightPlan(curve, np.full(len(problem.waypoints), duration), problem.places)
