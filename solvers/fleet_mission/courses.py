@@ -91,7 +91,10 @@ def _place(way: Corridor, at: float) -> Floats:
     row = min(int(at), max(len(way.knots) - 2, 0))
     share = at - row
     after = way.knots[min(row + 1, len(way.knots) - 1)]
-    return np.asarray((1.0 - share) * way.knots[row] + share * after)
+    place = np.asarray((1.0 - share) * way.knots[row] + share * after)
+    for box in {row, max(int(np.ceil(at)) - 1, 0)}:  # rounding may move it beyond an edge
+        place = np.clip(place, way.lower[box], way.upper[box])
+    return place
 
 
 def _rests(problem: FleetMission, way: Corridor, others: Sequence[Floats]) -> list[float]:

@@ -74,6 +74,15 @@ class Course(NamedTuple):
     places: Floats
     legs: tuple[Leg, ...]
 
+    def alone(self, durations: Sequence[float]) -> float:
+        """Return the time that a robot needs without others, given the duration of each leg."""
+        least = [0.0, *[np.inf] * (len(self.places) - 1)]
+        for leg, duration in sorted(
+            zip(self.legs, durations, strict=True), key=lambda k: k[0].begin
+        ):
+            least[leg.end] = min(least[leg.end], least[leg.begin] + duration)
+        return least[-1]
+
 
 class Timed(NamedTuple):
     """Trajectory of a robot and the times at which it passes its nodes, s."""
@@ -347,7 +356,8 @@ def _improved(
     grid: _Grid, draw: np.random.Generator, stopped: Callable[[], bool]
 ) -> dict[int, list[_Stay]] | None:
     """Return the best schedules of several orders of the robots."""
-    fastest = [min(map(len, entry)) - 1 for entry in grid.samples[: grid.robots]]
+    steps = [[len(part) - 1.0 for part in entry] for entry in grid.samples[: grid.robots]]
+    alone = [course.alone(long) for course, long in zip(grid.courses, steps, strict=True)]
     # The longest flight first, as the shorter ones are easier to fit in.
     order = sorted(range(grid.robots), key=lambda k: -len(grid.samples[k][0]))
     best = _ordered(grid, order, grid.horizon + 1, {})
@@ -356,7 +366,7 @@ def _improved(
     for _ in range(ROUNDS):
         returns = [best[k][-1].end for k in range(grid.robots)]
         last = max(returns)
-        if last <= max(fastest) or stopped():
+        if last <= max(alone) or stopped():
             break
         # A robot with a late return moves ahead; the last one is the most likely to be drawn.
         late = sorted(range(grid.robots), key=lambda k: -returns[k])

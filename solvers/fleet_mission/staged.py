@@ -140,7 +140,8 @@ class Staged(Backend):
             wide = [lane or way for lane, way in zip(lanes, corridors, strict=True)]
             plan, result = self._shared(stages, solver, routes, wide, flights, plan)
         if not result.ok:
-            return Answer(Termination.NO_SOLUTION, stages.stopped(), message=result.summary())
+            places = "; ".join(f"{check.name}: {check.where}" for check in result.violated)
+            return Answer(Termination.NO_SOLUTION, stages.stopped(), message=places)
         return Answer(Termination.FEASIBLE, stages.stopped(), plan, result.objective)
 
     def _put_together(
@@ -211,6 +212,8 @@ class Staged(Backend):
                     lambda way: fly(problem, way, solver, request, 1),
                 )
             )  # fmt: skip
+        alone = [entry.alone([leg.curve.duration for leg in entry.legs]) for entry in courses]
+        stages.statistics["longest flight alone"] = max(alone)
         return self._better(stages, routes, courses, plan)
 
     def _chains(

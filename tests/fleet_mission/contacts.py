@@ -69,6 +69,36 @@ def contacts(model, plan):
     return found
 
 
+def track(obstacle, end):
+    """Return the motion of an obstacle's JSON data from 0 to `end` as a trajectory's data, at rest beyond its times."""
+    times = list(obstacle["times"])
+    if obstacle.get("positions") is not None:
+        places = obstacle["positions"]
+        rows = [
+            [a, [q - p for p, q in zip(a, b, strict=True)]] for a, b in itertools.pairwise(places)
+        ]
+        first, last = places[0], places[-1]
+    else:
+        rows = obstacle["coefficients"]
+        first, last = rows[0][0], [sum(column) for column in zip(*rows[-1], strict=True)]
+    if times[0] > 0:
+        times, rows = [0.0, *times], [[first], *rows]
+    if times[-1] < end:
+        times, rows = [*times, end + 1.0], [*rows, [last]]
+    return {"times": times, "coefficients": rows}
+
+
+def moving_contacts(model, plan):
+    """Return robots and moving obstacles that come nearer than both radii, with distance and time."""
+    found = []
+    for k, obstacle in enumerate(model.data()["moving"] if model.moving else ()):
+        for robot, trajectory in enumerate(model.plan_to_data(plan)["trajectories"]):
+            distance, time = least_distance(trajectory, track(obstacle, plan.end))
+            if distance < model.radius + obstacle["radius"] - 1e-6 * model.cell:
+                found.append((robot, k, distance, time))
+    return found
+
+
 def mission(seed):
     """Return a mission drawn by `seed`: walls with gaps, corridors, a depot in a corner or anywhere."""
     draw = np.random.default_rng(seed)
