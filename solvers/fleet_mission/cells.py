@@ -190,8 +190,8 @@ class CellPlanner:
             for path in before:
                 self._mark(path, -1)
             for k in self._draw.permutation(group).tolist():
-                path = self._plan(*self.ends[k])
-                self.paths[k] = self.paths[k] if path is None else path
+                again = self._plan(*self.ends[k])
+                self.paths[k] = self.paths[k] if again is None else again
                 self._mark(self.paths[k], 1)
             result = self.conflicts()
             if sum(map(len, result)) <= sum(map(len, conflicts)):

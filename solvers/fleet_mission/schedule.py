@@ -239,7 +239,7 @@ class _Grid:
         if not arrivals[final].any():
             return None
         place, time = final, int(np.argmax(arrivals[final]))
-        stays: list[_Stay] = []
+        result: list[_Stay] = []
         while place:
             for row, leg in enumerate(course.legs):
                 start = time - long[row]
@@ -250,12 +250,12 @@ class _Grid:
                     and not forbidden[row][start]
                 ):
                     break
-            stays.insert(0, _Stay(row, start, time, True))
+            result.insert(0, _Stay(row, start, time, True))
             place, time = leg.begin, start
             if place:
                 time = int(latest[place][start])
-                stays.insert(0, _Stay(place, time, start, False))
-        return stays
+                result.insert(0, _Stay(place, time, start, False))
+        return result
 
     def timed(self, robot: int, stays: list[_Stay]) -> Timed:
         """Return the trajectory of a schedule."""
