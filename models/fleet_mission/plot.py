@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,17 @@ from ...errors import UnsupportedOption
 from ..fields import required
 from ..fleet import Deviation
 from ..grid_path import as_shapely, trail
-from ..minimum_snap import Trajectory
 from ..plots import kit
 from ..verification import Check, Verification
 from .curves import lengths_of
 from .model import FleetMission
+from .panels import curve_of, panels_of, sample_times
 from .plan import MissionPlan
 
 __all__ = ["animate_mission", "draw"]
 
 #: Parts of the figure: on the left, and over time on the right.
-_LEFT, _RIGHT = ("map", "loads"), ("velocity", "acceleration", "distance")
+_LEFT, _RIGHT = ("map", "loads"), ("timeline", "velocity", "acceleration", "distance")
 _PARTS = (*_LEFT, *_RIGHT)
 #: Layers of the map: label and dashes.
 _LAYERS: dict[str, tuple[str, Any]] = {
@@ -37,11 +37,8 @@ _MOST_NAMES = 40
 _CELL = "#f0d9b5"
 #: Largest extension of the map beyond the bounds, as a share of their size.
 _BEYOND = 0.25
-#: Minimum number of samples per segment, and approximate number per curve.
-_FEWEST, _POINTS = 9, 1500
 #: Patterns of the robots and of a part of a curve in the text of a check.
 _WHO = re.compile(r"robots? (\d+)(?: and (\d+))?")
-_AXIS = re.compile(r"robot (\d+), axis (\d)")
 _PART = re.compile(r", (segment|stop) (\d+)$")
 
 
@@ -68,10 +65,10 @@ def draw(
     plan : MissionPlan, optional
         A plan for the model, feasible or not. Nodes not visited exactly once and the largest
         violations are ringed in red. None draws obstacles and nodes only.
-    parts : sequence of {"map", "loads", "velocity", "acceleration", "distance"}, optional
-        What to draw: the map, the lengths of the curves as bars, and over time the components of
-        velocity and acceleration with their limits, and the least distance of two robots under way.
-        All parts by default.
+    parts : sequence of {"map", "loads", "timeline", "velocity", "acceleration", "distance"}, optional
+        What to draw: the map, the lengths of the curves as bars, and over time the distance of each
+        robot from the depot, the components of velocity and acceleration with their limits, and the
+        least distance of two robots under way. All parts but the timeline by default.
     layers : sequence of {"cells", "grid", "smoothed", "curve"}
         What to draw on the map: the blocked cells of the model's map; shortest paths over its cells
         for the plan's routes; these paths shortened by lines of sight (Algorithm 4); and the curves.
@@ -79,7 +76,7 @@ def draw(
     labels : bool, optional
         Whether to name the nodes; by default, up to 40 nodes are named.
     """
-    shown = list(_PARTS if plan is not None else _PARTS[:1])
+    shown = [part for part in _PARTS if part != "timeline"] if plan is not None else ["map"]
     if parts is not None:
         shown = kit.check_words("parts", parts, _PARTS)
         if plan is None and shown != ["map"]:
@@ -91,7 +88,7 @@ def draw(
     left, right = ([part for part in side if part in shown] for side in (_LEFT, _RIGHT))
     panels = []
     if plan is not None and right:
-        panels = list(_panels(model, plan, right, tolerance, named=not left))
+        panels = list(panels_of(model, plan, right, tolerance, named=not left))
     bars = min(2.6, 0.5 + 0.24 * len(plan.routes)) if plan is not None and "loads" in left else 0.0
     below = bars + 0.9 * bool(bars)
     tall = below + 6.4 * ("map" in left) + 0.5 * (left == ["loads"])
@@ -116,7 +113,7 @@ def draw(
             sides[-1].figure, panels, [kit.Span("", 0.0, plan.end or 1.0)], title=text,
             wrong=scene.wrong, label="time (s)", mesh=False,
         )  # fmt: skip
-        kit.pin_curves(result, lambda check: _curve_of(check, places, panels))
+        kit.pin_curves(result, lambda check: curve_of(check, places, panels))
     return scene.figure
 
 
@@ -128,11 +125,8 @@ def _words(model: FleetMission, plan: MissionPlan | None, result: Verification |
     if what.startswith("sum-"):
         what = f"sum + {kit.number(model.q, 4)} × {what.partition('-')[2]}"
     parts = [kit.many(model.vehicles, "robot"), kit.many(len(model.nodes), "node")]
-    return [
-        *parts,
-        f"{what} {kit.number(result.objective)} {model.objective_unit}",
-        f"{kit.number(plan.end, 5)} s",
-    ]
+    value = f"{what} {kit.number(result.objective)} {model.objective_unit}"
+    return [*parts, value, f"{kit.number(plan.end, 5)} s"][: 3 if what == "makespan" else None]
 
 
 # -- the map and the bars ------------------------------------------------------------------------
@@ -157,7 +151,7 @@ def _draw_map(
     """Draw obstacles, layers and nodes, and return the entries of the legend."""
     curves: list[kit.Floats] = []
     if plan is not None:
-        times = ((item, _sample_times(item)) for item in plan.trajectories)
+        times = ((item, sample_times(item)) for item in plan.trajectories)
         curves = [np.empty((0, 2)) if item is None else item(at) for item, at in times]
         curves = [np.clip(np.nan_to_num(curve), -kit.FAR, kit.FAR) for curve in curves]
     low, high = model.bounds[:2], model.bounds[2:]
@@ -189,6 +183,7 @@ def _draw_map(
             if ways != ["curve"]:
                 width = look.get("lw", 1.6)
                 keys.append(kit.key(label, color=kit.DARK, lw=width, ls=dashes or "-"))
+    keys += _draw_moving(axes, model, scale, discs=True)
     home, nodes = model.depot[None] * scale, model.nodes * scale
     keys += kit.draw_stops(axes, nodes, owners, home, missed * scale)
     if plan is not None and result is not None:
@@ -206,83 +201,6 @@ def _trail(model: FleetMission, route: Sequence[int], straightened: bool) -> kit
         return np.empty((0, 2))
     stops = np.concatenate([model.depot[None], model.nodes[list(route)], model.depot[None]])
     return trail(model.map, stops, straightened=straightened)
-
-
-# -- over time -----------------------------------------------------------------------------------
-
-
-def _panels(
-    model: FleetMission, plan: MissionPlan, parts: list[str], tolerance: float, *, named: bool
-) -> Iterable[kit.Panel]:
-    """Yield the panels; `named` labels the curves by robot for figures without a map."""
-    ends = np.array([0.0, plan.end or 1.0])
-    flown = [(k, item) for k, item in enumerate(plan.trajectories) if item is not None]
-    limits = {"velocity": model.velocity_limit, "acceleration": model.acceleration_limit}
-    for order, (part, limit_values) in enumerate(limits.items(), start=1):
-        if part not in parts:
-            continue
-        tables = [(k, _sample_times(item), item(_sample_times(item), order)) for k, item in flown]
-        for axis, bound in enumerate(limit_values.tolist()):
-            curves = [
-                kit.Curve(f"robot {k}" if named else part, k, times, values[:, axis], 1.1)
-                for k, times, values in tables
-            ]
-            limit = kit.Limit(ends, -bound, bound, tolerance=tolerance * bound)
-            unit = "m/s" if order == 1 else "m/s²"
-            yield kit.Panel(f"{part} {'xy'[axis]}", unit, curves, [limit])
-    if "distance" in parts:
-        knots = [item.times for _, item in flown]
-        times = np.unique(np.concatenate([np.linspace(ends[0], ends[1], 3001), *knots]))
-        curve = kit.Curve("least distance", 6, times, _apart_of(model, plan, times))
-        separation = kit.Limit(ends, model.separation, np.inf, tolerance=tolerance * model.cell)
-        yield kit.Panel("distance of robots", "m", [curve], [separation] * (model.separation > 0))
-
-
-def _curve_of(
-    check: Check, places: Sequence[Any], panels: Sequence[kit.Panel]
-) -> tuple[Any, kit.Curve, float] | None:
-    """Return axes, curve and time of a check of a limit or of the distance; None for other checks."""
-    time, limited = kit.time_of(check), _AXIS.match(check.where)
-    if time is None or not (limited or check.name == "distance between robots"):
-        return None
-    title, robot = "distance of robots", 6
-    if limited:
-        title, robot = f"{check.name.split()[0]} {'xy'[int(limited[2])]}", int(limited[1])
-    for axes, panel in zip(places, panels, strict=True):
-        for curve in panel.curves:
-            if panel.title == title and curve.colour == robot:
-                return axes, curve, time
-    return None
-
-
-def _sample_times(trajectory: Trajectory | None) -> kit.Floats:
-    """Return the sampling times of a curve, s, including its knots."""
-    if trajectory is None:
-        return np.empty(0)
-    each = max(_FEWEST, _POINTS // trajectory.segments)
-    shares = np.linspace(0.0, 1.0, each, endpoint=False)
-    inner = trajectory.times[:-1, None] + shares * trajectory.durations[:, None]
-    return np.append(inner.ravel(), trajectory.times[-1])
-
-
-def _apart_of(model: FleetMission, plan: MissionPlan, times: kit.Floats) -> kit.Floats:
-    """Return the least distance of two robots under way at each of `times`, m.
-
-    The distance is NaN if fewer than two robots are under way.
-    """
-    places = np.full((len(plan.trajectories), len(times), 2), np.nan)
-    for k, entry in enumerate(plan.trajectories):
-        if entry is not None:
-            under_way = (times >= entry.times[0]) & (times <= entry.times[-1])
-            places[k, under_way] = entry(times[under_way])
-    least = np.full(len(times), np.inf)
-    for k in range(len(places) - 1):
-        distances = np.hypot(*np.moveaxis(places[k + 1 :] - places[k], -1, 0))
-        least = np.minimum(least, np.where(np.isnan(distances), np.inf, distances).min(axis=0))
-    # The least distance jumps when a robot departs or returns, so the line is interrupted.
-    counted = np.isfinite(places[..., 0]).sum(axis=0)
-    least[1:][np.diff(counted) != 0] = np.inf
-    return np.where(np.isfinite(least), least, np.nan)
 
 
 def _broken_places(model: FleetMission, plan: MissionPlan, result: Verification) -> kit.Floats:
@@ -317,8 +235,8 @@ def _places_of(model: FleetMission, plan: MissionPlan, check: Check) -> Iterator
 
 # -- obstacles, and the mission in motion --------------------------------------------------------
 
-#: Colour of the area closer to an obstacle than a robot's radius.
-_NEAR = "#ececec"
+#: Colours of the area closer to an obstacle than a robot's radius, and of moving obstacles.
+_NEAR, _MOVING = "#ececec", "#b8b8b8"
 
 
 def draw_field(axes: Any, model: FleetMission, scale: float) -> list[Any]:
@@ -338,6 +256,25 @@ def draw_field(axes: Any, model: FleetMission, scale: float) -> list[Any]:
     return [kit.key("obstacle", marker="s", mfc=kit.BLOCKED, mec=kit.GREY, ms=7), *keys]
 
 
+def _draw_moving(axes: Any, model: FleetMission, scale: float, *, discs: bool) -> list[Any]:
+    """Draw the ways of moving obstacles and, if required, their discs at time 0; return legend entries."""
+    if not model.moving:
+        return []
+    lines = [item(sample_times(item.trajectory)) * scale for item in model.moving]
+    kit.draw_lines(axes, lines, colors=kit.DARK, lw=0.9, linestyles="dashed", zorder=2.6)
+    look: dict[str, Any] = {"lw": 0.8, "zorder": 2.7, "gid": "moving obstacle"}
+    if discs:
+        kit.draw_circles(axes, *_moving_discs(model, 0.0, scale), fc=_MOVING, ec=kit.DARK, **look)
+    label = "moving obstacle at 0 s" if discs else "moving obstacle"
+    return [kit.key(label, marker="o", color=kit.DARK, mfc=_MOVING, ms=7, ls="--", lw=0.9)]
+
+
+def _moving_discs(model: FleetMission, time: float, scale: float) -> tuple[kit.Floats, list[float]]:
+    """Return centres and radii of moving obstacles."""
+    places = np.array([item(time) for item in model.moving]).reshape(-1, 2)
+    return places * scale, [item.radius * scale for item in model.moving]
+
+
 @kit.documented
 def animate_mission(
     model: FleetMission,
@@ -354,7 +291,7 @@ def animate_mission(
     model.verify(plan)  # raises for nodes that do not exist
     robots = [(k, item) for k, item in enumerate(plan.trajectories) if item is not None]
     flown, looks = [item for _, item in robots], [kit.colour_of(k) for k, _ in robots]
-    curves = [(_sample_times(item), item(_sample_times(item))) for item in flown]
+    curves = [(sample_times(item), item(sample_times(item))) for item in flown]
     times = np.linspace(0.0, plan.end, frames)
     visited = np.full(len(model.nodes), np.inf)
     faces = [kit.DARK] * len(model.nodes)
@@ -376,6 +313,9 @@ def animate_mission(
     kit.dots(axes, model.depot[None] * scale, "s", "white", **depot)
     body: dict[str, Any] = {"edgecolors": kit.BLACK, "lw": 0.8, "zorder": 8, "gid": "robot"}
     bodies = kit.draw_circles(axes, np.empty((0, 2)), [], facecolors=looks, **body)
+    keys += _draw_moving(axes, model, scale, discs=False)
+    body |= {"gid": "moving obstacle", "zorder": 7}
+    movers = kit.draw_circles(axes, np.empty((0, 2)), [], facecolors=_MOVING, **body)
     # Smaller discs would be invisible.
     reach = max(model.radius * scale, 0.011 * float(np.ptp(axes.get_xlim())))
     keys += [kit.key("to visit", marker="o", mfc="white", mec=kit.BLACK, ms=5)]
@@ -388,6 +328,7 @@ def animate_mission(
             done = np.concatenate([curve[instants <= time], here[None]])
             way.set_data(*(done * scale).T if time >= item.times[0] else ([], []))
         bodies.set_paths(kit.circles(np.reshape(places, (-1, 2)) * scale, [reach] * len(places)))
+        movers.set_paths(kit.circles(*_moving_discs(model, time, scale)))
         # The tolerance absorbs rounding of frame times at a visit.
         met = visited <= time + 1e-9 * plan.end
         nodes.set_facecolor(np.where(met, faces, "white").tolist())

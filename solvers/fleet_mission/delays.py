@@ -16,7 +16,7 @@ __all__ = ["departures"]
 #: Number of departure steps per total flight time of all robots.
 TRIED = 200
 #: Maximum number of departures per robot, if moving obstacles stop late.
-LATER = 2000
+LATER = 60
 
 
 def departures(

@@ -10,7 +10,7 @@ from pictures import artists, heights, legend, panels, render, words
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import FleetMission
-from crosstrack.models.fleet_mission import MissionPlan
+from crosstrack.models.fleet_mission import MissionPlan, MovingObstacle
 from crosstrack.models.fleet_mission.plot import animate_mission
 from crosstrack.models.grid_path import trail
 
@@ -275,3 +275,25 @@ def test_the_mission_moves(three, tmp_path):
             animate_mission(model, plan, **options)
     with pytest.raises(InvalidData, match="routes"):
         animate_mission(mission(vehicles=1, nodes=[[9, 1]]), plan)
+
+
+def test_moving_obstacles_and_the_timeline_are_drawn(three):
+    """Discs have their true size, and the timeline shows distances from the depot."""
+    _, plan = three
+    cart = MovingObstacle(0.5, [0, 30], [[5, 0], [5, 10]])
+    model = mission(moving=[cart], objective="makespan")
+    figure = render(ct.plot(model, plan, parts=["map", "timeline"]))
+    assert f"makespan {plan.end:.6g} s" in figure.get_suptitle()
+    assert "moving obstacle at 0 s" in words(figure)
+    (disc,) = artists(chart_of(figure), "moving obstacle")[0].get_paths()
+    assert disc.get_extents().bounds == pytest.approx((4.5, -0.5, 1.0, 1.0), rel=1e-3)
+    (panel,) = (axes for axes in figure.axes if "depot" in axes.get_ylabel())
+    (drawn, *_) = (line for line in panel.lines if len(line.get_xdata()) > 100)
+    away = np.hypot(*(plan.trajectories[0](drawn.get_xdata()) - model.depot).T)
+    assert drawn.get_ydata() == pytest.approx(away)
+    film = animate_mission(model, plan, frames=4)
+    render(film._fig)
+    film._func(1)
+    (discs,) = artists(film._fig.axes[0], "moving obstacle")
+    box = discs.get_paths()[0].get_extents()
+    assert 0.5 * (box.min + box.max) == pytest.approx(cart(plan.end / 3), abs=1e-6)

@@ -44,6 +44,7 @@ def mission(kind: str, seed: int, robots: int | None = None) -> FleetMission:
     """
     draw = np.random.default_rng([seed, KINDS.index(kind)])
     count = int(draw.integers(2, 21)) if robots is None else robots
+    cell = 0.25 if kind == "door" else 0.5
     long = 20.0 + 4.0 * count * float(draw.uniform(0.8, 1.2))
     if kind == "crossing":
         side, street = float(draw.uniform(5.0, 8.0)), float(draw.uniform(2.4, 3.2))
@@ -53,7 +54,7 @@ def mission(kind: str, seed: int, robots: int | None = None) -> FleetMission:
         depot, first = [1.2, 1.2], 3.0
     else:
         wide = (
-            float(draw.uniform(2.0, 2.8)) if kind == "corridor" else float(draw.uniform(1.15, 1.5))
+            float(draw.uniform(2.0, 2.8)) if kind == "corridor" else float(draw.uniform(1.2, 1.5))
         )
         thick = (
             float(draw.uniform(4.0, 10.0)) if kind == "corridor" else float(draw.uniform(0.4, 1.0))
@@ -68,12 +69,12 @@ def mission(kind: str, seed: int, robots: int | None = None) -> FleetMission:
     while len(nodes) < count + int(count * draw.uniform(0.0, 0.5)):
         place = [float(draw.uniform(first, first + long)), float(draw.uniform(1.0, HIGH - 1.0))]
         try:
-            FleetMission(obstacles, (0, 0, first + long + 2, HIGH), [place], depot, 1, 0.5, RADIUS)
+            FleetMission(obstacles, (0, 0, first + long + 2, HIGH), [place], depot, 1, cell, RADIUS)
         except InvalidData:  # in a block or too near to one
             continue
         nodes.append(place)
     return FleetMission(
-        obstacles, (0, 0, first + long + 2, HIGH), nodes, depot, count, 0.5, RADIUS, objective="makespan",
+        obstacles, (0, 0, first + long + 2, HIGH), nodes, depot, count, cell, RADIUS, objective="makespan",
         name=f"{kind}-{seed}",
     )  # fmt: skip
 
