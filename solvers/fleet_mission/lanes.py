@@ -14,10 +14,10 @@ __all__ = ["kept_right"]
 
 Floats = NDArray[np.float64]
 
-#: Gap between two lanes as a multiple of the separation.
-GAP = 1.02
+#: Gap between two lanes as a multiple of the separation, with an allowance for the grid of time of the schedule.
+GAP = 1.06
 #: Widths of passages with two lanes as multiples of the separation.
-NARROW, WIDE = 1.1, 12.0
+NARROW, WIDE = 1.12, 12.0
 
 
 class _Box(NamedTuple):

@@ -10,8 +10,7 @@ the order are kept if the last robot returns earlier.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +103,8 @@ class _Grid:
     """Legs, places and moving obstacles on a grid of time."""
 
     def __init__(self, problem: FleetMission, courses: Sequence[Course], factor: float) -> None:
+        from scipy.spatial import cKDTree
+
         self.problem, self.courses, self.factor = problem, courses, factor
         self.robots = len(courses)
         #: Movers follow the robots: they have one leg and two places.
@@ -135,19 +136,13 @@ class _Grid:
             ]
             for k in range(len(problem.moving))
         }
+        self.trees: list[list[Any]] = [[cKDTree(part) for part in entry] for entry in self.samples]
         self._clashes: dict[tuple[int, ...], Steps] = {}
         self._passes: dict[tuple[int, ...], Steps] = {}
 
     def _sampled(self, curve: Trajectory) -> Floats:
         count = int(np.ceil(curve.duration / self.step * (1 - 1e-12)))
         return curve(curve.times[0] + np.minimum(self.step * np.arange(count + 1), curve.duration))
-
-    @cached_property
-    def trees(self) -> list[list[object]]:
-        """Nearest-neighbour trees of all samples."""
-        from scipy.spatial import cKDTree
-
-        return [[cKDTree(part) for part in entry] for entry in self.samples]
 
     def reach(self, one: int, other: int) -> float:
         """Return the distance of samples below which two robots may collide between samples, m."""
@@ -165,8 +160,7 @@ class _Grid:
         """Return the differences of departures, first minus second, at which two legs collide."""
         key = (one, leg, other, second)
         if key not in self._clashes:
-            first: object = self.trees[one][leg]
-            pairs = first.sparse_distance_matrix(  # type: ignore[attr-defined]
+            pairs = self.trees[one][leg].sparse_distance_matrix(
                 self.trees[other][second], self.reach(one, other), output_type="ndarray"
             )
             # Flags are faster than a sort of all differences.

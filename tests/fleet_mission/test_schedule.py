@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+from benchmarks.fleet_mission.cells import CellPlanner
 from benchmarks.fleet_mission.mapf import check
 from benchmarks.fleet_mission.shared_space import mission
 from fleet_mission.contacts import contacts, moving_contacts
@@ -16,7 +17,6 @@ from crosstrack.errors import InvalidData
 from crosstrack.models import FleetMission, Trajectory
 from crosstrack.models.fleet_mission import MovingObstacle
 from crosstrack.models.fleet_mission.curves import nearest
-from crosstrack.solvers.fleet_mission.cells import CellPlanner
 from crosstrack.solvers.fleet_mission.corridor import Corridor
 from crosstrack.solvers.fleet_mission.courses import whole_courses
 from crosstrack.solvers.fleet_mission.delays import departures

@@ -19,9 +19,8 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
 
+from benchmarks.fleet_mission.cells import CellPlanner  # noqa: E402
 from benchmarks.measured import ROOT, write  # noqa: E402
-
-from crosstrack.solvers.fleet_mission.cells import CellPlanner  # noqa: E402
 
 FOLDER = ROOT.parent / "shared" / "data" / "mapf"
 SECONDS, BATCH = 10.0, 5

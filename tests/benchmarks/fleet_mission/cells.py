@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
-from ...models.fields import Array, show
+from crosstrack.errors import InvalidData
+from crosstrack.models.fields import Array, show
 
 __all__ = ["CellPlanner"]
 
