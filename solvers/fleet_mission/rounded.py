@@ -38,11 +38,11 @@ Ints = NDArray[np.int64]
 DEGREE = 7
 #: Share of a cell up to which a knot is on a straight leg.
 STRAIGHT = 1e-9
+#: Smallest turn at which a robot with stops has to stop, rad.
+SLIGHT = 1e-3
 #: Shapes of corners: speed at the start, relative to the mean speed from there to the knot, and deceleration
 #: there, in units of the reach per squared time. With 2 and 2, the robot brakes uniformly to a stop.
-RATIOS, PULLS = np.stack(np.meshgrid(np.linspace(1.0, 2.0, 11), np.linspace(0.0, 2.0, 6))).reshape(
-    2, -1
-)
+RATIOS, PULLS = np.tile(np.linspace(1.0, 2.0, 11), 6), np.repeat(np.linspace(0.0, 2.0, 6), 11)
 #: Samples per piece of a corner (odd, for Simpson's rule), and factor on sampled peaks.
 SAMPLES, PEAK = 65, 1.0 + 1e-3
 #: Speeds per corner, and the factors between neighbouring ones in consecutive passes.
@@ -52,10 +52,8 @@ GENTLE = 0.1
 #: Durations of ramps relative to the shortest acceleration phase of a leg. Shorter ramps are faster and
 #: have a larger jerk; the first one is used that needs at most `GAIN` times the time with stops.
 RAMPS, GAIN = (0.05, 0.02, 0.005, 0.001), 0.99
-#: Bisections of a speed or a time.
-BISECTIONS = 50
-#: Shares of a time or a length that are rounding errors.
-SHORT = 1e-10
+#: Bisections of a speed or a time, and shares of a time or a length that are rounding errors.
+BISECTIONS, SHORT = 50, 1e-10
 #: Longest flight in multiples of the shortest acceleration phase and of the shortest ramp.
 PHASES = 1e7
 
@@ -74,10 +72,16 @@ class Legs(NamedTuple):
     push: Floats
 
     def stopping(self) -> float:
-        """Return the time of a robot that stops at every corner, without continuous acceleration, s."""
-        ramps = np.minimum(self.length, self.speed**2 / self.push)
-        cruise = (self.length - ramps) / self.speed
-        return float((2.0 * np.sqrt(ramps / self.push) + cruise).sum())
+        """Return the time of a robot that stops at every corner and whose acceleration may jump, s."""
+        sharp = np.hypot(*np.diff(self.direction, axis=0).T) > SLIGHT
+        first = np.flatnonzero(np.append(True, sharp))
+        length, speed, push = (
+            np.add.reduceat(self.length, first),
+            self.speed[first],
+            self.push[first],
+        )
+        ramps = np.minimum(length, speed**2 / push)
+        return float((2.0 * np.sqrt(ramps / push) + (length - ramps) / speed).sum())
 
 
 def legs_of(problem: FleetMission, way: Corridor) -> Legs:
@@ -128,65 +132,56 @@ def _shapes() -> tuple[Floats, Floats]:
     return shapes[0], shapes[1]
 
 
-def _halves(legs: Legs, first: Floats, second: Floats) -> tuple[Floats, Floats]:
+def _halves(legs: Legs, first: Floats, second: Floats) -> Floats:
     """Return both halves of corners with reach 1 m, the second one in reverse order of time.
 
-    `first` and `second` are along and across the bisector. They have the corners, or 1, along the first axis;
-    the result has one more axis for x and y.
+    `first` and `second` are along and across the bisector, the same for all corners or with one row per corner;
+    the result has the shape (2, corners, …, 2).
     """
-    before, after = legs.direction[:-1], legs.direction[1:]
-    shape = (-1, *[1] * (first.ndim - 1), 2)
-    along = 0.5 * (before + after).reshape(shape) * first[..., None]
-    across = 0.5 * (after - before).reshape(shape) * second[..., None]
-    return along + across, across - along
+    before, after = legs.direction[:-1, None], legs.direction[1:, None]
+    along = 0.5 * (before + after) * first[..., None]
+    across = 0.5 * (after - before) * second[..., None]
+    return np.stack([across + along, across - along])
 
 
-def _limits_of_corners(
-    problem: FleetMission, way: Corridor, legs: Legs, detour: float
-) -> tuple[Floats, Floats, Floats]:
-    """Return limits of each corner and shape, all of shape (corners, ratios).
+def _limits_of_corners(problem: FleetMission, way: Corridor, legs: Legs, detour: float) -> Floats:
+    """Return limits of each corner and shape, shape (3, corners, shapes).
 
     The largest reach within half of both legs, up to the next stop on a leg, within the boxes beside the knot
     and the allowed additional length (m), the largest speed at the start (m/s), and the least reach per
     squared speed at the start (s²/m).
     """
-    shapes = _shapes()
-    steps = np.linspace(0.0, 1.0, SAMPLES)
-
-    def sampled(order: int) -> tuple[Floats, Floats]:
-        powers = np.vander(steps, DEGREE + 1 - order, increasing=True)
-        x, y = (derived(shape, order) @ powers.T for shape in shapes)
-        return _halves(legs, x[None], y[None])
-
-    velocity, acceleration = sampled(1), sampled(2)
-    speeds = np.hypot(velocity[0][..., 0], velocity[0][..., 1])
-    longer = 2.0 * (simpson(speeds, x=steps) - 1.0)
+    knots = legs.knots[1:-1]
     most = 0.5 * np.minimum(legs.length[:-1], legs.length[1:])
-    for k, knot in enumerate(legs.knots[1:-1]):
+    for k, knot in enumerate(knots):
         on_legs = (way.stops > legs.knots[k]) & (way.stops < legs.knots[k + 2])
         gaps = np.hypot(*(way.knots[way.stops[on_legs]] - way.knots[knot]).T)
         most[k] = min(most[k], *gaps[gaps > STRAIGHT * problem.cell], np.inf)
     allowed = 0.5 * detour * (legs.length[:-1] + legs.length[1:])
-    reach = np.minimum(most[:, None], allowed[:, None] / np.maximum(longer, 1e-9))
-    control = bernstein_matrix(DEGREE).T
-    hulls = _halves(legs, (shapes[0] @ control)[None], (shapes[1] @ control)[None])
-    knots = legs.knots[1:-1]
-    for hull, box in zip(hulls, (knots - 1, knots), strict=True):
-        for bound, sign in ((way.lower, -1.0), (way.upper, 1.0)):
-            room = np.abs(bound[box] - way.knots[knots])[:, None, None]
-            share = room / np.maximum(sign * hull, 1e-300)
-            share[sign * hull <= 1e-9] = np.inf
-            reach = np.minimum(reach, share.min(axis=(2, 3)))
-    peaks = (PEAK * np.abs(both).max(axis=(0, 3)) for both in (velocity, acceleration))
-    limits = (problem.velocity_limit, problem.acceleration_limit)
-    share, bend = ((peak / limit).max(axis=2) for peak, limit in zip(peaks, limits, strict=True))
-    weak = np.minimum(legs.push[:-1], legs.push[1:])[:, None]
-    return reach, RATIOS / share, np.maximum(bend, PULLS / weak) / RATIOS**2
+    weak = np.minimum(legs.push[:-1], legs.push[1:])
+    steps, control = np.linspace(0.0, 1.0, SAMPLES), bernstein_matrix(DEGREE)
+    powers = [np.vander(steps, DEGREE + 1 - order, increasing=True) for order in range(3)]
+    limits = []
+    for ratio, pull, x, y in zip(RATIOS, PULLS, *_shapes(), strict=True):
+        velocity, acceleration = (
+            np.abs(_halves(legs, *(powers[k] @ derived(one[None], k)[0] for one in (x, y))))
+            for k in (1, 2)
+        )
+        longer = 2.0 * (simpson(np.hypot(*np.moveaxis(velocity[0], 2, 0)), x=steps) - 1.0)
+        reach = np.minimum(most, allowed / np.maximum(longer, 1e-9))
+        hulls = _halves(legs, control @ x, control @ y)
+        for hull, box in zip(hulls, (knots - 1, knots), strict=True):
+            above, below = (bound[box] - way.knots[knots] for bound in (way.upper, way.lower))
+            share = np.abs(np.where(hull > 0.0, above[:, None], below[:, None]) / hull)
+            share[np.abs(hull) <= 1e-9] = np.inf
+            reach = np.minimum(reach, share.min(axis=(1, 2)))
+        slowest = PEAK * (velocity.max(axis=(0, 2)) / problem.velocity_limit).max(axis=1)
+        bend = PEAK * (acceleration.max(axis=(0, 2)) / problem.acceleration_limit).max(axis=1)
+        limits.append((reach, ratio / slowest, np.maximum(bend, pull / weak) / ratio**2))
+    return np.array(limits).transpose(1, 2, 0)
 
 
-def _ways(
-    legs: Legs, limits: tuple[Floats, Floats, Floats], around: Floats | None, factor: float
-) -> Floats:
+def _ways(legs: Legs, limits: Floats, around: Floats | None, factor: float) -> Floats:
     """Return ways to pass each corner: a stop, and speeds near `around` or below the largest speed.
 
     The result, shape (5, corners, ways), contains the speed at start and end (m/s), the reach from there to
@@ -313,7 +308,7 @@ def _pieces(legs: Legs, places: Floats, corners: Floats, ramp: Floats) -> tuple[
         along = along + terms.sum(axis=1)
         rate = rate + 0.5 * (start + end) * seconds
     shapes = (shape[corners[4].astype(int)] for shape in _shapes())
-    halves = corners[1, :, None, None] * np.array(_halves(legs, *shapes))
+    halves = corners[1, :, None, None] * _halves(legs, *shapes)
     halves[1] = (power_matrix(DEGREE) @ bernstein_matrix(DEGREE)[::-1]) @ halves[1]  # reverses time
     halves[:, :, 0] += places[1:-1]
     pieces[:-1, 7:] = np.moveaxis(halves, 0, 1)

@@ -33,7 +33,10 @@ def test_a_mission_without_time_for_paths_and_curves_has_a_plan(monkeypatch):
 
     monkeypatch.setattr(stages.Stages, "path", out_of_time)
     monkeypatch.setattr(flight, "programmed", out_of_time)
-    solution = ct.solve(ct.load("fleet-mission/pocket"), "staged", time_limit=60)
+    solution = ct.solve(
+        ct.load("fleet-mission/pocket"), "staged", time_limit=60,
+        backend_options={"trajectories": "interior-point"},
+    )  # fmt: skip
     assert solution.plan is not None and solution.verification.ok
     assert solution.statistics["robots that rest at knots"] == len(solution.plan.routes)
 
