@@ -40,12 +40,12 @@ if TYPE_CHECKING:
         MissionPlan as MissionPlan,
         lengths_of as lengths_of,
     )
-    from .formulation import Formulation as Formulation
     from .flight import (
         Flight as Flight,
         FlightPlan as FlightPlan,
         VoxelMap as VoxelMap,
     )
+    from .formulation import Formulation as Formulation
     from .grid_path import (
         Connectivity as Connectivity,
         GridMap as GridMap,

@@ -211,8 +211,8 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         return iter(())
 
     @property
-    def is_last_resort(self) -> bool:
-        """Whether the optimum is restricted so that a plan verifies; tried only if no plan verified."""
+    def is_restricted(self) -> bool:
+        """Whether the plans are restricted so that one verifies; the program starts at the best plan."""
         return False
 
     @property

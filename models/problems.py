@@ -66,7 +66,15 @@ log = logging.getLogger("crosstrack")
 
 #: Problems of crosstrack, as names of their folders.
 PROBLEMS = (
-    *("attractor", "black_box", "error_correction", "fleet", "fleet_mission", "flight", "grid_path"),
+    *(
+        "attractor",
+        "black_box",
+        "error_correction",
+        "fleet",
+        "fleet_mission",
+        "flight",
+        "grid_path",
+    ),
     *("guided_path", "messenger", "minimum_snap", "optimal_control", "resource_routing"),
     *("satellite_slew", "sideslip", "unknown_grid"),
 )

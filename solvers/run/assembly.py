@@ -6,7 +6,7 @@ import logging
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -153,6 +153,12 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
     bad = claim.undecodable or bool(contradiction)
     bad |= plan is not None and (verification is None or not verification.ok)
+    if bad and not claim.undecodable and _has_verified_warm_start(job, witness):
+        # The run must not lose a plan that it was given.
+        messages.append("the plan is the warm start, because that of the run is rejected")
+        plan, rejected, dual, bad = _read_only(job.warm_start), None, None, False
+        verification = model.verify(plan, tolerance=job.verification_tolerance)
+        termination, claim = Termination.FEASIBLE, replace(claim, duals=None)
     if bad:
         plan = None
         if backend.guarantee is Guarantee.RELAXATION:
@@ -247,14 +253,16 @@ def _error_left(verification: Verification, tolerance: float) -> str:
 
 def _returns_warm_start(job: Job, claim: Claim, witness: Any) -> bool:
     """Return True if the run found no plan and its warm start is a verified one."""
-    backend = find_backend(job.backend, job.model)
+    is_empty = claim.termination in (Termination.NO_SOLUTION, Termination.FAILED)
+    return is_empty and not claim.undecodable and _has_verified_warm_start(job, witness)
+
+
+def _has_verified_warm_start(job: Job, witness: Any) -> bool:
+    """Return True if the job has a warm start that verifies; it may be infeasible."""
     return (
         job.warm_start is not None
         and witness is None  # the witness did not answer questions about the warm start
-        and not claim.undecodable
-        and claim.termination in (Termination.NO_SOLUTION, Termination.FAILED)
-        and backend.guarantee is not Guarantee.RELAXATION
-        # A warm start may be infeasible.
+        and find_backend(job.backend, job.model).guarantee is not Guarantee.RELAXATION
         and job.model.verify(job.warm_start, tolerance=job.verification_tolerance).ok
     )
 

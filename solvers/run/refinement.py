@@ -21,9 +21,17 @@ from ..contract.backend import Answer, Request
 from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Feature, Limit, Termination
 from ..contract.job import Target
 from .confirmation import confirm
-from .rescue import Work, explodes, has_ladder, limit_first, rescue
+from .rescue import (
+    LEAST_FIRST,
+    RESTRICTED_ITERATIONS,
+    Work,
+    explodes,
+    has_ladder,
+    limit_first,
+    rescue,
+)
 from .running import Run, proven_bound
-from .starts import SECOND, look_again
+from .starts import SECOND, look_again, with_iterations
 
 __all__ = ["refine"]
 
@@ -110,9 +118,11 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
 
     def approximate(program: Any, stage_request: Request) -> tuple[Answer, Any]:
         assert run.target.formulation is not None
-        least = work.begin_stage(run.target.formulation.is_last_resort)
+        work.begin_stage(run.target.formulation.is_restricted)
         limited = limit_first(run, stage_request, is_uniform=True)
-        answer = attend(program, work.limit(program, limited, least))
+        if run.target.formulation.is_restricted:
+            limited = with_iterations(limited, RESTRICTED_ITERATIONS)
+        answer = attend(program, work.limit(program, limited, LEAST_FIRST))
         return _approximate(run, program, request, answer, attend, left, work)
 
     work.begin_stage()
@@ -227,7 +237,8 @@ def _approximate(
             finer = confirmation.finer
             settled = finer is None and not failure
         run.history = [dict(row) for row in formulation.history]
-        if finer is not None and has_ladder(run.job) and explodes(run.history):
+        may_explode = has_ladder(run.job) and not formulation.is_restricted
+        if finer is not None and may_explode and explodes(run.history):
             run.history[-1]["then"] = "given up: neither error nor objective converges"
             break
         if finer is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi
 import numpy as np
 import pytest
 from control_declared import rest_to_rest
@@ -66,12 +67,13 @@ def test_meshes_grow_until_one_is_feasible(attended, ending):
         "iterations": Answer(Termination.NO_SOLUTION, Limit.ITERATIONS),
         "failed": Answer(Termination.FAILED, message="made to fail"),
     }[ending]
-    attended.fake = lambda run, program, request: answer if len(attended.calls) <= 3 else None
+    attended.fake = lambda run, program, request: answer if len(attended.calls) <= 4 else None
     found = ct.solve(rest_to_rest().ocp)
     assert found.termination == "locally_optimal", found.message
     assert found.limit is None
     assert found.statistics["stages"].endswith("radau 60x3: locally optimal")
-    assert attended.calls[:4] == [("gauss", 8), ("radau", 20), ("radau", 20), ("radau", 60)]
+    meshes = [("gauss", 8), ("radau", 20), ("radau", 40), ("radau", 20), ("radau", 60)]
+    assert attended.calls[:5] == meshes
 
 
 @pytest.mark.parametrize(("given", "expected"), [(None, "monotone"), ("adaptive", "adaptive")])
@@ -107,7 +109,7 @@ def test_stages_start_at_the_guess_after_a_drawn_start(attended, monkeypatch):
 
 
 def test_later_stages_vary_scheme_mesh_and_start(attended):
-    attended.fake = lambda run, program, request: INFEASIBLE if len(attended.calls) <= 2 else None
+    attended.fake = lambda run, program, request: INFEASIBLE if len(attended.calls) <= 3 else None
     found = ct.solve(rest_to_rest().ocp)
     assert found.termination == "locally_optimal"
     assert found.statistics["stages"].endswith("radau 20x3, seed 1: locally optimal")
@@ -234,6 +236,7 @@ def test_an_error_that_stalls_on_meshes_of_equal_size_is_an_explosion():
 def test_the_work_of_a_stage_is_limited(attended, monkeypatch):
     monkeypatch.setattr(rescue, "WORK", 0)
     monkeypatch.setattr(rescue, "SHARE", 0)
+    monkeypatch.setattr(rescue, "RESTRICTED", 0)
     limits = []
     attended.fake = lambda run, program, request: limits.append(request.options["max_iter"])
     found = ct.solve(ct.load("optimal-control/bryson-denham"))
@@ -241,17 +244,125 @@ def test_the_work_of_a_stage_is_limited(attended, monkeypatch):
     assert min(limits[1:]) == rescue.LEAST_FIRST
 
 
-def test_constant_controls_give_a_verified_plan_if_no_other_stage_does(attended, monkeypatch):
+def only_linear_controls(run, program, request):
+    return None if run.target.formulation.is_restricted else INFEASIBLE
+
+
+def test_linear_controls_settle_a_problem_if_no_other_stage_does(attended):
+    attended.fake = only_linear_controls
+    found = ct.solve(rest_to_rest().ocp)
+    assert found.verified and found.termination == "locally_optimal"
+    assert found.statistics["stages"].endswith("radau 40x5, linear controls: locally optimal")
+    assert found.primal_bound == pytest.approx(value_of(rest_to_rest()), rel=1e-6)
+    for nodes, values in zip(
+        found.plan.phases[0].controls.nodes, found.plan.phases[0].controls.values, strict=True
+    ):
+        assert np.abs(np.polynomial.legendre.legfit(nodes, values, 4)[2:]).max() <= 1e-6
+
+
+def test_linear_controls_resolve_jumps_by_cuts_near_them(attended):
+    ocp = OptimalControlProblem("bang-bang")
+    phase = ocp.phase(time=(0, (0.1, 9)))
+    x, v = phase.state("x", initial=0, final=1.3), phase.state("v", initial=0, final=0)
+    u = phase.control("u", lower=-2, upper=1)
+    phase.dynamics({x: v, v: u})
+    ocp.minimise(phase.end)
+    attended.fake = only_linear_controls
+    found = ct.solve(ocp)
+    # The switch is at 2/3 of the time, inside an interval. The barrier at 200 nodes costs 1e-6.
+    assert found.verified and found.primal_bound == pytest.approx(3.9**0.5, rel=3e-6)
+    assert found.history[-1]["intervals"] <= 80  # intervals at the bounds are not halved
+
+
+def test_controls_that_are_not_unique_end_with_a_verified_plan(attended):
+    """The speed is constant, so every feasible heading is optimal, and interior points chatter."""
+    ocp = OptimalControlProblem("discs")
+    phase = ocp.phase(time=(0, 1))
+    x, y = phase.state("x", initial=0, final=1.2), phase.state("y", initial=0, final=1.6)
+    heading = phase.control("heading")
+    u, v = 2.138 * casadi.cos(heading), 2.138 * casadi.sin(heading)
+    phase.dynamics({x: u, y: v})
+    phase.path((x - 0.4) ** 2 + (y - 0.5) ** 2, lower=0.1)
+    phase.path((x - 0.8) ** 2 + (y - 1.5) ** 2, lower=0.1)
+    ocp.minimise(phase.integral(u**2 + v**2))
+    attended.fake = only_linear_controls
+    found = ct.solve(ocp)
+    assert found.verified and found.termination == "locally_optimal"
+    assert found.primal_bound == pytest.approx(2.138**2, rel=1e-9)
+
+
+def test_linear_controls_start_at_the_guess_and_then_at_the_best_plan(attended, monkeypatch):
+    starts_of, guess = [], rest_to_rest().ocp.formulate("radau", intervals=40, degree=5)
+
     def fake(run, program, request):
-        return None if run.target.formulation.is_last_resort else INFEASIBLE
+        if run.target.formulation.is_restricted:
+            starts_of.append(program.guess)
+            return INFEASIBLE
+        return INFEASIBLE if is_gauss(run) or len(attended.calls) > 2 else None
+
+    monkeypatch.setattr("crosstrack.solvers.run.refinement.explodes", lambda rows: True)
+    monkeypatch.setattr(rescue, "_grade", lambda run, answer: rescued(answer))
+    attended.fake = fake
+    ct.solve(rest_to_rest().ocp)
+    assert len(starts_of) == 2  # a third search from the same plan would repeat the second
+    assert np.array_equal(starts_of[0], guess.program.guess)
+    assert not np.allclose(starts_of[1], starts_of[0])
+
+
+def rescued(answer):
+    """Grade every plan as rejected."""
+    return (rescue._NOTHING, 0.0) if answer.point is None else (rescue._REJECTED, 2.0)
+
+
+@pytest.mark.parametrize(("change", "expected"), [(None, False), (1e-7, True), (1e-3, False)])
+def test_no_stage_follows_a_verified_plan_whose_objective_hardly_changes(change, expected):
+    verified, rejected = (
+        rescue._Stage(None, None, INFEASIBLE, [{"change": change}], (kind, 1.0))
+        for kind in (rescue._VERIFIED, rescue._REJECTED)
+    )
+    assert verified.is_close is expected and not rejected.is_close
+
+
+def test_lines_are_fitted_to_a_chattering_control():
+    ocp = rest_to_rest().ocp.build()
+    t = np.linspace(0, 1, 401)
+    u = 3.0 + t + np.where(np.arange(401) % 2, 1.0, -1.0)
+    plan = ocp.as_plan({"time": t, "x": t, "v": 0 * t, "u": u})
+    restricted = next(
+        other for _, other in ocp.formulate("gauss").alternatives() if other.is_restricted
+    )
+    (layout,) = restricted.layout.phases
+    values = restricted.encode(plan)[layout.control_columns][0]
+    assert np.abs(values - 3.0 - layout.visit_places[0]).max() < 0.7
+    assert np.abs(plan.phases[0].controls(layout.visit_places[0])[:, 0] - values).max() > 0.9
+
+
+def test_objectives_that_vanish_in_both_schemes_agree():
+    ocp = OptimalControlProblem("vanishing at a bound")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", initial=0), phase.control("u", upper=1)
+    phase.dynamics({x: u})
+    ocp.minimise(phase.integral((u - 1) ** 2))
+    found = ct.solve(ocp)
+    assert found.termination == "locally_optimal" and found.statistics["confirmed_by"] == "radau"
+    assert found.primal_bound == pytest.approx(0, abs=1e-8)
+
+
+def test_a_verified_warm_start_is_not_lost_if_the_run_ends_rejected(attended):
+    ocp = rest_to_rest().ocp
+    first = ct.solve(ocp)
+
+    def fake(run, program, request):
+        point = program.guess * 1.01
+        return Answer(Termination.LOCALLY_OPTIMAL, point=point, primal_bound=0.0)
 
     attended.fake = fake
-    found = ct.solve(rest_to_rest().ocp)
-    assert found.verified and found.termination == "feasible"
-    assert found.statistics["stages"].endswith("radau 60x5, constant controls: feasible")
-    assert "constant per interval" in found.message
-    for values in found.plan.phases[0].controls.values:
-        assert np.ptp(values, axis=0).max() <= 1e-6
+    lost = ct.solve(ocp, formulation="gauss", formulation_options={"rounds": 1})
+    assert lost.termination == "rejected" and lost.plan is None
+    kept = ct.solve(ocp, warm_start=first, formulation_options={"rounds": 1})
+    assert kept.termination == "feasible" and kept.verified
+    assert kept.primal_bound == pytest.approx(first.primal_bound, rel=1e-9)
+    assert "the plan is the warm start" in kept.message
 
 
 def test_a_convex_problem_is_not_restarted(attended):

@@ -119,9 +119,14 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
     def __post_init__(self) -> None:
         model = self.model
         if model.vehicle is None and not model.gates:
-            raise UnsupportedFormulation("the model has no vehicle or gates: take another formulation")
+            raise UnsupportedFormulation(
+                "the model has no vehicle or gates: take another formulation"
+            )
         plain = replace(model, vehicle=None, yaw=None, gates=())
-        local = not (model.periodic or model.fixes_order or model.gates) and model.continuity < model.order
+        local = (
+            not (model.periodic or model.fixes_order or model.gates)
+            and model.continuity < model.order
+        )
         # Only the columns of hermite keep a standstill, at which the direction of the path is a limit.
         kind = HermiteFormulation if local else LegendreFormulation
         first = kind(plain, samples=self.samples)
@@ -190,7 +195,10 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
         gates = gate_rows(self.model, self.base, quadratic.matrix.shape[0])
         matrix = sp.vstack([matrix, gates.matrix @ self._map[0]])
         constant = gates.matrix @ self._map[1]
-        cone_rows, slack = gates.cone_matrix @ self._map[0], sp.csr_array((len(gates.cone_offset), 1))
+        cone_rows, slack = (
+            gates.cone_matrix @ self._map[0],
+            sp.csr_array((len(gates.cone_offset), 1)),
+        )
         parts = [sp.hstack([cone_rows, slack]) if around else cone_rows] if self.model.gates else []
         offsets = [(gates.cone_offset + gates.cone_matrix @ self._map[1]) / self.unit]
         blocks, at = list(gates.cones), len(gates.cone_offset)

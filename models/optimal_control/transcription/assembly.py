@@ -177,12 +177,13 @@ class Assembly:
         self.free_lengths = [
             phase for phase in layout.phases if phase.phase.start_upper >= phase.phase.end_lower
         ]
+        self.edges = [phase.edge_rows(layout.size) for phase in layout.phases]
         self.calm = [phase.calm_rows(layout.size) for phase in layout.phases]
         self.row_count = (
             self.row_starts[-1]
             + self.boundaries
             + len(self.free_lengths)
-            + sum(rows.shape[0] for rows in self.calm)
+            + sum(rows.shape[0] for rows in (*self.edges, *self.calm))
         )
 
     # -- structure -------------------------------------------------------------------------------
@@ -201,10 +202,10 @@ class Assembly:
         for phase in self.free_lengths:
             linear.add(row, phase.time_columns, [-1.0, 1.0])
             row += 1
-        for calm in self.calm:
-            coo = calm.tocoo()
+        for rows in (*self.edges, *self.calm):
+            coo = rows.tocoo()
             linear.add(row + coo.row, coo.col, coo.data)
-            row += calm.shape[0]
+            row += rows.shape[0]
         return self._matrix(linear, layout.size), tuple(parts)
 
     def _matrix(self, entries: Triplets, columns: int) -> casadi.DM:
@@ -368,6 +369,11 @@ class Assembly:
         for layout in self.free_lengths:
             longest = layout.phase.end_upper - layout.phase.start_lower
             parts.append((SHORTEST * longest, np.inf, np.array([longest])))
+        for layout, sizes, rows in zip(
+            self.layout.phases, self.sizes.phases, self.edges, strict=True
+        ):
+            values = (*layout.phase.bounds("controls"), sizes.controls)
+            parts.append(tuple(np.resize(v[layout.bounded], rows.shape[0]) for v in values))  # type: ignore[arg-type]
         for sizes, rows in zip(self.sizes.phases, self.calm, strict=True):
             # The rows are linear in the controls, so the size of the controls is a sufficient scale.
             size = sizes.controls.max(initial=0.0) or 1.0
@@ -394,8 +400,9 @@ class Assembly:
             name, unit = f"time goes forward{layout.suffix(several)}", layout.phase.time_unit
             blocks.append(Block(name, "", 0, 1, unit=unit))
         blocks += [
-            Block(f"calm controls{layout.suffix(several)}", "", 0, rows.shape[0])
-            for layout, rows in zip(self.layout.phases, self.calm, strict=True)
+            Block(f"{name}{layout.suffix(several)}", "", 0, rows.shape[0])
+            for name, parts in (("ends of controls", self.edges), ("calm controls", self.calm))
+            for layout, rows in zip(self.layout.phases, parts, strict=True)
             if rows.shape[0]
         ]
         return tuple(stack_blocks(0, blocks))

@@ -26,7 +26,7 @@ from .assembly import Assembly
 from .columns import guessed_columns, interpolate, sample
 from .dependence import dependences, drop_dependent
 from .layout import Layout, layout_of
-from .mesh import DEGREE, STEPS, UNIFORM, Mesh, even, mesh_of, read_meshes
+from .mesh import DEGREE, LINEAR, UNIFORM, Mesh, even, mesh_of, read_meshes
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
 from .starts import coarse_mesh, draw_flight, draw_start
@@ -38,6 +38,9 @@ Whole = NDArray[np.int64]
 
 #: Largest relative difference between the objectives of two schemes that agree, in tolerances.
 AGREED = 10.0
+#: Largest objective of two schemes that vanishes in both, in tolerances of its variation. The barrier leaves
+#: (u - 1)^2 at u <= 1 with an integral of 16 of them by Radau, and of 1e-4 by Gauss.
+ZERO = 30.0
 #: Largest number of interior instants that are knots of the first mesh, per interval of it.
 MOST_KNOTS = 4
 #: Largest ratio of the residuals of an implied equation on a finer and on a coarser mesh.
@@ -235,7 +238,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             finding = next_meshes(
                 self.problem, plan, self._meshes, self.rules, tolerance,
                 (objective, self.sizes.objective), self._history,
-                self.layout.strains(self.sizes, duals), self._verifies,
+                self.layout.strains(self.sizes, duals, point), self._verifies,
             )  # fmt: skip
         finding = finding.limited(rounds, self.rounds, self.most_nodes)
         row = {
@@ -295,7 +298,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         """
         current = float(self.program.objective(point))  # type: ignore[attr-defined]
         difference = relative_change(self.sizes.objective, current, objective)
-        if difference <= AGREED * tolerance:
+        largest = max(abs(current), abs(objective))
+        if difference <= AGREED * tolerance or largest <= ZERO * tolerance * self.sizes.variation:
             return None
         assert self.confirmed_by is not None
         words = f"{self.confirmed_by.name} ends at {objective:.9g}: all intervals refined"
@@ -316,19 +320,21 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         scheme = self.confirmed_by
         if scheme is None or scheme.rules.fixed_degree is not None or not self.refine:
             return
-        for intervals, seed in UNIFORM:
+        linear = scheme(self.problem, *LINEAR, dependent=self.dependent)
+        meshes = tuple(Mesh(m.fractions, m.degrees, True, True) for m in linear._meshes)
+        label = f"{scheme.name} {LINEAR[0]}x{LINEAR[1]}, linear controls"
+        restricted = label, linear._with(_meshes=meshes, _start=self._start)
+        for place, (intervals, seed) in enumerate(UNIFORM):
             other = scheme(self.problem, intervals, DEGREE, dependent=self.dependent)
             other, label = other._with(_start=self._start), f"{scheme.name} {intervals}x{DEGREE}"
             yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
-        last = scheme(self.problem, *STEPS, dependent=self.dependent)
-        steps = tuple(Mesh(m.fractions, m.degrees, m.degrees > 0, True) for m in last._meshes)
-        label = f"{scheme.name} {STEPS[0]}x{STEPS[1]}, constant controls"
-        yield label, last._with(_meshes=steps, _start=self._start)
+            yield from () if place else (restricted, restricted)
+        yield restricted
 
     @property
-    def is_last_resort(self) -> bool:
-        """Whether the mesh restricts the controls so that a plan verifies, at the cost of the objective."""
-        return self._meshes[0].steps
+    def is_restricted(self) -> bool:
+        """Whether the controls are linear per interval, so that a plan verifies."""
+        return self._meshes[0].linear
 
     @property
     def settled(self) -> bool:

@@ -49,6 +49,8 @@ def sample(layout: Layout, plan: ControlPlan) -> Floats:
         ends = part.visit_ends[part.owners]
         times = np.clip(times - np.where(ends, LEFT * own.duration, 0.0), own.start, own.end)
         columns[part.control_columns] = own.controls(times).T
+        if part.mesh.linear:
+            part.fit_lines(columns, own)
         columns[part.time_columns] = own.start, own.end
     for item, places in entry_slices(layout.definition.parameters):
         columns[layout.parameter_columns[places]] = plan.parameters[item.name]

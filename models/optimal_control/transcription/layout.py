@@ -18,8 +18,10 @@ from ..algebraic import algebraic_entries
 from ..definition import Definition, Phase, entry_units
 from ..lagrange import interpolation
 from ..piecewise import Piecewise
+from ..plan import PhasePlan
 from ..sizes import Sizes
 from .mesh import Mesh
+from .report import BINDING
 from .schemes import Scheme
 
 __all__ = ["Layout", "PhaseLayout", "stack_blocks"]
@@ -29,6 +31,10 @@ Whole = NDArray[np.int64]
 
 #: Place of a row or column from its index: phase, interval and node.
 _PLACE = "in interval {1}, node {2}"
+
+
+#: Number of values of a control per interval that determine a line.
+FITTED = 20
 
 
 class PhaseLayout:
@@ -48,6 +54,8 @@ class PhaseLayout:
         self.nx, self.nu = len(phase.state_names), len(phase.control_names)
         #: Controls that may be kept calm: all but algebraic variables, which their equations determine.
         self.calmable = np.delete(np.arange(self.nu), algebraic_entries(phase.controls))
+        #: Controls with a finite bound.
+        self.bounded = np.flatnonzero(np.isfinite(phase.bounds("controls")).any(axis=0))
         #: Number of path expressions.
         self.paths = sum(path.size for path in phase.paths)
 
@@ -181,6 +189,48 @@ class PhaseLayout:
         r, c, value, _ = rows.joined()
         return sp.csr_array((value, (r, c)), shape=(count, size))
 
+    def edge_rows(self, size: int) -> sp.csr_array:
+        """Return the rows with the values of linear controls at ends of intervals that are not collocated.
+
+        Between bounds at the nodes alone, a steep line exceeds them at the ends of its interval.
+        """
+        rows, count = Triplets(), 0
+        for k, scheme in enumerate(self.schemes):
+            first, last = nodes = scheme.control_points[[0, -1]]
+            for end in (-1.0, 1.0) if self.mesh.linear and first < last else ():
+                share = (end - first) / (last - first)
+                for column in self.control_columns[self.bounded] if end not in nodes else ():
+                    at = column[self.visit_control[self.visit_starts[[k, k + 1]] - [0, 1]]]
+                    rows.add(count, at, [1.0 - share, share])
+                    count += 1
+        r, c, value, _ = rows.joined()
+        return sp.csr_array((value, (r, c)), shape=(count, size))
+
+    def fit_lines(self, columns: Floats, part: PhasePlan) -> None:
+        """Replace the controls in `columns` by the lines that fit those of a plan best, per interval.
+
+        Node values of a chattering control are no start of a program with linear controls.
+        """
+        places = np.linspace(-1.0, 1.0, FITTED + 2)[1:-1]
+        fit, ends = np.linalg.pinv(legendre.legvander(places, 1)), self.mesh.fractions
+        for k, scheme in enumerate(self.schemes):
+            middle, half = 0.5 * (ends[k] + ends[k + 1]), 0.5 * (ends[k + 1] - ends[k])
+            lines = fit @ part.controls(part.start + (middle + half * places) * part.duration)
+            values = legendre.legvander(scheme.control_points, 1) @ lines[:, self.calmable]
+            visits = self.visit_control[self.visit_starts[k] : self.visit_starts[k + 1]]
+            columns[self.control_columns[self.calmable[:, None], visits]] = values.T
+
+    def at_bounds(self, point: Floats, margin: Floats) -> NDArray[np.bool_]:
+        """Return which controls are at a bound in a whole interval, shape (intervals, calmable controls)."""
+        values = point[self.control_columns[self.calmable]][:, self.visit_control].T
+        sides = (side[self.calmable] for side in self.phase.bounds("controls"))
+        return np.logical_or.reduce(
+            [
+                np.logical_and.reduceat(np.abs(values - side) <= margin, self.visit_starts[:-1])
+                for side in sides
+            ]
+        )
+
     # -- names -----------------------------------------------------------------------------------
 
     def _at(self, points: Whole, interval: Whole) -> Whole:
@@ -268,7 +318,7 @@ def layout_of(
     contents = [
         array.tobytes() for mesh in meshes for array in (mesh.fractions, mesh.degrees, mesh.calm)
     ]
-    key = definition, scheme, *contents, *(mesh.steps for mesh in meshes)
+    key = definition, scheme, *contents, *(mesh.linear for mesh in meshes)
     layout = _recent.pop(key, None)
     if layout is None:
         layout = Layout(
@@ -316,7 +366,7 @@ class Layout:
         ]
         return np.concatenate(parts)
 
-    def strains(self, sizes: Sizes, duals: Floats | None) -> tuple[Floats, ...]:
+    def strains(self, sizes: Sizes, duals: Floats | None, point: Floats) -> tuple[Floats, ...]:
         """Return the possible gain of the objective, per interval, if its controls were not kept calm.
 
         On a singular arc the gain is not real; elsewhere, such as at a jump of a control, the calm rows
@@ -324,7 +374,7 @@ class Layout:
         of the optimal objective with respect to the right-hand side of its row. The gain is the sum of
         the multipliers' magnitudes times the size of the control, an upper bound for a convex program
         whose controls stay within that size; it is 0 without multipliers. Those of the calm rows are
-        the last of `duals`.
+        the last of `duals`. Linear controls that are at a bound in `point` have no gain.
         """
         if duals is None:
             return tuple(np.zeros(phase.mesh.intervals) for phase in self.phases)
@@ -334,7 +384,10 @@ class Layout:
         for part, size in zip(self.phases, sizes.phases, strict=True):
             rows = part.mesh.calm_rows
             calm = size.controls[part.calmable]
-            factors = np.concatenate([np.repeat(calm, n) for n in rows] + [np.zeros(0)])
+            if part.mesh.linear:
+                calm = calm * ~part.at_bounds(point, BINDING * calm)
+            calm = np.broadcast_to(calm, (rows.size, calm.shape[-1]))
+            factors = np.concatenate([np.repeat(c, n) for c, n in zip(calm, rows, strict=True)])
             shares = np.abs(duals[start : start + factors.size]) * factors
             start += factors.size
             interval = np.repeat(np.arange(rows.size), rows * part.calmable.size)

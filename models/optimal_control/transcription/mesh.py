@@ -13,7 +13,7 @@ from ....errors import UnsupportedOption
 from ...fields import frozen, show
 from ..plan import PhasePlan
 
-__all__ = ["DEGREE", "STEPS", "UNIFORM", "Mesh", "even"]
+__all__ = ["DEGREE", "LINEAR", "UNIFORM", "Mesh", "even"]
 
 Floats = NDArray[np.float64]
 
@@ -24,9 +24,9 @@ UNIFORM = ((20, 0), (20, 1), (60, 0), (40, 2), (120, 0))
 #: Their number of nodes per interval. Low degrees on many intervals converge on problems on which a few high
 #: polynomials oscillate.
 DEGREE = 3
-#: Intervals and nodes per interval of the last mesh, with constant controls per interval. Their motion is
-#: smooth, so the plan verifies even if optimal controls chatter or are singular.
-STEPS = 60, 5
+#: Intervals and nodes per interval of the mesh with linear controls per interval. Their motion is smooth, so
+#: the plan verifies even if optimal controls chatter, are singular or are not unique.
+LINEAR = 40, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +42,14 @@ class Mesh:
     calm : ndarray of bool, shape (intervals,), optional
         Intervals whose controls are polynomials of half the degree, which prevents chattering on a
         singular arc; none by default.
-    steps : bool
-        Whether controls are constant in calm intervals.
+    linear : bool
+        Whether controls are linear in calm intervals.
     """
 
     fractions: Floats
     degrees: NDArray[np.int64]
     calm: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((), bool))
-    steps: bool = False
+    linear: bool = False
 
     def __post_init__(self) -> None:
         fractions = np.asarray(self.fractions, float)
@@ -105,7 +105,7 @@ class Mesh:
         quiet = self.calm & ~chosen if calm is None else calm
         fractions = np.sort(np.concatenate([self.fractions, middle[chosen]]))
         degrees, quiet = np.repeat(self.degrees, parts), np.repeat(quiet, parts)
-        return Mesh(fractions, degrees, quiet, self.steps)
+        return Mesh(fractions, degrees, quiet, self.linear)
 
     def with_degree(self, degree: int) -> Mesh:
         """Return the mesh with `degree` nodes on every interval."""
@@ -114,7 +114,7 @@ class Mesh:
     @property
     def calm_rows(self) -> NDArray[np.int64]:
         """Number of Legendre coefficients of a control that vanish, per interval."""
-        least = 0 if self.steps else self.degrees // 2
+        least = 1 if self.linear else self.degrees // 2
         return np.where(self.calm, self.degrees - 1 - least, 0)
 
 

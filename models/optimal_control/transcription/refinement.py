@@ -24,7 +24,7 @@ from ..lagrange import interpolation
 from ..plan import ControlPlan, PhasePlan
 from ..sizes import PhaseSizes
 from .mesh import Mesh
-from .report import SHARE, Report, examine
+from .report import ALLOWED, SHARE, Report, examine
 from .schemes import gauss_points
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ Floats = NDArray[np.float64]
 
 #: Largest change of a converged objective from mesh to mesh, as a share of the tolerance.
 SETTLED = 0.1
-#: Largest relative change of the objective that ends the refinement of meshes with constant controls.
-COARSE = 1e-4
+#: Largest degree of the states on intervals with linear controls.
+MOST_LINEAR = 12
 #: Smallest decay of Legendre coefficients of a smooth interval, in decades per degree.
 SMOOTH = 0.5
 #: Share of the allowed error below which an interval may be merged.
@@ -165,20 +165,26 @@ def next_meshes(
     limit = SHARE * tolerance
     worst = max(float(report.worst.max()) for report in reports)
     change = np.inf if former is None else relative_change(size, objective, former.objective)
-    steps = meshes[0].steps
     is_accurate, converged = worst <= limit, change <= SETTLED * tolerance
-    verified = verifies(plan, tolerance) if steps or is_accurate else None
+    verified = verifies(plan, tolerance) if is_accurate else None
     if verified is None and converged and all(report.is_within(tolerance) for report in reports):
         verified = verifies(plan, tolerance) or None
     errors = tuple(report.worst for report in reports)
     finding = Finding(None, worst, "verified and settled", change, verified, errors)
-    if steps:
-        if verified and change <= COARSE:
-            return replace(
-                finding, words="the controls of the last stage are constant per interval"
-            )
-        halves = tuple(mesh.halved(np.ones(mesh.intervals, bool), mesh.calm) for mesh in meshes)
-        return replace(finding, meshes=halves, words="all intervals halved")
+    if meshes[0].linear:
+        strain = sum(float(strain_of.sum()) for strain_of in strains)
+        if verified and min(change, strain / size) <= SETTLED * tolerance:
+            return replace(finding, settled=True)
+        limit *= 0.1 if verified is False else 1.0
+        gainful = strain > SETTLED * tolerance * size
+        finer = [
+            _refine_linear(mesh, report, gain * gainful, limit)
+            for mesh, report, gain in zip(meshes, reports, strains, strict=True)
+        ]
+        words = (
+            f"linear controls may cost {strain:.2g}: the intervals with the largest share halved"
+        )
+        return replace(finding, meshes=tuple(finer), words=words)
     accepted = None if former is None else former.accepted
     if accepted is not None:
         if relative_change(size, objective, accepted) <= CONFIRMED * tolerance:
@@ -251,6 +257,19 @@ def _reexamine(
     return tuple(mesh.halved(rows) for mesh, rows in zip(meshes, chosen, strict=True)), words
 
 
+def _refine_linear(mesh: Mesh, report: Report, gains: Floats, limit: float) -> Mesh:
+    """Return a finer mesh with linear controls: halved at the largest gains, of higher degree at errors."""
+    ratio = np.clip(report.errors / limit, 1.0, 1e12)
+    # One degree more than a decade per degree needs, because another examination costs a mesh.
+    extra = np.minimum(np.ceil(np.log10(ratio)) + (ratio > 1.0), 5).astype(int)
+    degrees = mesh.degrees + extra
+    halved = (gains > 0) & (gains >= PROMISING * gains.max())
+    # Of a line, no degree of the states keeps a constraint between the nodes.
+    halved |= (degrees > MOST_LINEAR) | (report.violations * (SHARE / ALLOWED) > limit)
+    degrees = np.where(degrees > MOST_LINEAR, mesh.degrees, degrees)
+    return Mesh(mesh.fractions, degrees, mesh.calm, True).halved(halved, mesh.calm)
+
+
 def _promising(gains: Sequence[Floats], accuracy: float) -> list[NDArray[np.bool_]] | None:
     """Return the intervals with the largest gains; None if all gains together are too small."""
     if not sum(float(gain.sum()) for gain in gains) > PROMISED * accuracy:
@@ -263,7 +282,8 @@ def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     """Return meshes with two more nodes per interval, or twice the intervals if that is not allowed."""
     finer = []
     for mesh in meshes:
-        if rules.fixed_degree is None and (mesh.degrees + 2 <= rules.most_degree).all():
+        grows = rules.fixed_degree is None and not mesh.linear
+        if grows and (mesh.degrees + 2 <= rules.most_degree).all():
             finer.append(Mesh(mesh.fractions, mesh.degrees + 2, mesh.calm))
         elif rules.split:
             finer.append(mesh.halved(np.ones(mesh.intervals, bool), mesh.calm))

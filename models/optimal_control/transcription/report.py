@@ -25,7 +25,7 @@ from ..sampling import Course, course_of
 from ..sizes import PhaseSizes
 from .schemes import gauss_points, integration
 
-__all__ = ["ALLOWED", "SHARE", "Report", "examine"]
+__all__ = ["ALLOWED", "BINDING", "SHARE", "Report", "examine"]
 
 Floats = NDArray[np.float64]
 
