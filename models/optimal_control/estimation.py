@@ -161,12 +161,9 @@ def covariance(problem: Any, plan: ControlPlan, residuals: Any) -> Estimate:
     sizes = program.column_scale[places]
     variance = float(values @ values) / freedom
     return Estimate(
-        names=tuple(names[k] for k in chosen),
-        values=point[places],
-        covariance=variance * block * np.outer(sizes, sizes),
-        variance=variance,
-        freedom=freedom,
-    )
+        names=tuple(names[k] for k in chosen), values=point[places],
+        covariance=variance * block * np.outer(sizes, sizes), variance=variance, freedom=freedom,
+    )  # fmt: skip
 
 
 def _active(program: NonlinearProgram, point: Floats) -> tuple[Any, Any]:

@@ -219,13 +219,10 @@ def _minimum(
     row = int(np.argmax(excess))
     scale = float(np.abs(current).sum(axis=1).max())
     return MinimumReport(
-        phase=phase.name,
-        excess=float(excess[row]),
-        relative=float(excess[row]) / scale if scale > 0 else 0.0,
-        time=float(at.times[row]),
-        better=tuple(chosen[row].tolist()),
-        samples=samples,
-    )
+        phase=phase.name, excess=float(excess[row]),
+        relative=float(excess[row]) / scale if scale > 0 else 0.0, time=float(at.times[row]),
+        better=tuple(chosen[row].tolist()), samples=samples,
+    )  # fmt: skip
 
 
 def hamiltonian_gains(problem: Any, plan: ControlPlan) -> tuple[Floats | None, ...]:

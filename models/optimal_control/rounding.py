@@ -193,12 +193,9 @@ def round_controls(
     rounded = ControlPlan((PhasePlan(phase.name, states, controls, *names),), plan.parameters)
     objective = model.verify(plan, tolerance=tolerance).objective
     return RoundedPlan(
-        plan=model.attach(rounded),
-        verification=model.verify(rounded, tolerance=tolerance),
-        relaxed=np.nan if objective is None else objective,
-        deviation=deviation,
-        bound=bound,
-    )
+        plan=model.attach(rounded), verification=model.verify(rounded, tolerance=tolerance),
+        relaxed=np.nan if objective is None else objective, deviation=deviation, bound=bound,
+    )  # fmt: skip
 
 
 def _simulate(part: PhasePlan, controls: Piecewise) -> Piecewise:

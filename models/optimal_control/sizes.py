@@ -286,12 +286,9 @@ def _driving(slopes: Floats, sizes: Floats) -> Floats:
 
 
 def _at_ends(
-    definition: Definition,
-    ends: Floats,
-    p: Floats,
-    phases: tuple[PhaseSizes, ...],
+    definition: Definition, ends: Floats, p: Floats, phases: tuple[PhaseSizes, ...],
     parameters: Floats,
-) -> Sizes:
+) -> Sizes:  # fmt: skip
     """Return all sizes, with those of the boundary constraints and of the objective."""
     parts = []
     for item, phase in zip(phases, definition.phases, strict=True):

@@ -156,12 +156,9 @@ def _sample(model: SlewData, motion: SlewMotion, phase: PhasePlan) -> _Samples:
             x = solution.y[:, -1] if complete else None
             anew.append(solution.y.T)
     return _Samples(
-        np.concatenate(times),
-        np.concatenate(states),
-        np.concatenate(controls),
-        None if x is None else np.concatenate(anew)[:, :-1],
-        None if x is None else float(x[-1]),
-    )
+        np.concatenate(times), np.concatenate(states), np.concatenate(controls),
+        None if x is None else np.concatenate(anew)[:, :-1], None if x is None else float(x[-1]),
+    )  # fmt: skip
 
 
 def _motion(model: SlewData, samples: _Samples, tolerance: float) -> list[Check]:

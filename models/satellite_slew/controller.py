@@ -164,13 +164,10 @@ class Controller:
         push = (following[4:7] - current[4:7]) / long
         torque = tracking_torque(
             self.law.stiffness(self.frequency, model.inertia, float(error[0])),
-            2.0 * self.damping * self.frequency * model.inertia,
-            error[1:],
-            rate_error,
-            self.known * self.outer(t + 0.5 * long),
-            np.cross(w, motion.body_momentum(w, delta)),
+            2.0 * self.damping * self.frequency * model.inertia, error[1:], rate_error,
+            self.known * self.outer(t + 0.5 * long), np.cross(w, motion.body_momentum(w, delta)),
             model.inertia @ push,
-        )
+        )  # fmt: skip
         excess = np.maximum(model.magnitudes(torque) / model.torque_limit, 1.0)
         direction = -(torque / excess) / model.momentum
         rates = (following[7:] - current[7:]) / long

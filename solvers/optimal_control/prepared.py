@@ -81,12 +81,9 @@ class PreparedSolver:
     """
 
     def __init__(
-        self,
-        formulation: Transcription,
-        backend: CasadiNlp,
-        request: Request,
+        self, formulation: Transcription, backend: CasadiNlp, request: Request,
         structured: bool | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.backend, self.request = backend, request
         self.posed = Parametric(formulation)
         backend.load(request)

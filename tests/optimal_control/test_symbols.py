@@ -9,7 +9,7 @@ import pytest
 import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import OptimalControlProblem
-from crosstrack.models.optimal_control.declaration.symbols import explain_symbols
+from crosstrack.models.programs.symbols import explain_symbols
 
 A = np.array([[1.0, 2.0, 0.5], [0.0, -1.0, 3.0], [2.0, 1.0, 1.0]])
 V = np.array([1.0, -2.0, 0.5])

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import Text, show
+from ...programs.symbols import explain_symbols
 from ..algebraic import check_index, solver_of
 from ..definition import Phase, Restriction, check_algebraic
 from .algebraic import Algebraic
 from .flight import fly
 from .guess import After, draw_lines
-from .symbols import explain_symbols
 from .tables import domains
 from .terms import (
     bounds,

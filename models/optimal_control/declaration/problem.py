@@ -414,13 +414,10 @@ class ControlProblemBuilder(Generic[ModelT]):
             self.explain,
         )
         return Definition(
-            phases=phases,
-            parameters=tuple(quantity for quantity, _ in self.parameters.values()),
-            boundaries=tuple(item for item, _ in boundaries),
-            endpoint=endpoint,
-            objective_unit=self.objective[1],
-            objective_scale=self.objective[2],
-        )
+            phases=phases, parameters=tuple(quantity for quantity, _ in self.parameters.values()),
+            boundaries=tuple(item for item, _ in boundaries), endpoint=endpoint,
+            objective_unit=self.objective[1], objective_scale=self.objective[2],
+        )  # fmt: skip
 
     def explain(self, what: str, symbol: Symbol) -> str:
         """Return the error message for a symbol that has no value at the ends."""

@@ -311,13 +311,10 @@ def restriction(
     name = words[0]
     low, high = bounds(name, lower, upper, size)
     return Restriction(
-        name=name,
-        equation=text("equation", words[1], repr(name)),
-        unit=text("unit", words[2], repr(name)),
-        lower=low,
-        upper=high,
+        name=name, equation=text("equation", words[1], repr(name)),
+        unit=text("unit", words[2], repr(name)), lower=low, upper=high,
         scale=typical(repr(name), scale, size, low, high),
-    )
+    )  # fmt: skip
 
 
 # -- functions ---------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi
 
-from ....errors import InvalidData
+from ...errors import InvalidData
 
 __all__ = ["explain_symbols"]
 
