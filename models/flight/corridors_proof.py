@@ -10,16 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..verification import Check, Verification
 from .corridors_obstacles import Cells, Edges, Obstacles, Points, fractions
-
-if TYPE_CHECKING:
-    from .corridors import Corridor
 
 __all__ = ["verify_corridor"]
 
@@ -72,8 +69,8 @@ def _dot(first: Sequence[Fraction], second: Sequence[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(first, second, strict=True)), Fraction(0))
 
 
-def verify_corridor(corridor: Corridor, obstacles: Obstacles) -> Verification:
-    """Return the verification of a corridor against obstacles; see :meth:`Corridor.verify`."""
+def verify_corridor(corridor: Any, obstacles: Obstacles) -> Verification:
+    """Return the verification of a ``Corridor`` against obstacles; see its method ``verify``."""
     polytopes = [_Polytope(*part, corridor.radius) for part in corridor.polytopes]
 
     def each(function: Callable[..., Any], *others: Any) -> Check:
@@ -104,7 +101,7 @@ def _unit_normals(polytope: _Polytope) -> Any:
     return worst if worst > Fraction(1, 10**9) else 0
 
 
-def _bounds(polytope: _Polytope, corridor: Corridor, obstacles: Obstacles) -> Any:
+def _bounds(polytope: _Polytope, corridor: Any, obstacles: Obstacles) -> Any:
     """Return the largest distance of a polytope beyond the map and the bounds; infinite without a box."""
     worst: Any = 0 if np.isfinite(np.array(polytope.box, float)).all() else np.inf
     limits = [] if obstacles.limits is None else [obstacles.limits]
@@ -189,7 +186,7 @@ def _gap(begin: Exact, end: Exact) -> Fraction | None:
 
 
 def _path(
-    polytopes: list[_Polytope], corridor: Corridor, obstacles: Obstacles
+    polytopes: list[_Polytope], corridor: Any, obstacles: Obstacles
 ) -> Iterator[tuple[str, Any]]:
     """Yield the distance of the path from the polytopes that cover it, and whether it starts in a polygon."""
     points = [fractions(point) for point in corridor.path]
@@ -225,7 +222,7 @@ def _contains(shape: Any, point: Exact) -> bool:
     return inside
 
 
-def _overlaps(polytopes: list[_Polytope], corridor: Corridor) -> Iterator[tuple[str, Any]]:
+def _overlaps(polytopes: list[_Polytope], corridor: Any) -> Iterator[tuple[str, Any]]:
     """Yield the excess of each ball over the faces of its polytopes, m; infinite without a radius."""
     for k, ball in enumerate(corridor.overlaps):
         *centre, radius = fractions(ball)
