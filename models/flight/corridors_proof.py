@@ -71,7 +71,8 @@ def _dot(first: Sequence[Fraction], second: Sequence[Fraction]) -> Fraction:
 
 def verify_corridor(corridor: Any, obstacles: Obstacles) -> Verification:
     """Return the verification of a ``Corridor`` against obstacles; see its method ``verify``."""
-    polytopes = [_Polytope(*part, corridor.radius) for part in corridor.polytopes]
+    radius = corridor.radius
+    polytopes = [_Polytope(normals, offsets, radius) for normals, offsets in corridor.polytopes]
 
     def each(function: Callable[..., Any], *others: Any) -> Check:
         places = ((f"polytope {k}", function(p, *others)) for k, p in enumerate(polytopes))
