@@ -390,9 +390,10 @@ class PathData(Model[Trajectory]):
     def joint_order(self) -> int:
         """Highest derivative that agrees at the first and last knot of a lap; -1 without laps.
 
-        It is that of inner knots by optimality if only waypoints are fixed.
+        It is 4, as the snap determines the motors' torques, or that of inner knots if it is higher. Orders up
+        to 2r-2 agree by optimality if only waypoints are fixed.
         """
-        return max(self.continuity, 2 * self.order - 2) if self.periodic else -1
+        return max(self.continuity, min(4, 2 * self.order - 2)) if self.periodic else -1
 
     def with_yaw(self, plan: Trajectory) -> Trajectory:
         """Return `plan` with the smoothest yaw through the given angles, if the model gives any."""

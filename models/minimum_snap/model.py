@@ -84,8 +84,9 @@ class MinimumDerivative(PathData):
         Yaw of the vehicle in rad: along the path, constant, or through an angle per knot (None is
         free) by the shortest turns, with the least angular acceleration. Plans carry it as ``plan.yaw``.
     periodic : bool
-        Whether the path is a lap: the ends agree in position and in the derivatives up to 2r-2.
-        `start` and `end` are then free by default.
+        Whether the path is a lap: the ends agree in position and in the derivatives up to the fourth
+        (up to 2r-2 by optimality if only waypoints are fixed). `start` and `end` are then free by
+        default.
     gates : sequence of Gate
         Discs, balls or polygons that contain the positions of knots, whose waypoints are free.
 
@@ -158,8 +159,6 @@ class MinimumDerivative(PathData):
         """``cones`` for a vehicle or gates, ``hermite`` if the free derivatives determine the path, else ``legendre``."""
         if self.vehicle is not None or self.gates:
             return "cones"
-        if self.periodic:
-            return self.default_formulation
         free = self.continuity < self.order and not self.fixes_order
         return "hermite" if free else self.default_formulation
 

@@ -86,10 +86,6 @@ class HermiteFormulation(UnitBasisFormulation):
                 f"the derivatives at the knots that the program shares end with {model.order - 1}; "
                 f"continuity {model.continuity} needs another formulation"
             )
-        if model.periodic:
-            raise UnsupportedFormulation(
-                "a periodic path needs rows for its joint: take legendre or monomial"
-            )
         if model.fixes_order:
             raise UnsupportedFormulation(
                 f"derivative {model.highest_fixed} is fixed, but the program's columns are the "
@@ -115,16 +111,23 @@ class HermiteFormulation(UnitBasisFormulation):
         model, r = self.model, self.model.order
         inner = model.segments, model.degree + 1 - 2 * r, model.dimensions
         # Number of the column of each derivative at a knot; -1 for fixed ones.
-        free = ~np.isfinite(model.jets)
+        jets, times = model.jets, knot_times(model.durations)
+        if model.periodic:
+            # The ends of a lap are one knot.
+            jets = jets.copy()
+            jets[[0, -1]] = np.where(np.isfinite(jets[0]), jets[0], jets[-1])
+            times[[0, -1]] = np.sqrt(times[0] * times[-1])
+        free = ~np.isfinite(jets)
         end = np.where(free, np.arange(free.size).reshape(free.shape), -1)
+        if model.periodic:
+            end[-1] = end[0]
         begin = end[:-1].copy()
         # Without continuity, the start of every later segment is an unknown of its own.
         apart = begin[1:, model.continuity + 1 :]
         apart[apart >= 0] += free.size
         bubbles = 2 * free.size + np.arange(np.prod(inner)).reshape(inner)
         number = self._flatten(begin, end[1:], bubbles)
-        values = np.where(free, 0.0, model.jets)
-        times = knot_times(model.durations)
+        values = np.where(free, 0.0, jets)
         units = np.stack([times**-order for order in range(r)], axis=1)[:, :, None] + 0.0 * values
         scale = self._flatten(units[:-1], units[1:], np.ones(inner))
         # Columns in the order of their first local entries keep the Hessian's band narrow.
@@ -166,21 +169,26 @@ class HermiteFormulation(UnitBasisFormulation):
 
     def build(self) -> QuadraticProgram:
         """Return the reduced program, including the constant of its objective."""
-        reduction = self.reduction
+        reduction, model = self.reduction, self.model
         matrix, constant = reduction.matrix, reduction.constant
         hessian, cost = self.parabola
         columns = sp.diags_array(self.unit)
         hessian, cost = columns @ hessian @ columns, columns @ cost
         groups = []
-        for group in self._bound_rows():
+        joints = range(model.order, model.joint_order + 1)
+        for group in (*self._joint_rows(joints), *self._bound_rows()):
             rows = group.rows
             shift = rows.matrix @ constant
-            reduced = sp.csr_array(rows.matrix @ matrix)
+            reduced = sp.csr_array(rows.matrix @ matrix @ columns)
             reduced.eliminate_zeros()
             # Rows without a free column constrain only the data, which the model has checked.
             active = np.flatnonzero(np.diff(reduced.indptr))
             sides = (rows.lower - shift)[active], (rows.upper - shift)[active]
-            rows = Rows(reduced[active], *sides, rows.places[active])
+            places = rows.places[active]
+            if model.bounded:
+                rows = Rows(reduced[active], *sides, places)
+            else:  # rows of a joint, in units of the columns
+                rows = self._scaled(reduced[active], *sides, places)
             groups.append(group._replace(rows=rows))
         template = "entry {2} of segment {0}, axis {1}"
         return self._assembled(

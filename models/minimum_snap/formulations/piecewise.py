@@ -10,7 +10,7 @@ method for semi-infinite programs) until the solution satisfies the bounds.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Self
@@ -210,9 +210,13 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         for order in range(self.continuity + 1):
             title = f"continuity of {derivative_name(order)}"
             yield Group(title, self.continuity_equation, knot_place, "", self._continuous(order))
-        for order in range(model.joint_order + 1):
+        yield from self._joint_rows(range(model.joint_order + 1))
+
+    def _joint_rows(self, orders: Iterable[int]) -> Iterator[Group]:
+        """Yield the rows that make derivatives equal at both ends of a lap."""
+        for order in orders:
             title = f"joint of {derivative_name(order)}"
-            yield Group(title, "", knot_place, "", self._continuous(order, joint=True))
+            yield Group(title, "", "at knot {0}, axis {1}", "", self._continuous(order, joint=True))
 
     def _bound_rows(self) -> Iterator[Group]:
         model, place = self.model, "on segment {0}, axis {1}"

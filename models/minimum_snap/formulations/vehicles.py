@@ -41,7 +41,7 @@ Ints = NDArray[np.int64]
 #: solutions of conic programs.
 SETTLED = 0.1
 #: Programs with further instants, and linearisations.
-ROUNDS, STEPS = 30, 60
+ROUNDS, STEPS = 30, 40
 #: Step of central differences, relative to the extent of the path. It is 1 for affine functions.
 _DIFFERENCE = 1e-6
 #: Relative change of the merit, and of the path, at which the linearisation has converged.
@@ -123,10 +123,7 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
                 "the model has no vehicle or gates: take another formulation"
             )
         plain = replace(model, vehicle=None, yaw=None, gates=())
-        local = (
-            not (model.periodic or model.fixes_order or model.gates)
-            and model.continuity < model.order
-        )
+        local = not (model.fixes_order or model.gates) and model.continuity < model.order
         # Only the columns of hermite keep a standstill, at which the direction of the path is a limit.
         kind = HermiteFormulation if local else LegendreFormulation
         first = kind(plain, samples=self.samples)

@@ -17,6 +17,7 @@ from ..bounds import derivative_name, derivative_unit
 from ..trajectory import Trajectory
 from .data import Scene, Violation, given_times
 from .path import draw_path, line_by_speed
+from .vehicle import pin_limits, vehicle_panels
 
 if TYPE_CHECKING:
     from matplotlib.collections import Collection
@@ -56,7 +57,8 @@ def draw(
         default the first three, or all if there are fewer.
     derivatives : int or tuple of int, optional
         Derivatives over time: all up to this order, or a tuple of orders. By default up to the order
-        of the model. An empty tuple draws the path alone.
+        of the model, or up to the velocity if the model has a vehicle. An empty tuple draws the path
+        alone. The limited quantities of a vehicle follow the derivatives.
     names : tuple of str, optional
         Names of the axes, by default x, y, z, and numbers if there are more than three.
     labels : bool, optional
@@ -67,12 +69,14 @@ def draw(
     orders = _orders(derivatives, scene)
     kit.check_flags(optional=True, labels=labels)
     text = kit.title_of(model, _words(scene), scene.verification, title)
-    default = (12.5, max(5.8, 1.25 + 1.2 * len(orders))) if orders else (6.9, 5.8)
+    limited = vehicle_panels(scene) if orders else []
+    rows = len(orders) + len(limited)
+    default = (12.5, max(5.8, 1.25 + 1.2 * rows)) if orders else (6.9, 5.8)
     sheet = kit.Scene(text, scene.verification, size, default)
     left, right = sheet.halves(_LEFT, 1 - _LEFT) if orders else (sheet, sheet)
     _draw_left(scene, shown, orders, left, labels)
     if orders:
-        panels = [_panel(scene, order) for order in orders]
+        panels = [*(_panel(scene, order) for order in orders), *limited]
         places = kit.draw_panels(
             right.figure, panels, [_span(scene)], title=text, wrong=False, label="time (s)",
             ruled=True,
@@ -80,6 +84,7 @@ def draw(
         for mark in scene.pins:
             if mark.order in orders:
                 kit.pin(places[orders.index(mark.order)], mark.check, mark.time, mark.value)
+        pin_limits(scene, limited, list(places))
     return sheet.figure
 
 
@@ -95,7 +100,9 @@ def _orders(derivatives: Any, scene: Scene) -> list[int]:
     if derivatives is None:
         # With one axis, the left half already shows the position over time.
         first = 1 if scene.dimensions == 1 else 0
-        orders = list(range(first, int(getattr(scene.model, "order", 4)) + 1))
+        # The quantities of a vehicle take the place of the higher derivatives.
+        most = 1 if getattr(scene.model, "vehicle", None) else int(getattr(scene.model, "order", 4))
+        orders = list(range(first, most + 1))
     elif kit.is_whole(derivatives, 0, _HIGHEST):
         orders = list(range(int(derivatives) + 1))
     else:
