@@ -33,6 +33,8 @@ SHARES = (1e-3, 1e-5)
 ROUNDS, LEAST, DECREASE, PAST = 16, 600, 2e-5, 5
 #: First round that may be the last, and evaluations of a descent that repairs positions.
 LEAST_ROUNDS, REPAIR = 2, 60
+#: Slack of the limits, relative to them, at which the final stretching ends.
+CLOSE = 1e-5
 #: Length of an excess 1 of a polytope, relative to the mean segment.
 SIZE = 0.05
 #: Excess of the limits, relative to them, that ends the updates of multipliers.
@@ -170,26 +172,36 @@ class _Search:
     def stretch_to_limits(self) -> bool:
         """Stretch time by the smallest factor that keeps the limits; return whether there is one."""
         begin = self.x.copy()
-        factor = low = 1.0
-        for _ in range(60):
+
+        def excess(factor: float) -> float:
             self.x[:] = begin
             self.stretch(factor)
-            if self.worst(positions=False)[0] <= 0.0:
+            return self.worst(positions=False)[0]
+
+        low, above = 1.0, excess(1.0)
+        if above <= 0.0:
+            return True
+        high = 1.0 + min(above, 1.0)
+        below = excess(high)
+        while below > 0.0:
+            if high > 1e3:
+                self.x[:] = begin
+                return False
+            low, above, high = high, below, 1.0 + 2.0 * (high - 1.0)
+            below = excess(high)
+        for _ in range(30):
+            if below > -CLOSE or high - low <= 1e-9 * high:
                 break
-            low, factor = factor, 1.0 + 2.0 * max(factor - 1.0, 1e-4)
-        else:
-            self.x[:] = begin
-            return False
-        while factor - low > 1e-5 * factor:
-            middle = 0.5 * (low + factor)
-            self.x[:] = begin
-            self.stretch(middle)
-            if self.worst(positions=False)[0] <= 0.0:
-                factor = middle
+            # The secant moved by CLOSE towards the feasible side, and bisection if it does not progress.
+            share = min(max((above + 0.5 * CLOSE) / (above - below), 0.05), 0.95)
+            middle = low + share * (high - low)
+            now = excess(middle)
+            if now <= 0.0:
+                high, below = middle, now
             else:
-                low = middle
+                low, above = middle, now
         self.x[:] = begin
-        self.stretch(factor)
+        self.stretch(high)
         return True
 
 
@@ -234,7 +246,7 @@ def fastest(
     points : ndarray, shape (K + 1, D)
         Start of the search for the positions of the knots, m. A point outside of its region is moved
         into it.
-    limits : ndarray, shape (8,)
+    limits : ndarray, shape (9,)
         Limits of the vehicle, from :func:`limits_of`.
     regions : sequence of Region, optional
         Region of each knot. By default the ends are fixed and inner knots are free: rows keep them
@@ -316,16 +328,11 @@ def _optimise(
 
     Return the last weights of time and effort, and whether the time converged within the limits.
     """
-    if search.worst(positions=False)[0] > 0.0:
-        for _ in range(80):
-            search.stretch(1.25)
-            if search.worst(positions=False)[0] <= 0.0:
-                break
-    else:
-        for _ in range(200):
-            search.stretch(0.8)
-            if search.worst(positions=False)[0] > 0.0:
-                break
+    slow = search.worst(positions=False)[0] <= 0.0
+    for _ in range(200):
+        search.stretch(0.8 if slow else 1.25)
+        if (search.worst(positions=False)[0] <= 0.0) != slow:
+            break
     for share in SHARES if time_weight is None else (0.0,):
         total, effort = float(search.durations.sum()), search.jets()[1]
         if time_weight is None:

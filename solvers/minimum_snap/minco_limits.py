@@ -53,7 +53,8 @@ class Task(NamedTuple):
     normal: Floats
     offset: Floats
     size: Floats
-    #: Gravity, drag per mass, speed², acceleration², high², low², cos(tilt), rate²; inf or 0: none.
+    #: Gravity, drag per mass, speed², acceleration², high², low², cos(tilt), rate², 1 with a thrust;
+    #: inf, or 0 and -1 for low² and cos(tilt), is unlimited.
     limits: Floats
 
 
@@ -72,89 +73,103 @@ class Multipliers(NamedTuple):
 
 
 @kernel
-def _excess(limits: Floats, x: Floats, excess: Floats, slope: Floats) -> None:
-    """Write the relative excess of each limit, and its gradient by the derivatives 1 … 3.
-
-    `x`, shape (4, D), are the derivatives, `excess` has the shape (6,), and `slope` (6, 4, D). The
-    excess of a limit that is absent is -1, with the gradient 0.
-    """
+def _excess(limits: Floats, x: Floats, excess: Floats) -> None:
+    """Write the relative excess of each limit, -1 for absent ones; `x`, shape (4, D): derivatives."""
     dimensions = x.shape[1]
     excess[:] = -1.0
-    slope[:] = 0.0
     for column in range(2):
         if limits[2 + column] < np.inf:
             total = 0.0
             for axis in range(dimensions):
                 total += x[1 + column, axis] ** 2
-                slope[column, 1 + column, axis] = 2.0 * x[1 + column, axis] / limits[2 + column]
             excess[column] = total / limits[2 + column] - 1.0
-    if not (limits[4] < np.inf or limits[5] > 0.0 or limits[6] > -1.0 or limits[7] < np.inf):
+    if limits[8] == 0.0:
         return
-    drag, gravity = limits[1], limits[0]
-    square, cross, turn = 0.0, 0.0, 0.0
-    for axis in range(dimensions):
-        force = x[2, axis] + drag * x[1, axis] + (gravity if axis == dimensions - 1 else 0.0)
-        rate = x[3, axis] + drag * x[2, axis]
-        square += force * force
-        cross += force * rate
-        turn += rate * rate
-    square = max(square, 1e-12 * gravity * gravity)
+    square, cross, turn, spin, _, up = _forces(limits, x)
     high, low, cosine, fast = limits[4], limits[5], limits[6], limits[7]
     if high < np.inf:
         excess[2] = square / high - 1.0
     if low > 0.0:
         excess[3] = 1.0 - square / low
-    size = np.sqrt(square)
     if cosine > -1.0:
-        up = x[2, dimensions - 1] + drag * x[1, dimensions - 1] + gravity
-        excess[4] = (cosine * size - up) / gravity
-    first, second = 0.0, 0.0
-    # |f x f'|² / |f|⁴ = |f'|² / |f|² - (f f')² / |f|⁴
+        excess[4] = (cosine * np.sqrt(square) - up) / limits[0]
+    # |f x f'|² / |f|⁴ = |f'|² / |f|² - (f f')² / |f|⁴, and the square of the rate about the thrust
     if fast < np.inf:
-        excess[5] = (turn / square - (cross / square) ** 2) / fast - 1.0
-    # Rate about the thrust without yaw (Hopf fibration): (f₁ f'₀ - f₀ f'₁) / (|f| (|f| + f₂)).
-    spin, lever, up = 0.0, 1.0, 0.0
-    if fast < np.inf and dimensions == 3:
-        first, second = x[2, 0] + drag * x[1, 0], x[2, 1] + drag * x[1, 1]
-        up = x[2, 2] + drag * x[1, 2] + gravity
-        lever = max(square + size * up, 1e-12 * gravity * gravity)
-        spin = second * (x[3, 0] + drag * x[2, 0]) - first * (x[3, 1] + drag * x[2, 1])
-        spin /= lever
-        excess[5] += spin * spin / fast
-    for axis in range(dimensions):
-        force = x[2, axis] + drag * x[1, axis] + (gravity if axis == dimensions - 1 else 0.0)
+        excess[5] = (turn / square - (cross / square) ** 2 + spin * spin) / fast - 1.0
+
+
+@kernel
+def _forces(limits: Floats, x: Floats) -> tuple[float, float, float, float, float, float]:
+    """Return |f|², f f', |f'|², the rate about the thrust, its denominator, and the vertical force.
+
+    f is the thrust per mass. Without yaw, the rate is (f₁ f'₀ - f₀ f'₁) / (|f| (|f| + f₂)) (Hopf
+    fibration).
+    """
+    gravity, drag = limits[0], limits[1]
+    up = x[2, 2] + drag * x[1, 2] + gravity
+    square, cross, turn = 0.0, 0.0, 0.0
+    for axis in range(3):
+        force = x[2, axis] + drag * x[1, axis] if axis < 2 else up
         rate = x[3, axis] + drag * x[2, axis]
-        for column in range(2, 6):
-            by_force, by_rate = 0.0, 0.0
-            if column == 2 and high < np.inf:
-                by_force = 2.0 * force / high
-            elif column == 3 and low > 0.0:
-                by_force = -2.0 * force / low
-            elif column == 4 and cosine > -1.0:
-                by_force = cosine * force / (size * gravity)
-                if axis == dimensions - 1:
-                    by_force -= 1.0 / gravity
-            elif column == 5 and fast < np.inf:
-                by_rate = 2.0 * (rate - cross / square * force) / (square * fast)
-                by_force = (
-                    -2.0 * turn * force / square
-                    - 2.0 * cross * rate / square
-                    + 4.0 * (cross / square) ** 2 * force
-                ) / (square * fast)
-                if spin != 0.0:
-                    share = 2.0 * spin / (lever * fast)
-                    by_force -= share * spin * (2.0 * force + up * force / size)
-                    if axis == 0:
-                        by_rate += share * second
-                        by_force -= share * (x[3, 1] + drag * x[2, 1])
-                    elif axis == 1:
-                        by_rate -= share * first
-                        by_force += share * (x[3, 0] + drag * x[2, 0])
-                    else:
-                        by_force -= share * spin * size
-            slope[column, 1, axis] = drag * by_force
-            slope[column, 2, axis] = by_force + drag * by_rate
-            slope[column, 3, axis] = by_rate
+        square += force * force
+        cross += force * rate
+        turn += rate * rate
+    least = 1e-12 * gravity * gravity
+    square = max(square, least)
+    lever = max(square + np.sqrt(square) * up, least)
+    spin = (x[2, 1] + drag * x[1, 1]) * (x[3, 0] + drag * x[2, 0])
+    spin -= (x[2, 0] + drag * x[1, 0]) * (x[3, 1] + drag * x[2, 1])
+    return square, cross, turn, spin / lever, lever, up
+
+
+@kernel
+def _pull(limits: Floats, x: Floats, share: Floats, pull: Floats) -> None:
+    """Add the gradients of the excesses times `share`, shape (6,), to `pull`, shape (4, D)."""
+    dimensions = x.shape[1]
+    for column in range(2):
+        if share[column] > 0.0:
+            for axis in range(dimensions):
+                change = 2.0 * x[1 + column, axis] / limits[2 + column]
+                pull[1 + column, axis] += share[column] * change
+    if not (share[2] > 0.0 or share[3] > 0.0 or share[4] > 0.0 or share[5] > 0.0):
+        return
+    gravity, drag, fast = limits[0], limits[1], limits[7]
+    square, cross, turn, spin, lever, up = _forces(limits, x)
+    size = np.sqrt(square)
+    # Derivative by f: along f, along f', and along the vertical. Derivative by f': along f', along f.
+    along, across, rise, rate_along, rate_across, twist = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if share[2] > 0.0:
+        along += share[2] * 2.0 / limits[4]
+    if share[3] > 0.0:
+        along -= share[3] * 2.0 / limits[5]
+    if share[4] > 0.0:
+        along += share[4] * limits[6] / (size * gravity)
+        rise -= share[4] / gravity
+    if share[5] > 0.0:
+        factor = share[5] / (square * fast)
+        along += factor * (4.0 * (cross / square) ** 2 - 2.0 * turn / square)
+        across -= factor * 2.0 * cross / square
+        rate_along += factor * 2.0
+        rate_across -= factor * 2.0 * cross / square
+        twist = share[5] * 2.0 * spin / (lever * fast)
+        along -= twist * spin * (2.0 + up / size)
+        rise -= twist * spin * size
+    for axis in range(3):
+        force = x[2, axis] + drag * x[1, axis] if axis < 2 else up
+        rate = x[3, axis] + drag * x[2, axis]
+        by_force = along * force + across * rate
+        by_rate = rate_along * rate + rate_across * force
+        if axis == 0:
+            by_force -= twist * (x[3, 1] + drag * x[2, 1])
+            by_rate += twist * (x[2, 1] + drag * x[1, 1])
+        elif axis == 1:
+            by_force += twist * (x[3, 0] + drag * x[2, 0])
+            by_rate -= twist * (x[2, 0] + drag * x[1, 0])
+        else:
+            by_force += rise
+        pull[1, axis] += drag * by_force
+        pull[2, axis] += by_force + drag * by_rate
+        pull[3, axis] += by_rate
 
 
 @kernel
@@ -186,12 +201,11 @@ def measure(task: Task, durations: Floats, jets: Floats, vehicle: Floats, rows: 
     """Write the relative excesses of the limits, shape (K, Q, 6), and of the rows, shape (R, Q)."""
     r, dimensions = jets.shape[1], jets.shape[2]
     local, x = np.zeros((2 * r, dimensions)), np.zeros((4, dimensions))
-    slope = np.zeros((6, 4, dimensions))
     for k in range(durations.size):
         _scaled(task, k, durations[k], jets, local)
         for q in range(task.basis.shape[1]):
             _derivatives(task.basis, q, durations[k], local, x)
-            _excess(task.limits, x, vehicle[k, q], slope)
+            _excess(task.limits, x, vehicle[k, q])
             for row in range(task.start[k], task.start[k + 1]):
                 total = -task.offset[row]
                 for axis in range(dimensions):
@@ -207,7 +221,7 @@ def penalise(
     r, dimensions = jets.shape[1], jets.shape[2]
     local, force = np.zeros((2 * r, dimensions)), np.zeros((2 * r, dimensions))
     x, pull = np.zeros((4, dimensions)), np.zeros((4, dimensions))
-    excess, slope = np.zeros(6), np.zeros((6, 4, dimensions))
+    excess, share = np.zeros(6), np.zeros(6)
     value = 0.0
     for k in range(durations.size):
         duration, weight = durations[k], held.weight[k]
@@ -215,19 +229,18 @@ def penalise(
         force[:] = 0.0
         for q in range(task.basis.shape[1]):
             _derivatives(task.basis, q, duration, local, x)
-            _excess(task.limits, x, excess, slope)
+            _excess(task.limits, x, excess)
             active = False
             for column in range(6):
                 over = excess[column] + held.vehicle[k, q, column]
                 value -= 0.5 * weight * held.vehicle[k, q, column] ** 2
+                share[column] = max(over, 0.0) * weight
                 if over > 0.0:
                     value += 0.5 * weight * over * over
-                    if not active:
-                        pull[:] = 0.0
-                        active = True
-                    for j in range(1, 4):
-                        for axis in range(dimensions):
-                            pull[j, axis] += weight * over * slope[column, j, axis]
+                    active = True
+            if active:
+                pull[:] = 0.0
+                _pull(task.limits, x, share, pull)
             for row in range(task.start[k], task.start[k + 1]):
                 total = -task.offset[row]
                 for axis in range(dimensions):
@@ -240,8 +253,8 @@ def penalise(
                         pull[:] = 0.0
                         active = True
                     for axis in range(dimensions):
-                        share = task.normal[row, axis] / task.size[row]
-                        pull[task.order[row], axis] += weight * over * share
+                        part = task.normal[row, axis] / task.size[row]
+                        pull[task.order[row], axis] += weight * over * part
             if not active:
                 continue
             factor = 1.0

@@ -114,13 +114,13 @@ def limits_of(vehicle: Any) -> Floats:
     # The wheels of a robot that turns are slower: its motion is stretched later.
     speed = min(square("speed"), square("wheel_speed"))
     acceleration = min(square("acceleration"), square("wheel_acceleration"))
-    limits = np.array([9.81, 0.0, speed, acceleration, np.inf, 0, -1, np.inf])
+    limits = np.array([9.81, 0.0, speed, acceleration, np.inf, 0, -1, np.inf, 0])
     if getattr(vehicle, "thrust", None) is not None:
         mass, tilt = float(vehicle.mass), vehicle.tilt
         low, high = (float(side) / mass for side in vehicle.thrust)
         limits[[0, 1, 4, 5]] = vehicle.gravity, vehicle.drag / mass, high**2, low**2
         limits[6] = -1.0 if tilt is None else np.cos(tilt)
-        limits[7] = square("body_rate")
+        limits[7:] = square("body_rate"), 1.0
     return limits
 
 
