@@ -153,6 +153,19 @@ class Gate(Declared):
         shape = {name: getattr(self, name) for name in ("centre", "radius", "polygon")}
         return replace(self, **{k: v / length for k, v in shape.items() if v is not None})
 
+    def outlines(self) -> list[Floats]:
+        """Return closed lines for pictures, shape (points, dimensions): the edge, or circles of a ball."""
+        if self.polygon is not None:
+            return [np.concatenate([self.polygon, self.polygon[:1]])]
+        assert self.radius is not None
+        axes = self.radius * self.frame.axes
+        if len(axes) == 1:
+            return [self.frame.centre + np.array([[-1.0], [1.0]]) @ axes]
+        angle = np.linspace(0.0, 2.0 * np.pi, 49)
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        pairs = [(i, j) for j in range(len(axes)) for i in range(j)]
+        return [self.frame.centre + circle @ axes[list(pair)] for pair in pairs]
+
     def excess(self, point: Floats) -> Floats:
         """Return the distance of a point from the plane of the gate, and outside of it in the plane.
 

@@ -227,3 +227,16 @@ def test_other_backends_refuse_gates() -> None:
     allocation = TimeAllocation(TRACK, gates=GATES, time_weight=1.0)
     with pytest.raises(ct.errors.UnsupportedFormulation, match="gates"):
         ct.solve(allocation, "time-gradient")
+
+
+def test_pictures_show_the_gates() -> None:
+    pytest.importorskip("matplotlib")
+    flat = TimeAllocation(
+        [[0, 0], [None, None], [None, None], [6, 0]], order=3, minimise="time",
+        gates=[Gate(1, centre=[2, 1], radius=0.4, normal=[1, 0]), Gate(2, centre=[4, -1], radius=0.4)],
+        vehicle=PointMass(speed=2.0, acceleration=2.0),
+    )  # fmt: skip
+    space = MinimumDerivative(TRACK, range(5), gates=GATES)
+    for model, lines in ((flat, 2), (space, 5)):
+        axes = ct.plot(model).axes[0]
+        assert sum(line.get_gid() == "gate" for line in axes.lines) == lines

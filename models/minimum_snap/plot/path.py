@@ -13,9 +13,11 @@ from .data import Scene, regions
 if TYPE_CHECKING:
     from matplotlib.collections import Collection
 
+    from ..gates import Gate
+
 __all__ = ["draw_path", "line_by_speed"]
 
-_CORRIDOR, _EDGE = "#dfe9f1", "#8fabc2"
+_CORRIDOR, _EDGE, _GATE = "#dfe9f1", "#8fabc2", "#7b3294"
 #: Largest number of regions with their own edges. More regions are drawn as their union.
 _MOST_OUTLINES = 40
 #: Largest number of bodies drawn.
@@ -51,7 +53,7 @@ def draw_path(
         if len(shown) == 3:
             axes.plot(way[:, 0], way[:, 1], begin[2], color=kit.GREY, lw=0.8, alpha=0.55, zorder=1)
         coloured = line_by_speed(way, np.linalg.norm(scene.samples(1)[:, chosen], axis=1), axes)
-    handles = _waypoints(scene, axes, places, known) + handles
+    handles = _waypoints(scene, axes, places, known) + _gates(scene, chosen, axes) + handles
     worst = np.array([mark.position[chosen] for mark in scene.marks])
     handles += kit.ring(axes, worst, "worst violation")
     _frame(scene, chosen, axes, begin, end)
@@ -68,6 +70,7 @@ def _extent(scene: Scene) -> tuple[kit.Floats, kit.Floats]:
     parts = [np.where(np.isfinite(waypoints), waypoints, np.nan)]
     if scene.plan is not None:
         parts.append(scene.samples(0))
+    parts += [line for gate in _gates_of(scene) for line in gate.outlines()]
     points = np.vstack([*parts, np.full((1, scene.dimensions), np.nan)])
     free = np.isnan(points).all(axis=0)
     points[-1, free] = 0.0
@@ -167,6 +170,20 @@ def _waypoints(scene: Scene, axes: Any, places: kit.Floats, known: NDArray[np.bo
         )
         if rows.any()
     ]
+
+
+def _gates_of(scene: Scene) -> tuple[Gate, ...]:
+    """Return the gates of the model, if it can have any."""
+    return tuple(getattr(scene.model, "gates", ()))
+
+
+def _gates(scene: Scene, chosen: list[int], axes: Any) -> list[Any]:
+    """Draw the gates as lines; return the entries of the legend."""
+    lines = [line[:, chosen] for gate in _gates_of(scene) for line in gate.outlines()]
+    for line in lines:
+        (drawn,) = axes.plot(*line.T, color=_GATE, lw=1.6, zorder=4, gid="gate")
+        drawn.set_label("gate")
+    return [drawn] if lines else []
 
 
 def _numbers(scene: Scene, chosen: list[int], axes: Any, places: kit.Floats) -> None:
