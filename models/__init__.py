@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from .fleet_mission import (
         FleetMission as FleetMission,
         MissionPlan as MissionPlan,
+        MovingObstacle as MovingObstacle,
         lengths_of as lengths_of,
     )
     from .flight import (

@@ -52,7 +52,7 @@ class MovingObstacle(Declared):
 
     Examples
     --------
-    >>> from crosstrack.models.fleet_mission import MovingObstacle
+    >>> from crosstrack.models import MovingObstacle
     >>> cart = MovingObstacle(0.5, [0, 10, 20], [[0, 5], [8, 5], [8, 0]])
     >>> cart(15).tolist(), cart(60).tolist()
     ([8.0, 2.5], [8.0, 0.0])

@@ -29,8 +29,8 @@ Flags = NDArray[np.bool_]
 FINE, MOST = 4, 3000
 #: Maximum number of steps of the motion of obstacles that is considered.
 LATEST = 50_000
-#: Maximum number of changes of the order.
-ROUNDS = 120
+#: Maximum number of changes of the order, and of schedules that are computed for them.
+ROUNDS, PLACED = 120, 2400
 #: Factors on the distance of samples; the next one is used if the proof fails.
 FACTORS = (1.0, 1.03, 1.1)
 
@@ -293,7 +293,11 @@ def _latest(flags: Flags) -> Steps:
 
 
 def _ordered(
-    grid: _Grid, order: list[int], limit: int, known: dict[int, list[_Stay]]
+    grid: _Grid,
+    order: list[int],
+    limit: int,
+    known: dict[int, list[_Stay]],
+    stopped: Callable[[], bool],
 ) -> dict[int, list[_Stay]] | None:
     """Return the schedules of all robots in an order, or None if one returns at `limit` or later.
 
@@ -301,6 +305,8 @@ def _ordered(
     """
     result = dict(known)
     for robot in order[len(known) :]:
+        if stopped():
+            return None
         stays = grid.fastest(robot, result)
         if stays is None or stays[-1].end >= limit:
             return None
@@ -354,13 +360,13 @@ def _improved(
     alone = [course.alone(long) for course, long in zip(grid.courses, steps, strict=True)]
     # The longest flight first, as the shorter ones are easier to fit in.
     order = sorted(range(grid.robots), key=lambda k: -len(grid.samples[k][0]))
-    best = _ordered(grid, order, grid.horizon + 1, {})
+    best = _ordered(grid, order, grid.horizon + 1, {}, stopped)
     if best is None:
         return None
-    for _ in range(ROUNDS):
+    for _ in range(min(ROUNDS, PLACED // grid.robots)):
         returns = [best[k][-1].end for k in range(grid.robots)]
         last = max(returns)
-        if last <= max(alone) or stopped():
+        if last <= max(alone):
             break
         # A robot with a late return moves ahead; the last one is the most likely to be drawn.
         late = sorted(range(grid.robots), key=lambda k: -returns[k])
@@ -371,10 +377,11 @@ def _improved(
         changed.insert(to, robot)
         same = next((i for i, (a, b) in enumerate(zip(order, changed, strict=True)) if a != b), 0)
         known = {k: best[k] for k in changed[:same]}
-        result = _ordered(grid, changed, last + 1, known)
-        if result is None:
-            continue
-        order, best = changed, result
+        result = _ordered(grid, changed, last + 1, known, stopped)
+        if result is not None:
+            order, best = changed, result
+        if stopped():
+            break
     return best
 
 

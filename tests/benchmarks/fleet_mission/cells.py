@@ -176,7 +176,7 @@ class CellPlanner:
         return result
 
     def solve(self, stopped: Callable[[], bool]) -> bool:
-        """Remove conflicts until there is none or `stopped` returns True; return whether none is left."""
+        """Remove conflicts until none is left or `stopped` returns True; return whether none is left."""
         conflicts = self.conflicts()
         while any(conflicts):
             if stopped():
