@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,8 @@ from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.trajectory import Trajectory
 from .corridor import Corridor
 from .flight import Flight
-from .schedule import Course, Leg
 
-__all__ = ["courses_with_rests", "whole_courses"]
+__all__ = ["Course", "Leg", "courses_with_rests", "whole_courses"]
 
 Floats = NDArray[np.float64]
 Fly = Callable[[Corridor], Flight]
@@ -26,25 +26,69 @@ POINTS = 6
 CLEAR = 1.1
 
 
-def whole_courses(
-    problem: FleetMission, flights: Sequence[Trajectory], visits: Sequence[Floats]
-) -> list[Course]:
+class Leg(NamedTuple):
+    """Curve from rest to rest between two places of a course.
+
+    Parameters
+    ----------
+    begin, end : int
+        Indices of the places.
+    curve : Trajectory
+        x and y over time, from time 0, m.
+    visits : ndarray, shape (nodes,)
+        Times at which nodes are passed, s.
+    """
+
+    begin: int
+    end: int
+    curve: Trajectory
+    visits: Floats
+
+    def slower(self, factor: float) -> Leg:
+        """Return the leg with all times multiplied by `factor`."""
+        curve = Trajectory(self.curve.times * factor, self.curve.coefficients)
+        return self._replace(curve=curve, visits=self.visits * factor)
+
+
+class Course(NamedTuple):
+    """Places at which a robot may rest, from the depot to the depot, and legs between them.
+
+    Parameters
+    ----------
+    places : ndarray, shape (n, 2)
+        Positions, m; the first and the last are the depot, where the robot takes no room.
+    legs : tuple of Leg
+        At least one leg leads from the first to the last place.
+    """
+
+    places: Floats
+    legs: tuple[Leg, ...]
+
+    def alone(self, durations: Sequence[float]) -> float:
+        """Return the time that a robot needs without others, given the duration of each leg."""
+        least = [0.0, *[np.inf] * (len(self.places) - 1)]
+        for leg, duration in sorted(
+            zip(self.legs, durations, strict=True), key=lambda k: k[0].begin
+        ):
+            least[leg.end] = min(least[leg.end], least[leg.begin] + duration)
+        return least[-1]
+
+
+def whole_courses(problem: FleetMission, flights: Sequence[Flight]) -> list[Course]:
     """Return courses without rests, at several speeds.
 
     Parameters
     ----------
     problem : FleetMission
         The mission.
-    flights : sequence of Trajectory
-        One trajectory per robot, from time 0.
-    visits : sequence of ndarray
-        Times at which each robot passes its nodes, s.
+    flights : sequence of Flight
+        One flight per robot, from time 0.
     """
     home = np.stack([problem.depot, problem.depot])
-    return [
-        Course(home, tuple(Leg(0, 1, flight, times).slower(factor) for factor in SLOWER))
-        for flight, times in zip(flights, visits, strict=True)
+    whole = [
+        Leg(0, 1, entry.trajectory, entry.trajectory.times[entry.stops[1:-1]]) for entry in flights
     ]
+    return [Course(home, tuple(leg.slower(factor) for factor in SLOWER)) for leg in whole]
 
 
 def courses_with_rests(
@@ -121,10 +165,10 @@ def _leg(way: Corridor, stops: Sequence[float], begin: int, end: int, fly: Fly) 
     nodes = nodes[((nodes > low) | (begin == 0)) & (nodes <= high)]
     # A node at a place of rest belongs to the leg that ends there.
     rows = np.where(nodes == high, last - first + 1, nodes - first)
+    # Nodes may share a knot, and both ends are stops of this leg.
     part = Corridor(
         way.lower[first : last + 1], way.upper[first : last + 1], knots,
-        np.unique([0, *rows, len(knots) - 1]),
+        np.array([0, *rows, len(knots) - 1]),
     )  # fmt: skip
     flight = fly(part)
-    passed = flight.stops[np.searchsorted(part.stops, rows)]
-    return Leg(begin, end, flight.trajectory, flight.trajectory.times[passed])
+    return Leg(begin, end, flight.trajectory, flight.trajectory.times[flight.stops[1:-1]])

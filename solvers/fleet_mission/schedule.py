@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ...models.fleet_mission.curves import nearest
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.trajectory import Trajectory
+from .courses import Course
 
-__all__ = ["Course", "Leg", "Timed", "is_clear", "schedule"]
+__all__ = ["Timed", "is_clear", "schedule"]
 
 Floats = NDArray[np.float64]
 Steps = NDArray[np.int64]
@@ -33,54 +34,6 @@ LATEST = 50_000
 ROUNDS, PLACED = 120, 2400
 #: Factors on the distance of samples; the next one is used if the proof fails.
 FACTORS = (1.0, 1.03, 1.1)
-
-
-class Leg(NamedTuple):
-    """Curve from rest to rest between two places of a course.
-
-    Parameters
-    ----------
-    begin, end : int
-        Indices of the places.
-    curve : Trajectory
-        x and y over time, from time 0, m.
-    visits : ndarray, shape (nodes,)
-        Times at which nodes are passed, s.
-    """
-
-    begin: int
-    end: int
-    curve: Trajectory
-    visits: Floats
-
-    def slower(self, factor: float) -> Leg:
-        """Return the leg with all times multiplied by `factor`."""
-        curve = Trajectory(self.curve.times * factor, self.curve.coefficients)
-        return self._replace(curve=curve, visits=self.visits * factor)
-
-
-class Course(NamedTuple):
-    """Places at which a robot may rest, from the depot to the depot, and legs between them.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n, 2)
-        Positions, m; the first and the last are the depot, where the robot takes no room.
-    legs : tuple of Leg
-        At least one leg leads from the first to the last place.
-    """
-
-    places: Floats
-    legs: tuple[Leg, ...]
-
-    def alone(self, durations: Sequence[float]) -> float:
-        """Return the time that a robot needs without others, given the duration of each leg."""
-        least = [0.0, *[np.inf] * (len(self.places) - 1)]
-        for leg, duration in sorted(
-            zip(self.legs, durations, strict=True), key=lambda k: k[0].begin
-        ):
-            least[leg.end] = min(least[leg.end], least[leg.begin] + duration)
-        return least[-1]
 
 
 class Timed(NamedTuple):

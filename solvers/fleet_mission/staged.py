@@ -24,12 +24,12 @@ from ...models.programs.linear import QuadraticProgram
 from ...models.verification import Verification
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Option, Request, Termination
 from .corridor import Cell, Corridor, corridor, crossed
-from .courses import courses_with_rests, whole_courses
+from .courses import Course, courses_with_rests, whole_courses
 from .delays import departures
 from .flight import Flight, fly, resting
 from .lanes import kept_right
 from .neighbours import NeighbourWays
-from .schedule import Course, schedule
+from .schedule import schedule
 from .stages import Stages, Unanswered, planned, taking
 
 __all__ = ["Staged"]
@@ -138,7 +138,7 @@ class Staged(Backend):
             ]
             lanes = [kept_right(way, problem.separation, margin) for way in full]
             wide = [lane or way for lane, way in zip(lanes, corridors, strict=True)]
-            plan, result = self._shared(stages, solver, routes, wide, flights, plan)
+            plan, result = self._shared(stages, solver, wide, flights, plan)
         if not result.ok:
             places = "; ".join(f"{check.name}: {check.where}" for check in result.violated)
             return Answer(Termination.NO_SOLUTION, stages.stopped(), message=places)
@@ -153,16 +153,10 @@ class Staged(Backend):
         with stages.clock("departures"):
             moved = departures(problem, trajectories, stages.slack)
         plan = planned(routes, moved, [entry.stops for entry in flights])
-        return self._better(stages, routes, self._whole(stages, flights), plan)
-
-    def _whole(self, stages: Stages, flights: list[Flight]) -> list[Course]:
-        """Return the courses of flights without rests."""
-        trajectories = [entry.trajectory for entry in flights]
-        visits = [entry.trajectory.times[entry.stops[1:-1]] for entry in flights]
-        return whole_courses(stages.problem, trajectories, visits)
+        return self._better(stages, whole_courses(problem, flights), plan)
 
     def _better(
-        self, stages: Stages, routes: FleetPlan, courses: list[Course], plan: MissionPlan
+        self, stages: Stages, courses: list[Course], plan: MissionPlan
     ) -> tuple[MissionPlan, Verification]:
         """Return `plan` or the plan of a schedule of the courses: the objective counts, then the makespan."""
         problem, request = stages.problem, stages.request
@@ -200,21 +194,18 @@ class Staged(Backend):
         return problem.objective is MissionObjective.MAKESPAN and plan.end > LATE * longest
 
     def _shared(
-        self, stages: Stages, solver: Backend | None, routes: FleetPlan, ways: list[Corridor],
-        flights: list[Flight], plan: MissionPlan,
+        self, stages: Stages, solver: Backend | None, ways: list[Corridor], flights: list[Flight],
+        plan: MissionPlan,
     ) -> tuple[MissionPlan, Verification]:  # fmt: skip
         """Return a plan with lanes, and with rests at which robots may wait, if that is better."""
         problem, request = stages.problem, stages.request
         with stages.clock("lanes and rests"):
-            courses = list(
-                courses_with_rests(
-                    problem, self._whole(stages, flights), ways,
-                    lambda way: fly(problem, way, solver, request, 1),
-                )
-            )  # fmt: skip
+            direct = whole_courses(problem, flights)
+            pieces = lambda way: fly(problem, way, solver, request, 1)  # noqa: E731
+            courses = list(courses_with_rests(problem, direct, ways, pieces))
         alone = [entry.alone([leg.curve.duration for leg in entry.legs]) for entry in courses]
         stages.statistics["longest flight alone"] = max(alone)
-        return self._better(stages, routes, courses, plan)
+        return self._better(stages, courses, plan)
 
     def _chains(
         self, stages: Stages, searcher: Backend, route: list[int], along: NeighbourWays | None

@@ -18,11 +18,11 @@ from crosstrack.models import FleetMission, Trajectory
 from crosstrack.models.fleet_mission import MovingObstacle
 from crosstrack.models.fleet_mission.curves import nearest
 from crosstrack.solvers.fleet_mission.corridor import Corridor
-from crosstrack.solvers.fleet_mission.courses import whole_courses
+from crosstrack.solvers.fleet_mission.courses import Course, Leg, whole_courses
 from crosstrack.solvers.fleet_mission.delays import departures
 from crosstrack.solvers.fleet_mission.flight import resting
 from crosstrack.solvers.fleet_mission.lanes import kept_right
-from crosstrack.solvers.fleet_mission.schedule import Course, Leg, schedule
+from crosstrack.solvers.fleet_mission.schedule import schedule
 
 QUICK = {"routing": "kmeans-ac"}
 OPEN = FleetMission(

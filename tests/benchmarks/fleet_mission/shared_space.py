@@ -79,25 +79,23 @@ def mission(kind: str, seed: int, robots: int | None = None) -> FleetMission:
     )  # fmt: skip
 
 
-def main() -> None:
-    """Solve missions of every kind and write a table."""
-    arguments = [int(entry) for entry in sys.argv[1:]]
-    count, begin = (arguments + [10, 0][len(arguments) :])[:2]
-    results: dict[str, list[tuple[float, float, int]]] = {kind: [] for kind in KINDS}
-    for seed in range(begin, begin + count):
-        for kind in KINDS:
-            model = mission(kind, seed)
-            started = time.process_time()
-            answer = ct.solve(model, "staged", seed=1)
-            seconds = time.process_time() - started
-            assert answer.verified, answer
-            touching = contacts(model, answer.plan)
-            ratio = answer.plan.end / float(answer.statistics["longest flight alone"])
-            results[kind].append((ratio, seconds, len(touching)))
-            print(
-                f"{model.name} {model.vehicles} robots {ratio:.3f} {seconds:.1f} s {touching}",
-                flush=True,
-            )
+def measure(kind: str, seed: int) -> tuple[float, float, int]:
+    """Return the last return over the longest flight alone, CPU seconds, and the number of contacts."""
+    model = mission(kind, seed)
+    started = time.process_time()
+    answer = ct.solve(model, "staged", seed=1)
+    seconds = time.process_time() - started
+    assert answer.verified, answer
+    touching = contacts(model, answer.plan)
+    ratio = answer.plan.end / float(answer.statistics["longest flight alone"])
+    print(
+        f"{model.name} {model.vehicles} robots {ratio:.3f} {seconds:.1f} s {touching}", flush=True
+    )
+    return ratio, seconds, len(touching)
+
+
+def record(results: dict[str, list[tuple[float, float, int]]], first: int, last: int) -> None:
+    """Write the table of the seeds `first` to `last`."""
     rows = []
     for kind, entries in results.items():
         ratios, seconds, touching = (np.array(column) for column in zip(*entries, strict=True))
@@ -107,17 +105,27 @@ def main() -> None:
                 float((ratios <= WITHIN).mean()), float(np.median(seconds)),
             )
         )  # fmt: skip
-        print(rows[-1])
     columns = {
         "missions": "", "number": "d", "contacts": "d", "median": ".3f", "largest": ".3f",
         f"at most {WITHIN}": ".0%", "CPU seconds": ".3g",
     }  # fmt: skip
     text = (
-        f"Random missions of 2 to 20 robots with objective makespan, seeds {begin} to {begin + count - 1}: "
+        f"Random missions of 2 to 20 robots with objective makespan, seeds {first} to {last}: "
         "return of the last robot over the longest flight of a robot that is alone (median, largest, and "
         "share of missions within the limit), and median time of `staged`."
     )
     write("fleet-mission", "shared-space", __file__, columns, rows, ("numpy", "shapely"), text)
+
+
+def main() -> None:
+    """Solve missions of every kind; write a table after each seed."""
+    arguments = [int(entry) for entry in sys.argv[1:]]
+    count, begin = (arguments + [10, 0][len(arguments) :])[:2]
+    results: dict[str, list[tuple[float, float, int]]] = {kind: [] for kind in KINDS}
+    for seed in range(begin, begin + count):
+        for kind in KINDS:
+            results[kind].append(measure(kind, seed))
+        record(results, begin, seed)
 
 
 if __name__ == "__main__":
