@@ -20,11 +20,9 @@ from scipy.special import comb
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.polynomials import (
     bernstein_matrix,
-    derivative_matrix,
     derived,
     factorials,
     gauss_legendre,
-    power_matrix,
 )
 from ...models.minimum_snap.trajectory import Trajectory
 from .corridor import Corridor
@@ -119,7 +117,8 @@ def _shapes() -> tuple[Floats, Floats]:
     minimise the integral of the squared jerk.
     """
     start = np.diag(np.append([1.0, 1.0, 2.0, 6.0], np.zeros(DEGREE - 3)))[:4]
-    hermite = np.linalg.inv(np.concatenate([start, derivative_matrix(DEGREE, 4)]))
+    end = [np.append(np.zeros(order), factorials(DEGREE, order)) for order in range(4)]
+    hermite = np.linalg.inv(np.concatenate([start, end]))
     nodes, weights = gauss_legendre(DEGREE)
     powers = np.vander(nodes, DEGREE - 2, increasing=True) * factorials(DEGREE, 3)
     jerk = np.sqrt(weights)[:, None] * (powers @ hermite[3:])
@@ -228,7 +227,7 @@ def _phase(
 
 
 def _cruise(
-    legs: Legs, ramp: Floats, before: Floats, after: Floats, length: Floats
+    legs: Legs, ramp: Floats, before: Floats, after: Floats, length: Floats, bisections: int
 ) -> tuple[Floats, Floats]:
     """Return the cruise speeds (m/s) and the times (s; infinite if impossible) on straight legs.
 
@@ -245,7 +244,7 @@ def _cruise(
     possible = (phases(least)[1] <= length) & (length > 0.0)
     low, high = least, np.broadcast_to(legs.speed.reshape(shape), length.shape)
     low = np.where(phases(high)[1] <= length, high, low)
-    for _ in range(BISECTIONS):
+    for _ in range(bisections):
         middle = 0.5 * (low + high)
         fits = phases(middle)[1] <= length
         low, high = np.where(fits, middle, low), np.where(fits, high, middle)
@@ -263,7 +262,9 @@ def _fastest(legs: Legs, ways: Floats, ramp: Floats) -> Ints:
     speed, reach, own, pull = np.pad(ways[:4], ((0, 0), (1, 1), (0, 0)))
     ends = np.array([speed, pull])
     length = legs.length[:, None, None] - reach[:-1, :, None] - reach[1:, None]
-    _, seconds = _cruise(legs, ramp, ends[:, :-1, :, None], ends[:, 1:, None], length)
+    _, seconds = _cruise(
+        legs, ramp, ends[:, :-1, :, None], ends[:, 1:, None], length, BISECTIONS // 2
+    )
     seconds += own[:-1, :, None] + own[1:, None]
     total = np.append(0.0, np.full(SPEEDS, np.inf))
     origins = []
@@ -286,7 +287,7 @@ def _pieces(legs: Legs, places: Floats, corners: Floats, ramp: Floats) -> tuple[
     speed, reach, _, pull = np.pad(corners[:4], ((0, 0), (1, 1)))
     length = legs.length - reach[:-1] - reach[1:]
     ends = np.array([speed, pull])
-    cruise, total = _cruise(legs, ramp, ends[:, :-1], ends[:, 1:], length)
+    cruise, total = _cruise(legs, ramp, ends[:, :-1], ends[:, 1:], length, BISECTIONS)
     times = np.zeros((count, 9))
     forces = np.zeros((count, 8))
     for columns, sign, (slow, weak) in (([0, 1, 2], 1, ends[:, :-1]), ([6, 5, 4], -1, ends[:, 1:])):
@@ -307,9 +308,10 @@ def _pieces(legs: Legs, places: Floats, corners: Floats, ramp: Floats) -> tuple[
         pieces[:, column, 0] = places[:-1] + along[:, None] * legs.direction
         along = along + terms.sum(axis=1)
         rate = rate + 0.5 * (start + end) * seconds
+    control = bernstein_matrix(DEGREE)
     shapes = (shape[corners[4].astype(int)] for shape in _shapes())
     halves = corners[1, :, None, None] * _halves(legs, *shapes)
-    halves[1] = (power_matrix(DEGREE) @ bernstein_matrix(DEGREE)[::-1]) @ halves[1]  # reverses time
+    halves[1] = np.linalg.solve(control, control[::-1]) @ halves[1]  # reverses time
     halves[:, :, 0] += places[1:-1]
     pieces[:-1, 7:] = np.moveaxis(halves, 0, 1)
     times[:-1, 7:] = corners[2, :, None]
