@@ -27,7 +27,7 @@ FlightMap: TypeAlias = GridMap | VoxelMap | tuple[Polygon, ...] | Floats
 
 #: Keys of the four forms in JSON.
 _GRID, _VOXELS, _POLYGONS, _POINTS = _KEYS = ("grid", "voxels", "polygons", "points")
-#: Share of the extent by which unlimited space is enlarged for the planners.
+#: Enlargement of unlimited space for the planners, relative to its extent.
 _BEYOND = 0.25
 
 
@@ -93,7 +93,7 @@ class Maps(Spec):
 
 
 def _depth(value: Any) -> int:
-    """Return how deep lists and arrays are nested along their first entries."""
+    """Return the depth of nested lists and arrays along their first entries."""
     depth = 0
     while isinstance(value, list | tuple) and len(value) and depth < 4:
         depth, value = depth + 1, value[0]

@@ -28,7 +28,7 @@ class FlightPlan(Plan):
     visits : ndarray, shape (k,)
         Times at which the curve passes the waypoints of the model, in seconds.
     path : ndarray, shape (n, axes), optional
-        Polyline from the start to the goal from which the curve was computed, in metres. The
+        Polyline from the start to the goal beside the curve, in metres. The
         verification ignores it.
 
     Raises

@@ -52,7 +52,7 @@ def draw(
     plan : FlightPlan, optional
         Plan of the model, feasible or not. Red rings mark the largest violations. None draws the map.
     path : bool
-        Whether to draw the polyline from which the curve was computed.
+        Whether to draw the polyline of the planner.
     """
     kit.check_flags(path=path)
     result = kit.verified_plan(model, plan, FlightPlan, tolerance)

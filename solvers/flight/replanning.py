@@ -28,7 +28,7 @@ __all__ = ["PreparedFlight", "Replan", "prepare_flight"]
 
 Floats = NDArray[np.float64]
 
-#: Share by which the limits are tightened, so that a few steps keep the true ones.
+#: Reduction of the limits, relative to them, so that a few steps keep the true ones.
 RESERVE = 0.03
 #: Inset of the polytopes, and length of an excess 1, in cells. A few steps do not converge completely.
 INSET, SIZE = 0.1, 0.3

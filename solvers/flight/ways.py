@@ -23,7 +23,7 @@ Truths = NDArray[np.bool_]
 
 #: Margin of a line of sight in cells.
 MARGIN = 0.3
-#: Number of free cells near a place from which a straight segment to the place is tried.
+#: Number of free cells near a place that are tried as ends of a straight segment to the place.
 NEAREST = 64
 #: Largest number of pairs of a cell and a point per step of the rasterisation of points.
 _CHUNK = 2_000_000

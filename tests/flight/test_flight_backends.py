@@ -50,7 +50,9 @@ def test_the_flight_time_of_a_scaled_map_is_the_same(backend, scale):
     )
     solution = solved(model, backend)
     first = TIMES.setdefault(backend, solution.plan.duration)
-    assert solution.plan.duration == pytest.approx(first, rel=0.05)  # corridors may differ by rounding
+    assert solution.plan.duration == pytest.approx(
+        first, rel=0.05
+    )  # corridors may differ by rounding
 
 
 TIMES: dict[str, float] = {}

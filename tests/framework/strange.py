@@ -169,6 +169,8 @@ def _examples() -> list[tuple[Any, Any]]:
         ErrorCorrectionRouting,
         FleetMission,
         FleetRouting,
+        Flight,
+        FlightPlan,
         GridPath,
         GuidedPathTour,
         MessengerTour,
@@ -176,6 +178,7 @@ def _examples() -> list[tuple[Any, Any]]:
         MinimumSnap,
         NonlinearProgram,
         PhasePlan,
+        PointMass,
         ProgramBuilder,
         QuadraticProgram,
         Route,
@@ -294,6 +297,10 @@ def _examples() -> list[tuple[Any, Any]]:
     there, back = smooth.copy(), -smooth
     there[0], back[0] = (1.0, 1.0), (8.0, 2.0)
     driven = MissionPlan([[0]], [Trajectory([0.0, 20.0, 40.0], [there, back])], [[20.0]])
+    around = Flight(
+        [[[4, 4], [6, 4], [6, 6], [4, 6]]], (1, 1), (8, 2), PointMass(1.0, 1.0), radius=0.25, cell=0.5,
+    )  # fmt: skip
+    direct = FlightPlan(Trajectory([0.0, 20.0], [there]), path=[[1.0, 1.0], [8.0, 2.0]])
     guided = GuidedPathTour(
         [0, 3, -1, 2.5, 3], chains=[[1, 2]], precedence=[[1, 3], [4, 3]], ids=("a", 1, "c", 2, 3)
     )
@@ -338,7 +345,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (mixed, vector), (quadratic, vector), (conic, vector), (nonlinear, np.array([1.0, 1.0])),
         (braking(bound=9.0, mixed_path={"upper": 9.0}).build(), cruising(costates=True)), (relay().build(), relayed()),
         (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
-        (mission, driven), (guided, GuidedPathPlan((4, 1, 2, 3))), (box, BlackBoxPoint((1.0, 2.0))),
+        (mission, driven), (around, direct), (guided, GuidedPathPlan((4, 1, 2, 3))), (box, BlackBoxPoint((1.0, 2.0))),
         (sliding, angles), (motion, estimate), (unknown, steps), (charged, Route((0, 1, 3, 2))),
     ]  # fmt: skip
 
