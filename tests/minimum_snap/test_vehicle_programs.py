@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import crosstrack as ct
 import numpy as np
 import pytest
+from scipy.optimize import NonlinearConstraint, minimize
+
+import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models import DifferentialDrive, MinimumSnap, PointMass, Quadrotor
 from crosstrack.solvers import Termination
-from scipy.optimize import NonlinearConstraint, minimize
 
 POINTS = np.array([[0, 0, 0], [1, 2, 1], [3, 2, 0.5], [4, 0, 1]], float)
 TIMES = np.array([0, 1, 2.5, 4])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+
 from crosstrack.errors import InvalidData
 from crosstrack.models import (
     DifferentialDrive,
