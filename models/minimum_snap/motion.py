@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -156,7 +157,7 @@ def _course(trajectory: Trajectory) -> Floats:
         size = REST * float(np.abs(powers).sum())
         begin = _zeros(powers, size)
         # Powers of 1 - s: the expansion at the other end.
-        end = _zeros(_reflected(powers), size)
+        end = _zeros(_reflection(len(powers)) @ powers, size)
         if begin == len(powers) or begin + end >= len(powers):
             result[segment, 0, 1:] = previous
             continue
@@ -178,12 +179,10 @@ def _zeros(powers: Floats, size: float) -> int:
     return len(powers) if small.all() else int(small.argmin())
 
 
-def _reflected(powers: Floats) -> Floats:
-    """Return the coefficients of the polynomial in 1 - s."""
-    result = np.zeros_like(powers)
-    for power, row in enumerate(powers):
-        result[: power + 1] += np.polynomial.polynomial.polypow([1.0, -1.0], power)[:, None] * row
-    return result
+@cache
+def _reflection(size: int) -> Floats:
+    """Return the matrix from the powers of s to those of 1 - s."""
+    return np.array([[(-1.0) ** i * math.comb(j, i) for j in range(size)] for i in range(size)])
 
 
 def heading_jumps(trajectory: Trajectory) -> Floats:

@@ -188,7 +188,7 @@ class Vehicle(Declared):
         yaw : None, "tangent", float or Trajectory
             Yaw, rad.
         exact : bool
-            If false, bounds within the limit need not be close to the extreme.
+            If false, bounds within the limit may be far above the extreme.
 
         Raises
         ------

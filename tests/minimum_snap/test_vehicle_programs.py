@@ -72,10 +72,11 @@ def sampled_optimum(model: MinimumSnap) -> float:
     ],
 )
 def test_optimum_equals_that_of_scipy_on_dense_samples(vehicle, termination):
-    solution = ct.solve(MinimumSnap(POINTS, TIMES, vehicle=vehicle))
+    model = MinimumSnap(POINTS, TIMES, vehicle=vehicle)
+    solution = ct.solve(model)
     assert solution.termination is termination
     assert solution.primal_bound > 14160.6  # the path without limits exceeds them
-    assert solution.primal_bound == pytest.approx(sampled_optimum(solution.model), rel=2e-5)
+    assert solution.primal_bound == pytest.approx(sampled_optimum(model), rel=2e-5)
     if termination is Termination.OPTIMAL:
         assert solution.dual_bound == pytest.approx(solution.primal_bound, rel=2e-6)
     t = np.linspace(0, 4, 40001)  # 10 kHz
@@ -159,12 +160,12 @@ def test_a_robot_on_a_line_keeps_its_wheels_equal():
         {"vehicle": Quadrotor(1.0, (2, 25), body_rate=1.5)},
     ],
 )
-def test_laps_close_in_the_derivatives_up_to_six(limits):
+def test_laps_close_in_the_derivatives_up_to_four(limits):
     solution = ct.solve(MinimumSnap(LAP, np.arange(5.0), periodic=True, **limits))
     assert solution.termination in (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
     assert solution.primal_bound >= 597.57
     plan = solution.plan
-    for order in range(7):
+    for order in range(5 if limits else 7):
         begin, end = plan(0.0, order), plan(4.0, order)
         assert np.abs(begin - end).max() <= 1e-6 * max(1.0, np.abs(begin).max())
     assert np.abs(plan(0.0, 1)).max() > 1  # the lap does not stop at its joint
@@ -183,8 +184,7 @@ def test_verification_finds_an_open_joint():
     model = MinimumSnap(LAP, np.arange(5.0), periodic=True)
     still = ct.solve(MinimumSnap(LAP, np.arange(5.0))).plan  # from rest to rest
     names = [check.name for check in model.verify(still).violated]
-    assert names == ["snap at the joint of the lap", "crackle at the joint of the lap",
-                     "pop at the joint of the lap"]  # fmt: skip
+    assert names == ["snap at the joint of the lap"]
 
 
 def test_yaw_has_the_least_acceleration_by_the_shortest_turns():

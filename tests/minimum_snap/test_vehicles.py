@@ -220,7 +220,10 @@ def test_the_extreme_agrees_with_forty_digits():
             result = []
             for axis, row in enumerate(rows):
                 v = mpmath.polyval([k * c for k, c in enumerate(row)][1:], s, asc=True) / long
-                a = mpmath.polyval([k * (k - 1) * c for k, c in enumerate(row)][2:], s, asc=True) / long**2
+                a = (
+                    mpmath.polyval([k * (k - 1) * c for k, c in enumerate(row)][2:], s, asc=True)
+                    / long**2
+                )
                 weight = mpmath.mpf(1.3) * mpmath.mpf(9.81) if axis == 2 else 0
                 result.append(mpmath.mpf(1.3) * a + mpmath.mpf(0.3) * v + weight)
             return result

@@ -95,6 +95,10 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         if self.model.minimise is Minimise.TIME:
             raise UnsupportedFormulation("the minimum of the time alone needs backend 'minco'")
         require_casadi(f"formulation {self.name!r}")
+        if self.model.vehicle is not None or self.model.periodic:
+            raise UnsupportedFormulation(
+                "vehicles and periodic paths: the program of the times does not cover them"
+            )
         self._at(self.model.unit.times)
 
     def _at(self, times: Floats) -> HermiteFormulation:

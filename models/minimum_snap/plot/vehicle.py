@@ -74,7 +74,10 @@ def pin_limits(scene: Scene, panels: list[kit.Panel], places: list[Any]) -> None
 
 def _checks(scene: Scene, title: str, sides: tuple[str, ...]) -> list[tuple[Check, float, int]]:
     """Return the checks of a quantity with their instants and the indices of their curves."""
-    names = [f"{side} {title} limit" for side in sides] or [f"{title} limit", f"lowest {title} limit"]
+    names = [f"{side} {title} limit" for side in sides] or [
+        f"{title} limit",
+        f"lowest {title} limit",
+    ]
     checks = () if scene.verification is None else scene.verification.checks
     return [
         (check, float(check.where.split()[2]), names.index(check.name) if sides else 0)
