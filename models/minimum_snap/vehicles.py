@@ -9,278 +9,34 @@ SO(3)", ISRR 2017 (attitude without a singularity in level flight); Wang, Zhou, 
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..arrays import NumberTuple
-from ..declaration import Declared
-from ..specs import Optional, Real, Spec, declared, show
+from ..specs import Real, declared
 from .jets import Jet, squared_norm
-from .motion import Motion, extended
-from .peaks import peaks
-
-if TYPE_CHECKING:
-    from .motion import Yaw
-    from .trajectory import Trajectory
+from .motion import Motion
+from .vehicle_base import (
+    Measure,
+    PointMass,
+    Vehicle,
+    VehicleSpec,
+    components,
+    constant,
+    norm_measure,
+    positive,
+    root,
+    sizes,
+)
 
 __all__ = ["DifferentialDrive", "Measure", "PointMass", "Quadrotor", "Vehicle", "VehicleSpec"]
 
 Floats = NDArray[np.float64]
-
-
-class Measure(NamedTuple):
-    """Limited quantity of a vehicle.
-
-    Parameters
-    ----------
-    name : str
-        Name of the quantity, such as ``"thrust"``.
-    unit : str
-        Its unit.
-    limit : float
-        Limit in that unit.
-    function : callable
-        Series of a function of the quantity whose limit is the upper bound `level`, from the motion.
-    level : float
-        Value of `function` at the limit.
-    value : callable
-        Quantity from the value of `function`.
-    cone : callable
-        Series ``[t, *y]`` from the motion: the limit holds if and only if ``|y| <= t``.
-    is_convex : bool
-        Whether the series of the cone are affine in the position, so that they define a convex set.
-    is_upper : bool
-        Whether the limit is the largest allowed value, else the smallest.
-    """
-
-    name: str
-    unit: str
-    limit: float
-    function: Callable[[Motion], Jet]
-    level: float
-    value: Callable[[Any], Any]
-    cone: Callable[[Motion], list[Jet]]
-    is_convex: bool
-    is_upper: bool = True
-
-
-class Extreme(NamedTuple):
-    """Largest value of a limited quantity along a trajectory, or the smallest one for a lower limit.
-
-    Parameters
-    ----------
-    name, equation : str
-        Name of the quantity, and the equation of its limit (empty).
-    amount : float
-        Violation of the limit, negative for slack.
-    unit : str
-        Unit of the quantity.
-    time : float
-        Instant of the value, s.
-    limit, value : float
-        Limit and proven extreme value.
-    """
-
-    name: str
-    equation: str
-    amount: float
-    unit: str
-    time: float
-    limit: float
-    value: float
-
-
-def _root(value: Any) -> Any:
-    return np.sqrt(np.maximum(value, 0.0))
-
-
-def _norm(
-    name: str, unit: str, limit: float | None, vector: Callable[[Motion], list[Jet]], convex: bool
-) -> list[Measure]:
-    """Return the measure of the norm of a vector; empty without a limit."""
-    if limit is None:
-        return []
-    return [
-        Measure(
-            name, unit, limit, lambda at: squared_norm(vector(at)), limit**2, _root,
-            lambda at: [_constant(at, limit), *vector(at)], convex,
-        )
-    ]  # fmt: skip
-
-
-def _constant(motion: Motion, value: float) -> Jet:
-    """Return a constant series of the motion's shape."""
-    return motion.position[0] * 0.0 + value
-
-
-def _limit(unit: str, upper: float | None = None) -> Any:
-    return declared(Optional(Real(0.0, upper, strict=True, unit=unit)), default=None)
-
-
-@dataclass(frozen=True, eq=False)
-class Vehicle(Declared):
-    """Base of vehicles."""
-
-    kind: ClassVar[str] = ""
-    #: Number of axes of a trajectory of the vehicle; None for any.
-    axes: ClassVar[int | None] = None
-    #: Whether the vehicle's quantities depend on the direction of the path.
-    follows_path: ClassVar[bool] = False
-
-    @property
-    @abstractmethod
-    def measures(self) -> tuple[Measure, ...]:
-        """Limited quantities."""
-
-    @property
-    def limits(self) -> dict[str, str]:
-        """Names of the limited quantities with their units."""
-        return {measure.name: measure.unit for measure in self.measures}
-
-    def quantities(
-        self, trajectory: Trajectory, t: ArrayLike, yaw: Yaw = None
-    ) -> dict[str, Floats]:
-        """Return quantities of the flight at given times, for plots, exports and simulations.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Positions, m.
-        t : ndarray, shape (n,)
-            Times between the first and the last knot, s.
-        yaw : None, "tangent", float or Trajectory
-            Yaw, rad.
-
-        Returns
-        -------
-        dict of str to ndarray
-            One array with n rows per quantity.
-
-        Raises
-        ------
-        InvalidData
-            The trajectory has another number of axes than the vehicle, or a time is outside it.
-        """
-        self.require_axes(trajectory.dimensions, "trajectory")
-        with np.errstate(all="ignore"):  # undefined quantities are NaN
-            series = extended(trajectory, yaw, self.follows_path)
-            return self._quantities(series.at(np.atleast_1d(np.asarray(t)), 4))
-
-    def check_curve(
-        self, trajectory: Trajectory, yaw: Yaw = None, *, exact: bool = True
-    ) -> list[Extreme]:
-        """Return the proven extreme of each limited quantity along a trajectory.
-
-        Every extreme is an upper bound (a lower bound for a lower limit) that bisection with interval
-        arithmetic proves for all instants up to rounding, at most 1e-9 from the value at `time`.
-
-        Parameters
-        ----------
-        trajectory : Trajectory
-            Positions, m.
-        yaw : None, "tangent", float or Trajectory
-            Yaw, rad.
-        exact : bool
-            If false, bounds within the limit may be far above the extreme.
-
-        Raises
-        ------
-        InvalidData
-            The trajectory has another number of axes than the vehicle.
-        """
-        self.require_axes(trajectory.dimensions, "trajectory")
-        series = extended(trajectory, yaw, self.follows_path)
-        result = []
-        for name, unit, limit, function, level, value, _, _, upper in self.measures:
-            accept = -math.inf if exact else level
-            bound, _, time = peaks(series, function, scale=abs(level), accept=accept)
-            at = int(bound.argmax())
-            extreme = float(value(bound[at]))
-            amount = extreme - limit if upper else limit - extreme
-            result.append(Extreme(name, "", amount, unit, float(time[at]), limit, extreme))
-        return result
-
-    @abstractmethod
-    def _quantities(self, motion: Motion) -> dict[str, Floats]:
-        """Return the quantities of :meth:`quantities` from the series at the times."""
-
-    def require_axes(self, axes: int, field: str) -> None:
-        """Raise :class:`InvalidData` unless the vehicle moves along this number of axes."""
-        if self.axes is not None and axes != self.axes:
-            raise InvalidData(
-                f"{field} must have {self.axes} axes for a {type(self).__name__}, got {axes}",
-                field=field,
-            )
-
-    def data(self) -> dict[str, Any]:
-        """Return the content as JSON data, with the kind of the vehicle."""
-        return {"kind": self.kind, **super().data()}
-
-    @classmethod
-    def from_data(cls, data: Any) -> Any:
-        """Return the vehicle that :meth:`data` wrote.
-
-        Parameters
-        ----------
-        data : mapping
-            JSON data with the key ``kind``.
-
-        Raises
-        ------
-        InvalidData
-            The kind is unknown, or a value is invalid.
-        """
-        return VehicleSpec().coerce("vehicle", data, {})
-
-    def __eq__(self, other: object) -> bool:
-        """Return whether `other` is a vehicle of the same type with the same values."""
-        if type(self) is not type(other):
-            return NotImplemented
-        return self.data() == other.data()
-
-    def __hash__(self) -> int:
-        return hash((self.kind, tuple(self._feed())))
-
-
-@dataclass(frozen=True, eq=False)
-class PointMass(Vehicle):
-    """Vehicle with limits on the norms of velocity and acceleration, in any dimension.
-
-    Parameters
-    ----------
-    speed : float, optional
-        Largest norm of the velocity, m/s.
-    acceleration : float, optional
-        Largest norm of the acceleration, m/s².
-
-    Raises
-    ------
-    InvalidData
-        A limit is not positive.
-    """
-
-    speed: float | None = _limit("m/s")
-    acceleration: float | None = _limit("m/s²")
-
-    kind: ClassVar[str] = "point-mass"
-
-    @property
-    def measures(self) -> tuple[Measure, ...]:
-        """Speed and acceleration."""
-        return (
-            *_norm("speed", "m/s", self.speed, lambda at: at.velocity, True),
-            *_norm("acceleration", "m/s²", self.acceleration, lambda at: at.acceleration, True),
-        )  # fmt: skip
-
-    def _quantities(self, motion: Motion) -> dict[str, Floats]:
-        return {"speed": _size(motion.velocity), "acceleration": _size(motion.acceleration)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,12 +75,12 @@ class Quadrotor(Vehicle):
 
     mass: float = declared(Real(0.0, strict=True, unit="kg"))
     thrust: tuple[float, float] = declared(NumberTuple((2,), unit="N"))
-    tilt: float | None = _limit("rad")
-    body_rate: float | None = _limit("rad/s")
+    tilt: float | None = positive("rad")
+    body_rate: float | None = positive("rad/s")
     drag: float = declared(Real(0.0, unit="kg/s"), default=0.0)
-    speed: float | None = _limit("m/s")
-    acceleration: float | None = _limit("m/s²")
-    yaw_rate: float | None = _limit("rad/s")
+    speed: float | None = positive("m/s")
+    acceleration: float | None = positive("m/s²")
+    yaw_rate: float | None = positive("rad/s")
     gravity: float = declared(Real(0.0, strict=True, unit="m/s²"), default=9.81)
 
     kind: ClassVar[str] = "quadrotor"
@@ -371,12 +127,12 @@ class Quadrotor(Vehicle):
     def measures(self) -> tuple[Measure, ...]:
         """Thrust, tilt, body rate, speed, acceleration and yaw rate."""
         low, high = self.thrust
-        measures = _norm("thrust", "N", high, self.force, True)
+        measures = norm_measure("thrust", "N", high, self.force, True)
         if low > 0:
             measures.append(
                 Measure(
                     "lowest thrust", "N", low, lambda at: -squared_norm(self.force(at)), -(low**2),
-                    lambda value: _root(-value),
+                    lambda value: root(-value),
                     lambda at: [squared_norm(self.force(at)).root() - low], False, False,
                 )
             )  # fmt: skip
@@ -390,12 +146,12 @@ class Quadrotor(Vehicle):
             measures.append(
                 Measure(
                     "tilt", "rad", self.tilt, self._tilt, math.tan(self.tilt / 2) ** 2,
-                    lambda value: 2 * np.arctan(_root(value)), cone, True,
+                    lambda value: 2 * np.arctan(root(value)), cone, True,
                 )
             )  # fmt: skip
-        measures += _norm("body rate", "rad/s", self.body_rate, self._body_rates, False)
+        measures += norm_measure("body rate", "rad/s", self.body_rate, self._body_rates, False)
         measures += PointMass(self.speed, self.acceleration).measures
-        measures += _norm("yaw rate", "rad/s", self.yaw_rate, self._yaw_rate, False)
+        measures += norm_measure("yaw rate", "rad/s", self.yaw_rate, self._yaw_rate, False)
         return tuple(measures)
 
     def _body_rates(self, motion: Motion) -> list[Jet]:
@@ -404,12 +160,12 @@ class Quadrotor(Vehicle):
         return [*turn, spin]
 
     def _yaw_rate(self, motion: Motion) -> list[Jet]:
-        return [_constant(motion, 0.0) if motion.turn is None else motion.turn]
+        return [constant(motion, 0.0) if motion.turn is None else motion.turn]
 
     def _quantities(self, motion: Motion) -> dict[str, Floats]:
-        (turn, spin), force = self._rates(motion), _first(self.force(motion))
+        (turn, spin), force = self._rates(motion), components(self.force(motion))
         size = np.linalg.norm(force, axis=1)
-        z, dz = force / size[:, None], _first(turn)
+        z, dz = force / size[:, None], components(turn)
         yaw = motion.heading
         lean = dz[:, 2] / (1.0 + z[:, 2])
         across = z[:, 1] * lean - dz[:, 1]
@@ -422,8 +178,8 @@ class Quadrotor(Vehicle):
         attitude = np.column_stack([w * ch, x * ch + y * sh, y * ch - x * sh, w * sh])
         flat = np.hypot(force[:, 0], force[:, 1])
         return {
-            "speed": _size(motion.velocity),
-            "acceleration": _size(motion.acceleration),
+            "speed": sizes(motion.velocity),
+            "acceleration": sizes(motion.acceleration),
             "thrust": size,
             "tilt": np.arctan2(flat, force[:, 2]),
             "body_rate": np.linalg.norm(rates, axis=1),
@@ -457,7 +213,7 @@ class DifferentialDrive(Vehicle):
     """
 
     wheel_speed: float = declared(Real(0.0, strict=True, unit="m/s"))
-    wheel_acceleration: float | None = _limit("m/s²")
+    wheel_acceleration: float | None = positive("m/s²")
     track: float = declared(Real(0.0, strict=True, unit="m"), default=None)  # required: None raises
 
     kind: ClassVar[str] = "differential-drive"
@@ -477,11 +233,11 @@ class DifferentialDrive(Vehicle):
         """Speed and acceleration of both wheels, and the speed that follows: the mean of the wheels."""
         result = list(PointMass(speed=self.wheel_speed).measures)
         for word, side in (("left", -1.0), ("right", 1.0)):
-            result += _norm(
+            result += norm_measure(
                 f"{word} wheel speed", "m/s", self.wheel_speed,
                 partial(self._wheel_speed, side), False,
             )  # fmt: skip
-            result += _norm(
+            result += norm_measure(
                 f"{word} wheel acceleration", "m/s²", self.wheel_acceleration,
                 partial(self._wheel_acceleration, side), False,
             )  # fmt: skip
@@ -497,48 +253,3 @@ class DifferentialDrive(Vehicle):
             "wheel_speeds": np.column_stack([left.terms[0], right.terms[0]]),
             "wheel_accelerations": np.column_stack([left.terms[1], right.terms[1]]),
         }
-
-
-def _first(vector: Iterable[Jet]) -> Floats:
-    """Return the values of a vector of series, shape (n, components)."""
-    return np.column_stack([component.terms[0] for component in vector])
-
-
-def _size(vector: Sequence[Jet]) -> Floats:
-    norm: Floats = np.linalg.norm(_first(vector), axis=1)
-    return norm
-
-
-#: Vehicles by their name in JSON.
-_KINDS: dict[str, type[Vehicle]] = {
-    vehicle.kind: vehicle for vehicle in (PointMass, Quadrotor, DifferentialDrive)
-}
-
-
-@dataclass(frozen=True)
-class VehicleSpec(Spec):
-    """Field that holds a vehicle, given as such or as its JSON data."""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Vehicle:
-        if isinstance(value, Vehicle):
-            return value
-        if not isinstance(value, Mapping):
-            allowed = ", ".join(vehicle.__name__ for vehicle in _KINDS.values())
-            raise InvalidData(
-                f"{name} must be a vehicle ({allowed}) or its data, got {show(value)}", field=name
-            )
-        kind = value.get("kind")
-        if not isinstance(kind, str) or kind not in _KINDS:
-            raise InvalidData(
-                f"{name}.kind must be one of {', '.join(_KINDS)}, got {show(kind)}", field=name
-            )
-        return _KINDS[kind]._from_data(
-            {key: entry for key, entry in value.items() if key != "kind"}
-        )
-
-    def encode(self, value: Vehicle) -> Any:
-        return value.data()
-
-    def feed(self, value: Vehicle) -> Iterable[bytes]:
-        yield value.kind.encode()
-        yield from value._feed()

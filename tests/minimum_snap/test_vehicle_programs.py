@@ -36,7 +36,7 @@ def sampled_optimum(model: MinimumSnap) -> float:
         v, a, j = (b + np.tensordot(x, part, 1) for b, part in zip(base, basis, strict=True))
         if isinstance(vehicle, PointMass):
             return (np.linalg.norm(v, axis=1) - vehicle.speed) / vehicle.speed
-        force = vehicle.mass * (a + [0, 0, vehicle.gravity])
+        force = vehicle.mass * (a + np.array([0, 0, vehicle.gravity]))
         size = np.linalg.norm(force, axis=1)
         turn = np.linalg.norm(np.cross(force, vehicle.mass * j), axis=1) / size**2
         z, low = force / size[:, None], vehicle.thrust[0]

@@ -315,8 +315,8 @@ class VehicleFormulation(Formulation[MinimumDerivative, Trajectory]):
             rows = sp.csr_array(sp.hstack([rows, sp.csr_array(slack.reshape(-1, 1))]))
         # Constants near 1: the violation of a cone is then relative to the limit, so that proofs of
         # infeasibility are independent of the units.
-        size = np.abs(offset).max(axis=1) if measure.is_convex else np.full(count, measure.limit)
-        share = 1.0 / size
+        largest = np.abs(offset).max(axis=1) if measure.is_convex else np.full(count, measure.limit)
+        share = 1.0 / largest
         return sp.csr_array(rows * np.repeat(share, dimension)[:, None]), offset * share[:, None]
 
     def _derived(self, measure: Measure, held: _Held) -> tuple[Floats, Floats, Ints]:
