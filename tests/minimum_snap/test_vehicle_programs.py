@@ -76,7 +76,9 @@ def test_optimum_equals_that_of_scipy_on_dense_samples(vehicle, termination):
     solution = ct.solve(model)
     assert solution.termination is termination
     assert solution.primal_bound > 14160.6  # the path without limits exceeds them
-    assert solution.primal_bound == pytest.approx(sampled_optimum(model), rel=2e-5)
+    # Between its samples, the path of SciPy exceeds the limits by up to 3e-4.
+    sampled = sampled_optimum(model)
+    assert sampled * (1 - 2e-5) <= solution.primal_bound <= sampled * (1 + 1e-3)
     if termination is Termination.OPTIMAL:
         assert solution.dual_bound == pytest.approx(solution.primal_bound, rel=2e-6)
     t = np.linspace(0, 4, 40001)  # 10 kHz
