@@ -40,6 +40,9 @@ MORE = {
         ("", "models.minimum_snap.formulations.paper", ""),
         ("", "models.minimum_snap.formulations.bases", "MonomialFormulation LegendreFormulation"),
         ("", "models.minimum_snap.formulations.hermite", ""),
+        ("", "models.minimum_snap.formulations.cones", "ConeProgramFormulation"),
+        ("", "models.minimum_snap.formulations.vehicles", ""),
+        ("Vehicles", "models.minimum_snap.vehicle_base", "Vehicle Measure Extreme"),
     ],
     "optimal_control": [
         ("Declaration", "models.optimal_control.declaration.problem", "ControlProblemBuilder"),

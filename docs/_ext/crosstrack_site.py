@@ -148,11 +148,15 @@ class Formulations(Made):
 
     def make(self) -> str:
         import crosstrack
+        from crosstrack.errors import UnsupportedFormulation
 
         model = crosstrack.load(self.arguments[0])
         rows = []
         for name in model.formulations:
-            written = model.formulate(name)
+            try:
+                written = model.formulate(name)
+            except UnsupportedFormulation:  # for other features than those of this instance
+                continue
             program = written.program
             rows.append((f"`{name}`", written.summary, program.row_count, program.size))
         columns = ("formulation", "", f"rows for `{model.name}`", "columns")

@@ -39,7 +39,7 @@ class Peaks(NamedTuple):
     bound : ndarray, shape (segments,)
         Proven upper bound of the function on the whole segment; infinite if it is unbounded.
     value : ndarray, shape (segments,)
-        Largest value found, at most :data:`GAP` below the bound unless `accept` ended the search.
+        Largest value found, at most ``GAP`` below the bound unless `accept` ended the search.
     time : ndarray, shape (segments,)
         Instant of that value, s.
     """
