@@ -143,7 +143,7 @@ class Gate(Declared):
         normals = np.stack([along[:, 1], -along[:, 0]], axis=1)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         normals = normals / np.where(length > 0.0, length, 1.0)
-        # The centre is inside, whatever the direction of the vertices.
+        # The centre is inside for both directions of the vertices.
         offsets = np.einsum("ij,ij->i", normals, flat)
         turn = np.where(offsets.sum() < 0.0, -1.0, 1.0)
         return frozen(turn * normals), frozen(turn * offsets)

@@ -33,7 +33,7 @@ SHARES = (1e-3, 1e-5)
 ROUNDS, LEAST, DECREASE, PAST = 16, 600, 2e-5, 5
 #: First round that may be the last, and evaluations of a descent that repairs positions.
 LEAST_ROUNDS, REPAIR = 2, 60
-#: Slack of the limits, relative to them, at which the final stretching ends.
+#: Slack of the limits, relative to them, after the final stretching.
 CLOSE = 1e-5
 #: Length of an excess 1 of a polytope, relative to the mean segment.
 SIZE = 0.05
@@ -237,9 +237,8 @@ def fastest(
 ) -> Fastest:
     """Return a trajectory of locally minimum time through regions and polytopes within limits.
 
-    The durations and the knots are the unknowns; between them the trajectory is the spline of
-    minimum effort ∫ Σ_j w_j |x^(j)|² dt, with 2r - 2 continuous derivatives at knots whose
-    derivatives are free. Time is finally stretched until the limits are kept at every instant.
+    Between the knots it is the spline of minimum effort ∫ Σ_j w_j |x^(j)|² dt, with 2r - 2 continuous
+    derivatives at knots whose derivatives are free. Time is finally stretched to the limits.
 
     Parameters
     ----------
@@ -282,10 +281,8 @@ def fastest(
     Returns
     -------
     Fastest
-        Durations, coefficients and statistics. ``excess > 0`` if no trajectory within the limits
-        was found, which is no proof that none exists.
+        ``excess > 0`` if the search failed, which proves nothing.
     """
-    points = np.asarray(points, float)
     count, dimensions = points.shape
     legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
     length = float(legs.mean()) or 1.0
@@ -328,8 +325,12 @@ def _optimise(
 
     Return the last weights of time and effort, and whether the time converged within the limits.
     """
+    if time_weight is not None:
+        # Slower by s, the effort is smaller by about s^(1 - 2r). Both parts become equal.
+        share = search.jets()[1] / max(time_weight * float(search.durations.sum()), 1e-300)
+        search.stretch(float(np.clip(share, 1e-9, 1e9)) ** (0.5 / search.task.jets.shape[1]))
     slow = search.worst(positions=False)[0] <= 0.0
-    for _ in range(200):
+    for _ in range(0 if slow and time_weight is not None else 200):
         search.stretch(0.8 if slow else 1.25)
         if (search.worst(positions=False)[0] <= 0.0) != slow:
             break

@@ -46,7 +46,7 @@ class Minco(Backend):
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.SEED, Feature.WARM_START, Feature.INTERRUPT})
     options: ClassVar[Mapping[str, Option]] = {
-        "evaluations": Option(4000, "Most evaluations of the objective.", int, lower=1),
+        "steps": Option(4000, "Most evaluations of the objective.", int, lower=1),
     }
     summary = "minimum time through gates and polytopes within a vehicle's limits; ours"
 
@@ -93,7 +93,7 @@ class Minco(Backend):
             periodic=problem.periodic,
             durations=durations,
             exact=lambda durations, powers: _excess(problem, _plan(problem, durations, powers)),
-            evaluations=request.options.get("evaluations", 4000),
+            evaluations=request.options.get("steps", 4000),
             flag=request.control.flag,
             seed=request.seed or 0,
         )
@@ -111,6 +111,10 @@ class Minco(Backend):
         kept = result.excess <= 0.0 or (
             plan is not None and problem.verify(plan, tolerance=request.tolerance).ok
         )
+        before = request.warm_start
+        if before is not None and problem.verify(before, tolerance=request.tolerance).ok:
+            if plan is None or not kept or problem.objective(before) < problem.objective(plan):
+                plan, kept = before, True
         if plan is None or not kept:
             return Answer(
                 Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics,

@@ -240,3 +240,21 @@ def test_pictures_show_the_gates() -> None:
     for model, lines in ((flat, 2), (space, 5)):
         axes = ct.plot(model).axes[0]
         assert sum(line.get_gid() == "gate" for line in axes.lines) == lines
+
+
+def test_gates_without_limits_satisfy_the_identity() -> None:
+    """ρ ΣT = (2r - 1) J at every optimum without limits, in all scales of the price."""
+    for price in (1e-3, 1.0, 1e4):
+        model = TimeAllocation(TRACK, order=3, gates=GATES, time_weight=price)
+        solution = ct.solve(model)
+        assert solution.backend == "minco" and solution.verification.ok
+        assert model.identity_residual(solution.plan) < 0.05
+
+
+def test_a_warm_start_is_never_made_worse() -> None:
+    model = TimeAllocation(TRACK, order=3, gates=GATES, vehicle=QUAD, minimise="time")
+    first = ct.solve(model)
+    again = ct.solve(model, warm_start=first.plan)
+    assert again.verification.ok and again.plan.duration <= first.plan.duration
+    short = ct.solve(model, "minco", warm_start=first.plan, backend_options={"steps": 1})
+    assert short.plan.duration <= first.plan.duration
