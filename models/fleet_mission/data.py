@@ -47,6 +47,13 @@ class MissionObjective(StrEnum):
     MAKESPAN = "makespan"  #: time at which the last robot is back, counted from 0, in seconds
 
 
+class Goal(Member):
+    """Objective of a mission, with the digest of fleet routing's names, of which it once was a member."""
+
+    def feed(self, value: StrEnum) -> Iterable[bytes]:
+        yield f"<Objective.{value.name}: {value.value!r}>".encode()
+
+
 class EachAxis(Array):
     """Array with one positive number per axis; a scalar applies to both."""
 
@@ -77,7 +84,7 @@ class MissionData(Model[MissionPlan]):
         Optional(Real(lower=0, unit="m")), default=None
     )
     objective: Field[str, MissionObjective] = declared(
-        Member(MissionObjective), default=MissionObjective.DEVIATION
+        Goal(MissionObjective), default=MissionObjective.DEVIATION
     )
     q: float = declared(Real(lower=0), default=0.4)
     deviation: Field[str, Deviation] = declared(Member(Deviation), default=Deviation.SAMPLE)
