@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -20,12 +20,13 @@ LATER = 60
 
 
 def departures(
-    problem: FleetMission, flights: Sequence[Trajectory], slack: float
-) -> list[Trajectory]:
+    problem: FleetMission, flights: Sequence[Trajectory], slack: float,
+    stopped: Callable[[], bool] = lambda: False,
+) -> list[Trajectory]:  # fmt: skip
     """Return the trajectories, delayed so that the robots keep their separation.
 
     Each robot in turn departs as early as the previous ones and moving obstacles allow. Departing after
-    all of them have returned or stopped is the last attempt: robots then wait in the depot's queue.
+    all of them have returned or stopped is the last attempt. Robots then wait in the depot's queue.
 
     Parameters
     ----------
@@ -35,20 +36,22 @@ def departures(
         One trajectory per robot, from time 0.
     slack : float
         Accuracy of the least distance, m.
+    stopped : callable, optional
+        Returns whether the time is over; the remaining robots then depart one after another.
     """
     if not problem.moving and (problem.separation == 0.0 or len(flights) < 2):
         return list(flights)
-    stopped = max((float(item.times[-1]) for item in problem.moving), default=0.0)
-    stopped = max(stopped, 0.0)
+    still = max(0.0, *(float(item.times[-1]) for item in problem.moving), 0.0)
     # The longest trajectory first, as the shorter ones are easier to fit in.
     order = sorted(range(len(flights)), key=lambda k: -flights[k].duration)
     step = sum(entry.duration for entry in flights) / TRIED
     fine = step / max(1, int(np.ceil(step / max(flights[order[-1]].duration / 200, 1e-12))))
     placed: dict[int, Trajectory] = {}
     for k in order:
-        latest = max(stopped, *(float(entry.times[-1]) for entry in placed.values()), 0.0)
+        latest = max(still, *(float(entry.times[-1]) for entry in placed.values()), 0.0)
         coarse = max(step, latest / LATER)
-        for delay in (*np.arange(0.0, latest, coarse).tolist(), latest):
+        tried = [] if stopped() else np.arange(0.0, latest, coarse).tolist()
+        for delay in (*tried, latest):
             placed[k] = moved = Trajectory(flights[k].times + delay, flights[k].coefficients)
             others = [entry for other, entry in placed.items() if other != k]
             if all(

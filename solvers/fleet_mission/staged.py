@@ -151,7 +151,8 @@ class Staged(Backend):
         problem = stages.problem
         trajectories = [entry.trajectory for entry in flights]
         with stages.clock("departures"):
-            moved = departures(problem, trajectories, stages.slack)
+            is_over = lambda: stages.stopped() is not None  # noqa: E731
+            moved = departures(problem, trajectories, stages.slack, is_over)
         plan = planned(routes, moved, [entry.stops for entry in flights])
         return self._better(stages, whole_courses(problem, flights), plan)
 
