@@ -28,6 +28,8 @@ from crosstrack.models import Flight, Quadrotor  # noqa: E402
 
 #: GCOPTER's example: mass, thrust, tilt, body rate and speed of its vehicle, and a radius.
 VEHICLE = Quadrotor(0.61, (2.0, 12.0), tilt=1.05, body_rate=2.1, speed=4.0)
+#: Fewest maps of a table.
+FEWEST = 20
 RADIUS, SIZE = 0.2, (25.0, 25.0, 5.0)
 ENDS = np.array([[1.5, 1.5, 2.5], [23.5, 23.5, 2.5]])
 
@@ -76,6 +78,12 @@ def main() -> None:
         seed += 1
         if seed % 10 == 0:
             print(seed, flush=True)
+            tabulate(rows, closed, seed)
+    tabulate(rows, closed, seed)
+
+
+def tabulate(rows: dict[str, list[tuple[float, ...]]], closed: list[int], seed: int) -> None:
+    """Write the table of the maps up to a seed."""
     table = []
     for backend, values in rows.items():
         data = np.array(values, float)
@@ -90,7 +98,7 @@ def main() -> None:
                 float(data[:, 4].max()),
             )
         )
-        print(*table[-1])
+        print(*table[-1], flush=True)
     said = (
         f"Maps of 25 m × 25 m × 5 m in cubes of 0.25 m, half forests and half noise, seeds 0 to {seed - 1}; "
         f"{len(closed)} maps without a way, proven, are left out. The bound is the time along the straight "
@@ -100,7 +108,7 @@ def main() -> None:
         "backend": "", "verified": "", "clear by exact arithmetic": "", "flight time (s)": ".2f",
         "over the bound": ".3f", "CPU (s)": ".2f", "CPU, greatest (s)": ".2f",
     }  # fmt: skip
-    if maps >= 100:
+    if len(rows["minco"]) >= FEWEST:
         write("flight", "maps", __file__, columns, table, ("numpy", "scipy", "numba"), said)
 
 
