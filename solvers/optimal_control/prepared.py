@@ -328,7 +328,7 @@ def prepare(
 
     Returns
     -------
-    PreparedSolver or :class:`~crosstrack.solvers.flight.PreparedFlight`
+    PreparedSolver or ``crosstrack.solvers.flight.PreparedFlight``
         Solver; ``solver(x0=…, warm=True)`` returns a :class:`Step`.
 
     Raises

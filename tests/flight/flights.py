@@ -50,22 +50,24 @@ def is_clear(curve, source, radius, depth=40):
     False if that is not shown within `depth` bisections.
     """
     low, high = boxes_of(source)
-    cells = [
-        (tuple(map(Fraction, a)), tuple(map(Fraction, b)))
-        for a, b in zip(low.tolist(), high.tolist(), strict=True)
-    ]
     need = Fraction(radius) ** 2
-    centres = 0.5 * (low + high)
     for powers in curve.coefficients:
         stack = [(_bezier(powers), 0)]
         while stack:
             control, level = stack.pop()
             box = [(min(axis), max(axis)) for axis in zip(*control, strict=True)]
-            middle = np.array([float(a + b) / 2 for a, b in box])
-            size = max(float(b - a) for a, b in box)
-            reach = 2.0 * (size + radius + source.cell)
-            near = np.flatnonzero((np.abs(centres - middle) <= reach).all(axis=1))
-            if all(_gap(box, cells[k]) >= need for k in near):
+            first, last = (
+                np.array([float(side) for side in ends]) for ends in zip(*box, strict=True)
+            )
+            gaps = np.maximum(np.maximum(low - last, first - high), 0.0)
+            squares = (gaps * gaps).sum(axis=1)
+            # Rounding cannot change comparisons outside of this margin.
+            margin = 1e-6 * (radius + source.cell) ** 2
+            unsure = np.flatnonzero(np.abs(squares - float(need)) <= margin)
+            if (squares >= float(need) - margin).all() and all(
+                _is_apart(box, [map(Fraction, ends[k].tolist()) for ends in (low, high)], need)
+                for k in unsure
+            ):
                 continue
             if level == depth:
                 return False
@@ -73,13 +75,14 @@ def is_clear(curve, source, radius, depth=40):
     return True
 
 
-def _gap(box, cell):
-    """Return the exact square of the distance of two boxes."""
-    total = Fraction(0)
+def _is_apart(box, cell, need):
+    """Return whether two boxes have a squared distance of at least `need`, or no common interior for 0."""
+    total, outside = Fraction(0), False
     for (low, high), first, last in zip(box, *cell, strict=True):
-        gap = max(low - last, first - high, Fraction(0))
-        total += gap * gap
-    return total
+        gap = max(low - last, first - high)
+        total += max(gap, Fraction(0)) ** 2
+        outside |= gap >= 0
+    return outside and total >= need
 
 
 def _bezier(powers):
