@@ -52,7 +52,9 @@ STALLED = 6
 RISE, RISING = 0.1, 3
 #: Work of all programs, in columns times iterations; a million take about 10 s. Each stage has half of the
 #: rest, at least `SHARE`, and the restricted one `RESTRICTED`.
-WORK, SHARE, RESTRICTED = 4_500_000, 300_000, 1_500_000
+WORK, SHARE, RESTRICTED = 4_500_000, 300_000, 2_500_000
+#: Share of the work of the restricted stage that the next one has at least, which starts elsewhere.
+LATER = 0.6
 #: Iterations of the first program with linear controls. From the guess, 68 to 169 were measured.
 RESTRICTED_ITERATIONS = 400
 #: Iterations of a program at least, and of the first one of a stage.
@@ -113,10 +115,12 @@ class Work:
         # Options of the caller, such as a number of iterations, are not reduced.
         is_limited = has_ladder(run.job) and not run.job.backend_options
         self.left = self.stage = float(WORK) if is_limited else np.inf
+        self.restricted = float(RESTRICTED)
 
     def begin_stage(self, is_restricted: bool = False) -> None:
         """Give the next stage its share."""
-        self.stage = max(RESTRICTED if is_restricted else SHARE, 0.5 * self.left)
+        self.stage = max(self.restricted if is_restricted else SHARE, 0.5 * self.left)
+        self.restricted *= LATER if is_restricted else 1.0
 
     def add(self, program: Any, answer: Answer) -> None:
         """Subtract the work of a program."""

@@ -18,7 +18,6 @@ from ..algebraic import algebraic_entries
 from ..definition import Definition, Phase, entry_units
 from ..lagrange import interpolation
 from ..piecewise import Piecewise
-from ..plan import PhasePlan
 from ..sizes import Sizes
 from .mesh import Mesh
 from .report import BINDING
@@ -31,10 +30,6 @@ Whole = NDArray[np.int64]
 
 #: Place of a row or column from its index: phase, interval and node.
 _PLACE = "in interval {1}, node {2}"
-
-
-#: Number of values of a control per interval that determine a line.
-FITTED = 20
 
 
 class PhaseLayout:
@@ -206,30 +201,13 @@ class PhaseLayout:
         r, c, value, _ = rows.joined()
         return sp.csr_array((value, (r, c)), shape=(count, size))
 
-    def fit_lines(self, columns: Floats, part: PhasePlan) -> None:
-        """Replace the controls in `columns` by the lines that fit those of a plan best, per interval.
-
-        Node values of a chattering control are no start of a program with linear controls.
-        """
-        places = np.linspace(-1.0, 1.0, FITTED + 2)[1:-1]
-        fit, ends = np.linalg.pinv(legendre.legvander(places, 1)), self.mesh.fractions
+    def fit_lines(self, columns: Floats) -> None:
+        """Replace the controls by the lines that fit them best, because those of a plan may chatter."""
         for k, scheme in enumerate(self.schemes):
-            middle, half = 0.5 * (ends[k] + ends[k + 1]), 0.5 * (ends[k + 1] - ends[k])
-            lines = fit @ part.controls(part.start + (middle + half * places) * part.duration)
-            values = legendre.legvander(scheme.control_points, 1) @ lines[:, self.calmable]
+            table = legendre.legvander(scheme.control_points, 1)
             visits = self.visit_control[self.visit_starts[k] : self.visit_starts[k + 1]]
-            columns[self.control_columns[self.calmable[:, None], visits]] = values.T
-
-    def at_bounds(self, point: Floats, margin: Floats) -> NDArray[np.bool_]:
-        """Return which controls are at a bound in a whole interval, shape (intervals, calmable controls)."""
-        values = point[self.control_columns[self.calmable]][:, self.visit_control].T
-        sides = (side[self.calmable] for side in self.phase.bounds("controls"))
-        return np.logical_or.reduce(
-            [
-                np.logical_and.reduceat(np.abs(values - side) <= margin, self.visit_starts[:-1])
-                for side in sides
-            ]
-        )
+            at = self.control_columns[self.calmable[:, None], visits]
+            columns[at] = columns[at] @ (table @ np.linalg.pinv(table)).T
 
     # -- names -----------------------------------------------------------------------------------
 
@@ -385,7 +363,15 @@ class Layout:
             rows = part.mesh.calm_rows
             calm = size.controls[part.calmable]
             if part.mesh.linear:
-                calm = calm * ~part.at_bounds(point, BINDING * calm)
+                values = point[part.control_columns[part.calmable]][:, part.visit_control].T
+                near = [
+                    np.logical_and.reduceat(
+                        np.abs(values - side[part.calmable]) <= BINDING * calm,
+                        part.visit_starts[:-1],
+                    )
+                    for side in part.phase.bounds("controls")
+                ]
+                calm = calm * ~(near[0] | near[1])
             calm = np.broadcast_to(calm, (rows.size, calm.shape[-1]))
             factors = np.concatenate([np.repeat(c, n) for c, n in zip(calm, rows, strict=True)])
             shares = np.abs(duals[start : start + factors.size]) * factors

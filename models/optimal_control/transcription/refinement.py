@@ -36,8 +36,8 @@ Floats = NDArray[np.float64]
 
 #: Largest change of a converged objective from mesh to mesh, as a share of the tolerance.
 SETTLED = 0.1
-#: Largest degree of the states on intervals with linear controls.
-MOST_LINEAR = 12
+#: Smallest and largest degree of the states on intervals with linear controls.
+LEAST_LINEAR, MOST_LINEAR = 4, 12
 #: Smallest decay of Legendre coefficients of a smooth interval, in decades per degree.
 SMOOTH = 0.5
 #: Share of the allowed error below which an interval may be merged.
@@ -266,7 +266,7 @@ def _refine_linear(mesh: Mesh, report: Report, gains: Floats, limit: float) -> M
     halved = (gains > 0) & (gains >= PROMISING * gains.max())
     # Of a line, no degree of the states keeps a constraint between the nodes.
     halved |= (degrees > MOST_LINEAR) | (report.violations * (SHARE / ALLOWED) > limit)
-    degrees = np.where(degrees > MOST_LINEAR, mesh.degrees, degrees)
+    degrees = np.where(halved, np.clip(7 * degrees // 10, LEAST_LINEAR, MOST_LINEAR), degrees)
     return Mesh(mesh.fractions, degrees, mesh.calm, True).halved(halved, mesh.calm)
 
 
