@@ -321,7 +321,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if scheme is None or scheme.rules.fixed_degree is not None or not self.refine:
             return
         linear = scheme(self.problem, *LINEAR, dependent=self.dependent)
-        meshes = tuple(Mesh(m.fractions, m.degrees, True, True) for m in linear._meshes)
+        meshes = tuple(Mesh(m.fractions, m.degrees, m.degrees > 0, True) for m in linear._meshes)
         label = f"{scheme.name} {LINEAR[0]}x{LINEAR[1]}, linear controls"
         restricted = label, linear._with(_meshes=meshes, _start=self._start)
         for place, (intervals, seed) in enumerate(UNIFORM):

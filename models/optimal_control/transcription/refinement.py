@@ -177,14 +177,12 @@ def next_meshes(
             return replace(finding, settled=True)
         limit *= 0.1 if verified is False else 1.0
         gainful = strain > SETTLED * tolerance * size
-        finer = [
+        linear = [
             _refine_linear(mesh, report, gain * gainful, limit)
             for mesh, report, gain in zip(meshes, reports, strains, strict=True)
         ]
-        words = (
-            f"linear controls may cost {strain:.2g}: the intervals with the largest share halved"
-        )
-        return replace(finding, meshes=tuple(finer), words=words)
+        text = f"linear controls may cost {strain:.2g}: the intervals with the largest share halved"
+        return replace(finding, meshes=tuple(linear), words=text)
     accepted = None if former is None else former.accepted
     if accepted is not None:
         if relative_change(size, objective, accepted) <= CONFIRMED * tolerance:
@@ -266,7 +264,8 @@ def _refine_linear(mesh: Mesh, report: Report, gains: Floats, limit: float) -> M
     halved = (gains > 0) & (gains >= PROMISING * gains.max())
     # Of a line, no degree of the states keeps a constraint between the nodes.
     halved |= (degrees > MOST_LINEAR) | (report.violations * (SHARE / ALLOWED) > limit)
-    degrees = np.where(halved, np.clip(7 * degrees // 10, LEAST_LINEAR, MOST_LINEAR), degrees)
+    least = np.maximum(7 * degrees // 10, LEAST_LINEAR)
+    degrees = np.where(halved & (extra == 0), least, np.minimum(degrees, MOST_LINEAR))
     return Mesh(mesh.fractions, degrees, mesh.calm, True).halved(halved, mesh.calm)
 
 
