@@ -26,10 +26,10 @@ from .assembly import Assembly
 from .columns import guessed_columns, interpolate, sample
 from .dependence import dependences, drop_dependent
 from .layout import Layout, layout_of
-from .mesh import DEGREE, LINEAR, UNIFORM, Mesh, even, mesh_of, read_meshes
+from .mesh import Mesh, even, mesh_of, read_meshes
 from .refinement import Finding, History, Rules, denser, next_meshes, relative_change
 from .schemes import Scheme
-from .starts import coarse_mesh, draw_flight, draw_start
+from .starts import coarse_mesh, draw_flight, draw_start, other_meshes
 
 __all__ = ["Transcription"]
 
@@ -316,20 +316,11 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._following(finding, plan, value, rows)
 
     def alternatives(self) -> Iterator[tuple[str, Transcription]]:
-        """Yield labels and uniform meshes of the scheme that confirms this one, if its degree is variable."""
+        """Yield labels and meshes of the scheme that confirms this one, if its degree is variable."""
         scheme = self.confirmed_by
         if scheme is None or scheme.rules.fixed_degree is not None or not self.refine:
-            return
-        linear = scheme(self.problem, *LINEAR, dependent=self.dependent)
-        meshes = tuple(Mesh(m.fractions, m.degrees, m.degrees > 0, True) for m in linear._meshes)
-        label = f"{scheme.name} {LINEAR[0]}x{LINEAR[1]}, linear controls"
-        restricted = label, linear._with(_meshes=meshes, _start=self._start)
-        for place, (intervals, seed) in enumerate(UNIFORM):
-            other = scheme(self.problem, intervals, DEGREE, dependent=self.dependent)
-            other, label = other._with(_start=self._start), f"{scheme.name} {intervals}x{DEGREE}"
-            yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
-            yield from () if place else (restricted, restricted)
-        yield restricted
+            return iter(())
+        return other_meshes(scheme, self)
 
     @property
     def is_restricted(self) -> bool:

@@ -1,7 +1,8 @@
-"""Random starts for a search: a guess with random waves, and motions with random controls."""
+"""Starts for a search: a guess with random waves, motions with random controls, and other meshes."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -10,10 +11,10 @@ from numpy.typing import NDArray
 
 from ..definition import Definition, Phase
 from ..plan import ControlPlan, PhasePlan, Piecewise
-from .mesh import Mesh, even
+from .mesh import DEGREE, LINEAR, UNIFORM, Mesh, even
 from .refinement import Rules
 
-__all__ = ["coarse_mesh", "draw_flight", "draw_start"]
+__all__ = ["coarse_mesh", "draw_flight", "draw_start", "other_meshes"]
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +37,22 @@ def coarse_mesh(rules: Rules) -> Mesh:
         return even(1, intervals * degree)
     fixed = rules.fixed_degree
     return even(intervals, degree) if fixed is None else even(intervals * degree, fixed)
+
+
+def other_meshes(scheme: Any, formulation: Any) -> Iterator[tuple[str, Any]]:
+    """Yield labels and formulations of `scheme` on uniform meshes, of which three have linear controls."""
+    model, same = formulation.problem, {"dependent": formulation.dependent}
+    first, name = formulation._start, scheme.name
+    linear = scheme(model, *LINEAR, **same)
+    meshes = tuple(Mesh(m.fractions, m.degrees, m.degrees > 0, True) for m in linear.meshes)
+    label = f"{name} {LINEAR[0]}x{LINEAR[1]}, linear controls"
+    restricted = label, linear._with(_meshes=meshes, _start=first)
+    for place, (intervals, seed) in enumerate(UNIFORM):
+        other = scheme(model, intervals, DEGREE, **same)._with(_start=first)
+        label = f"{name} {intervals}x{DEGREE}"
+        yield (f"{label}, seed {seed}", other.started(seed)) if seed else (label, other)
+        yield from () if place else (restricted, restricted)
+    yield restricted
 
 
 def draw_start(definition: Definition, guess: ControlPlan, seed: int) -> ControlPlan:
