@@ -232,12 +232,16 @@ def test_encode_rejects_a_plan_of_another_shape():
     plan = one.decode(drawn(one.program)[0])
     climb, _ = plan.phases
     for wrong, words in (
-        (ControlPlan((climb,), plan.parameters), "the plan has 1 phases, the problem 2"),
+        (ControlPlan((climb,), plan.parameters), "must be ['climb', 'glide'], got ['climb']"),
         (
-            ControlPlan((climb, climb), plan.parameters),
-            "3 states and 2 controls, the problem 2 and 1",
+            ControlPlan((climb, replace(climb, name="glide")), plan.parameters),
+            "state_names of phase 'glide' of the plan must be",
         ),
-        (ControlPlan(plan.phases, {"p": [1.0]}), "2 value(s) of parameter 'w'"),
+        (ControlPlan(plan.phases, {"p": [1.0]}), "parameters of the plan must be"),
+        (
+            ControlPlan(plan.phases, {**plan.parameters, "w": [1.0]}),
+            "parameter 'w' must be 2 finite numbers",
+        ),
     ):
         with pytest.raises(InvalidData) as caught:
             one.encode(wrong)
