@@ -399,7 +399,7 @@ class PathData(Model[Trajectory]):
         """Return `plan` with the smoothest yaw through the given angles, if the model gives any."""
         if self.yaw is None or isinstance(self.yaw, str):
             return plan
-        return replace(plan, yaw=smoothest_yaw(self))
+        return replace(plan, yaw=smoothest_yaw(self.yaw, self.times, self.periodic))
 
     def require_shape(self, plan: Trajectory) -> None:
         """Check the shape of a plan.

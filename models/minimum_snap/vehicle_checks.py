@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,9 @@ from ...errors import InvalidData
 from ..verification import Check
 from .bounds import derivative_name, derivative_unit
 from .jets import Jet
-from .motion import Motion
+from .motion import Motion, heading_jumps
 from .polynomials import derived
-from .yaw import check_heading, check_yaw
+from .yaw import yaw_waypoints
 
 if TYPE_CHECKING:
     from .bounds import PathData
@@ -107,9 +107,9 @@ def check_flight(model: PathData, plan: Trajectory, tolerance: float) -> Iterato
     for order in range(model.joint_order + 1):
         yield _joint(model, plan, order, tolerance)
     if isinstance(model.yaw, str) or (model.vehicle is not None and model.vehicle.follows_path):
-        yield check_heading(model, plan, tolerance)
+        yield _heading(model, plan, tolerance)
     if model.yaw is not None and not isinstance(model.yaw, str):
-        yield from check_yaw(model, plan, tolerance)
+        yield from _yaw(model, plan, tolerance)
     if model.vehicle is None:
         return
     for extreme in model.vehicle.check_curve(plan, yaw_of(model, plan), exact=False):
@@ -131,3 +131,38 @@ def _joint(model: PathData, plan: Trajectory, order: int, tolerance: float) -> C
     name, unit = f"{derivative_name(order)} at the joint of the lap", derivative_unit(order)
     off = np.abs(before - after)
     return Check.largest(name, off, scale, unit, lambda k: f"axis {k}", tolerance, noise=noise)
+
+
+def _heading(model: PathData, plan: Trajectory, tolerance: float) -> Check:
+    """Return the check that the direction of the path in the plane has no jump at a knot."""
+    where = _at(model, 1) if model.segments > 1 else ""
+    return Check.largest("continuity of heading", heading_jumps(plan), 1.0, "rad", where, tolerance)
+
+
+def _yaw(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
+    """Yield the checks of the yaw of a plan: its angles, its continuity and its ends."""
+    curve = plan.yaw
+    if curve is None:
+        if isinstance(model.yaw, np.ndarray):
+            yield Check.count("plan has a yaw", 1)
+        return
+    if curve.dimensions != 1 or not np.array_equal(curve.times, plan.times):
+        yield Check.count("yaw has one axis and the times of the plan", 1)
+        return
+    angles = yaw_waypoints(model.yaw, model.times.size, model.periodic)  # type: ignore[arg-type]
+    begin, end = (side[:, 0] for side in curve.at_ends(0))
+    off = np.fmax(np.abs(begin - angles[:-1]), np.abs(end - angles[1:]))
+    yield Check.largest("yaw at knots", np.nan_to_num(off), 1.0, "rad", _at(model, 0), tolerance)
+    speed = np.pi / float(model.durations.mean())
+    first, last = (side[:, 0] for side in curve.at_ends(1))
+    jumps = np.stack([np.abs(end[:-1] - begin[1:]), np.abs(last[:-1] - first[1:])])
+    for jump, name, unit, scale in zip(
+        jumps, ("yaw", "yaw rate"), ("rad", "rad/s"), (1.0, speed), strict=True
+    ):
+        yield Check.largest(f"continuity of {name}", jump, scale, unit, _at(model, 1), tolerance)
+    joint = [abs(first[0] - last[-1])] if model.periodic else [abs(first[0]), abs(last[-1])]
+    yield Check.largest("yaw rate at the ends", joint, speed, "rad/s", "", tolerance)
+
+
+def _at(model: PathData, first: int) -> Any:
+    return lambda k: f"knot {k + first} (t = {model.times[k + first]:g} s)"

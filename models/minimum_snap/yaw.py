@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,9 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..arrays import Array
 from ..specs import Real, Spec, frozen, show
-from ..verification import Check
 from .trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from .bounds import PathData
-
-__all__ = ["YawSpec", "check_heading", "check_yaw", "smoothest_yaw", "yaw_waypoints"]
+__all__ = ["YawSpec", "smoothest_yaw", "yaw_waypoints"]
 
 Floats = NDArray[np.float64]
 
@@ -67,30 +63,30 @@ class YawSpec(Spec):
         return frozen(value) if isinstance(value, np.ndarray) else value
 
 
-def yaw_waypoints(model: PathData) -> Floats:
+def yaw_waypoints(yaw: Floats | float, count: int, periodic: bool) -> Floats:
     """Return the yaw at the knots by the shortest turns from one given knot to the next; NaN if free."""
-    if not isinstance(model.yaw, np.ndarray):
-        return np.full(model.times.size, float(model.yaw))  # type: ignore[arg-type]
-    result = np.where(np.isfinite(model.yaw), model.yaw, np.nan)
-    if model.periodic and np.isnan(result[-1]):
+    if not isinstance(yaw, np.ndarray):
+        return np.full(count, float(yaw))
+    result = np.where(np.isfinite(yaw), yaw, np.nan)
+    if periodic and np.isnan(result[-1]):
         result[-1] = result[0]
     given = np.isfinite(result)
     result[given] = np.unwrap(result[given])
     return result
 
 
-def smoothest_yaw(model: PathData) -> Trajectory:
+def smoothest_yaw(yaw: Floats | float, times: Floats, periodic: bool) -> Trajectory:
     """Return the yaw that minimises ∫ ψ̈² dt through the given angles, of one axis.
 
-    Its rate is continuous; it is 0 at both ends, or equal there if the model is periodic.
+    Its rate is continuous; it is 0 at both ends, or equal there if the path is periodic.
     """
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import spsolve
 
-    angles, long, count = yaw_waypoints(model), model.durations, model.segments
+    angles, long, count = yaw_waypoints(yaw, times.size, periodic), np.diff(times), times.size - 1
     fixed = np.column_stack([angles, np.full(count + 1, np.nan)])
     number = np.arange(2 * count + 2).reshape(-1, 2)
-    if model.periodic:
+    if periodic:
         number[-1, 1] = number[0, 1]
     else:
         fixed[[0, -1], 1] = 0.0
@@ -109,41 +105,4 @@ def smoothest_yaw(model: PathData) -> Trajectory:
     value[~known] = 0.0
     if free.size:
         value[free] = np.atleast_1d(spsolve(hessian[free][:, free], -(hessian @ value)[free]))
-    return Trajectory(model.times, ((value[local] * units) @ _POWERS.T)[:, :, None])
-
-
-def check_heading(model: PathData, plan: Trajectory, tolerance: float) -> Check:
-    """Return the check that the direction of the path in the plane has no jump at a knot."""
-    from .motion import heading_jumps
-
-    where = _at(model, 1) if model.segments > 1 else ""
-    return Check.largest("continuity of heading", heading_jumps(plan), 1.0, "rad", where, tolerance)
-
-
-def check_yaw(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
-    """Yield the checks of the yaw of a plan: its angles, its continuity and its ends."""
-    curve = plan.yaw
-    if curve is None:
-        if isinstance(model.yaw, np.ndarray):
-            yield Check.count("plan has a yaw", 1)
-        return
-    if curve.dimensions != 1 or not np.array_equal(curve.times, plan.times):
-        yield Check.count("yaw has one axis and the times of the plan", 1)
-        return
-    angles = yaw_waypoints(model)
-    begin, end = (side[:, 0] for side in curve.at_ends(0))
-    off = np.fmax(np.abs(begin - angles[:-1]), np.abs(end - angles[1:]))
-    yield Check.largest("yaw at knots", np.nan_to_num(off), 1.0, "rad", _at(model, 0), tolerance)
-    speed = np.pi / float(model.durations.mean())
-    first, last = (side[:, 0] for side in curve.at_ends(1))
-    jumps = np.stack([np.abs(end[:-1] - begin[1:]), np.abs(last[:-1] - first[1:])])
-    for jump, name, unit, scale in zip(
-        jumps, ("yaw", "yaw rate"), ("rad", "rad/s"), (1.0, speed), strict=True
-    ):
-        yield Check.largest(f"continuity of {name}", jump, scale, unit, _at(model, 1), tolerance)
-    joint = [abs(first[0] - last[-1])] if model.periodic else [abs(first[0]), abs(last[-1])]
-    yield Check.largest("yaw rate at the ends", joint, speed, "rad/s", "", tolerance)
-
-
-def _at(model: PathData, first: int) -> Any:
-    return lambda k: f"knot {k + first} (t = {model.times[k + first]:g} s)"
+    return Trajectory(times, ((value[local] * units) @ _POWERS.T)[:, :, None])
