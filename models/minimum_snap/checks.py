@@ -15,7 +15,7 @@ from ...errors import InvalidData
 from ..fields import required
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .bounds import Bound, PathData, derivative_name, derivative_unit
-from .gates import check_gates
+from .gate_checks import check_gates
 from .knots import SEGMENTS, ULPS, check_knots
 from .polynomials import bernstein_matrix, by_power
 from .trajectory import Trajectory

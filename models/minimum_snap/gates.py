@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,8 @@ from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Optional, Real, Whole, declared, frozen
 from ..inputs import FloatsOrNone
-from ..verification import Check
 
-if TYPE_CHECKING:
-    from .bounds import PathData
-    from .trajectory import Trajectory
-
-__all__ = ["Gate", "check_gate_data", "check_gates"]
+__all__ = ["Gate"]
 
 Floats = NDArray[np.float64]
 
@@ -194,45 +188,3 @@ class Gate(Declared):
             share = np.clip(((flat - begin) * along).sum(axis=1) / size, 0.0, 1.0)
             outside = float(np.linalg.norm(begin + share[:, None] * along - flat, axis=1).min())
         return np.array([off, outside])
-
-
-def check_gate_data(model: PathData) -> None:
-    """Raise :class:`InvalidData` for gates at missing, given or repeated knots."""
-    known: set[int] = set()
-    for number, gate in enumerate(model.gates):
-        field = f"gates[{number}]"
-        knots, dimensions = model.waypoints.shape
-        if gate.knot >= knots:
-            raise InvalidData(
-                f"{field}.knot must be < {knots} (knots), got {gate.knot}", field="gates"
-            )
-        axes = len(gate.frame.centre)
-        if axes != dimensions:
-            raise InvalidData(
-                f"{field} must have {dimensions} axes as the waypoints, got {axes}", field="gates"
-            )
-        if np.isfinite(model.waypoints[gate.knot]).any():
-            raise InvalidData(
-                f"{field}: waypoints[{gate.knot}] must be free (None on all axes), because the gate "
-                f"determines the position, got {model.waypoints[gate.knot].tolist()}",
-                field="waypoints",
-            )
-        if gate.knot in known:
-            raise InvalidData(f"{field}: knot {gate.knot} has another gate", field="gates")
-        known.add(gate.knot)
-
-
-def check_gates(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]:
-    """Yield the checks of the distances from the planes and from the insides of the gates."""
-    if not model.gates:
-        return
-    begin, end = plan.at_ends()
-    points = np.concatenate([begin, end[-1:]])
-    excess = np.array([gate.excess(points[gate.knot]) for gate in model.gates])
-    knots = [gate.knot for gate in model.gates]
-    size = float(model.position_scale.max())
-    for column, name in enumerate(("plane of the gate", "inside of the gate")):
-        yield Check.largest(
-            name, excess[:, column], size, "m",
-            lambda at: f"knot {knots[at]} (t = {plan.times[knots[at]]:.6g} s)", tolerance,
-        )  # fmt: skip

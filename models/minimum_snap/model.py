@@ -20,7 +20,8 @@ from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..verification import TOLERANCE, Verification
 from .bounds import PathData, derivative_name
 from .checks import check_conditions, verify_trajectory
-from .gates import Gate, check_gate_data
+from .gate_checks import check_gate_data
+from .gates import Gate
 from .trajectory import Trajectory, increasing
 from .vehicle_checks import check_vehicle
 from .vehicles import Vehicle
