@@ -50,7 +50,7 @@ def sample(layout: Layout, plan: ControlPlan) -> Floats:
         times = np.clip(times - np.where(ends, LEFT * own.duration, 0.0), own.start, own.end)
         columns[part.control_columns] = own.controls(times).T
         if part.mesh.linear:
-            part.fit_lines(columns)
+            part.fit_lines(columns, own)
         columns[part.time_columns] = own.start, own.end
     for item, places in entry_slices(layout.definition.parameters):
         columns[layout.parameter_columns[places]] = plan.parameters[item.name]

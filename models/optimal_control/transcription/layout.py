@@ -18,6 +18,7 @@ from ..algebraic import algebraic_entries
 from ..definition import Definition, Phase, entry_units
 from ..lagrange import interpolation
 from ..piecewise import Piecewise
+from ..plan import PhasePlan
 from ..sizes import Sizes
 from .mesh import Mesh
 from .report import BINDING
@@ -30,6 +31,10 @@ Whole = NDArray[np.int64]
 
 #: Place of a row or column from its index: phase, interval and node.
 _PLACE = "in interval {1}, node {2}"
+
+#: Number of values of a control per interval that determine a line. Penicillin ends rejected from the lines
+#: through the 5 nodes.
+FITTED = 20
 
 
 class PhaseLayout:
@@ -201,13 +206,16 @@ class PhaseLayout:
         r, c, value, _ = rows.joined()
         return sp.csr_array((value, (r, c)), shape=(count, size))
 
-    def fit_lines(self, columns: Floats) -> None:
-        """Replace the controls by the lines that fit them best, because those of a plan may chatter."""
+    def fit_lines(self, columns: Floats, part: PhasePlan) -> None:
+        """Replace the controls by the lines that fit those of a plan best, because they may chatter."""
+        places = np.linspace(-1.0, 1.0, FITTED + 2)[1:-1]
+        fit, ends = np.linalg.pinv(legendre.legvander(places, 1)), self.mesh.fractions
         for k, scheme in enumerate(self.schemes):
-            table = legendre.legvander(scheme.control_points, 1)
+            at = ends[k] + 0.5 * (places + 1.0) * (ends[k + 1] - ends[k])
+            lines = fit @ part.controls(part.start + at * part.duration)[:, self.calmable]
+            values = legendre.legvander(scheme.control_points, 1) @ lines
             visits = self.visit_control[self.visit_starts[k] : self.visit_starts[k + 1]]
-            at = self.control_columns[self.calmable[:, None], visits]
-            columns[at] = columns[at] @ (table @ np.linalg.pinv(table)).T
+            columns[self.control_columns[self.calmable[:, None], visits]] = values.T
 
     # -- names -----------------------------------------------------------------------------------
 
