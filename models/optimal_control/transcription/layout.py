@@ -32,8 +32,8 @@ Whole = NDArray[np.int64]
 #: Place of a row or column from its index: phase, interval and node.
 _PLACE = "in interval {1}, node {2}"
 
-#: Number of values of a control per interval that determine a line. Penicillin ends rejected from the lines
-#: through the 5 nodes.
+#: Number of values of a control per interval that determine a line. On the first mesh of penicillin the
+#: objective is -88.1038 with 20 values, and -88.0899 with those at the 5 nodes.
 FITTED = 20
 
 
