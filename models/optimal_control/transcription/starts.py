@@ -40,7 +40,7 @@ def coarse_mesh(rules: Rules) -> Mesh:
 
 
 def other_meshes(scheme: Any, formulation: Any) -> Iterator[tuple[str, Any]]:
-    """Yield labels and formulations of `scheme` on uniform meshes, of which three have linear controls."""
+    """Yield labels and formulations of `scheme` on uniform meshes, three with linear controls."""
     model, same = formulation.problem, {"dependent": formulation.dependent}
     first, name = formulation._start, scheme.name
     linear = scheme(model, *LINEAR, **same)
