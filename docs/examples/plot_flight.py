@@ -33,3 +33,8 @@ state = [replan.trajectory(2.0, order) for order in range(3)]
 state[0] = state[0] + [0.05, 0.05, -0.05]
 replan = prepared.replan(*state)
 print(replan.ok, replan.warm, round(replan.trajectory.duration, 2))
+
+# %%
+# The smoothest curve in the same corridor, stretched to the limits, takes longer.
+
+print(ct.compare([model], ["minco", "staged"]))
