@@ -111,11 +111,18 @@ class Scaling:
 
     @classmethod
     def of_objective(cls, program: Any) -> Scaling | None:
-        """Return the scaling of the objective of a conic program by its constant; None if it needs none.
+        """Return the scaling of the objective of a conic program; None if it needs none.
 
-        The constant has the size of the objective if most of the data are fixed.
+        Objectives have the size of their constant if the quadratic part can change them by as much. A
+        constant alone, or nearly linear columns, would hide or enlarge the part of the columns.
         """
-        unit = common(abs(program.offset) or 1.0)
+        curvature = program.hessian.diagonal()
+        curved, cost = curvature > 0, np.abs(program.cost)
+        # No step of more than 1 counts: the minimum of a column of little curvature is far away.
+        step = np.minimum(cost[curved] / curvature[curved], 1.0)
+        change = (cost[curved] * step).max(initial=0.0)
+        units = [common(abs(float(size)) or 1.0) for size in (program.offset, change)]
+        unit = min(units) if min(units) > 1.0 else max(units) if max(units) < 1.0 else 1.0
         if unit == 1.0:
             return None
         scaled = replace(

@@ -30,6 +30,11 @@ __all__ = ["Scs"]
 #: Names of the cones in SCS, in its order.
 _NAMES = {ConeKind.SECOND_ORDER: "q", ConeKind.SEMIDEFINITE: "s", ConeKind.EXPONENTIAL: "ep"}
 
+#: Binary orders of magnitude between multipliers and point that need no scaling of the objective.
+_BALANCED = 7
+#: Iterations after which the size of the multipliers is known.
+_SETTLED = 1000
+
 
 class Scs(ConvexBackend):
     """Backend for SCS (O'Donoghue 2021), which is run in slices of time."""
@@ -84,7 +89,7 @@ class Scs(ConvexBackend):
         settings["max_iters"] = min(iteration_limit, slice_iterations(data["P"], form.matrix))
         solver = scs.SCS(data, cone, time_limit_secs=time_left(clock), **settings)
         clock.lap("build")
-        iterations = 0
+        iterations, unit, settled = 0, 1.0, False
         while True:
             result = solver.solve(**start)
             info = result["info"]
@@ -94,6 +99,12 @@ class Scs(ConvexBackend):
             if not is_paused or limit_reached(request, clock) is not None:
                 break
             start = {"warm_start": True, "x": result["x"], "y": result["y"], "s": result["s"]}
+            if not settled and iterations >= _SETTLED:
+                settled, unit = True, _imbalance(result)
+                if unit != 1.0:
+                    scaled = {**data, "P": data["P"] / unit, "c": data["c"] / unit}
+                    solver = scs.SCS(scaled, cone, time_limit_secs=time_left(clock), **settings)
+                    start["y"] = start["y"] / unit
         clock.lap("solve")
         meanings: dict[int, Meaning] = {
             scs.SOLVED: Ended.PROVEN,
@@ -109,12 +120,24 @@ class Scs(ConvexBackend):
             meanings,
             info["status"],
             point=np.array(result["x"], float),
-            duals=form.duals(result["y"], program.row_count),
+            duals=form.duals(unit * np.asarray(result["y"]), program.row_count),
             statistics={"iterations": iterations},
         )
         if is_late or is_paused:
             return replace(ending, ended=Ended.STOPPED, limit=stop_reason(control, Limit.TIME))
         return ending
+
+
+def _imbalance(result: Mapping[str, Any]) -> float:
+    """Return the power of two by which the multipliers exceed the point, 1 if both are of similar size.
+
+    SCS scales objectives by their linear costs only, and stalls if the multipliers are far larger.
+    """
+    sizes = [np.abs(result[name]).max(initial=0.0) for name in ("y", "x")]
+    if not np.isfinite(sizes).all() or min(sizes) == 0.0:
+        return 1.0
+    power = float(np.round(np.log2(sizes[0] / max(sizes[1], 1.0))))
+    return 2.0**power if abs(power) > _BALANCED else 1.0
 
 
 def _with_a_row(form: ConicForm, size: int) -> ConicForm:
