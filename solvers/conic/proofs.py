@@ -35,6 +35,8 @@ MARGIN = 4e-5
 NEGLIGIBLE = 1e-30
 #: Small multipliers of a ray, relative to the largest one.
 SMALL = 1e-6
+#: Rounding errors of multipliers, relative to the largest one.
+NOISE = 1e-15
 #: Largest number of alternating projections. A few suffice if the intersection has an interior;
 #: otherwise hundreds do not.
 ROUNDS = 50
@@ -56,7 +58,8 @@ def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -
         Origin of distances, such as the least infeasible point. Default: 0.
     """
     sizes = _shared(program, np.abs(unit(ray)))
-    candidates = ray, np.where(sizes > SMALL, ray, 0.0)
+    own = np.abs(unit(ray)) > SMALL
+    candidates = ray, np.where(sizes > SMALL, ray, 0.0), np.where(own, ray, 0.0)
     return any(_contradicts(program, candidate, center) for candidate in candidates)
 
 
@@ -258,7 +261,12 @@ def _cancelled_ray(program: ConicProgram, flat: QuadraticProgram, ray: Vector) -
         if not (np.abs(pull) > CANCELLED * terms)[unbounded].any():
             break
         block = flat.matrix[:, np.flatnonzero(unbounded)].T
-        y = program.signed(y - least(block, pull[unbounded]))
+        step = np.zeros(y.size)
+        used = np.flatnonzero(y)
+        step[used] = least(block[:, used], pull[unbounded])
+        y = unit(y - step)
+        # Alone in its column, even a rounding error does not cancel.
+        y = program.signed(np.where(np.abs(y) > NOISE, y, 0.0))
     return y
 
 

@@ -122,7 +122,7 @@ class Scaling:
         step = np.minimum(cost[curved] / curvature[curved], 1.0)
         change = (cost[curved] * step).max(initial=0.0)
         units = [common(abs(float(size)) or 1.0) for size in (program.offset, change)]
-        unit = min(units) if min(units) > 1.0 else max(units) if max(units) < 1.0 else 1.0
+        unit = min(units) if min(units) > 1.0 else min(1.0, max(units))
         if unit == 1.0:
             return None
         scaled = replace(

@@ -172,14 +172,32 @@ def test_gate_at_the_start_and_at_the_end() -> None:
     assert model.verify(plan).ok
 
 
-def test_impossible_gates_have_no_plan() -> None:
+@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"corridor_upper": [4.0, 4.0]},
+        {"corridor_upper": [4.45, 9.0]},
+        {"polytope_segments": [0, 1], "polytope_normals": [[1, 0], [1, 0]], "polytope_offsets": [4, 4]},
+        {"velocity_limit": 2.0},
+        {"vehicle": PointMass(speed=2.0)},
+        {"vehicle": PointMass(acceleration=2.0)},
+    ],
+)  # fmt: skip
+def test_impossible_gates_are_proven_at_fixed_times(fields: dict[str, Any], order: int) -> None:
+    gates = [Gate(1, centre=[5, 5], radius=0.5)]
+    model = MinimumDerivative(
+        [[0, 0], [None, None], [3, 0]], [0, 1, 2], order=order, gates=gates, **fields
+    )
+    assert ct.solve(model).termination == "infeasible"
+
+
+def test_impossible_gates_have_no_plan_of_minimum_time() -> None:
     fields: dict[str, Any] = {
         "gates": [Gate(1, centre=[5, 5], radius=0.5)],
         "corridor_upper": [4.0, 4.0],
     }
     points = [[0, 0], [None, None], [3, 0]]
-    timed = ct.solve(MinimumDerivative(points, [0, 1, 2], order=3, **fields))
-    assert timed.plan is None
     free = ct.solve(
         TimeAllocation(points, order=3, vehicle=PointMass(speed=1.0), minimise="time", **fields)
     )
