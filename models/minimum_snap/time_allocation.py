@@ -85,6 +85,9 @@ continuity, vehicle, yaw, periodic, gates
     minimise : {"weighted", "time"}
         Objective: J + ρ ΣT (default), or the total time alone, without J. The second one needs a
         vehicle or a limit of velocity, acceleration or jerk, and excludes `time_weight` and `total_time`.
+        The minimum is that of paths with one polynomial per segment: one polynomial from rest to rest
+        reaches its limits only at instants, and cannot cruise at the largest speed. Free knots (None)
+        between the waypoints make the path faster.
 
     Raises
     ------
@@ -248,8 +251,22 @@ continuity, vehicle, yaw, periodic, gates
     @property
     def preferred_backend(self) -> str:
         """``minco`` for vehicles, gates, laps and the time alone; otherwise empty."""
-        special = self.vehicle is not None or self.gates or self.periodic
-        return "minco" if special or self.minimise is Minimise.TIME else ""
+        return "minco" if self.beyond_times else ""
+
+    @property
+    def beyond_times(self) -> str:
+        """What only backend ``minco`` covers, with what to do in words; otherwise empty."""
+        if self.minimise is Minimise.TIME:
+            return "the minimum of the time alone: take backend minco"
+        if self.vehicle is None and not self.gates and not self.periodic:
+            return ""
+        what = "a vehicle, gates or a periodic path"
+        if self.total_time is None:
+            return f"{what}: take backend minco"
+        return (
+            f"{what} with total_time = {self.total_time:g} s: give time_weight or minimise='time' instead, "
+            "or fixed times in MinimumDerivative"
+        )
 
     @property
     def objective_name(self) -> str:

@@ -191,7 +191,8 @@ class Vehicle(Declared):
         """Return the proven extreme of each limited quantity along a trajectory.
 
         Every extreme is an upper bound (a lower bound for a lower limit) that bisection with interval
-        arithmetic proves for all instants up to rounding, at most 1e-9 from the value at `time`.
+        arithmetic proves for all instants up to rounding. An extreme near its limit is at most 1e-9 of the
+        limit from the value at `time`; smaller ones are less accurate (norms at most 4e-5 of the limit).
 
         Parameters
         ----------

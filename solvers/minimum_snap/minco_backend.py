@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.minimum_snap.gates import Gate
+from ...models.minimum_snap.motion import extended
 from ...models.minimum_snap.time_allocation import Minimise, TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.minimum_snap.vehicle_checks import yaw_of
@@ -28,6 +29,9 @@ from ..contract.backend import (
 __all__ = ["Minco"]
 
 Floats = NDArray[np.float64]
+
+#: Share of a limit that is regarded as reached, and share of the time in which fast paths reach one.
+NEAR, FEW = 0.95, 0.5
 
 
 class Minco(Backend):
@@ -54,7 +58,7 @@ class Minco(Backend):
         """Return the unsupported features of `problem`, or an empty string."""
         inner = np.isfinite(problem.conditions[1:-1, 1:])
         if problem.total_time is not None:
-            return "a given total time: take time-gradient"
+            return problem.beyond_times or "a given total time: take time-gradient"
         if problem.order < 2:
             return "the order 1"
         if problem.unit.fixes_order:
@@ -121,9 +125,15 @@ class Minco(Backend):
                 message=f"no path within the limits was found (nearest: {result.worst} exceeded by "
                 f"{result.excess:.2g}); this is no proof that none exists",
             )  # fmt: skip
+        message = ""
+        if not weighted and (share := _pressed(problem, plan)) < FEW:
+            message = (
+                f"limits are reached during {share:.0%} of the time only: with more free knots (None) "
+                "between the waypoints, the path may be faster"
+            )
         return Answer(
             Termination.FEASIBLE, limit, plan, problem.objective(plan), seconds=seconds,
-            statistics=statistics,
+            statistics=statistics, message=message,
         )  # fmt: skip
 
 
@@ -145,6 +155,28 @@ def _excess(problem: TimeAllocation, plan: Trajectory | None) -> float:
         for extreme in problem.vehicle.check_curve(plan, yaw, exact=False):
             excess = max(excess, extreme.amount / extreme.limit)
     return excess
+
+
+@np.errstate(all="ignore")  # undefined quantities reach no limit
+def _pressed(problem: TimeAllocation, plan: Trajectory) -> float:
+    """Return the share of the time in which a limit is reached, from instants of each segment."""
+    segment, number = (part.ravel() for part in np.indices((plan.segments, 16)))
+    s = (number + 0.5) / 16
+    near = np.zeros(s.size, bool)
+    for bound in problem.bounds:
+        if bound.derivative:
+            value = plan(plan.times[segment] + s * plan.durations[segment], bound.derivative)
+            at = np.maximum(value / bound.upper[segment], value / bound.lower[segment])
+            near |= (at > NEAR).any(axis=1)
+    vehicle = problem.vehicle
+    if vehicle is not None:
+        series = extended(plan, yaw_of(problem.unit, plan), vehicle.follows_path)
+        motion = series.on(segment, s, 4)
+        for measure in vehicle.measures:
+            value = measure.value(measure.function(motion).terms[0])
+            share = value / measure.limit if measure.is_upper else measure.limit / value
+            near |= share > NEAR
+    return float(near @ plan.durations[segment] / plan.durations[segment].sum())
 
 
 def _points(problem: TimeAllocation) -> Floats:

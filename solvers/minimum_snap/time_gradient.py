@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...jit import clock
-from ...models.minimum_snap.time_allocation import Minimise, TimeAllocation
+from ...models.minimum_snap.time_allocation import TimeAllocation
 from ..contract.backend import (
     Answer,
     Backend,
@@ -122,8 +122,8 @@ class TimeGradient(Backend):
         from .direct import Banded
         from .interior_point import InteriorPoint
 
-        if problem.minimise is Minimise.TIME:
-            return "the minimum of the time alone: take minco"
+        if problem.beyond_times:
+            return problem.beyond_times
         if not problem.bounded:
             return Banded().refuses(problem.unit)
         return InteriorPoint().refuses(problem.unit)

@@ -133,15 +133,18 @@ def test_minimum_time_beats_the_weighted_sum(order: int) -> None:
 
 def test_more_knots_give_shorter_times() -> None:
     """From rest to rest over 4 m at most 1 m/s and 1 m/s² takes at least 5 s."""
+    bounds: dict[str, Any] = {"velocity_limit": 1.0, "acceleration_limit": 1.0}
+    vehicle: dict[str, Any] = {"vehicle": PointMass(1.0, 1.0)}
+    for limits, free, hint in ((vehicle, 0, True), (vehicle, 3, False), (bounds, 3, False)):
+        points = [[0.0], *[[None]] * free, [4.0]]
+        solution = ct.solve(TimeAllocation(points, order=3, minimise="time", **limits))
+        assert ("more free knots" in solution.message) is hint
     times = [
         ct.solve(
-            TimeAllocation(
-                [[0.0], *[[None]] * free, [4.0]], order=3, minimise="time",
-                velocity_limit=1.0, acceleration_limit=1.0,
-            )
+            TimeAllocation([[0.0], *[[None]] * free, [4.0]], order=3, minimise="time", **bounds)
         ).plan.duration
         for free in (0, 7)
-    ]  # fmt: skip
+    ]
     assert times[0] == pytest.approx(7.5, rel=1e-3) and 5.0 < times[1] < 5.8
 
 
@@ -245,6 +248,12 @@ def test_other_backends_refuse_gates() -> None:
     allocation = TimeAllocation(TRACK, gates=GATES, time_weight=1.0)
     with pytest.raises(ct.errors.UnsupportedFormulation, match="gates"):
         ct.solve(allocation, "time-gradient")
+    total = TimeAllocation(TRACK, gates=GATES, total_time=4.0)
+    for backend in ("minco", "time-gradient", "ipopt"):
+        with pytest.raises(ct.errors.UnsupportedFormulation, match="total_time = 4 s"):
+            ct.solve(total, backend)
+    with pytest.raises(ct.errors.UnsupportedFormulation, match="total_time = 4 s"):
+        ct.solve(total)
 
 
 def test_pictures_show_the_gates() -> None:

@@ -22,7 +22,7 @@ from ...programs.blocks import Block
 from ...programs.compiled import require_casadi
 from ...programs.nonlinear import NonlinearProgram
 from ..bounds import derivative_unit
-from ..time_allocation import Minimise, TimeAllocation
+from ..time_allocation import TimeAllocation
 from ..trajectory import Trajectory
 from .bases import UnitBasisFormulation
 from .hermite import HermiteFormulation, knot_times
@@ -92,13 +92,11 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
     precision = 0.25
 
     def __post_init__(self) -> None:
-        if self.model.minimise is Minimise.TIME:
-            raise UnsupportedFormulation("the minimum of the time alone needs backend 'minco'")
-        require_casadi(f"formulation {self.name!r}")
-        if self.model.vehicle is not None or self.model.periodic:
+        if self.model.beyond_times:
             raise UnsupportedFormulation(
-                "vehicles and periodic paths: the program of the times does not cover them"
+                f"formulation {self.name!r} does not cover {self.model.beyond_times}"
             )
+        require_casadi(f"formulation {self.name!r}")
         self._at(self.model.unit.times)
 
     def _at(self, times: Floats) -> HermiteFormulation:
