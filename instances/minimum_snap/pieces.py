@@ -84,7 +84,8 @@ class Poly7:
         trajectory : Trajectory
             Trajectory with axes x, y, z, yaw in this order. Missing axes are 0.
         yaw : float or Trajectory, optional
-            Constant (rad), or a 1-dimensional trajectory with the same knots.
+            Constant (rad), or a 1-dimensional trajectory with the same knots. Default: the yaw of the
+            trajectory, if any.
 
         Raises
         ------
@@ -104,6 +105,7 @@ class Poly7:
             )
         table = np.zeros((trajectory.segments, 4, 8))
         table[:, : trajectory.dimensions] = _seconds("trajectory", trajectory)
+        yaw = trajectory.yaw if yaw is None else yaw
         if yaw is not None and trajectory.dimensions == 4:
             raise InvalidData(
                 "yaw must not be given: the trajectory's fourth axis is yaw", field="yaw"

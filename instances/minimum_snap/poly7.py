@@ -187,7 +187,8 @@ def write_poly7(
     path : path-like
         Path of the file.
     yaw : float or Trajectory, optional
-        Constant (rad), or a 1-dimensional trajectory with the same knots.
+        Constant (rad), or a 1-dimensional trajectory with the same knots. Default: the yaw of the
+        trajectory, if any.
     precision : {"float32", "float64"}
         Digits in the file: those of the firmware's 4-byte floats (default), or full precision.
     strict : bool

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ...files import as_path
 from ...models.fields import Whole, required, show
+from ...models.minimum_snap.motion import extended
 from ...models.minimum_snap.trajectory import Trajectory
 from ..exports import ExportFormat
 from ..rows import MISSING, Rows, TableOptions
@@ -108,7 +109,7 @@ def write_samples(
     Parameters
     ----------
     trajectory : Trajectory
-        Trajectory to write.
+        Trajectory to write. Its yaw, if any, is the fourth axis, and needs three axes before it.
     path : path-like
         Path of the file.
     rate : float
@@ -125,9 +126,17 @@ def write_samples(
     ------
     InvalidData
         `rate` is not positive or yields too many samples, `derivatives` is not a non-negative
-        integer, or the file cannot be written.
+        integer, the trajectory has a yaw but not three axes, or the file cannot be written.
     """
     required("trajectory", trajectory, Trajectory)
+    if trajectory.yaw is not None:
+        if trajectory.dimensions != 3 or not np.array_equal(trajectory.yaw.times, trajectory.times):
+            raise InvalidData(
+                "trajectory with a yaw must have 3 axes and the knots of the yaw, got "
+                f"{trajectory!r} with yaw {trajectory.yaw!r}",
+                field="trajectory",
+            )
+        trajectory = extended(trajectory, trajectory.yaw, False).curve
     rows = trajectory.sampled(rate, derivatives)
     header = sample_columns(trajectory.dimensions, derivatives)
     return write_rows(path, header, (rows + 0.0).tolist())

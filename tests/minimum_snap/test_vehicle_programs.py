@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import NonlinearConstraint, minimize
 
 import crosstrack as ct
-from crosstrack.errors import UnsupportedFormulation
+from crosstrack.errors import InvalidData, UnsupportedFormulation
+from crosstrack.instances import read_poly7, read_samples, write_poly7, write_samples
 from crosstrack.models import DifferentialDrive, MinimumSnap, PointMass, Quadrotor
 from crosstrack.solvers import Termination
 
@@ -223,3 +224,21 @@ def test_a_tangent_yaw_is_slowed_down_within_its_rate():
     assert solution.termination is Termination.LOCALLY_OPTIMAL
     rate = vehicle.quantities(solution.plan, np.linspace(0, 4, 4001), "tangent")["yaw_rate"]
     assert np.abs(rate).max() <= 1.572 * (1 + 1e-6)
+
+
+def test_exports_keep_the_yaw_of_a_plan(tmp_path):
+    vehicle = Quadrotor(1.0, (0, 40))
+    plan = ct.solve(MinimumSnap(POINTS, TIMES, vehicle=vehicle, yaw=[0.5, None, 1, 2])).plan
+    t = np.linspace(0, 4, 7)
+    write_poly7(plan, tmp_path / "p.csv", precision="float64")
+    assert np.allclose(read_poly7(tmp_path / "p.csv")(t)[:, 3], plan.yaw(t)[:, 0], atol=1e-9)
+    write_poly7(plan, tmp_path / "p.csv", yaw=0.25)
+    assert (read_poly7(tmp_path / "p.csv")(t)[:, 3] == 0.25).all()
+    samples = read_samples(write_samples(plan, tmp_path / "s.csv", derivatives=1))
+    assert samples.values.shape[2] == 4
+    for order in (0, 1):
+        expected = plan.yaw(samples.times, order)
+        assert np.allclose(samples.values[order, :, 3:], expected, atol=1e-12)
+    flat = ct.solve(MinimumSnap(POINTS[:, :2], TIMES, yaw=0.5)).plan
+    with pytest.raises(InvalidData, match="3 axes"):
+        write_samples(flat, tmp_path / "s.csv")
