@@ -27,6 +27,7 @@ from ..verification import TOLERANCE, Check, Verification
 from .bounds import Bound, Halfspaces, derivative_name
 from .gates import Gate
 from .model import MinimumDerivative
+from .time_checks import check_limits, check_movement
 from .trajectory import Trajectory
 from .vehicles import Vehicle
 
@@ -148,47 +149,14 @@ continuity, vehicle, yaw, periodic, gates
         for name in _COMPLETED:
             object.__setattr__(self, name, getattr(self.unit, name))
         if self.minimise is Minimise.TIME:
-            self._check_limits()
+            check_limits(self)
         elif self.time_weight == 0.0 and self.total_time is None:
             raise InvalidData(
                 "time_weight must be > 0 unless total_time is given, got 0: the objective would "
                 "fall to 0 for times that grow without end",
                 field="time_weight",
             )
-        self._check_movement()
-
-    def _check_limits(self) -> None:
-        """Reject a minimum of the time alone that is 0 or that other fields fix."""
-        for name in ("time_weight", "total_time"):
-            if getattr(self, name):
-                raise InvalidData(
-                    f"{name} must be left out with minimise='time', got {getattr(self, name):g}",
-                    field=name,
-                )
-        limited = any(bound.derivative for bound in self.bounds)
-        if not limited and (self.vehicle is None or not self.vehicle.limits):
-            raise InvalidData(
-                "minimise='time' needs a vehicle with limits or a limit of velocity, acceleration or "
-                "jerk: otherwise the shorter, the better, and no duration > 0 is the best",
-                field="minimise",
-            )
-
-    def _check_movement(self) -> None:
-        """Reject a segment without motion: its objective has no minimum over positive durations."""
-        table = self.conditions
-        still = np.all((table[:, 1:] == 0.0) | ~np.isfinite(table[:, 1:]), axis=(1, 2))
-        before, after = self.waypoints[:-1], self.waypoints[1:]
-        known = np.isfinite(before) & np.isfinite(after)
-        same = np.where(known, before == after, True).all(axis=1) & known.any(axis=1)
-        idle = np.flatnonzero(same & still[:-1] & still[1:])
-        if idle.size:
-            knot = int(idle[0]) + 1
-            shown = [float(x) if np.isfinite(x) else None for x in self.waypoints[knot]]
-            raise InvalidData(
-                f"waypoints[{knot}] = {shown} repeats waypoints[{knot - 1}]: the shorter that "
-                "segment, the better, and no duration > 0 is the best",
-                field="waypoints",
-            )
+        check_movement(self)
 
     # -- at given times --------------------------------------------------------------------------
 

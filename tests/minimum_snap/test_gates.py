@@ -221,6 +221,23 @@ def test_segments_without_length_and_gates_that_overlap() -> None:
 
 
 @pytest.mark.parametrize(
+    ("points", "gates"),
+    [
+        ([[0, 0], [None, None]], []),
+        ([[None, 1], [2, None]], []),
+        ([[0, 0], [None, None]], [Gate(1, centre=[0.5, 0], radius=1.0)]),
+        ([[None, None]] * 2, [Gate(k, centre=[0, 0.5 * k], radius=1.0) for k in (0, 1)]),
+    ],
+)
+def test_minimum_time_needs_a_motion(points: list[Any], gates: list[Gate]) -> None:
+    fields: dict[str, Any] = {"vehicle": PointMass(1.0, 1.0), "minimise": "time"}
+    with pytest.raises(InvalidData, match="path at rest at"):
+        TimeAllocation(points, gates=gates, **fields)
+    moving = TimeAllocation(points, gates=gates, **fields, start=[[0.5, 0]])
+    assert ct.solve(moving).verification.ok
+
+
+@pytest.mark.parametrize(
     "fields", [{}, {"vehicle": PointMass()}, {"vehicle": QUAD, "time_weight": 1.0},
                {"vehicle": QUAD, "total_time": 1.0}]
 )  # fmt: skip
