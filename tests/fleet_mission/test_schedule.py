@@ -302,3 +302,11 @@ def test_a_mission_with_moving_obstacles_is_verified_and_free_of_contacts():
     assert not contacts(model, answer.plan)
     assert not moving_contacts(model, answer.plan)
     assert answer.primal_bound == answer.plan.end
+
+
+def test_a_robot_whose_nodes_are_at_the_depot_does_not_hinder_lanes_and_rests():
+    places = [[1, 1], [8, 8], [8, 8]]
+    model = small(nodes=places, vehicles=3, objective="makespan", separation=0.5)
+    answer = ct.solve(model, seed=0, backend_options=QUICK)
+    assert answer.verified, answer
+    assert not contacts(model, answer.plan)
