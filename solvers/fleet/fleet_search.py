@@ -341,6 +341,9 @@ class _Search:
             rest = [second[k] for k in free]
         for k, stops in zip(free, rest, strict=True):
             routes[k] = [node for node in stops if node not in taken]
+        missing = len(self.fleet.nodes) - sum(map(len, routes))
+        if self.model.use_all and sum(not stops for stops in routes) > missing:
+            return _Candidate(self.fleet, first)
         return _Candidate(self.fleet, routes)
 
     def offer(self, candidate: _Candidate) -> bool:

@@ -174,3 +174,14 @@ def test_external_plans_have_the_same_objective():
     found = ct.solve(model, "fleet-search")
     again = model.verify(FleetPlan(tuple(reversed(found.plan.routes))))
     assert again.objective == pytest.approx(found.primal_bound)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 5])
+def test_no_vehicle_stays_idle_if_nodes_are_at_the_depot(seed):
+    places = np.random.default_rng(seed).uniform(-1, 1, (10, 2))
+    places[:2] = 0.0
+    costs = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+    model = FleetRouting(6, costs=costs, depots=[0], objective="sum-variance")
+    chosen = {"steps": 50, "patience": 2, "bound": False}
+    answer = ct.solve(model, "fleet-search", seed=0, backend_options=chosen)
+    assert answer.verified, answer
