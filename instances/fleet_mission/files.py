@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import InvalidData
 from ...files import as_path
-from ...models.fields import required
+from ...models.fields import Flag, required
 from ...models.fleet_mission.model import FleetMission
 from ...models.fleet_mission.plan import MissionPlan
 from ...models.sampling import sample_count
 from ..exports import ExportFormat, closed_ring, write_geojson
 from ..grid_path import read_geojson_polygons
-from ..minimum_snap.poly7 import Poly7Report, write_poly7
+from ..minimum_snap.poly7 import PIECES_THAT_FIT, Poly7Report, write_poly7
 from ..storage import reference
 from ..tables import write_rows
 
@@ -31,6 +32,8 @@ __all__ = [
     "write_mission_samples",
 ]
 
+#: Advice if the pieces do not fit into the firmware's memory.
+_FEWER = "staged has fewer pieces with the option trajectories=interior-point (minimum snap)"
 _NAMES = ("robot", "t", "x", "y", "vx", "vy", "ax", "ay")
 
 
@@ -82,9 +85,10 @@ class Poly7Reports:
 
     def __str__(self) -> str:
         rows = zip(self.robots, self.starts, self.reports, strict=True)
-        return "\n".join(
-            f"robot {k}, to be started at {t:.6g} s\n{report}" for k, t, report in rows
-        )
+        lines = [f"robot {k}, to be started at {t:.6g} s\n{report}" for k, t, report in rows]
+        if not all(report.fits for report in self.reports):
+            lines.append(_FEWER)
+        return "\n".join(lines)
 
 
 def write_mission_poly7(
@@ -109,12 +113,25 @@ def write_mission_poly7(
     -------
     Poly7Reports
         Start time of each robot, and the effect of rounding on each trajectory.
+
+    Raises
+    ------
+    InvalidData
+        A trajectory has too many pieces with `strict`. No file is written, and the message names the option
+        of `staged` that gives fewer.
     """
     from ...models.minimum_snap.trajectory import Trajectory
 
-    file = as_path(path)
-    robots, starts, reports = [], [], []
+    file, strict = as_path(path), Flag().coerce("strict", strict, {})
     for k, trajectory in enumerate(required("plan", plan, MissionPlan).trajectories):
+        if strict and trajectory is not None and trajectory.segments > PIECES_THAT_FIT:
+            raise InvalidData(
+                f"trajectories[{k}] must have at most {PIECES_THAT_FIT} pieces, got "
+                f"{trajectory.segments}; {_FEWER}",
+                field="trajectories",
+            )
+    robots, starts, reports = [], [], []
+    for k, trajectory in enumerate(plan.trajectories):
         if trajectory is None:
             continue
         level = np.zeros((trajectory.segments, trajectory.degree + 1, 1))
@@ -123,9 +140,7 @@ def write_mission_poly7(
         target = file.with_name(f"{file.stem}-{k}{file.suffix}")
         robots.append(k)
         starts.append(float(trajectory.times[0]))
-        reports.append(
-            write_poly7(Trajectory(trajectory.times, coefficients), target, strict=strict)
-        )
+        reports.append(write_poly7(Trajectory(trajectory.times, coefficients), target))
     return Poly7Reports(tuple(robots), tuple(starts), tuple(reports))
 
 

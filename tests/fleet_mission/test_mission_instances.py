@@ -190,3 +190,20 @@ def test_the_command_line(tmp_path):
     assert (tmp_path / "fly-0.csv").exists()
     told = run("diagnose", "fleet-mission/pocket").stdout
     assert "robots of a radius of up to" in told
+
+
+def test_too_many_pieces_for_the_firmware_name_the_option_that_gives_fewer(tmp_path):
+    model = ct.load("fleet-mission/corridor")
+    quick = {"routing": "kmeans-ac"}
+    rounded = ct.solve(model, "staged", seed=0, backend_options=quick).plan
+    chosen = quick | {"trajectories": "interior-point"}
+    snap = ct.solve(model, "staged", seed=0, backend_options=chosen).plan
+    assert "trajectories=interior-point" in str(
+        export_plan(model, rounded, tmp_path / "many.csv", "poly7")
+    )
+    with pytest.raises(InvalidData, match=r"trajectories\[0\].*31.*trajectories=interior-point"):
+        export_plan(model, rounded, tmp_path / "strict.csv", "poly7", strict=True)
+    assert not list(tmp_path.glob("strict*"))
+    report = export_plan(model, snap, tmp_path / "few.csv", "poly7", strict=True)
+    assert all(entry.fits for entry in report.reports)
+    assert "interior-point" not in str(report)
