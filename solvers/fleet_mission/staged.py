@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData
 from ...jit import OutOfTime, clock
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
@@ -44,6 +47,8 @@ ROUTING_SHARE = 0.4
 LATE = 1.001
 #: Time for the flights with lanes and rests as a multiple of the time for the direct ones.
 LEGS = 8.0
+#: Corners of the polygon around the last place of a moving obstacle, and its least radius in cells.
+CORNERS, POINT = 32, 1e-3
 
 
 class Staged(Backend):
@@ -82,11 +87,14 @@ class Staged(Backend):
     def run(self, problem: FleetMission, request: Request) -> Answer:
         """Carry out the stages."""
         begin = clock()
-        stages = Stages(problem, request)
-        try:
-            answer = self._carried_out(stages)
-        except Unanswered as fault:
-            answer = fault.ended(request, stages.statistics)
+        for mission in (problem, *_around_last_places(problem)):
+            stages = Stages(mission, request)
+            try:
+                answer = self._carried_out(stages)
+            except Unanswered as fault:
+                answer = fault.ended(request, stages.statistics)
+            if answer.point is not None or stages.stopped() is not None:
+                break
         return Answer(
             answer.termination, answer.limit, answer.point, answer.primal_bound,
             seconds={"solve": clock() - begin},
@@ -244,6 +252,23 @@ class Staged(Backend):
             return [flown(way) for way in ways]
         with ThreadPoolExecutor(threads) as pool:
             return list(pool.map(flown, ways))
+
+
+def _around_last_places(problem: FleetMission) -> Iterator[FleetMission]:
+    """Yield the mission with an obstacle at the last place of each moving one, if nodes can be reached.
+
+    Robots that depart after the last motion avoid all of them.
+    """
+    if not problem.moving:
+        return
+    corners = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    ring = np.stack([np.cos(corners), np.sin(corners)], axis=1) / np.cos(np.pi / CORNERS)
+    parts = [
+        item.trajectory.at_ends()[1][-1] + max(item.radius, POINT * problem.cell) * ring
+        for item in problem.moving
+    ]
+    with suppress(InvalidData):
+        yield replace(problem, obstacles=[*problem.obstacles, *parts])
 
 
 def _distances(problem: FleetMission, along: NeighbourWays | None) -> Floats:

@@ -4,9 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fleet_mission.contacts import moving_contacts
 from fleet_mission.missions import flown, legs, small
 from hypothesis import given, settings, strategies as st
 
+import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import FleetMission, Trajectory
 from crosstrack.models.fleet_mission import MissionPlan, MovingObstacle
@@ -164,3 +166,18 @@ def test_departures_before_time_0_are_refused_if_the_clock_matters():
         (broken,) = dataclasses.replace(model, **changes).verify(plan).violated
         assert broken.name == "departures at time 0 or later"
         assert (broken.worst, broken.where) == (5.0, "robot 0")
+
+
+@pytest.mark.parametrize(
+    "cart", [MovingObstacle(0.5, [0], [[5, 2]]), MovingObstacle(0.5, [0, 2], [[5, 4], [5, 2]])]
+)
+def test_robots_go_around_the_last_place_of_an_obstacle(cart):
+    ahead = cart(cart.times[-1])
+    depot, node = ahead - [3, 0], ahead + [1.5, 0]
+    model = FleetMission([], (0, -5, 15, 10), [node], depot, 1, 0.5, 0.25, moving=[cart])
+    answer = ct.solve(model, seed=0, backend_options={"routing": "kmeans-ac"})
+    assert answer.verified, answer
+    assert not moving_contacts(model, answer.plan)
+    bare = dataclasses.replace(model, moving=())
+    shortest = ct.solve(bare, seed=0, backend_options={"routing": "kmeans-ac"})
+    assert answer.verification.objective > shortest.verification.objective + 1e-3
