@@ -246,6 +246,8 @@ class Staged(Backend):
         threads = min(request.threads or os.cpu_count() or 1, len(ways))
 
         def flown(way: Corridor) -> Flight:
+            if stages.stopped() is not None:
+                return Flight(resting(problem, way), 0, True, way.stops)
             return fly(problem, way, solver, request, 1)
 
         if threads == 1:

@@ -1,6 +1,7 @@
 """Rounded polylines: continuity, limits, boxes, stops, lengths and times against a robot with stops."""
 
 import dataclasses
+import time
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
 from crosstrack.instances.fleet_mission import random_mission
 from crosstrack.models.fleet_mission import lengths_of
+from crosstrack.solvers.fleet_mission import flight
 from crosstrack.solvers.fleet_mission.corridor import Corridor
 from crosstrack.solvers.fleet_mission.flight import slowed
 from crosstrack.solvers.fleet_mission.rounded import rounded_curve
@@ -242,3 +244,19 @@ def test_random_missions_are_faster_than_with_stops(monkeypatch):
 def test_a_negative_detour_is_refused():
     with pytest.raises(UnsupportedOption, match="detour"):
         ct.solve(small(), "staged", backend_options={"detour": -1.0})
+
+
+def test_robots_rest_at_every_knot_once_the_time_is_over(monkeypatch):
+    flown = []
+
+    def slow(*arguments):
+        flown.append(time.sleep(0.5))
+        return rounded_curve(*arguments)
+
+    monkeypatch.setattr(flight, "rounded_curve", slow)
+    nodes = [[8, 2 + k] for k in range(7)]
+    model = small(nodes=nodes, vehicles=7)
+    chosen = {"routing": "kmeans-ac"}
+    answer = ct.solve(model, "staged", seed=0, threads=1, time_limit=1, backend_options=chosen)
+    assert answer.verified, answer
+    assert len(flown) < 7
