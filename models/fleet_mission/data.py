@@ -33,6 +33,8 @@ Floats = NDArray[np.float64]
 
 #: Maximum number of robots, as the separation check compares all pairs.
 MOST = 200
+#: Largest radius and coordinate of a moving obstacle, m.
+FARTHEST = 1e100
 
 
 class MissionObjective(StrEnum):
@@ -123,6 +125,13 @@ class MissionData(Model[MissionPlan]):
                 f"nodes must be nearer than 1e9 cells of {self.cell:g} m to the origin",
                 field="nodes",
             )
+        for k, item in enumerate(self.moving):
+            extent = max(item.radius, float(np.abs(item.trajectory.coefficients).max()))
+            if extent > FARTHEST:  # squares would overflow
+                raise InvalidData(
+                    f"moving[{k}] must have radius and positions up to {FARTHEST:g} m, got {extent:g} m",
+                    field="moving",
+                )
         places = [("depot", "depot", self.depot)]
         places += [
             ("nodes", f"nodes[{k}] (node {self.label(k)})", node)

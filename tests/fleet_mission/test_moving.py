@@ -173,7 +173,7 @@ def test_departures_before_time_0_are_refused_if_the_clock_matters():
 )
 def test_robots_go_around_the_last_place_of_an_obstacle(cart):
     ahead = cart(cart.times[-1])
-    depot, node = ahead - [3, 0], ahead + [1.5, 0]
+    depot, node = np.add(ahead, [[-3, 0], [1.5, 0]])
     model = FleetMission([], (0, -5, 15, 10), [node], depot, 1, 0.5, 0.25, moving=[cart])
     answer = ct.solve(model, seed=0, backend_options={"routing": "kmeans-ac"})
     assert answer.verified, answer
@@ -181,3 +181,12 @@ def test_robots_go_around_the_last_place_of_an_obstacle(cart):
     bare = dataclasses.replace(model, moving=())
     shortest = ct.solve(bare, seed=0, backend_options={"routing": "kmeans-ac"})
     assert answer.verification.objective > shortest.verification.objective + 1e-3
+
+
+@pytest.mark.parametrize(
+    "far",
+    [MovingObstacle(1, [0, 1], [[1e300, 0], [-1e300, 1]]), MovingObstacle(1e200, [0], [[0, 0]])],
+)
+def test_an_obstacle_beyond_all_distances_is_refused(far):
+    with pytest.raises(InvalidData, match=r"moving\[0\].*1e\+100 m.*got [12]e"):
+        small(moving=[far])
