@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -104,8 +105,7 @@ class Corridor(Declared):
     def polytopes(self) -> list[tuple[Floats, Floats]]:
         """Normals, shape (faces, d), and offsets, shape (faces,), of each polytope."""
         cuts = np.flatnonzero(np.diff(self.owners)) + 1
-        parts = zip(np.split(self.normals, cuts), np.split(self.offsets, cuts), strict=True)
-        return list(parts)
+        return list(zip(*(np.split(x, cuts) for x in (self.normals, self.offsets)), strict=True))
 
     @cached_property
     def knots(self) -> Floats:
@@ -120,8 +120,7 @@ class Corridor(Declared):
         corners = []
         for normals, offsets in self.polytopes:
             low, high = _box(normals, offsets)
-            scale = float((high - low).max())
-            middle, depth = low, 0.0
+            scale, middle, depth = float((high - low).max()), low, 0.0
             if np.isfinite(scale):
                 middle, depth = largest_ball(normals, offsets, 0.5 * (low + high))
             points = np.empty((0, len(low)))
@@ -140,8 +139,8 @@ class Corridor(Declared):
         for k, points in enumerate(self.corners):
             if len(points):
                 scale = float(np.ptp(points, axis=0).max())
-                hull = ConvexHull((points - points[0]) / scale)
-                volumes[k] = hull.volume * scale ** points.shape[1]
+                size = ConvexHull((points - points[0]) / scale).volume
+                volumes[k] = size * scale ** points.shape[1]
         return frozen(volumes)
 
     def fields(self, polytopes: ArrayLike | None = None) -> dict[str, Any]:
@@ -162,9 +161,9 @@ class Corridor(Declared):
         InvalidData
             A number is not that of a polytope.
         """
-        numbers = np.arange(len(self)) if polytopes is None else polytopes
-        spec = Array(("segments",), int, lower=0, upper=len(self) - 1)
-        chosen = spec.coerce("polytopes", numbers, {})
+        chosen = Array(("segments",), int, lower=0, upper=len(self) - 1).coerce(
+            "polytopes", np.arange(len(self)) if polytopes is None else polytopes, {}
+        )
         parts = [self.polytopes[k] for k in chosen]
         return {
             "polytope_segments": np.repeat(np.arange(len(chosen)), [len(b) for _, b in parts]),
@@ -215,6 +214,7 @@ def corridor(
     bounds: ArrayLike | None = None,
     method: str = "firi",
     reach: float | None = None,
+    pause: Callable[[], Any] = bool,
 ) -> Corridor:
     """Return a chain of convex polytopes along a path that contain no obstacle.
 
@@ -241,6 +241,8 @@ def corridor(
     reach : float, optional
         Longest side of the box around each polytope, m. Segments longer than half of it are split. By default
         half of the largest extent of the bounds or the map, or of the obstacles and the path.
+    pause : callable, optional
+        Function to call before each polytope; an exception from it ends the computation.
 
     Returns
     -------
@@ -274,7 +276,7 @@ def corridor(
             f"path[0] must be outside all obstacles, but is inside {inside}", field="path"
         )
     stops = _stops(points, side)
-    covers, parts = _chain(solids, points, stops, size, limits, side, METHODS[method])
+    covers, parts = _chain(solids, points, stops, size, limits, side, METHODS[method], pause)
     balls = [_overlap(first, second) for first, second in pairwise(parts)]
     return Corridor(
         path=points, covers=covers, owners=np.repeat(np.arange(len(parts)), [len(p.offsets) for p in parts]),
@@ -286,8 +288,7 @@ def corridor(
 
 def _limits(solids: Obstacles, frame: Floats | None, points: Floats) -> Floats:
     """Return the lowest and greatest coordinates of the centre, shape (2, d), rounded inward."""
-    axes = points.shape[1]
-    limits = np.array([[-np.inf] * axes, [np.inf] * axes])
+    limits = np.array([[-np.inf], [np.inf]]).repeat(axes := points.shape[1], axis=1)
     if solids.limits is not None:
         for axis in range(axes):
             low, high = solids.limits[0][axis], solids.limits[1][axis]
@@ -353,7 +354,7 @@ def _stops(points: Floats, side: float) -> list[float]:
 
 def _chain(
     solids: Obstacles, points: Floats, stops: list[float], size: float, limits: Floats, side: float,
-    passes: int,
+    passes: int, pause: Callable[[], Any],
 ) -> tuple[list[tuple[float, float]], list[Inflation]]:  # fmt: skip
     """Return the polytopes along the path and the part of the path in each.
 
@@ -361,9 +362,9 @@ def _chain(
     """
     places = np.stack([np.interp(stops, np.arange(len(points)), x) for x in points.T], axis=1)
     covers: list[tuple[float, float]] = []
-    parts: list[Inflation] = []
-    k = 0
+    parts, k = list[Inflation](), 0
     while not parts or k < len(stops) - 1:
+        pause()
         seeds = places[k : k + 2]
         middle = 0.5 * (seeds[0] + seeds[-1])
         low = np.maximum(middle - 0.5 * side, limits[0])
@@ -394,7 +395,6 @@ def _chain(
 
 def _overlap(first: Inflation, second: Inflation) -> Floats:
     """Return the centre and the radius of the largest ball in two polytopes."""
-    normals = np.concatenate([first.normals, second.normals])
-    offsets = np.concatenate([first.offsets, second.offsets])
+    normals, offsets = (np.concatenate(pair) for pair in zip(first[:2], second[:2], strict=True))
     high, low = second.offsets[: 2 * normals.shape[1]].reshape(2, -1)
     return np.append(*largest_ball(normals, offsets, 0.5 * (high - low)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +25,10 @@ Polytope = tuple[Floats, Floats]
 REST = np.array([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])
 #: Inset of the polytopes in cells, for violations within the tolerance of a solver.
 INSET = 1e-3
-#: Relative accuracy of a stretched time, and its largest factor.
-FINE, MOST = 1e-4, 1e9
+#: Largest first and second derivative of REST.
+PEAKS = 2.1875, 7.5132
+#: Relative accuracy of a stretched time, that of a segment from rest to rest, and the largest factor.
+FINE, COARSE, MOST = 1e-4, 0.02, 1e9
 
 
 class Course(NamedTuple):
@@ -57,7 +60,9 @@ class Course(NamedTuple):
         return Course(self.path, polytopes, knots, self.stops * pieces)
 
 
-def course_of(model: Flight, path: Floats, stops: Ints, inset: float = INSET) -> Course:
+def course_of(
+    model: Flight, path: Floats, stops: Ints, inset: float = INSET, pause: Any = bool
+) -> Course:
     """Return the course along a polyline over free cells.
 
     Parameters
@@ -70,6 +75,8 @@ def course_of(model: Flight, path: Floats, stops: Ints, inset: float = INSET) ->
         Points of the polyline at the start, the waypoints and the goal.
     inset : float
         Inset of the polytopes in cells.
+    pause : callable, optional
+        Function that is called before each polytope.
 
     Raises
     ------
@@ -83,7 +90,11 @@ def course_of(model: Flight, path: Floats, stops: Ints, inset: float = INSET) ->
             marks.append(len(knots) - 1)
             continue
         leg = corridor(
-            model.map, path[first : last + 1], radius=model.radius, bounds=_limits(model)
+            model.map,
+            path[first : last + 1],
+            radius=model.radius,
+            bounds=_limits(model),
+            pause=pause,
         )
         polytopes += leg.polytopes
         knots += list(leg.knots[1:])
@@ -148,7 +159,13 @@ def excess(vehicle: Any, curve: Trajectory) -> float:
     return max((extreme.amount / abs(extreme.limit) for extreme in extremes), default=0.0)
 
 
-def stretched(vehicle: Any, curve: Trajectory) -> Trajectory | None:
+def stretched(
+    vehicle: Any,
+    curve: Trajectory,
+    first: float = 1.0,
+    fine: float = FINE,
+    stopped: Callable[[], bool] = bool,
+) -> Trajectory | None:
     """Return a curve from rest to rest in about the least multiple of its time within the limits.
 
     Parameters
@@ -157,6 +174,12 @@ def stretched(vehicle: Any, curve: Trajectory) -> Trajectory | None:
         The vehicle.
     curve : Trajectory
         Curve with velocity and acceleration 0 at both ends.
+    first : float
+        Multiple that is tried first.
+    fine : float
+        Relative accuracy of the multiple.
+    stopped : callable
+        Whether to return the first multiple within the limits.
 
     Returns
     -------
@@ -167,33 +190,37 @@ def stretched(vehicle: Any, curve: Trajectory) -> Trajectory | None:
     def at(factor: float) -> Trajectory:
         return Trajectory((curve.times - curve.times[0]) * factor, curve.coefficients)
 
-    low, high = 0.0, 1.0
+    low, high = 0.0, first
     while excess(vehicle, at(high)) > 0.0:
         low, high = high, 2.0 * high
-        if high > MOST:
+        if high > MOST * first:
             return None
-    while low == 0.0 and high > 1.0 / MOST:
+    while low == 0.0 and high > first / MOST and not stopped():
         if excess(vehicle, at(0.5 * high)) > 0.0:
             low = 0.5 * high
         else:
             high *= 0.5
-    while high - low > FINE * high:
+    while high - low > fine * high and not stopped():
         middle = 0.5 * (low + high)
         low, high = (middle, high) if excess(vehicle, at(middle)) > 0.0 else (low, middle)
     return at(high)
 
 
-def resting(model: Flight, path: Floats) -> Trajectory | None:
+def resting(model: Flight, path: Floats, stopped: Callable[[], bool] = bool) -> Trajectory | None:
     """Return the curve that follows a polyline and rests at each of its points, if it is allowed."""
     if model.start_velocity.any() or model.goal_velocity.any():
         return None
     if model.start_acceleration.any() or model.goal_acceleration.any() or not is_safe(model, path):
         return None
     parts = []
+    speed, push = typical(model.vehicle)
     for first, last in itertools.pairwise(path):
+        apart = max(float(np.linalg.norm(last - first)), 1e-6 * model.cell)
+        guess = max(PEAKS[0] * apart / speed, math.sqrt(PEAKS[1] * apart / push))
         powers = REST[:, None] * (last - first)
         powers[0] = first
-        part = stretched(model.vehicle, Trajectory(np.array([0.0, 1.0]), powers[None]))
+        line = Trajectory(np.array([0.0, 1.0]), powers[None])
+        part = stretched(model.vehicle, line, guess, COARSE, stopped)
         if part is None:
             return None
         parts.append(part)

@@ -14,7 +14,7 @@ from ...models.minimum_snap.trajectory import Trajectory
 from ..contract.backend import Option, Request
 from ..minimum_snap.minco import Fastest, Region, Rows, fastest, limits_of
 from .course import Course, excess, times_along, typical
-from .staged import StagedFlight, standing
+from .staged import StagedFlight, smoothest, standing
 
 __all__ = ["Minco", "ends_of", "engine", "limits_within"]
 
@@ -31,7 +31,8 @@ class Minco(StagedFlight):
 
     Source: Wang, Zhou, Xu and Gao, "Geometrically constrained trajectory optimization for
     multicopters", 2022. The durations and the knots in the corridor are optimised together, and the time
-    is stretched until the exact checks of the vehicle accept the curve.
+    is stretched until the exact checks of the vehicle accept the curve. If none is accepted, the smoothest
+    curve of the backend ``staged`` is returned.
     """
 
     name = "minco"
@@ -64,7 +65,7 @@ class Minco(StagedFlight):
             objective = checked.objective
             if checked.ok and objective is not None and (best is None or objective < best[0]):
                 best = objective, plan
-        return None if best is None else best[1]
+        return smoothest(problem, course, request, statistics) if best is None else best[1]
 
 
 def engine(

@@ -35,8 +35,10 @@ __all__ = ["Staged", "StagedFlight"]
 
 Floats = NDArray[np.float64]
 
-#: Numbers of parts of a cell for which a way is searched, in turn.
-PARTS = (1, 2, 4)
+#: Numbers of parts of a cell for which a way is searched, in turn. Odd ones have a cell in the middle of a gap.
+PARTS = (1, 2, 3, 5)
+#: Backend for the smoothest curve.
+TRAJECTORIES = "interior-point"
 #: Multiples of the estimated times for flights that do not begin and end at rest.
 MULTIPLES = (1.0, 0.7, 1.4, 2.0, 3.0, 0.5, 5.0)
 #: Waits before the departure per flight time, and their largest number.
@@ -63,21 +65,25 @@ class StagedFlight(Backend):
         begin = clock()
         bound = least_objective(problem)
         statistics: dict[str, Any] = {}
-        plan, message = None, ""
+        plan, message, proof, control = None, "", "", request.control
         for parts in PARTS:
             plan, message = self._planned(problem, request, parts, statistics)
-            if plan is not None or request.control.stopped or message:
+            if plan is not None or control.stopped or message:
+                break
+            if parts == 1:  # a proof takes less time than a search on finer cells
+                proof = find_separation(problem)
+            if proof or control.stopped:
                 break
         common: dict[str, Any] = {"seconds": {"solve": clock() - begin}, "statistics": statistics}
-        control = request.control
         limit = (control.reason or Limit.INTERRUPTED) if control.stopped else None
         if plan is not None:
             objective = problem.verify(plan, tolerance=request.tolerance).objective
             return Answer(Termination.FEASIBLE, limit, plan, objective, bound, **common)
-        proof = find_separation(problem)
         if proof:
             return Answer(Termination.INFEASIBLE, message=proof, **common)
-        message = message or "no way over cells was found, and none is excluded"
+        if not message:
+            message = "no way over cells was found, and none is excluded"
+            message = "the search for a way over cells was stopped" if control.stopped else message
         return Answer(Termination.NO_SOLUTION, limit, dual_bound=bound, message=message, **common)
 
     def _planned(
@@ -92,15 +98,24 @@ class StagedFlight(Backend):
             return None, ""
         path, stops = result
         if len(path) < 2:
-            return hovering(problem), ""
+            still = "all places coincide, and the flight does not begin and end at rest"
+            plan = hovering(problem)
+            return plan, "" if plan is not None else still
         statistics["path length"] = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
         begin = clock()
         course, reason = None, ""
+
+        def pause() -> None:
+            if request.control.stopped:
+                raise OutOfTime
+
         try:
-            course = course_of(problem, path, stops)
+            course = course_of(problem, path, stops, pause=pause)
             statistics["polytopes"] = len(course.polytopes)
         except InvalidData as error:
             reason = f"corridor: {error}"
+        except OutOfTime:
+            reason = "the computation of the corridor was stopped"
         statistics["corridor seconds"] = clock() - begin
         begin = clock()
         best: FlightPlan | None = None
@@ -108,7 +123,7 @@ class StagedFlight(Backend):
             with suppress(OutOfTime):
                 best = self.fly(problem, course, request, statistics)
         if best is None:  # a curve that rests at all points of the path fits
-            curve = resting(problem, path)
+            curve = resting(problem, path, lambda: request.control.stopped)
             best = None if curve is None else FlightPlan(curve, curve.times[stops[1:-1]], path)
             statistics["rests at points of the path"] = best is not None
         statistics["curve seconds"] = clock() - begin
@@ -137,34 +152,45 @@ class Staged(StagedFlight):
 
     name = "staged"
     options: ClassVar[Mapping[str, Option]] = {
-        "trajectories": Option("interior-point", "Backend for the curve in the corridor.", str),
+        "trajectories": Option(TRAJECTORIES, "Backend for the curve in the corridor.", str),
     }
     summary = "path, corridor, times and the smoothest curve, stretched to the limits; ours"
 
     def fly(
         self, problem: Flight, course: Course, request: Request, statistics: dict[str, Any]
     ) -> FlightPlan | None:
-        """Solve one minimum-derivative problem per multiple of the estimated times."""
-        solver = find_backend(request.options["trajectories"], problem="minimum_snap")
-        durations = times_along(problem, course.knots)
-        for multiple in MULTIPLES:
-            if request.control.stopped:
-                return None
-            scaled = Scaled.of(problem, course, durations * multiple)
-            answer = request.within(solver, scaled.model)
-            statistics["trajectory problems"] = statistics.get("trajectory problems", 0) + 1
-            if answer.point is None:
-                continue
-            curve: Trajectory | None = scaled.restored(answer.point)
-            if scaled.rests:
-                curve = stretched(problem.vehicle, scaled.restored(answer.point))
-            if curve is not None:
-                plan = FlightPlan(curve, curve.times[course.stops[1:-1]], course.path)
-                if standing(problem).verify(plan, tolerance=request.tolerance).ok:
-                    return plan
-            if scaled.rests:
-                return None
-        return None
+        """Return the smoothest curve that keeps the limits."""
+        return smoothest(problem, course, request, statistics, request.options["trajectories"])
+
+
+def smoothest(
+    problem: Flight,
+    course: Course,
+    request: Request,
+    statistics: dict[str, Any],
+    trajectories: str = TRAJECTORIES,
+) -> FlightPlan | None:
+    """Return a verified plan from one minimum-derivative problem per multiple of the estimated times."""
+    solver = find_backend(trajectories, problem="minimum_snap")
+    durations = times_along(problem, course.knots)
+    for multiple in MULTIPLES:
+        if request.control.stopped:
+            return None
+        scaled = Scaled.of(problem, course, durations * multiple)
+        answer = request.within(solver, scaled.model)
+        statistics["trajectory problems"] = statistics.get("trajectory problems", 0) + 1
+        if answer.point is None:
+            continue
+        curve: Trajectory | None = scaled.restored(answer.point)
+        if scaled.rests:
+            curve = stretched(problem.vehicle, scaled.restored(answer.point))
+        if curve is not None:
+            plan = FlightPlan(curve, curve.times[course.stops[1:-1]], course.path)
+            if standing(problem).verify(plan, tolerance=request.tolerance).ok:
+                return plan
+        if scaled.rests:
+            return None
+    return None
 
 
 @dataclass(frozen=True)

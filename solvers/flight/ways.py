@@ -25,6 +25,8 @@ Truths = NDArray[np.bool_]
 MARGIN = 0.3
 #: Number of free cells near a place that are tried as ends of a straight segment to the place.
 NEAREST = 64
+#: Largest number of cells of a map whose cells are divided.
+FINEST = 2**24
 #: Largest number of pairs of a cell and a point per step of the rasterisation of points.
 _CHUNK = 2_000_000
 
@@ -67,9 +69,10 @@ def lattice(model: Flight, parts: int = 1) -> Lattice | None:
         None if the map has too many cells, or none of them is free.
     """
     space, source, cell = model.space, model.map, model.cell / parts
+    most = MOST if parts == 1 else FINEST
     if isinstance(source, GridMap | VoxelMap):
         blocked = space.blocked
-        if blocked.size * parts**blocked.ndim > MOST:
+        if blocked.size * parts**blocked.ndim > most:
             return None
         for axis in range(blocked.ndim if parts > 1 else 0):
             blocked = blocked.repeat(parts, axis=axis)
@@ -77,7 +80,7 @@ def lattice(model: Flight, parts: int = 1) -> Lattice | None:
     else:
         low, high = space.extent(model.places)
         count = np.maximum(np.ceil((high - low) / cell), 1.0)
-        if not count.prod() <= MOST:
+        if not count.prod() <= most:
             return None
         origin = low
         if isinstance(source, tuple):

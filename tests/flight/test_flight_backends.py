@@ -279,3 +279,28 @@ def test_pictures_of_all_maps():
     assert animation._save_count > 1
     animation._draw_was_started = True  # looked at, not played
     plt.close("all")
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.39])
+def test_a_gap_of_one_cell_is_passed_in_its_middle(radius):
+    cells = np.zeros((8, 9), bool)
+    cells[:, 4], cells[3, 4] = True, False
+    solved(Flight(GridMap(cells), (1, 1), (8, 7), PointMass(2, 1), radius=radius), "minco")
+
+
+def test_minco_returns_the_smoothest_curve_if_a_flight_begins_at_full_speed_towards_a_wall():
+    solved(around(start_velocity=(2.0, 0.0)), "minco")
+
+
+def test_a_loop_at_one_place_is_not_planned():
+    solution = ct.solve(around(goal=(0, 0), start_velocity=(0.1, 0.0)))
+    assert solution.termination == "no_solution"
+    assert "all places coincide" in solution.message
+
+
+def test_a_stopped_corridor_ends():
+    def stop():
+        raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        ct.corridor([WALL], [[0, 0], [2, 0]], radius=0.3, pause=stop)
