@@ -42,9 +42,12 @@ if TYPE_CHECKING:
         lengths_of as lengths_of,
     )
     from .flight import (
+        Corridor as Corridor,
         Flight as Flight,
+        FlightObjective as FlightObjective,
         FlightPlan as FlightPlan,
         VoxelMap as VoxelMap,
+        corridor as corridor,
     )
     from .formulation import Formulation as Formulation
     from .grid_path import (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ... import jit
-from ...errors import UnsupportedFormulation, UnsupportedOption
+from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from ...models.fields import Array, show
 from ...models.flight.model import Flight
 from ...models.flight.plan import FlightPlan
@@ -53,8 +54,9 @@ class Replan:
     trajectory : Trajectory
         Curve from the state, which is at time 0.
     ok : bool
-        Whether limits and corridor are kept at 128 instants per segment, with parabolas in between.
-        :meth:`verification` proves it for all instants.
+        Whether limits and corridor are kept. After a warm start they are checked at 128 instants per segment,
+        with parabolas in between, and :meth:`verification` proves it for all instants. A plan from the map
+        is verified.
     warm : bool
         Whether the search started from the last plan in its corridor. Otherwise the flight was planned
         from its map, which takes longer.
@@ -182,6 +184,8 @@ class PreparedFlight:
         InvalidData
             A value is not finite or has another shape, or the state is not allowed: in an obstacle, out
             of bounds, or beyond the limits of the vehicle.
+        UnsupportedFormulation
+            The state is outside the corridor, and no plan from it was found on the map.
         """
         begin = time.perf_counter()
         spec, zero = Array((self.model.dimensions,)), np.zeros(self.model.dimensions)
@@ -194,10 +198,10 @@ class PreparedFlight:
         kept = warm = search is not None and self._keep(search, ROUNDS)
         if not kept:
             self._last = former  # a failed search is no start for the next one
-            planned = self._planned(state)
-            if planned is not None:
-                search = planned
-                kept = self._is_kept(search, limits_within(self.model.vehicle))
+            curve = self._planned(state)
+            if curve is not None:
+                seconds = time.perf_counter() - begin
+                return Replan(curve, True, False, seconds, self._last.evaluations, self.model)
         if search is None:
             raise UnsupportedFormulation(
                 f"position must be in the corridor or have a way to the goal, got {show(position)}"
@@ -207,8 +211,8 @@ class PreparedFlight:
         seconds = time.perf_counter() - begin
         return Replan(curve, kept, warm, seconds, search.evaluations, self.model)
 
-    def _planned(self, state: Floats) -> Any:
-        """Plan the rest of the flight from its map, and return its search; None without a plan."""
+    def _planned(self, state: Floats) -> Trajectory | None:
+        """Plan the rest of the flight from its map; None without a verified plan."""
         passed = len(self.course.knots) - len(self._last.task.kind)
         rest = self.course.stops[1:-1] > passed
         model = replace(
@@ -216,11 +220,14 @@ class PreparedFlight:
             waypoints=self.model.waypoints[rest],
         )  # fmt: skip
         solution = solve(model, backend="minco")
-        if solution.plan is None or solution.plan.path is None or len(solution.plan.path) < 2:
+        plan = solution.plan
+        if plan is None:
             return None
-        self.model = model
-        self._begin(model, solution.plan.path)
-        return self._last
+        if plan.path is not None and np.ptp(plan.path, axis=0).any():
+            self.model = model
+            with suppress(InvalidData):  # a path that touches an obstacle has no corridor
+                self._begin(model, plan.path)
+        return plan.trajectory
 
     def _tail(self, state: Floats) -> Any:
         """Return the search for the rest of the last one; None if the state is outside its corridor."""

@@ -304,3 +304,12 @@ def test_a_stopped_corridor_ends():
 
     with pytest.raises(TimeoutError):
         ct.corridor([WALL], [[0, 0], [2, 0]], radius=0.3, pause=stop)
+
+
+def test_replanning_at_the_goal_and_outside_the_corridor():
+    prepared = ct.prepare(around())
+    assert prepared.replan((10, 0)).ok
+    replan = prepared.replan((3, -4))  # the other side of the wall
+    assert replan.ok and not replan.warm
+    assert replan.verification().ok
+    assert np.allclose(replan.trajectory(0.0), (3, -4))
