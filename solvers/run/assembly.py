@@ -32,6 +32,8 @@ log = logging.getLogger("crosstrack")
 
 #: Kinds of models whose claims of infeasibility and unboundedness have a kind of proof.
 PROGRAMS = ("conic-program", "mixed-integer-program", "quadratic-program")
+#: Terminations of runs without a plan that do not claim that none exists.
+_NO_PLAN = (Termination.NO_SOLUTION, Termination.FAILED, Termination.LOCALLY_INFEASIBLE)
 
 
 @dataclass(frozen=True)
@@ -121,9 +123,12 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     elif plan is None and termination in CLAIMS_PLAN:
         messages.append(f"claims {termination} without a point")
         termination = Termination.FAILED
-    limit, starts_from_warm_start = (
-        claim.limit,
-        plan is None and _returns_warm_start(job, claim, witness),
+    limit = claim.limit
+    starts_from_warm_start = (
+        plan is None
+        and termination in _NO_PLAN
+        and not claim.undecodable
+        and _has_verified_warm_start(job, witness)
     )
     if starts_from_warm_start:
         plan = job.warm_start
@@ -153,8 +158,8 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
     bad = claim.undecodable or bool(contradiction)
     bad |= plan is not None and (verification is None or not verification.ok)
-    if bad and not claim.undecodable and _has_verified_warm_start(job, witness):
-        # The run must not lose a plan that it was given.
+    if bad and backend.guarantee is not Guarantee.EXACT and _has_verified_warm_start(job, witness):
+        # The run must not lose a plan that it was given. A wrong answer of an exact backend stays visible.
         messages.append("the plan is the warm start, because that of the run is rejected")
         plan, rejected, dual, bad = _read_only(job.warm_start), None, None, False
         verification = model.verify(plan, tolerance=job.verification_tolerance)
@@ -167,8 +172,8 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         else:
             termination, dual = Termination.REJECTED, None
     primal = verification.objective if plan is not None and verification is not None else None
-    if plan is not None and termination in (Termination.NO_SOLUTION, Termination.FAILED):
-        termination = Termination.FEASIBLE  # the last incumbent of the failed run verifies
+    if plan is not None and termination in _NO_PLAN:
+        termination = Termination.FEASIBLE  # the warm start or the last incumbent verifies
     dual = dual if claim.proves else None
     if termination is Termination.OPTIMAL and claim.proves:
         dual = claim.primal_bound if dual is None else dual
@@ -249,12 +254,6 @@ def _error_left(verification: Verification, tolerance: float) -> str:
     # The factor allows for the digits of the plan, which enter a check's tolerance.
     needed = 1.01 * tolerance * excess
     return f"{text}; tolerance={needed:.2g} would accept the plan" if needed < 1.0 else text
-
-
-def _returns_warm_start(job: Job, claim: Claim, witness: Any) -> bool:
-    """Return True if the run found no plan and its warm start is a verified one."""
-    is_empty = claim.termination in (Termination.NO_SOLUTION, Termination.FAILED)
-    return is_empty and not claim.undecodable and _has_verified_warm_start(job, witness)
 
 
 def _has_verified_warm_start(job: Job, witness: Any) -> bool:

@@ -228,7 +228,10 @@ def _approximate(
     while answer.point is not None and answer.termination in CLAIMS_PLAN:
         formulation = run.target.formulation
         assert formulation is not None
-        finer = _refined(run, answer)
+        try:
+            finer = _refined(run, answer)
+        except InvalidData:  # a point without a plan, which is reported at the end
+            break
         rounds.append((run.target, problem, answer))
         settled = finer is None and formulation.settled
         if settled:

@@ -249,7 +249,7 @@ def test_only_controls_are_kept_calm():
     controls = model.definition.phases[0].control_names
     assert set(rows.col) <= set(phase.control_columns[controls.index("u")])
     size = written.program.row_count
-    (gains,) = written.layout.strains(written.sizes, np.ones(size))
+    (gains,) = written.layout.strains(written.sizes, np.ones(size), written.program.guess)
     assert gains[0] > 0 == gains[1]
     best = ct.solve(
         model, formulation="radau", formulation_options={"mesh": [mesh], "refine": False}

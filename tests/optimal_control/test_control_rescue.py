@@ -366,6 +366,25 @@ def test_a_verified_warm_start_is_not_lost_if_the_run_ends_rejected(attended):
     assert "the plan is the warm start" in kept.message
 
 
+@pytest.mark.parametrize("time", [1.0, 0.0], ids=["locally-infeasible", "undecodable"])
+def test_a_verified_warm_start_is_not_lost_if_the_run_ends_without_a_plan(attended, time):
+    ocp = rest_to_rest().ocp
+    first = ct.solve(ocp)
+
+    def fake(run, program, request):
+        if time:
+            return replace(INFEASIBLE, point=None)
+        # A phase that ends at its start is no plan.
+        return Answer(Termination.FEASIBLE, point=program.guess * time)
+
+    attended.fake = fake
+    assert ct.solve(ocp, formulation="gauss", formulation_options={"rounds": 1}).plan is None
+    kept = ct.solve(ocp, warm_start=first, formulation_options={"rounds": 1})
+    assert kept.termination == "feasible" and kept.verified
+    assert kept.primal_bound == pytest.approx(first.primal_bound, rel=1e-9)
+    assert "the plan is the warm start" in kept.message
+
+
 def test_a_convex_problem_is_not_restarted(attended):
     attended.fake = lambda run, program, request: INFEASIBLE
     found = ct.solve(rest_to_rest().ocp)
