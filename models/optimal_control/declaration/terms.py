@@ -44,7 +44,7 @@ MOST_ENTRIES = 10_000
 #: Names that programs and verifications use for their own rows and columns.
 _OWN = re.compile(
     r"motion|continuity of states|times|algebraic variables|(initial|final) values|bounds of (states|controls|parameters)"
-    r"|objective|dynamics of .*|definition of (integral|states) .*|time goes forward|calm controls"
+    r"|objective|dynamics of .*|definition of (integral|states) .*|time goes forward|(calm|ends of) controls"
     r"|(start|end) time|integral \d+|parameter .*"
 )
 
