@@ -64,8 +64,7 @@ class Estimate:
     @property
     def deviations(self) -> Floats:
         """Standard deviations of the estimates, shape (parameters,)."""
-        result: Floats = np.sqrt(np.diag(self.covariance))
-        return result
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlations(self) -> Floats:

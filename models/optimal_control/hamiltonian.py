@@ -256,8 +256,7 @@ def _gains(course: Course, level: Floats) -> Floats:
     changes += np.bincount(right, 0.5 * steps, course.plan.states.intervals)
     total = changes.sum()
     excess = float((0.5 * (distance[1:] + distance[:-1]) * np.diff(grid.times)).sum())
-    gains: Floats = changes * (excess / total if total > 0.0 else 0.0)
-    return gains
+    return changes * (excess / total if total > 0.0 else 0.0)
 
 
 def _terms(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Floats | None]:

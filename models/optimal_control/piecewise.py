@@ -174,8 +174,7 @@ class Piecewise:
     def _cut(self, values: Floats) -> Floats:
         if self.lower is None and self.upper is None:
             return values
-        result: Floats = np.clip(values, self.lower, self.upper)
-        return result
+        return np.clip(values, self.lower, self.upper)
 
     def on(self, interval: int, points: ArrayLike) -> Floats:
         """Return the values in `interval` at `points` in [-1, 1], shape (points, size)."""

@@ -78,8 +78,7 @@ def checked_function(name: str, source: Any, size: int) -> Callable[..., Floats]
 
     def checked(*arguments: Any) -> Floats:
         value = source(*arguments) if callable(source) else source
-        result: Floats = Array((size,)).coerce(name, np.atleast_1d(value), {})
-        return result
+        return Array((size,)).coerce(name, np.atleast_1d(value), {})
 
     if not callable(source):
         constant = checked()

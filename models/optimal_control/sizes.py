@@ -169,8 +169,7 @@ def _path_sizes(course: Course, states: Floats, controls: Floats) -> Floats:
     )[2::2]
     each = np.arange(rows.size)
     moved = np.abs(by_x[each, each]) @ states + np.abs(by_u[each, each]) @ controls
-    result: Floats = np.where(own_scale, declared, _nearest(phase.paths, declared, moved))
-    return result
+    return np.where(own_scale, declared, _nearest(phase.paths, declared, moved))
 
 
 def _has_own_scale(item: Restriction) -> Bools:

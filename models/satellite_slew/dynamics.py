@@ -119,5 +119,4 @@ class SlewMotion:
         """Return R(q)(I w + h) in inertial axes, N m s, shape (…, 3), constant without outer torque."""
         x = np.asarray(states, float)
         body = self.body_momentum(x[..., 4:7], x[..., 7:])
-        result: Floats = (rotation_matrix(x[..., :4]) @ body[..., None])[..., 0]
-        return result
+        return (rotation_matrix(x[..., :4]) @ body[..., None])[..., 0]

@@ -124,8 +124,7 @@ def rodrigues(model: SlewData, attitudes: Floats) -> Floats:
     turned = quaternion_product(conjugate(model.initial_attitude), attitudes)
     # The path starts at the initial attitude, given as q or -q.
     turned = turned if turned.reshape(-1, 4)[0, 0] >= 0.0 else -turned
-    result: Floats = turned[..., 1:] / np.maximum(1.0 + turned[..., :1], STILL)
-    return result
+    return turned[..., 1:] / np.maximum(1.0 + turned[..., :1], STILL)
 
 
 def _end(model: SlewData) -> Any:

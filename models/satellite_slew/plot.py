@@ -324,5 +324,4 @@ def _sphere(model: SatelliteSlew, scene: kit.Scene) -> Any:
 def _axis_paths(attitudes: kit.Floats) -> kit.Floats:
     """Return the body axes in inertial axes, shape (times, axis, 3)."""
     lengths = np.linalg.norm(attitudes, axis=1, keepdims=True)
-    result: kit.Floats = np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)
-    return result
+    return np.swapaxes(rotation_matrix(attitudes / lengths), 1, 2)

@@ -104,5 +104,4 @@ def attitude_error(q: ArrayLike, desired: ArrayLike) -> Floats:
     q_e0 >= 0.
     """
     error = product(conjugate(desired), q)
-    result: Floats = np.where(error[..., :1] < 0.0, -error, error)
-    return result
+    return np.where(error[..., :1] < 0.0, -error, error)

@@ -245,8 +245,7 @@ class _Side:
     @cached_property
     def slack(self) -> Floats:
         """Distance to the nearer bound."""
-        result: Floats = np.minimum(self.value - self.low, self.high - self.value)
-        return result
+        return np.minimum(self.value - self.low, self.high - self.value)
 
     @cached_property
     def holds(self) -> NDArray[np.bool_]:

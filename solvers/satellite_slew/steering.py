@@ -103,5 +103,4 @@ class GeneralisedInverse(RobustInverse):
 def null_projection(jacobian: Floats, wanted: Floats) -> Floats:
     """Return the part of the gimbal rates `wanted` that produces no torque, shape (gyros,)."""
     square = jacobian @ jacobian.T + LEAST
-    result: Floats = wanted - jacobian.T @ np.linalg.solve(square, jacobian @ wanted)
-    return result
+    return wanted - jacobian.T @ np.linalg.solve(square, jacobian @ wanted)

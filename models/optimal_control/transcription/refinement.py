@@ -305,8 +305,7 @@ def _noisy_intervals(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> N
     parent = errors[np.searchsorted(old.fractions, middle) - 1]
     stays = ~mesh.unchanged(old) & (report.worst >= STAYS * parent)
     stays &= [not windows for windows in report.windows]
-    noisy: NDArray[np.bool_] = stays & (report.tails <= NOISE) & (report.decays < SMOOTH)
-    return noisy
+    return stays & (report.tails <= NOISE) & (report.decays < SMOOTH)
 
 
 def _refine(

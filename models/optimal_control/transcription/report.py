@@ -88,8 +88,7 @@ class Report:
     @cached_property
     def worst(self) -> Floats:
         """The larger of error and violation per interval, on the scale of the error."""
-        result: Floats = np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
-        return result
+        return np.maximum(self.errors, self.violations * (SHARE / ALLOWED))
 
     def is_within(self, tolerance: float) -> bool:
         """Return whether neither an error nor a violation of an interval exceeds the tolerance."""
