@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from .definition import Phase, Quantity, Restriction, entry_names
+from .definition import Phase, Quantity, Restriction, entry_names, stacked
 
 __all__ = ["algebraic_entries", "check_index", "solved_controls", "solver_of"]
 
@@ -42,22 +42,18 @@ def _residual(
     """Return ``(z, q) -> g`` with z in units of the scales and q, the stacked t, x, u and p."""
     entries = algebraic_entries(controls)
     sizes = [function.size1_in(k) for k in range(4)]
-    z, stacked = casadi.MX.sym("z", entries.size), casadi.MX.sym("q", sum(sizes))
-    t, x, u, p = casadi.vertsplit(stacked, np.cumsum([0, *sizes]).tolist())
+    z, joined = casadi.MX.sym("z", entries.size), casadi.MX.sym("q", sum(sizes))
+    t, x, u, p = casadi.vertsplit(joined, np.cumsum([0, *sizes]).tolist())
     u = casadi.MX(u)
-    u[entries.tolist()] = z * _stacked(controls, "scale")[entries]
+    u[entries.tolist()] = z * stacked(controls, "scale")[entries]
     rows = algebraic_entries(paths)
     path = function(t, x, u, p)[1][rows.tolist()]
-    residual = (path - _stacked(paths, "lower")[rows]) / _stacked(paths, "scale")[rows]
-    result = casadi.Function("g", [z, stacked], [casadi.densify(residual)], ["z", "q"], ["g"])
+    residual = (path - stacked(paths, "lower")[rows]) / stacked(paths, "scale")[rows]
+    result = casadi.Function("g", [z, joined], [casadi.densify(residual)], ["z", "q"], ["g"])
     try:
         return result.expand()
     except RuntimeError:  # tables have no scalar form
         return result
-
-
-def _stacked(items: Sequence[Quantity] | Sequence[Restriction], field: str) -> Floats:
-    return np.concatenate([*(getattr(item, field) for item in items), np.zeros(0)])
 
 
 @lru_cache(maxsize=64)
@@ -76,10 +72,10 @@ def solver_of(
     options = {"max_iter": STEPS, "error_on_fail": False, "show_eval_warnings": False}
     newton = casadi.rootfinder("algebraic", "newton", residual, options)
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
-    scale, stacked = _stacked(controls, "scale")[entries], casadi.vertcat(*arguments)
-    z = newton(arguments[2][entries.tolist()] / scale, stacked)
+    scale, joined = stacked(controls, "scale")[entries], casadi.vertcat(*arguments)
+    z = newton(arguments[2][entries.tolist()] / scale, joined)
     jacobian = residual.factory("slope", ["z", "q"], ["jac:g:z"])
-    step = casadi.solve(jacobian(z, stacked), residual(z, stacked))
+    step = casadi.solve(jacobian(z, joined), residual(z, joined))
     converged = casadi.norm_inf(step) <= CONVERGED * casadi.fmax(1.0, casadi.norm_inf(z))
     u = casadi.MX(arguments[2])
     u[entries.tolist()] = casadi.if_else(converged, z, np.nan) * scale
@@ -109,8 +105,8 @@ def check_index(phase: Phase, parameters: Floats) -> None:
         t = guess.start + guess.fractions[row] * (guess.end - guess.start)
         x = guess.states[row] + NEAR * scale_x * draw.normal(size=scale_x.size)
         u = guess.controls[row] + NEAR * scale_u * draw.normal(size=scale_u.size)
-        stacked = np.concatenate([[t], x, u, parameters])
-        table = slope(u[entries] / scale_u[entries], stacked).full()
+        joined = np.concatenate([[t], x, u, parameters])
+        table = slope(u[entries] / scale_u[entries], joined).full()
         if not np.isfinite(table).all():
             continue
         table /= np.maximum(np.abs(table).max(axis=1, keepdims=True), 1e-300)

@@ -30,6 +30,7 @@ from .quantities import (
     entry_names,
     entry_slices,
     entry_units,
+    stacked,
 )
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SIDES", "Definition", "Guess", "Phase", "Quantity", "Restriction", "check_algebraic",
-    "check_order", "entry_names", "entry_slices", "entry_units",
+    "check_order", "entry_names", "entry_slices", "entry_units", "stacked",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -108,8 +109,7 @@ class _Stacked(Declared):
 
     def stacked(self, what: str, field: str) -> Floats:
         """Return `field` of all items of `what`, such as states, as a vector."""
-        parts = [getattr(item, field) for item in getattr(self, what)]
-        return np.concatenate([*parts, np.empty(0)])
+        return stacked(getattr(self, what), field)
 
     def bounds(self, what: str, side: str = "") -> tuple[Floats, Floats]:
         """Return lower and upper bounds of all items of `what`; `side` may be ``"initial"`` or ``"final"``."""
@@ -334,13 +334,8 @@ class Definition(_Stacked):
                     f"its data: {known}",
                     field=str(name),
                 )
-        return replace(
-            self,
-            parameters=tuple(
-                parameter.holding(values[parameter.name]) if parameter.name in values else parameter
-                for parameter in self.parameters
-            ),
-        )
+        parameters = (p.holding(values[p.name]) if p.name in values else p for p in self.parameters)
+        return replace(self, parameters=tuple(parameters))
 
     @cached_property
     def text(self) -> str:

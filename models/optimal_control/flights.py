@@ -261,14 +261,11 @@ class _Flights:
             scale = phase.stacked("states", "scale")
             self._compare(names, part.name, final[:nx, :, None], times, low, high, scale)
         objective, boundary = (r.full() for r in self.definition.endpoint(self.ends, self.p))
-        names, bounds = (
-            entry_names(self.definition.boundaries),
-            self.definition.bounds("boundaries"),
-        )
+        names = entry_names(self.definition.boundaries)
         table, times = boundary.reshape(len(names), self.count, 1), np.array([self.plan.end])
-        self._compare(
-            names, "", table, times, *bounds, self.definition.stacked("boundaries", "scale")
-        )
+        low, high = self.definition.bounds("boundaries")
+        scale = self.definition.stacked("boundaries", "scale")
+        self._compare(names, "", table, times, low, high, scale)
         unknown = set(self.allowed) - {name for name, _ in self.extremes}
         if unknown:
             known = ", ".join(sorted({repr(name) for name, _ in self.extremes}))

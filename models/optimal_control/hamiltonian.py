@@ -209,9 +209,8 @@ def _minimum(
         values = course.values(at._replace(controls=controls))
         path = values["path"]
         allowed = ((path >= path_low - slack) & (path <= path_high + slack)).all(axis=1)
-        allowed &= ((controls >= low - MARGIN * size) & (controls <= high + MARGIN * size)).all(
-            axis=1
-        )
+        inside = (controls >= low - MARGIN * size) & (controls <= high + MARGIN * size)
+        allowed &= inside.all(axis=1)
         level = np.where(allowed, terms(values).sum(axis=1), np.inf)
         better = level < best
         best[better], chosen[better] = level[better], controls[better]

@@ -176,18 +176,14 @@ class PhasePlan(Plan):
             No signal has this name, or the plan lacks its declaration, see
             :meth:`OptimalControlProblem.attach`.
         """
-        for part, names in (
-            (self.states, self.state_names),
-            (self.controls, self.control_names),
-        ):
-            if not isinstance(name, str):
-                break
+        known = [*self.state_names, *self.control_names]
+        parts = (self.states, self.state_names), (self.controls, self.control_names)
+        for part, names in parts if isinstance(name, str) else ():
             if name in names:
                 return Signal(part, (names.index(name),), scalar=True)
             entries = tuple(k for k, item in enumerate(names) if item.startswith(f"{name}["))
             if entries:
                 return Signal(part, entries, scalar=False)
-        known = [*self.state_names, *self.control_names]
         if self.declared is None:
             kind = "state or control (model.attach(plan) gives outputs and path constraints too)"
             raise UnknownName(f"{kind} of phase {self.name!r}", name, known)
@@ -320,12 +316,9 @@ class ControlPlan(Plan):
     def __str__(self) -> str:
         parts = []
         for part in self.phases:
-            ends = [
-                f"{name} {_short(begin)} → {_short(end)}"
-                for name, begin, end in zip(
-                    part.state_names, part.states(part.start), part.states(part.end), strict=True
-                )
-            ]
+            values = (part.states(t) for t in (part.start, part.end))
+            moves = zip(part.state_names, *values, strict=True)
+            ends = [f"{name} {_short(begin)} → {_short(end)}" for name, begin, end in moves]
             if len(ends) > SHOWN:
                 ends = [*ends[:SHOWN], "…"]
             parts.append(
@@ -366,13 +359,9 @@ class ControlPlan(Plan):
         """Return the plan with the declaration of each phase, which must fit it."""
         parameters = [self.parameters[parameter.name] for parameter in definition.parameters]
         values = frozen(np.concatenate([*parameters, np.empty(0)]))
-        return replace(
-            self,
-            phases=tuple(
-                replace(part, declared=phase, values=values)
-                for part, phase in zip(self.phases, definition.phases, strict=True)
-            ),
-        )
+        pairs = zip(self.phases, definition.phases, strict=True)
+        phases = (replace(part, declared=phase, values=values) for part, phase in pairs)
+        return replace(self, phases=tuple(phases))
 
     def simulate(self, **options: Any) -> Simulation:
         """Return the simulation of a plan with one phase; see :meth:`PhasePlan.simulate`."""

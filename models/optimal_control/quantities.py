@@ -15,7 +15,7 @@ from ..fields import Array, Flag, Text, declared, show
 
 __all__ = [
     "SIDES", "Quantity", "Restriction", "check_algebraic", "check_order", "entry_names", "entry_slices",
-    "entry_units",
+    "entry_units", "stacked",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -158,6 +158,11 @@ def entry_names(quantities: Iterable[Quantity | Restriction]) -> tuple[str, ...]
 def entry_units(items: Iterable[Quantity | Restriction]) -> list[str]:
     """Return one unit per entry."""
     return [item.unit for item in items for _ in range(item.size)]
+
+
+def stacked(items: Iterable[Quantity | Restriction], field: str) -> Floats:
+    """Return a field of all items as a vector."""
+    return np.concatenate([*(getattr(item, field) for item in items), np.empty(0)])
 
 
 def entry_slices(items: Iterable[ItemT]) -> Iterator[tuple[ItemT, slice]]:

@@ -393,9 +393,8 @@ class _Stack:
         if self.bounded:
             objective = p[-1]
             boundary = casadi.vertcat(boundary, casadi.vertcat(*values) - objective)
-            level = self._level(
-                phases, casadi.Function("values", [e, p], [casadi.vertcat(*values)])
-            )
+            each = casadi.Function("values", [e, p], [casadi.vertcat(*values)])
+            level = self._level(phases, each)
             parameters = (*parameters, level)
             infinite = np.array([np.inf])
             boundaries += tuple(
@@ -423,10 +422,8 @@ class _Stack:
             table = phase.function(times[None], guess.states.T, guess.controls.T, p)[2].full()
             sums = np.trapezoid(table.reshape(phase.integrals, times.size), times, axis=1)
             parts += [times[[0, -1]], guess.states[0], guess.states[-1], sums]
-            columns = [
-                np.interp(phase.instants, guess.fractions, column) for column in guess.states.T
-            ]
-            parts.append(np.array(columns).T.ravel())
+            inner = [np.interp(phase.instants, guess.fractions, x) for x in guess.states.T]
+            parts.append(np.array(inner).T.ravel())
         found = values(np.concatenate(parts), p).full().ravel()
         largest = float(found.max()) if np.isfinite(found).all() else 0.0
         scale = self.definition.objective_scale or abs(largest) or 1.0

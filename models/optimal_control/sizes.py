@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..programs.compiled import scalar_form
-from .definition import SIDES, Definition, Quantity, Restriction, entry_slices
+from .definition import SIDES, Definition, Quantity, Restriction, entry_slices, stacked
 
 __all__ = ["PhaseSizes", "Sizes", "along", "of_phase", "sizes_at"]
 
@@ -221,7 +221,7 @@ def _sizes_of_guess(
     for quantities, values in ((phase.states, x), (phase.controls, u)):
         largest = np.abs(values).max(axis=0, initial=0.0)
         is_known = _each(_has_declared_scale, quantities)
-        declared = np.concatenate([*(quantity.scale for quantity in quantities), np.empty(0)])
+        declared = stacked(quantities, "scale")
         sizes.append(np.where(is_known | (largest == 0.0), declared, largest))
         known.append(is_known | (largest > 0.0))
     vector, marks = np.concatenate(sizes), np.concatenate(known)

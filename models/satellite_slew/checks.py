@@ -18,7 +18,7 @@ from .data import SlewData
 from .dynamics import SlewMotion, names_of
 from .gyros import singularity_measure
 
-__all__ = ["slew_phase", "verify_slew"]
+__all__ = ["limited", "slew_phase", "verify_slew"]
 
 Floats = NDArray[np.float64]
 
@@ -183,6 +183,17 @@ def _place(times: Floats, entries: tuple[str, ...]) -> Callable[[int, int], str]
     return lambda row, column: f"t = {times[row]:.6g} s, {entries[column]}"
 
 
+def limited(
+    model: SlewData, rates: Floats, controls: Floats, torques: Floats
+) -> tuple[tuple[str, Floats, tuple[str, ...], str], ...]:
+    """Return name, magnitudes, entries and unit of the quantities with an upper limit (eq. 23)."""
+    return (
+        ("body rate", model.magnitudes(rates), model.bounded_names("w"), "rad/s"),
+        ("gimbal rate", np.abs(controls), names_of(model.gyro_count)[1], "rad/s"),
+        ("control torque", torques, model.bounded_names("T_c"), "N m"),
+    )
+
+
 def _limits(
     model: SlewData, motion: SlewMotion, samples: _Samples, tolerance: float
 ) -> list[Check]:
@@ -191,23 +202,12 @@ def _limits(
     torque = motion.torque(gimbals, samples.controls)
     measure = singularity_measure(gimbals, model.gyros)[:, None]
     reserve = f", {100 * model.margin:g} % in reserve" if model.margin else ""
-    cases = (
-        (
-            "body rate limit", model.magnitudes(rates), model.rate_limit, model.bounded_names("w"),
-            "rad/s",
-        ),
-        (
-            f"gimbal rate limit{reserve}", np.abs(samples.controls), model.planned_gimbal_rate,
-            names_of(model.gyro_count)[1], "rad/s",
-        ),
-        (
-            f"control torque limit{reserve}", model.magnitudes(torque), model.planned_torque,
-            model.bounded_names("T_c"), "N m",
-        ),
-    )  # fmt: skip
+    limits = model.rate_limit, model.planned_gimbal_rate, model.planned_torque
+    words = "body rate limit", f"gimbal rate limit{reserve}", f"control torque limit{reserve}"
+    cases = limited(model, rates, samples.controls, model.magnitudes(torque))
     checks = [
-        Check.within(name, values, upper, unit, _place(times, entries), tolerance, equation="23")
-        for name, values, upper, entries, unit in cases
+        Check.within(word, values, upper, unit, _place(times, entries), tolerance, equation="23")
+        for word, upper, (_, values, entries, unit) in zip(words, limits, cases, strict=True)
     ]
     lower = model.singularity_limit
     checks.append(

@@ -71,6 +71,20 @@ class _PerGyro(Array):
         return Array((count,), lower=self.lower, unit=self.unit).coerce(name, whole, sizes)
 
 
+def _normalised(name: str, rows: Floats, must: str, place: str) -> Floats:
+    """Return rows of length 1; rows whose length is 1 up to rounding keep their stored digits."""
+    lengths = np.linalg.norm(rows, axis=1)
+    row = int(np.abs(lengths - 1.0).argmax())
+    if abs(lengths[row] - 1.0) > LENGTH:
+        raise InvalidData(
+            f"{name} must {must}, got {show(rows[row].tolist())} of length {lengths[row]:.9g}"
+            + place.format(row),
+            field=name,
+        )
+    lengths[np.abs(lengths - 1.0) <= 1e-15] = 1.0
+    return frozen(rows / lengths[:, None])
+
+
 class _Axes(Array):
     """Rows that are unit vectors; lengths that differ from 1 by rounding are normalised."""
 
@@ -81,16 +95,7 @@ class _Axes(Array):
                 f"{name} must have {FEWEST} to {MOST} rows, one per gyro, got {len(axes)}",
                 field=name,
             )
-        lengths = np.linalg.norm(axes, axis=1)
-        row = int(np.abs(lengths - 1.0).argmax())
-        if abs(lengths[row] - 1.0) > LENGTH:
-            raise InvalidData(
-                f"{name} must hold unit vectors, got {show(axes[row].tolist())} of length "
-                f"{lengths[row]:.9g} in row {row}",
-                field=name,
-            )
-        exact = np.abs(lengths - 1.0) <= 1e-15
-        return frozen(axes / np.where(exact, 1.0, lengths)[:, None])
+        return _normalised(name, axes, "hold unit vectors", " in row {}")
 
 
 class Attitude(Array):
@@ -98,15 +103,7 @@ class Attitude(Array):
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Floats:
         q = super().coerce(name, value, sizes)
-        length = float(np.linalg.norm(q))
-        if abs(length - 1.0) > LENGTH:
-            raise InvalidData(
-                f"{name} must be a unit quaternion, scalar first, got {show(q.tolist())} of length "
-                f"{length:.9g}",
-                field=name,
-            )
-        # Unchanged if the length is 1 up to rounding, so that stored digits stay the same.
-        return q if abs(length - 1.0) <= 1e-15 else frozen(q / length)
+        return _normalised(name, q[None], "be a unit quaternion, scalar first", "").reshape(4)
 
 
 def check_inertia(matrix: Floats) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..verification import Check, Verification
-from .dynamics import STATES, SlewMotion, names_of
+from .checks import limited
+from .dynamics import STATES, SlewMotion
 from .gyros import singularity_measure
 from .model import SatelliteSlew
 from .quaternions import attitude_error
@@ -180,19 +181,11 @@ def verify_flight(
     angle = 2.0 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), turn[:, 0])[:, None]
     length = np.abs((states[:, :4] ** 2).sum(axis=1) - 1.0)[:, None]
     w, end, item = states[:, 4:7], times[-1:], ("",)
+    limits = model.rate_limit, model.gimbal_rate_limit, model.torque_limit
+    quantities = zip(limits, limited(model, w, controls, torque), strict=True)
     cases: list[_Case] = [
-        (
-            "body rate", "23", model.magnitudes(w), model.rate_limit, model.bounded_names("w"),
-            "rad/s", times, tolerance,
-        ),
-        (
-            "gimbal rate", "23", controls, model.gimbal_rate_limit, names_of(model.gyro_count)[1], "rad/s",
-            times, tolerance,
-        ),
-        (
-            "control torque", "23", torque, model.torque_limit, model.bounded_names("T_c"), "N m",
-            times, tolerance,
-        ),
+        *((name, "23", values, limit, entries, unit, times, tolerance)
+          for limit, (name, values, entries, unit) in quantities),
         ("singularity measure", "23", measure, model.singularity_limit, item, "", times, tolerance),
         ("final angle off the target", "13", angle, ends[0], item, "rad", end, 0.0),
         ("final body rate", "13", w[-1:] - model.end_rate, ends[1], STATES[4:7], "rad/s", end, 0.0),

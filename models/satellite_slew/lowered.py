@@ -149,27 +149,19 @@ def _limit(casadi: Any, model: SlewData, phase: Any, w: Any, torque: Any, jacobi
         casadi.det(jacobian @ jacobian.T),
         lower=model.singularity_limit, name="singularity measure", equation="23", scale=1.0,
     )  # fmt: skip
-    torque_limit = model.planned_torque
-    if model.vector_limits == VectorLimits.NORM:
-        # Squares, because the norm has no derivative at rest.
-        for name, vector, limit, unit in (
-            ("body rate squared", w, model.rate_limit, "rad^2/s^2"),
-            ("control torque squared", torque, torque_limit, "N^2 m^2"),
-        ):
-            square = limit**2
-            phase.path(
-                casadi.dot(vector, vector),
-                upper=square, name=name, equation="23", unit=unit, scale=square,
-            )  # fmt: skip
+    most = model.planned_torque
+    if model.vector_limits != VectorLimits.NORM:
+        phase.path(
+            torque, lower=-most, upper=most, name="control torque", equation="23", unit="N m"
+        )
         return
-    phase.path(
-        torque,
-        lower=-torque_limit,
-        upper=torque_limit,
-        name="control torque",
-        equation="23",
-        unit="N m",
-    )
+    # Squares, because the norm has no derivative at rest.
+    for name, vector, square, unit in (
+        ("body rate squared", w, model.rate_limit**2, "rad^2/s^2"),
+        ("control torque squared", torque, most**2, "N^2 m^2"),
+    ):
+        value = casadi.dot(vector, vector)
+        phase.path(value, upper=square, name=name, equation="23", unit=unit, scale=square)
 
 
 def _minimise(casadi: Any, model: SlewData, problem: Any, phase: Any, rate: Any) -> None:

@@ -59,8 +59,7 @@ class EigenaxisProfile:
     @cached_property
     def breaks(self) -> Floats:
         """Times at which the acceleration jumps, from 0 to the duration, increasing."""
-        inner = [self.ramp, self.duration - self.ramp]
-        times = np.array([0.0, *inner, self.duration])
+        times = np.array([0.0, self.ramp, self.duration - self.ramp, self.duration])
         result: Floats = times[np.concatenate([[True], np.diff(times) > 1e-9])]
         return result
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +15,7 @@ from ...models.optimal_control.plan import ControlPlan
 from ...models.programs.blocks import Block
 from ...models.programs.nonlinear import NonlinearProgram
 from ...models.programs.triplets import dm
+from ...models.verification import Check
 from ..contract.backend import Answer, Request, Termination
 from ..contract.registry import find_backend
 from ..run.diagnosis import Diagnosis, Finding
@@ -58,10 +60,7 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     while general is not None and not isinstance(general, OptimalControlProblem):
         general = general.lower()
     assert isinstance(general, OptimalControlProblem)
-    written = general.formulate(
-        "radau", intervals=INTERVALS, degree=DEGREE, refine=False, dependent="drop"
-    )
-    program = written.program
+    program = _program(general, "drop")
     assert isinstance(program, NonlinearProgram)
     rows, columns = _relaxable_blocks(general, program)
     method = f"least widening of limits, {INTERVALS} Radau intervals of {DEGREE} nodes, with ipopt"
@@ -99,6 +98,12 @@ def diagnose_control(model: Model[ControlPlan], time_limit: float | None) -> Dia
     return Diagnosis(model.name, False, method, summary, findings)
 
 
+def _program(model: OptimalControlProblem, dependent: str) -> Any:
+    """Return the program on the coarse mesh."""
+    options = {"intervals": INTERVALS, "degree": DEGREE, "refine": False}
+    return model.formulate("radau", dependent=dependent, **options).program
+
+
 @dataclass(frozen=True)
 class _Relaxation:
     """Relaxation of a limit: as a share of its typical size, and as a finding."""
@@ -123,34 +128,27 @@ def _relax(
         on_rows = number < len(rows)
         low = (program.row_lower if on_rows else program.column_lower)[block.slice]
         high = (program.row_upper if on_rows else program.column_upper)[block.slice]
-        finding = Finding(
-            f"{block.title}: {_limits(low, high)}{unit} would have to give by {amount:.4g}{unit}",
-            block.equation,
-            block.name,
-            {"block": block.name, "by": amount, "unit": block.unit},
-        )
-        result.append(_Relaxation(float(slack[number]), finding))
+        text = f"{block.title}: {_limits(low, high)}{unit} would have to give by {amount:.4g}{unit}"
+        result.append(_Relaxation(float(slack[number]), _finding(text, block, amount)))
     return answer, result
 
 
 def _violated_implications(model: OptimalControlProblem, point: Vector) -> tuple[Finding, ...]:
     """Return the conditions that the program omitted as implied, and that the motion violates."""
-    program = model.formulate(
-        "radau", intervals=INTERVALS, degree=DEGREE, refine=False, dependent="keep"
-    ).program
     result = []
-    for check in program.verify(point, tolerance=MISSED).violated:
+    for check in _program(model, "keep").verify(point, tolerance=MISSED).violated:
         unit = f" {check.unit}" if check.unit else ""
-        result.append(
-            Finding(
-                f"{check.name} at {check.where or 'its place'} is violated by {check.worst:.4g}{unit}, "
-                "and no free quantity changes it",
-                check.equation,
-                check.name,
-                {"block": check.name, "by": check.worst, "unit": check.unit},
-            )
+        text = (
+            f"{check.name} at {check.where or 'its place'} is violated by {check.worst:.4g}{unit}, "
+            "and no free quantity changes it"
         )
+        result.append(_finding(text, check, check.worst))
     return tuple(result)
+
+
+def _finding(text: str, item: Block | Check, amount: float) -> Finding:
+    data = {"block": item.name, "by": amount, "unit": item.unit}
+    return Finding(text, item.equation, item.name, data)
 
 
 def _relaxable_blocks(
@@ -226,9 +224,9 @@ def _elastic(
         for edge, sign in ((low, 1.0), (high, -1.0)):
             finite = indices[np.isfinite(edge[indices])]
             places.append(finite)
-            widths.append(
-                np.outer(np.ones(finite.size), sign * scales * np.eye(len(groups))[number])
-            )
+            width = np.zeros((finite.size, len(groups)))
+            width[:, number] = sign * scales[number]
+            widths.append(width)
             lower.append(edge[finite] if sign > 0 else np.full(finite.size, -np.inf))
             upper.append(edge[finite] if sign < 0 else np.full(finite.size, np.inf))
     place, width = np.concatenate(places), sp.csc_array(np.concatenate(widths))

@@ -64,7 +64,7 @@ def sensitivity(solution: Any, name: str) -> Sensitivity:
     meshes = [{"formulation": solution.formulation, "mesh": plan}]
     meshes += [{"intervals": FEWEST + count + k} for k in range(EVEN)]
     for number, mesh in enumerate(meshes):
-        solver = prepare(model, tolerance=TOLERANCE, **mesh, **kept)
+        solver: PreparedSolver = prepare(model, tolerance=TOLERANCE, **mesh, **kept)
         step = solver(warm=plan)
         try:
             _check_same(step, solution.primal_bound)

@@ -94,7 +94,7 @@ class PreparedSolver:
         self._warm = self._make_solver(_WARM_IPOPT) if backend.plugin == "ipopt" else self.solver
         self.structured: StructuredSolver | None = None
         self.unstructured = (
-            f"not used with {backend.name!r}" if structured is None else "not wanted"
+            "not wanted" if structured is False else f"not used with {backend.name!r}"
         )
         if structured or (structured is None and backend.plugin == "ipopt"):
             try:
@@ -111,10 +111,7 @@ class PreparedSolver:
 
     def __repr__(self) -> str:
         posed = self.posed
-        data = (
-            ", ".join(f"{name} ({quantity.size})" for name, quantity in posed.data.items())
-            or "none"
-        )
+        data = ", ".join(f"{name} ({item.size})" for name, item in posed.data.items()) or "none"
         return (
             f"<PreparedSolver {posed.model.name!r}: {self.backend.name} on {posed.formulation.name}, "
             f"{posed.free.size} columns, {posed.rows.size} rows, data: {data}>"

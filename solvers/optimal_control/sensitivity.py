@@ -185,13 +185,10 @@ class _System:
         self.slopes = sp.csr_array(jacobian[:, posed.free] @ size)
         self.pushes = jacobian[:, posed.given].toarray()
         values = program.values(x)[1] / program.row_scale
+        (of_columns, of_rows), bounds = point.multipliers, posed.bounds
         self.sides = {
-            "column": _Side(
-                point.z, point.multipliers[0], posed.bounds["lbx"], posed.bounds["ubx"]
-            ),
-            "row": _Side(
-                values[posed.rows], point.multipliers[1], posed.bounds["lbg"], posed.bounds["ubg"]
-            ),
+            "column": _Side(point.z, of_columns, bounds["lbx"], bounds["ubx"]),
+            "row": _Side(values[posed.rows], of_rows, bounds["lbg"], bounds["ubg"]),
         }
         active = self.sides["column"].holds
         self.inner, self.rows = np.flatnonzero(~active), np.flatnonzero(self.sides["row"].holds)

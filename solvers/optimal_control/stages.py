@@ -266,9 +266,8 @@ class Stages:
         right[:outer] += tail[:, outer]
         unknown = dsytrs(factor, pivots, -right, lower=1)[0]
         step, duals = np.zeros(gradient.size), np.zeros(residual.size)
-        step[self.root_columns], duals[self.shared_rows] = np.split(
-            unknown, [self.root_columns.size]
-        )
+        count = self.root_columns.size
+        step[self.root_columns], duals[self.shared_rows] = unknown[:count], unknown[count:]
         begin = unknown[:outer]
         for group in self.groups:
             begin = group.back(begin, step, duals, weight)

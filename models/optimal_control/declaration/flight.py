@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import LSODA
 
 from ....errors import InvalidData
-from ..definition import Guess, entry_names, entry_slices
+from ..definition import Guess, entry_names, entry_slices, stacked
 from .guess import Guessed, sample_guess
 
 __all__ = ["fly"]
@@ -51,13 +51,10 @@ def fly(
     earliest, latest = (guess.end,) * 2 if "time" in phase.guessed else phase.bounds[2:]
     names = entry_names(states.values())
     lower, upper, first, last, size = (
-        np.concatenate([getattr(item, what) for item in states.values()])
+        stacked(states.values(), what)
         for what in ("lower", "upper", "final_lower", "final_upper", "scale")
     )
-    low, high = (
-        np.concatenate([*(getattr(item, side) for item in controls.values()), np.empty(0)])
-        for side in ("lower", "upper")
-    )
+    low, high = (stacked(controls.values(), side) for side in ("lower", "upper"))
     begin, span = guess.start, guess.end - guess.start
     count = itertools.count()
 

@@ -186,16 +186,17 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
     def sizes(self) -> Sizes:
         """Sizes of all quantities along the plan of the previous mesh, at first along the guess."""
         guessed = self._history is None
-        plan = (
-            interpolate(self.layout, guessed_columns(self.layout))
-            if self._history is None
-            else self._history.plan
-        )
+        plan = self._declared if self._history is None else self._history.plan
         with np.errstate(all="ignore"):
             phases = courses(self.problem.definition, plan)
             rough = [(course.dense.states, course.rough_integrals) for course in phases]
             ends = endpoint(phases, None if guessed else rough)
             return sizes_at(self.problem.definition, phases, ends, guessed=guessed)
+
+    @property
+    def _declared(self) -> ControlPlan:
+        """Declared guess as a plan."""
+        return interpolate(self.layout, guessed_columns(self.layout))
 
     # -- plans -----------------------------------------------------------------------------------
 
@@ -310,10 +311,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         finding = Finding(meshes, np.nan, words, errors=errors)
         finding = finding.limited(len(self._rows), self.rounds, self.most_nodes)
         rows = (*self._rows[:-1], {**self._rows[-1], "then": finding.words})
-        plan, value = (
-            (interpolate(self.layout, point), current) if better is None else (better, objective)
-        )
-        return self._following(finding, plan, value, rows)
+        if better is None:
+            better, objective = interpolate(self.layout, point), current
+        return self._following(finding, better, objective, rows)
 
     def alternatives(self) -> Iterator[tuple[str, Transcription]]:
         """Yield labels and meshes of the scheme that confirms this one, if its degree is variable."""
@@ -360,8 +360,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def started(self, seed: int) -> Self:
         """Return the formulation with a random start: the guess with waves drawn by `seed`."""
-        guess = self._start or interpolate(self.layout, guessed_columns(self.layout))
-        return self._with(_start=draw_start(self.problem.definition, guess, seed))
+        start = draw_start(self.problem.definition, self._start or self._declared, seed)
+        return self._with(_start=start)
 
     @property
     def is_convex(self) -> bool:
@@ -377,9 +377,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def draw(self, seed: int) -> Floats:
         """Return a random start of the program: waves for odd seeds, motions for even ones."""
-        guess = self._start or interpolate(self.layout, guessed_columns(self.layout))
         draw_plan = draw_start if seed % 2 else draw_flight
-        columns = sample(self.layout, draw_plan(self.problem.definition, guess, seed))
+        plan = draw_plan(self.problem.definition, self._start or self._declared, seed)
+        columns = sample(self.layout, plan)
         return np.clip(columns, self.program.column_lower, self.program.column_upper)  # type: ignore[attr-defined]
 
     def guessed(self, plan: ControlPlan) -> Self:

@@ -80,10 +80,7 @@ class Mesh:
 
     def same(self, other: Mesh) -> bool:
         """Return whether both meshes are equal."""
-        return all(
-            np.array_equal(getattr(self, name), getattr(other, name))
-            for name in ("fractions", "degrees", "calm")
-        )
+        return self.intervals == other.intervals and bool(self.unchanged(other).all())
 
     def unchanged(self, other: Mesh) -> NDArray[np.bool_]:
         """Return which intervals also belong to another mesh."""
