@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import product
 from typing import Any
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,8 +39,6 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
     the rates and the entry of q that is largest at the end, because only this entry is a smooth
     function of the other three. Its sign is fixed. With free final gimbals the rates are imposed.
     """
-    import casadi
-
     problem = OptimalControlProblem(name)
     phase = problem.phase("slew", time=(0.0, _end(model)), equation="3 and 10")
     q = phase.state("q", 4, initial=model.initial_attitude, final=_final_attitude(model), scale=1.0)
@@ -52,7 +51,7 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
         unit="rad/s",
     )  # fmt: skip
     delta, rate = _gimbals(model, phase)
-    direction, jacobian = _gyros(casadi, model, delta)
+    direction, jacobian = _gyros(model, delta)
     torque = -model.momentum * (jacobian @ rate)
     momentum = casadi.DM(np.array(model.inertia)) @ w + model.momentum * direction
     phase.dynamics(
@@ -64,13 +63,13 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
             delta: rate,
         }
     )
-    _limit(casadi, model, phase, w, torque, jacobian)
+    _limit(model, phase, w, torque, jacobian)
     phase.invariant("norm of the quaternion", casadi.dot(q, q), equation="23", scale=1.0)
     phase.invariant(
-        "total momentum", _inertial(casadi, q, momentum),
+        "total momentum", _inertial(q, momentum),
         equation="1", unit="N m s", scale=model.momentum,
     )  # fmt: skip
-    _minimise(casadi, model, problem, phase, rate)
+    _minimise(model, problem, phase, rate)
     phase.guess(**_guess(model))
     return problem.build()
 
@@ -82,25 +81,23 @@ def reduced_problem(model: SlewData, name: str) -> OptimalControlProblem:
     initial attitude is its modified Rodrigues vector σ, the axis times tan(angle / 4): σ̇ = ¼ ((1 -
     σ·σ) w + 2 σ×w + 2 (σ·w) σ). The states are σ and δ. σ is singular at a rotation by 360° only.
     """
-    import casadi
-
     problem = OptimalControlProblem(name)
     phase = problem.phase("slew", time=(0.0, _end(model)), equation="1 and 10")
     turn = rodrigues(model, model.target)
     sigma = phase.state("sigma", 3, initial=np.zeros(3), final=turn, scale=1.0)
     delta, rate = _gimbals(model, phase)
-    direction, jacobian = _gyros(casadi, model, delta)
+    direction, jacobian = _gyros(model, delta)
     square = casadi.dot(sigma, sigma)
     body: Any = rotation_matrix(model.initial_attitude).T @ model.total_momentum
     if np.abs(body).max() > STILL * model.momentum:
         back = casadi.vertcat(1.0 - square, -2.0 * sigma) / (1.0 + square)
-        momentum = _inertial(casadi, back, casadi.DM(body)) - model.momentum * direction
+        momentum = _inertial(back, casadi.DM(body)) - model.momentum * direction
     else:
         momentum = -model.momentum * direction
     w = casadi.DM(np.linalg.inv(model.inertia)) @ momentum
     turning = 2.0 * casadi.cross(sigma, w) + 2.0 * casadi.dot(sigma, w) * sigma
     phase.dynamics({sigma: 0.25 * ((1.0 - square) * w + turning), delta: rate})
-    _limit(casadi, model, phase, w, -model.momentum * (jacobian @ rate), jacobian)
+    _limit(model, phase, w, -model.momentum * (jacobian @ rate), jacobian)
     if model.vector_limits != VectorLimits.NORM:
         phase.path(
             w, lower=-model.rate_limit, upper=model.rate_limit,
@@ -111,7 +108,7 @@ def reduced_problem(model: SlewData, name: str) -> OptimalControlProblem:
             phase.final(direction), equals=model.final_momentum / model.momentum,
             name="final momentum of the gyros", equation="13", scale=1.0,
         )  # fmt: skip
-    _minimise(casadi, model, problem, phase, rate)
+    _minimise(model, problem, phase, rate)
     guess = _guess(model)
     attitudes = guess.pop("q")
     guess.pop("w")
@@ -143,7 +140,7 @@ def _gimbals(model: SlewData, phase: Any) -> tuple[Any, Any]:
     return delta, phase.control("rate", count, lower=-fastest, upper=fastest, unit="rad/s")
 
 
-def _limit(casadi: Any, model: SlewData, phase: Any, w: Any, torque: Any, jacobian: Any) -> None:
+def _limit(model: SlewData, phase: Any, w: Any, torque: Any, jacobian: Any) -> None:
     """Declare the limits of eq. 23 other than bounds of states and controls."""
     phase.path(
         casadi.det(jacobian @ jacobian.T),
@@ -164,7 +161,7 @@ def _limit(casadi: Any, model: SlewData, phase: Any, w: Any, torque: Any, jacobi
         phase.path(value, upper=square, name=name, equation="23", unit=unit, scale=square)
 
 
-def _minimise(casadi: Any, model: SlewData, problem: Any, phase: Any, rate: Any) -> None:
+def _minimise(model: SlewData, problem: Any, phase: Any, rate: Any) -> None:
     """Declare the objective, eq. 22."""
     weight = casadi.DM(np.array(model.rate_weight))
     problem.minimise(phase.integral(1.0 + casadi.dot(weight, rate**2)), unit="s")
@@ -180,7 +177,7 @@ def _final_attitude(model: SlewData) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _gyros(casadi: Any, model: SlewData, delta: Any) -> tuple[Any, Any]:
+def _gyros(model: SlewData, delta: Any) -> tuple[Any, Any]:
     """Return A_s·1 and its Jacobian A_t, differentiated by CasADi."""
     s, c = casadi.sin(delta), casadi.cos(delta)
     if model.gimbal_axes is not None:
@@ -199,7 +196,7 @@ def _gyros(casadi: Any, model: SlewData, delta: Any) -> tuple[Any, Any]:
     return direction, casadi.jacobian(direction, delta)
 
 
-def _inertial(casadi: Any, q: Any, vector: Any) -> Any:
+def _inertial(q: Any, vector: Any) -> Any:
     """Return R(q) v, the inertial components of a vector in body axes."""
     scalar, axis = q[0], q[1:]
     return (

@@ -6,7 +6,6 @@ Pseudospectral Method", Mathematical Problems in Engineering, 2016.
 
 from __future__ import annotations
 
-import importlib.util
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -168,10 +167,8 @@ class SatelliteSlew(SlewData):
 
     # -- the model -------------------------------------------------------------------------------
 
-    def lower(self) -> OptimalControlProblem | None:
-        """Return the slew as an optimal control problem, or None if CasADi is not installed."""
-        if importlib.util.find_spec("casadi") is None:
-            return None
+    def lower(self) -> OptimalControlProblem:
+        """Return the slew as an optimal control problem."""
         return self._problem
 
     @cached_property

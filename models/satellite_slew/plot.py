@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidData, UnsupportedOption
+from ...errors import UnsupportedOption
 from ..optimal_control.plan import ControlPlan
 from ..optimal_control.plot import curves_of, guessed, nodes_of, sampled
 from ..plots import kit
@@ -95,7 +95,7 @@ def draw(
         scene = kit.Scene(text, result, size, (6.4, 6.0))
         draw_axes(model, plan, scene)
         return scene.figure
-    drawn = _guessed(model) if plan is None else plan
+    drawn = guessed(model.lower().definition) if plan is None else plan
     panels = _panels(model, drawn, tolerance)
     if tracking is not None:
         attitude, rates = tracking.quaternion_errors[:, 1:], tracking.rate_errors
@@ -125,13 +125,6 @@ def draw(
 
     kit.pin_curves(result, find)
     return figure
-
-
-def _guessed(model: SatelliteSlew) -> ControlPlan:
-    problem = model.lower()
-    if problem is None:
-        raise InvalidData("the guess of a slew needs CasADi, which is not installed", field="plan")
-    return guessed(problem.definition)
 
 
 # -- the panels ----------------------------------------------------------------------------------

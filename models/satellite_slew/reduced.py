@@ -142,9 +142,7 @@ class Reduced(Gauss):
         return self.encode(self._drawn(seed))
 
     def _drawn(self, seed: int) -> ControlPlan:
-        problem: Any = self.model.lower()
-        full = problem.formulate("gauss").started(seed)
-        plan: ControlPlan = full._start
+        plan: ControlPlan = self.model.lower().formulate("gauss").started(seed)._start
         return plan
 
     def guessed(self, plan: ControlPlan) -> Self:
@@ -158,9 +156,9 @@ class Reduced(Gauss):
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
         result = super().statistics(self._narrowed(plan))
-        problem = self.model.lower()
-        if plan.phases[0].costates is not None and problem is not None:
-            result["hamiltonian_spread"] = hamiltonian_spread(problem, plan)[0].relative
+        if plan.phases[0].costates is not None:
+            reports = hamiltonian_spread(self.model.lower(), plan)
+            result["hamiltonian_spread"] = reports[0].relative
         return result
 
 

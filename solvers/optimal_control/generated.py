@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+import casadi
+
 from ...errors import InvalidData, UnsupportedFormulation
 from ...files import writable, write_text
 from ..programs.casadi_plugins import last_line
@@ -25,8 +27,6 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
     of the first phase, ``objective``, ``violation`` (the largest of a scaled row, infinite if a value is
     not finite), and ``z``, ``lam_x``, ``lam_g`` for the next step, whose names end in ``_out``.
     """
-    import casadi
-
     data = {key: casadi.MX.sym(key, quantity.size) for key, quantity in posed.data.items()}
     state = {
         key: casadi.MX.sym(key, size)
@@ -77,8 +77,6 @@ def write_step(posed: Parametric, solver: Any, path: str | os.PathLike[str]) -> 
     InvalidData
         The file cannot be written, or its name is not a valid name of a C function.
     """
-    import casadi
-
     target = writable(path, [".c"])
     name = target.stem
     if not casadi.Function.check_name(name):

@@ -8,7 +8,7 @@ from ...errors import InvalidData, NoDerivative
 from ...models.fields import show
 from ...models.optimal_control.plan import ControlPlan
 from ..contract.enums import Termination
-from .prepared import Step, prepare
+from .prepared import PreparedSolver, Step, prepare
 from .sensitivity import Sensitivity
 
 __all__ = ["sensitivity"]
