@@ -128,9 +128,8 @@ class Instants:
                     "there; make it a state with its rate as the control",
                     field="control",
                 )
-        time = {0.0: self.start, 1.0: self.end}.get(
-            place, self.start + place * (self.end - self.start)
-        )
+        inner = self.start + place * (self.end - self.start)
+        time = {0.0: self.start, 1.0: self.end}.get(place, inner)
         uses = [name for name in self.states if casadi.depends_on(result, self.symbols[name])]
         old = [*(self.symbols[name] for name in uses), self.time]
         new = [*(self.state_at(place, name) for name in uses), time]

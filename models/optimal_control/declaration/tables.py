@@ -68,23 +68,16 @@ class Table:
                 raise ValueError(f"got {len(arguments)}")
             if not any(isinstance(argument, casadi.MX) for argument in arguments):
                 return self._values(*np.broadcast_arrays(*arguments))
-            columns = [
-                casadi.vec(read_expression("an argument of a table", argument))
-                for argument in arguments
-            ]
+            columns = [casadi.vec(read_expression("an argument of a table", x)) for x in arguments]
             size = max(argument.numel() for argument in columns)
             if any(argument.numel() not in (1, size) for argument in columns):
-                raise ValueError(
-                    f"got {', '.join(str(argument.numel()) for argument in columns)} entries"
-                )
+                raise ValueError(f"got {', '.join(str(x.numel()) for x in columns)} entries")
         except (TypeError, ValueError) as error:
             expected = "1 argument" if count == 1 else f"{count} arguments of one size"
             raise InvalidData(
                 f"table {self._name!r} takes {expected}: {error}", field="table"
             ) from None
-        repeated: list[Any] = [
-            casadi.repmat(argument, size // argument.numel()) for argument in columns
-        ]
+        repeated: list[Any] = [casadi.repmat(x, size // x.numel()) for x in columns]
         parts = [self.function.call([argument[k] for argument in repeated])[0] for k in range(size)]
         return casadi.vertcat(*parts)
 
@@ -147,11 +140,8 @@ def table(grid: Any, values: Any, outside: str = "linear", *, name: str = "table
         raise InvalidData(f"grid of {of} must have 1 to 3 axes, got {len(axes)}", field="grid")
     grids = [numbers("grid", axis, f"increasing numbers, 2 at least, in {of}") for axis in axes]
     for axis in grids:
-        if (
-            axis.ndim != 1
-            or axis.size < 2
-            or not (np.isfinite(axis).all() and (np.diff(axis) > 0).all())
-        ):
+        is_finite = axis.ndim == 1 and axis.size >= 2 and np.isfinite(axis).all()
+        if not is_finite or not (np.diff(axis) > 0).all():
             raise InvalidData(
                 f"grid of {of} must be increasing finite numbers, 2 at least, got {show(axis.tolist())}",
                 field="grid",
@@ -179,10 +169,8 @@ def table(grid: Any, values: Any, outside: str = "linear", *, name: str = "table
     results = [result]
     if outside == "raise":
         results += [casadi.DM([axis[end] for axis in grids]) for end in (0, -1)]
-    labels = _BOUNDED[: len(results)]
-    return Table(
-        casadi.Function(name, arguments, results, [f"x{k}" for k in range(len(grids))], labels)
-    )
+    labels = [f"x{k}" for k in range(len(grids))], _BOUNDED[: len(results)]
+    return Table(casadi.Function(name, arguments, results, *labels))
 
 
 def _along(x: Any, grid: Floats, values: Floats, outside: str) -> Any:
@@ -230,9 +218,8 @@ def domains(
         if any(item == use[0] and casadi.is_equal(other, use[1], SAME) for item, other in known):
             continue
         known.append(use)
-        _, low, high = (
-            np.array(item).reshape(-1) for item in function.call([0.0] * len(arguments))
-        )
+        edges = function.call([0.0] * len(arguments))[1:]
+        low, high = (np.array(item).reshape(-1) for item in edges)
         base = f"table {function.name()} within its grid"
         names = itertools.chain([base], (f"{base} ({k})" for k in itertools.count(2)))
         name = next(item for item in names if item not in result and item not in taken)
