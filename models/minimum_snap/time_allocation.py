@@ -223,7 +223,7 @@ continuity, vehicle, yaw, periodic, gates
 
     @property
     def beyond_times(self) -> str:
-        """What only backend ``minco`` covers, with what to do in words; otherwise empty."""
+        """Features for backend ``minco`` alone, with the alternatives in words; otherwise empty."""
         if self.minimise is Minimise.TIME:
             return "the minimum of the time alone: take backend minco"
         if self.vehicle is None and not self.gates and not self.periodic:

@@ -30,7 +30,7 @@ __all__ = ["Minco"]
 
 Floats = NDArray[np.float64]
 
-#: Share of a limit that is regarded as reached, and share of the time in which fast paths reach one.
+#: Share of a limit that is regarded as reached, and least share of the time at limits on fast paths.
 NEAR, FEW = 0.95, 0.5
 
 
@@ -159,7 +159,7 @@ def _excess(problem: TimeAllocation, plan: Trajectory | None) -> float:
 
 @np.errstate(all="ignore")  # undefined quantities reach no limit
 def _pressed(problem: TimeAllocation, plan: Trajectory) -> float:
-    """Return the share of the time in which a limit is reached, from instants of each segment."""
+    """Return the share of the time at a limit, from instants of each segment."""
     segment, number = (part.ravel() for part in np.indices((plan.segments, 16)))
     s = (number + 0.5) / 16
     near = np.zeros(s.size, bool)

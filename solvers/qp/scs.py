@@ -129,7 +129,7 @@ class Scs(ConvexBackend):
 
 
 def _imbalance(result: Mapping[str, Any]) -> float:
-    """Return the power of two by which the multipliers exceed the point, 1 if both are of similar size.
+    """Return the ratio of multipliers and point as a power of two, 1 if both are of similar size.
 
     SCS scales objectives by their linear costs only, and stalls if the multipliers are far larger.
     """
