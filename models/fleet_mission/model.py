@@ -18,14 +18,6 @@ from .plan import MissionPlan
 __all__ = ["FleetMission"]
 
 
-class _Unit:
-    """Unit of the objective: metres, and seconds for the makespan."""
-
-    def __get__(self, instance: MissionData | None, owner: type) -> str:
-        is_time = instance is not None and instance.objective is MissionObjective.MAKESPAN
-        return "s" if is_time else "m"
-
-
 class FleetMission(MissionData):
     r"""Trajectories of m round robots that share the nodes among obstacles and balance their lengths.
 
@@ -99,8 +91,12 @@ class FleetMission(MissionData):
     """
 
     kind: ClassVar[str] = "fleet-mission"
-    objective_unit: ClassVar[str] = _Unit()  # type: ignore[assignment]
     plan_type: ClassVar[type] = MissionPlan
+
+    @property
+    def objective_unit(self) -> str:  # type: ignore[override]
+        """Unit of the objective: metres, or seconds for the makespan."""
+        return "s" if self.objective is MissionObjective.MAKESPAN else "m"
 
     # -- plans -----------------------------------------------------------------------------------
 
