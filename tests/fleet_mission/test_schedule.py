@@ -20,7 +20,7 @@ from crosstrack.models.fleet_mission.curves import nearest
 from crosstrack.solvers.fleet_mission.corridor import Corridor
 from crosstrack.solvers.fleet_mission.courses import Course, Leg, whole_courses
 from crosstrack.solvers.fleet_mission.delays import departures
-from crosstrack.solvers.fleet_mission.flight import resting
+from crosstrack.solvers.fleet_mission.flight import Flight, resting
 from crosstrack.solvers.fleet_mission.lanes import kept_right
 from crosstrack.solvers.fleet_mission.schedule import schedule
 
@@ -188,7 +188,7 @@ def test_opposite_lanes_of_a_passage_keep_the_separation():
 
 def test_whole_courses_at_several_speeds():
     flight = around(OPEN, [9, 6])
-    (course,) = whole_courses(OPEN, [flight], [flight.times[1:2]])
+    (course,) = whole_courses(OPEN, [Flight(flight, 0, True, np.arange(3))])
     factors = [leg.curve.duration / flight.duration for leg in course.legs]
     assert factors[0] == 1.0
     assert sorted(factors) == factors
