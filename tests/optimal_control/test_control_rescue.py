@@ -374,7 +374,7 @@ def test_a_verified_warm_start_is_not_lost_if_the_run_ends_without_a_plan(attend
     def fake(run, program, request):
         if time:
             return replace(INFEASIBLE, point=None)
-        # A phase that ends at its start is no plan.
+        # A phase that ends at its start is not a plan.
         return Answer(Termination.FEASIBLE, point=program.guess * time)
 
     attended.fake = fake
