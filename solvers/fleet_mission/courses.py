@@ -133,10 +133,10 @@ def _points_along(way: Corridor) -> tuple[Floats, Floats]:
 def _place(way: Corridor, at: float) -> Floats:
     """Return the point of a corridor's polyline at a position, counted in segments, m."""
     if not len(way.lower):  # the robot stays at the depot
-        return way.knots[0]
+        return np.asarray(way.knots[0])
     row = min(int(at), len(way.knots) - 2)
     share = at - row
-    place = np.asarray((1.0 - share) * way.knots[row] + share * way.knots[row + 1])
+    place: Floats = np.asarray((1.0 - share) * way.knots[row] + share * way.knots[row + 1])
     for box in {row, max(int(np.ceil(at)) - 1, 0)}:  # rounding may move it beyond an edge
         place = np.clip(place, way.lower[box], way.upper[box])
     return place

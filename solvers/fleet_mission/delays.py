@@ -53,12 +53,9 @@ def departures(
         tried = [] if stopped() else np.arange(0.0, latest, coarse).tolist()
         for delay in (*tried, latest):
             placed[k] = moved = Trajectory(flights[k].times + delay, flights[k].coefficients)
-            others = [entry for other, entry in placed.items() if other != k]
-            if all(
-                _apart(problem, moved, other, fine, slack)
-                for other in others
-                if delay < other.times[-1]
-            ) and is_clear(problem, [moved], slack):
+            near = [e for other, e in placed.items() if other != k and delay < e.times[-1]]
+            is_apart = all(_apart(problem, moved, entry, fine, slack) for entry in near)
+            if is_apart and is_clear(problem, [moved], slack):
                 break
     return [placed[k] for k in range(len(flights))]
 

@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,10 @@ from .parametric import Parametric, Point
 from .stages import NotStaged
 from .step import Step
 from .structured import StructuredSolver
+
+if TYPE_CHECKING:
+    from ...models.flight.model import Flight
+    from ..flight.replanning import PreparedFlight
 
 __all__ = ["PreparedSolver", "Step", "prepare"]
 
@@ -280,6 +284,12 @@ class PreparedSolver:
         return backend.create("step", posed.problem(), options)
 
 
+@overload
+def prepare(problem: OptimalControlProblem, **options: Any) -> PreparedSolver: ...
+@overload
+def prepare(problem: Flight) -> PreparedFlight: ...
+@overload
+def prepare(problem: Any, **options: Any) -> Any: ...
 def prepare(
     problem: Any,
     *,

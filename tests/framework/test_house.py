@@ -174,11 +174,14 @@ EXCEPTIONS = {
     ),
     "messenger": (8420, "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays"),
     "minimum_snap": (
-        10_850,
-        "own kernels for waypoints are 10 to 150 times as fast as general ones",
+        15_020,
+        (
+            "own kernels for waypoints are 10 to 150 times as fast as general ones; vehicles with proven limits, "
+            "yaw, laps, gates and minimum time have 4,150"
+        ),
     ),
     "optimal_control": (
-        14_997,
+        14_720,
         (
             "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
             "scenarios, flights, arcs, algebraic equations, estimation, convexity and prepared steps were added"
@@ -212,8 +215,8 @@ def test_problems_keep_their_ceilings(checkout):
 
 def test_the_package_keeps_its_ceiling(checkout):
     """The goal is 98,000 lines; each reduction lowers the ceiling. Programs of users have about 7,000, and files of
-    users, pages of plans and animations about 5,500."""
+    users, pages of plans and animations about 5,500, flights 4,500, and vehicles, gates and shared space 5,600."""
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 135_215
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 145_500

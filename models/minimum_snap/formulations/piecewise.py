@@ -301,8 +301,8 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         knots = knots + (model.segments if joint else 1)
         if joint and order < model.conditions.shape[1]:
             # Values that are fixed at both ends need no row.
-            known: NDArray[np.bool_] = np.isfinite(model.conditions[[0, -1], order])
-            free = ~known.all(axis=0, keepdims=True)[0]
+            fixed = np.isfinite(model.conditions[[0, -1], order])
+            free = np.asarray(~fixed.all(axis=0))
             knots, axes = knots[free[axes]], axes[free[axes]]
         next_segment = knots % model.segments
         before = self.basis_rows(knots - 1, np.ones(knots.size), order)
