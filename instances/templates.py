@@ -6,12 +6,13 @@ import io
 import json
 import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import BackendMissing, InvalidData, UnsupportedOption
+from ..errors import BackendMissing, InvalidData, UnsupportedFormulation, UnsupportedOption
 from ..models.model import Model
 from ..models.problems import loadable_models, model_type, resolve, table
 from ..models.programs import Program
@@ -107,8 +108,9 @@ def example(kind: str) -> Model[Any]:
         for other, cls in loadable_models():
             for name in cls.formulations:
                 if cls.formulation_type(name).program_type.kind == kind:
-                    program: Model[Any] = example(other).formulate(name).program
-                    return program
+                    with suppress(UnsupportedFormulation):
+                        program: Model[Any] = example(other).formulate(name).program
+                        return program
     raise UnsupportedOption(
         f"the catalogue has no instance of model {kind!r} as an example: add one with register_entry"
     )

@@ -82,7 +82,7 @@ class MinimumDerivative(PathData):
     vehicle : PointMass, Quadrotor or DifferentialDrive, optional
         Vehicle whose limits hold at every instant, or its JSON data.
     yaw : "tangent", float or ndarray, shape (knots,), optional
-        Yaw of the vehicle in rad: along the path, constant, or through an angle per knot (None is
+        Yaw of the vehicle in radians: along the path, constant, or through an angle per knot (None is
         free) by the shortest turns, with the least angular acceleration. Plans carry it as ``plan.yaw``.
     periodic : bool
         Whether the path is a lap: the ends agree in position and in the derivatives up to the fourth

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ...errors import InvalidData
 
-if TYPE_CHECKING:
-    from .time_allocation import TimeAllocation
-
 __all__ = ["check_limits", "check_movement"]
 
 
-def check_limits(model: TimeAllocation) -> None:
+def check_limits(model: Any) -> None:
     """Reject a minimum of the time alone that is 0 or that other fields fix."""
     for name in ("time_weight", "total_time"):
         if getattr(model, name):
@@ -32,7 +29,7 @@ def check_limits(model: TimeAllocation) -> None:
     _check_rest(model)
 
 
-def _check_rest(model: TimeAllocation) -> None:
+def _check_rest(model: Any) -> None:
     """Reject a time that has no minimum above 0, because a path at rest meets every condition."""
     table = model.conditions
     confined = model.halfspaces is not None or any(not b.derivative for b in model.bounds)
@@ -51,7 +48,7 @@ def _check_rest(model: TimeAllocation) -> None:
             )
 
 
-def check_movement(model: TimeAllocation) -> None:
+def check_movement(model: Any) -> None:
     """Reject a segment without motion: its objective has no minimum over positive durations."""
     table = model.conditions
     still = np.all((table[:, 1:] == 0.0) | ~np.isfinite(table[:, 1:]), axis=(1, 2))

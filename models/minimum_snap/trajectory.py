@@ -101,7 +101,7 @@ class Trajectory(Plan):
         ``s = (t - t_k) / (t_{k+1} - t_k)``. Powers of seconds would lose digits for short or long
         segments.
     yaw : Trajectory, optional
-        Yaw of a vehicle, a trajectory of one axis in rad.
+        Yaw of a vehicle, a trajectory of one axis in radians.
 
     Raises
     ------

@@ -164,5 +164,4 @@ class Reduced(Gauss):
 
 def _unit(attitudes: Floats) -> Floats:
     """Return the attitudes with length 1, which random starts do not have."""
-    result: Floats = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
-    return result
+    return np.asarray(attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True), float)

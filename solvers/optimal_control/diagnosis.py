@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -207,6 +206,8 @@ def _elastic(
     result. All other rows and bounds are unchanged. The objective is the sum of the slacks. As a sum, it
     relaxes few blocks if few suffice.
     """
+    import casadi
+
     n, rest, groups = program.size, program.row_count, [*rows, *columns]
     # Bounded quantities of the original program: rows first, then columns.
     low = np.concatenate([program.row_lower, program.column_lower])

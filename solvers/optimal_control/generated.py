@@ -6,8 +6,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import casadi
-
 from ...errors import InvalidData, UnsupportedFormulation
 from ...files import writable, write_text
 from ..programs.casadi_plugins import last_line
@@ -27,6 +25,8 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
     of the first phase, ``objective``, ``violation`` (the largest of a scaled row, infinite if a value is
     not finite), and ``z``, ``lam_x``, ``lam_g`` for the next step, whose names end in ``_out``.
     """
+    import casadi
+
     data = {key: casadi.MX.sym(key, quantity.size) for key, quantity in posed.data.items()}
     state = {
         key: casadi.MX.sym(key, size)
@@ -77,6 +77,8 @@ def write_step(posed: Parametric, solver: Any, path: str | os.PathLike[str]) -> 
     InvalidData
         The file cannot be written, or its name is not a valid name of a C function.
     """
+    import casadi
+
     target = writable(path, [".c"])
     name = target.stem
     if not casadi.Function.check_name(name):
@@ -91,11 +93,10 @@ def write_step(posed: Parametric, solver: Any, path: str | os.PathLike[str]) -> 
             f"no C code can be written: data {', '.join(map(repr, sorted(taken)))} have names of inputs or "
             "outputs of the step: rename them"
         )
-    start = casadi.Function(f"{name}_start", [], [casadi.DM(posed.guess)], [], ["z"])
     try:
         code = casadi.CodeGenerator(name)
         code.add(step_function(posed, solver, name))
-        code.add(start)
+        code.add(casadi.Function(f"{name}_start", [], [casadi.DM(posed.guess)], [], ["z"]))
         text = code.dump()
     except RuntimeError as error:
         raise UnsupportedFormulation(f"no C code can be written: {last_line(error)}") from error

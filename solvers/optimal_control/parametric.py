@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +20,9 @@ from ...models.programs.nonlinear import NonlinearProgram
 from ..nlp.ipopt import NARROW
 from ..nlp.quality import descent_by_curvature
 from ..nlp.scaled import Scaled
+
+if TYPE_CHECKING:
+    import casadi
 
 __all__ = ["Parametric", "Point"]
 
@@ -206,11 +208,15 @@ class Parametric:
     @cached_property
     def value(self) -> casadi.Function:
         """``(x, p) -> (f, g)``."""
+        import casadi
+
         x, p, f, g = self.problem().values()
         return casadi.Function("value", [x, p], [f, casadi.densify(g)])
 
     def derivative(self, name: str) -> casadi.Function:
         """Return a function of :class:`Scaled`, such as ``"hessian"``, of the free columns and p."""
+        import casadi
+
         z, p, columns = self._symbols()
         function = getattr(self.scaled, name)
         arguments, extra = [z, p], []
@@ -246,12 +252,16 @@ class Parametric:
     @cached_property
     def data_values(self) -> casadi.Function:
         """Scaled rows that depend on the data alone, ``(p) -> (g)``."""
+        import casadi
+
         z, p, _, g = self._values()
         rows = casadi.substitute(g[self._data_rows.tolist()], z, casadi.DM.zeros(*z.shape))
         return casadi.Function("of_data", [p], [casadi.densify(rows)])
 
     def stacked(self, z: Any, p: Any) -> Any:
         """Return the scaled columns of the complete program as an expression of z and p."""
+        import casadi
+
         fixed = np.setdiff1d(np.arange(self.program.size), [*self.free, *self.given])
         values = self.scaled.start(self.program.column_lower)
         data = p / casadi.DM(self.program.column_scale[self.given])
@@ -260,12 +270,16 @@ class Parametric:
 
     def _symbols(self) -> tuple[Any, Any, Any]:
         """Return z, p and the scaled columns of the complete program."""
+        import casadi
+
         kind: Any = casadi.SX if self._expands else casadi.MX
         z, p = kind.sym("x", self.free.size), kind.sym("p", self.given.size)
         return z, p, self.stacked(z, p)
 
     def _values(self) -> tuple[Any, Any, Any, Any]:
         """Return z, p, and the scaled objective and rows."""
+        import casadi
+
         z, p, columns = self._symbols()
         f, g = self._expanded(self.program.function)(columns * casadi.DM(self.program.column_scale))
         return z, p, f / self.program.objective_scale, g / casadi.DM(self.program.row_scale)

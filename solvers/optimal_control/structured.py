@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,6 +57,8 @@ class StructuredSolver:
     """
 
     def __init__(self, posed: Parametric, tolerance: float, hessian: Any = None) -> None:
+        import casadi
+
         self.tolerance = tolerance
         first, second = posed.derivative("first_order"), hessian or posed.derivative("hessian")
         sizes = posed.free.size, posed.given.size, posed.rows.size

@@ -32,8 +32,7 @@ def guessed_columns(layout: Layout) -> Floats:
             for k in range(table.shape[1]):
                 columns[places[k]] = np.interp(fractions, guess.fractions, table[:, k])
         columns[part.time_columns] = guess.start, guess.end
-    parameters = layout.definition.stacked("parameters", "initial_lower")
-    columns[layout.parameter_columns] = parameters
+    columns[layout.parameter_columns] = layout.definition.stacked("parameters", "initial_lower")
     return _with_integrals(layout, columns)
 
 

@@ -9,6 +9,7 @@ m.ErrorCorrectionRouting([[0, 0, 0]], kinds=[1])  # list-item
 m.FleetRouting("two")  # arg-type
 m.FleetRouting(2, point=[[0, 0]])  # call-arg
 m.FleetMission(vehicles="one")  # arg-type
+m.Flight([], (0, 0), (1, 1), m.PointMass(), raduis=1)  # call-arg
 m.GridPath(3, (0, 0))  # arg-type
 m.GridMap(["..."], cel=2.0)  # call-arg
 m.GuidedPathTour([0, 1], chains=[1])  # list-item
