@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..declaration import Nested, Plan
 from ..fields import Array, Optional, declared
 from ..inputs import FloatArray, FloatsOrNone
 from ..minimum_snap.trajectory import Trajectory
 
 __all__ = ["FlightPlan"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,6 @@ from .relation import Chains, chain_cover, closure_of, joined_chains, sorted_cus
 
 __all__ = ["MOST", "GuidedPathData"]
 
-Floats = NDArray[np.float64]
 
 #: Maximum number of customers: the relation is stored as a dense Boolean matrix.
 MOST = 5000

@@ -15,7 +15,6 @@ from ..fields import Array, Spec, show
 
 __all__ = ["Chains", "chain_cover", "closure_of", "joined_chains", "sorted_customers"]
 
-Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
 

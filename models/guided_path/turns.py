@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .gaps import Gaps
 
 __all__ = ["enough_sweeps", "some_length", "turning"]
 
-Floats = NDArray[np.float64]
 
 #: Maximum number of customers for the heuristic search, and its total work: beam width times size².
 _MOST, _WORK = 300, 30_000

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..verification import Check
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["check_flight", "check_vehicle", "yaw_of"]
 
-Floats = NDArray[np.float64]
 
 #: Rounding error of a derivative at the joint, relative to the sum of the sizes of its terms.
 ULPS = 16 * float(np.finfo(float).eps)

@@ -18,7 +18,6 @@ from ..records import Member
 
 __all__ = ["GRAVITY", "LOW_SPEED", "MOST_GAP", "UNKNOWN", "Recording", "Tyre", "Vehicle"]
 
-Floats = NDArray[np.float64]
 
 #: Standard gravity, m/s².
 GRAVITY = 9.80665

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Listed, Nested
@@ -24,8 +23,6 @@ from .data import Recording, Vehicle
 from .plan import SideslipEstimate
 
 __all__ = ["SideslipEstimation"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

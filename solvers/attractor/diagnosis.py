@@ -14,7 +14,6 @@ from .embedding import autocorrelation, standardised
 __all__ = ["diagnose_attractor"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Share of the variance that a line may explain, difference between the means of halves (deviations), and
 #: ratio of their variances, above which a series drifts.

@@ -11,14 +11,12 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..contract.backend import Option
 from .native import BlackBoxBackend, Objective, latin_hypercube
 
 __all__ = ["CmaEs", "ParticleSwarm"]
 
-Floats = NDArray[np.float64]
 
 #: Number of restarts that double the population; later ones keep its size.
 _DOUBLED = 9

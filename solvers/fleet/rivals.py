@@ -20,7 +20,6 @@ from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Reque
 
 __all__ = ["Best", "FleetHeuristic", "available_threads", "whole_demands", "whole_distances"]
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Number of cheapest moves evaluated to give an empty vehicle a node.

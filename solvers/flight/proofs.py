@@ -16,7 +16,6 @@ from ...models.grid_path.gridmap import MOST, GridMap
 
 __all__ = ["find_separation", "least_objective"]
 
-Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
 
 #: Depth in cells to which a plan may enter obstacles, with a reserve above the largest tolerance of 1e-4.

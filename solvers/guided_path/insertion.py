@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.guided_path.data import GuidedPathData
@@ -36,8 +35,6 @@ from ..contract.backend import (
 from .insertion_kernels import merge_by_index, merge_nearest, visit_nearest
 
 __all__ = ["ChainBackend", "Greedy", "InsertIndex", "InsertNearest", "ordered_chains"]
-
-Ints = NDArray[np.int64]
 
 
 def ordered_chains(

@@ -14,7 +14,6 @@ from .chain import Scene, Stops, leg, where
 __all__ = ["CLOSEST", "GAP", "LEG", "PIECE", "PIECES", "TIME", "passes", "trace"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Largest angle of a piece of an arc, in rad.
 CUT = 0.6

@@ -28,7 +28,6 @@ from .interior_kernels import Iterate, Posed
 __all__ = ["Chain", "Imposed", "chains", "unit_cost"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...jit import clock
@@ -14,7 +13,6 @@ from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Ter
 
 __all__ = ["Banded"]
 
-Floats = NDArray[np.float64]
 
 #: Largest number of segments of a brief run.
 _BRIEF = 2000

@@ -27,7 +27,6 @@ from .memory import Memory
 
 __all__ = ["UnknownGridEnv"]
 
-Ints = NDArray[np.int64]
 
 #: Approximate side of a rendered image, pixels.
 _LARGE = 512

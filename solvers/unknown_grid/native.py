@@ -18,7 +18,6 @@ from ..contract.option import Option
 
 __all__ = ["GIVE_UP", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Decisions of a policy in addition to the actions 0 … 3.

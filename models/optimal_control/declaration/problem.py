@@ -7,7 +7,6 @@ from typing import Any, Generic, Self, SupportsIndex, TypeVar
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
 from ....errors import InvalidData
 from ...fields import Text, show
@@ -35,7 +34,6 @@ from .terms import (
 
 __all__ = ["ControlProblemBuilder"]
 
-Floats = NDArray[np.float64]
 Symbol = Any  # casadi.MX
 ModelT = TypeVar("ModelT", bound=Model[Any])
 

@@ -34,7 +34,6 @@ from .starts import coarse_mesh, draw_flight, draw_start, other_meshes
 __all__ = ["Transcription"]
 
 Floats = NDArray[np.float64]
-Whole = NDArray[np.int64]
 
 #: Largest relative difference between the objectives of two schemes that agree, in tolerances.
 AGREED = 10.0
