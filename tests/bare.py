@@ -20,6 +20,7 @@ FAST = {
     "black-box": "black-box/booth",
     "fleet": "fleet/example",
     "fleet-mission": "fleet-mission/pocket",
+    "flight": "flight/wall",
     "grid-path": "grid-path/pocket",
     "guided-path": "guided-path/example-5",
     "messenger": "messenger/met-at-start",
@@ -32,11 +33,11 @@ FAST = {
 }
 #: Model kinds whose default proves no bound, so that a comparison of it alone decides nothing.
 LOCAL = {
-    *("attractor", "black-box", "fleet-mission", "optimal-control", "sideslip", "time-allocation"),
-    "unknown-grid",
+    *("attractor", "black-box", "fleet-mission", "flight", "optimal-control", "sideslip"),
+    *("time-allocation", "unknown-grid"),
 }
 #: Model kinds whose default takes long: it is run by `solve`, and not again by `compare`.
-LONG = {"fleet-mission", "satellite-slew"}
+LONG = {"fleet-mission", "flight", "satellite-slew"}
 #: Instances, and the formulation whose program is solved as a model of its own.
 PROGRAMS = {
     "mixed-integer-program": ("error-correction/example-1", "paper"),
