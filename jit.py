@@ -71,6 +71,8 @@ _SILENCE = 1.0
 _IMPORT, _LOAD = 0.4, 0.03
 #: Largest share of the time left for compiling; other processes may slow it down.
 _SHARE = 0.15
+#: Largest share of the time left for waiting until another process has compiled a kernel.
+_PATIENCE = 0.25
 #: Seconds that an interpreted kernel may run beyond the limit, to return its current result.
 _GRACE = 0.2
 
@@ -79,6 +81,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 _left, _ahead = BUDGET, AHEAD
 #: Held while Numba works, because its registries are not safe for threads.
 _compiling = threading.RLock()
+#: Held while Numba is imported: two threads that import it at once can leave LLVM's lock held forever.
+_importing = threading.Lock()
 #: Held by a run without limit until its kernel is compiled. Runs with a limit do not wait for it.
 _patient = threading.RLock()
 
@@ -244,7 +248,9 @@ class Kernel:
         timer.start()
         _ending.add(thread)  # so that a stop request ends the wait
         try:
-            if not compilation.wait_for(*name, arguments, current_limit().end):
+            begin, end = perf_counter(), current_limit().end
+            # Under load, the process may take far longer than expected.
+            if not compilation.wait_for(*name, arguments, begin + _PATIENCE * (end - begin)):
                 raise _DoesNotFit
         finally:
             _ending.discard(thread)
@@ -256,6 +262,7 @@ class Kernel:
         Division follows NumPy. The compiled code releases the interpreter lock, so that a timer or
         Ctrl-C can set the stop flag while it runs.
         """
+        _numba_events()
         import numba
 
         # The wrapper for calls from C is unused and takes a tenth of the compile time.
@@ -314,8 +321,7 @@ class Kernel:
             begin = perf_counter()
             for watcher in current_watchers():
                 stack.enter_context(watcher())
-            from numba.core import event
-
+            event = _numba_events()
             timer = threading.Timer(_SILENCE, self._announce)
             timer.daemon = True
             stack.callback(timer.cancel)
@@ -343,10 +349,18 @@ class Kernel:
         log.warning(text, seconds, self.py_func.__name__)
 
 
+def _numba_events() -> Any:
+    """Import Numba, in one thread at a time, and return its module of events."""
+    with _importing:
+        from numba.core import event
+
+    return event
+
+
 def _after_fork() -> None:
     """Release in a forked process what other threads of its parent held."""
-    global _compiling, _patient
-    _compiling, _patient = threading.RLock(), threading.RLock()
+    global _compiling, _importing, _patient
+    _compiling, _importing, _patient = threading.RLock(), threading.Lock(), threading.RLock()
     _ending.clear()
 
 

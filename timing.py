@@ -21,7 +21,6 @@ __all__ = [
     "current_watchers",
     "watched",
     "within",
-    "within_share",
 ]
 
 Watcher = Callable[[], AbstractContextManager[object]]
@@ -115,16 +114,6 @@ def within(limit: Limit) -> Iterator[None]:
     finally:
         _limits.remove(limit)
         _here.limit = former
-
-
-@contextmanager
-def within_share(share: float) -> Iterator[None]:
-    """Apply a share of the time that is left, with the wait for compiled code, to the kernels of a stage."""
-    whole = current_limit()
-    part = Limit(share * max(whole.end - perf_counter(), 0.0), allows_trial=whole.allows_trial)
-    part.interpreted = whole.interpreted
-    with within(part):
-        yield
 
 
 @contextmanager

@@ -22,16 +22,12 @@ from ...models.grid_path.model import Connectivity, GridPath
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.model import Model
 from ...models.problems import problem_of
-from ...timing import within_share
 from ..contract.backend import Answer, Backend, Limit, Request, Termination
 from ..contract.registry import find_backend
 
 __all__ = ["Stages", "Unanswered", "planned", "taking"]
 
 Floats = NDArray[np.float64]
-
-#: Largest share of the time left that the routes may take, with the wait for compiled code.
-COMPILING = 0.4
 
 
 class Unanswered(CrosstrackError):
@@ -121,7 +117,7 @@ class Stages:
             problem.vehicles, costs=costs, depots=np.zeros(1, np.int64), objective=objective, q=q,
             deviation=problem.deviation,
         )  # fmt: skip
-        with self.clock("routing"), within_share(COMPILING):
+        with self.clock("routing"):
             answer = self.request.within(backend, routing, time_limit=seconds)
         routes = answer.point
         if routes is None and seconds is not None and answer.limit is not None:

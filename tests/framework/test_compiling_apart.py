@@ -64,6 +64,63 @@ def test_a_wait_ends_at_the_limit(never_ready):
     assert time.perf_counter() - begin < 2.0
 
 
+@pytest.mark.parametrize(("limit", "largest"), [(40.0, 10.1), (None, float("inf"))])
+def test_a_run_with_a_limit_waits_for_a_quarter_of_it(monkeypatch, limit, largest):
+    """Another process may take far longer to compile than expected."""
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+
+    @jit.kernel
+    def increased(value):
+        return value + 1
+
+    waits = []
+
+    def wait_for(module, name, arguments, end):
+        waits.append(end - time.perf_counter())
+        return False
+
+    monkeypatch.setattr(jit, "_APART", 0.0)
+    monkeypatch.setattr(compilation, "is_cached", lambda *arguments: False)
+    monkeypatch.setattr(compilation, "wait_for", wait_for)
+    with jit.within(jit.Limit(limit)):
+        assert increased(1) == 2  # interpreted
+    assert len(waits) == 1 and 0.9 * min(largest, 10.0) < waits[0] <= largest
+
+
+IMPORTS = """
+import sys, threading, time
+from crosstrack import jit
+
+failed = []
+
+def load():
+    try:
+        jit._numba_events()
+    except AttributeError as error:
+        failed.append(error)
+
+threads = [threading.Thread(target=load, daemon=True) for _ in range(20)]
+threads[0].start()
+while "numba.core" not in sys.modules:
+    time.sleep(0.001)
+for thread in threads[1:]:
+    thread.start()
+    time.sleep(0.01)
+for thread in threads:
+    thread.join(30.0)
+print(len(failed), any(thread.is_alive() for thread in threads))
+"""
+
+
+def test_threads_import_numba_one_after_another(run_python, tmp_path):
+    """Without a lock, a thread can use a module of events that another one has not imported completely.
+
+    Its exception leaves LLVM's lock held, so that all later imports of Numba wait for ever.
+    """
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+    assert run_python("-c", IMPORTS, cwd=tmp_path).split() == ["0", "False"]
+
+
 def test_a_wait_ends_with_the_process(never_ready, monkeypatch):
     monkeypatch.setattr(compilation, "is_running", lambda: False)
     assert compilation.wait_for("module", "kernel", (), float("inf"))

@@ -168,7 +168,6 @@ GOALS = {
 EXCEPTIONS = {
     "attractor": (5600, "13 estimators with uncertainties, calibrated systems and hunts"),
     "fleet": (6150, "fleet-search, bounds, subset-dp and four algorithms of the paper"),
-    "fleet_mission": (5010, "schedules in space and time, lanes, rests and rounded curves"),
     "grid_path": (
         5320,
         "the bucket queue is 3.3 to 5.2 times as fast as the heap, so both stay; readers of ROS and GeoJSON",
