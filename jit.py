@@ -262,7 +262,7 @@ class Kernel:
         Division follows NumPy. The compiled code releases the interpreter lock, so that a timer or
         Ctrl-C can set the stop flag while it runs.
         """
-        _numba_events()
+        _import_numba()
         import numba
 
         # The wrapper for calls from C is unused and takes a tenth of the compile time.
@@ -321,7 +321,9 @@ class Kernel:
             begin = perf_counter()
             for watcher in current_watchers():
                 stack.enter_context(watcher())
-            event = _numba_events()
+            _import_numba()
+            from numba.core import event
+
             timer = threading.Timer(_SILENCE, self._announce)
             timer.daemon = True
             stack.callback(timer.cancel)
@@ -349,12 +351,10 @@ class Kernel:
         log.warning(text, seconds, self.py_func.__name__)
 
 
-def _numba_events() -> Any:
-    """Import Numba, in one thread at a time, and return its module of events."""
+def _import_numba() -> None:
+    """Import Numba and its module of events, in one thread at a time."""
     with _importing:
-        from numba.core import event
-
-    return event
+        import numba.core.event  # noqa: F401
 
 
 def _after_fork() -> None:

@@ -95,7 +95,7 @@ failed = []
 
 def load():
     try:
-        jit._numba_events()
+        jit._import_numba()
     except AttributeError as error:
         failed.append(error)
 
