@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .jets import Jet, squared_norm
-from .polynomials import derived, horner
+from .polynomials import bernstein_matrix, derived, horner
 from .trajectory import Trajectory
 
 __all__ = ["REST", "Extended", "Motion", "Yaw", "extended", "heading_jumps"]
@@ -154,7 +154,7 @@ def _course(trajectory: Trajectory) -> Floats:
     result = np.zeros((trajectory.segments, inner.shape[1], 3))
     previous = np.array([1.0, 0.0])
     for segment, powers in enumerate(inner):
-        size = REST * float(np.abs(powers).sum())
+        size = REST * float(np.abs(bernstein_matrix(len(powers) - 1) @ powers).max())
         begin = _zeros(powers, size)
         # Powers of 1 - s: the expansion at the other end.
         end = _zeros(_reflection(len(powers)) @ powers, size)
