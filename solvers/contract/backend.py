@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import BackendMissing
+from ...errors import BackendMissing, UnsupportedFormulation
 from ...models.model import Model
 from ...models.records import Table
 from ...version import __version__
@@ -349,6 +349,11 @@ class Backend(ABC):
         and for further reasons.
         """
         return ""
+
+    def require_support(self, problem: Any) -> None:
+        """Raise :class:`~crosstrack.errors.UnsupportedFormulation` if the backend :meth:`refuses`."""
+        if refusal := self.refuses(problem):
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
 
     def starter(self, problem: Any) -> str:
         """Return the name of the heuristic that runs first if there is a time limit; ``""`` for none.

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
@@ -110,9 +109,7 @@ class FleetHeuristic(Backend):
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
         """Run the search and return the answer with the best plan."""
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         best = Best(problem, request)
         statistics = self.search(best, request)

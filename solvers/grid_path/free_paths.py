@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.grid_path.model import GridPath
 from ...models.grid_path.plan import GridPlan
@@ -139,9 +138,7 @@ class AnyDirection(Backend):
 
     def run(self, problem: GridPath, request: Request) -> Answer:
         """Search for each goal, or for the nearest with the shortest length so far as the ceiling."""
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         ground = Ground(problem, request)
         each = problem.reach == "each"

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import OutOfTime, clock
 from ...models.grid_path.model import Connectivity, GridPath, Reach
 from ...models.grid_path.plan import GridPlan
@@ -138,9 +137,7 @@ class NeighbourSearch(Backend):
 
     def run(self, problem: GridPath, request: Request) -> Answer:
         """Return optimal paths, or ``INFEASIBLE`` if a required goal is unreachable."""
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         field = Field(problem)
         first = None

@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.motion import tour
@@ -108,9 +107,7 @@ class Rival(Backend):
 
     def run(self, problem: MessengerTour, request: Request) -> Answer:
         """Search, and return the best path."""
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         flight = Flight(problem, request)
         statistics = self.search(flight, request)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.minimum_snap.bounds import derivative_name
 from ...models.minimum_snap.model import MinimumDerivative
@@ -69,9 +68,7 @@ class Banded(Backend):
         from .banded import solve_hermite
         from .hermite import CERTIFIED, Outcome, jets_to_coefficients
 
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         table = np.moveaxis(problem.jets, 2, 0)
         fixed = np.isfinite(table)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.minimum_snap.model import MinimumDerivative
 from ...models.minimum_snap.trajectory import Trajectory
@@ -76,9 +75,7 @@ class InteriorPoint(Backend):
         from .contacts import uncertifiable
         from .interior_solver import Settings, solve_chain
 
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         # The residuals of the iteration are absolute. Lengths far from 1 m are therefore rescaled.
         unit = common(float(problem.position_scale.max()))

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.minimum_snap.gates import Gate
 from ...models.minimum_snap.motion import extended
@@ -73,9 +72,7 @@ class Minco(Backend):
         """Search from the waypoints and the centres of the gates, or from the warm start."""
         from .minco import fastest, limits_of
 
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         points, durations = _points(problem), None
         if request.warm_start is not None:

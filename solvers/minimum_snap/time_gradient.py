@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.minimum_snap.time_allocation import TimeAllocation
 from ..contract.backend import (
@@ -130,9 +129,7 @@ class TimeGradient(Backend):
 
     def run(self, problem: TimeAllocation, request: Request) -> Answer:
         """Descend from a start, and return the warm start if the result is not better."""
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         return _no_worse(problem, request, self._descend(problem, request))
 
     def _descend(self, problem: TimeAllocation, request: Request) -> Answer:

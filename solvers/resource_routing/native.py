@@ -7,7 +7,6 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.resource_routing.route import Route
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -43,9 +42,7 @@ class RouteSearch(Backend):
         """Run the search and return its answer."""
         from .outcomes import FOUND, FULL, OPEN, STOPPED
 
-        refusal = self.refuses(problem)
-        if refusal:
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {refusal}")
+        self.require_support(problem)
         begin = clock()
         cutoff = math.inf if request.cutoff is None else request.cutoff * (1 + 1e-9)
         result, details = self.find(problem, cutoff, request)
