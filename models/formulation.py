@@ -59,6 +59,8 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     #: Whether every program is a relaxation of the model, so that its bound and its infeasibility
     #: carry over to the model. Otherwise it is an approximation, such as one mesh of several.
     relaxes: ClassVar[bool] = True
+    #: Reason, if the programs that follow a relaxation end without a plan of the model.
+    failure: ClassVar[str] = "the linearisation converged to no plan within the limits"
     #: Whether :meth:`started` draws a random start, so that backends do not have to.
     draws: ClassVar[bool] = False
 

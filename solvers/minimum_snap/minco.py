@@ -18,7 +18,7 @@ from .minco_kernels import positions, spline
 from .minco_limits import QUANTITIES, Multipliers, Task, measure
 from .minco_task import Region, Rows, basis, limits_of, posed
 
-__all__ = ["Fastest", "Region", "Rows", "fastest", "limits_of"]
+__all__ = ["Fastest", "Region", "Rows", "Search", "coefficients_of", "fastest", "limits_of"]
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +53,8 @@ class Fastest:
         Ascending powers of the scaled time s of each segment, m, as in
         :class:`~crosstrack.models.Trajectory`.
     excess : float
-        Largest relative excess of a limit or row at :data:`FINE` instants per segment; at most 0 if
-        they are kept there.
+        Largest relative excess of a limit or row at :data:`FINE` instants per segment, or of the last
+        `exact` verification; at most 0 if all are kept.
     worst : str
         Limit with this excess.
     settled : bool
@@ -72,7 +72,7 @@ class Fastest:
     evaluations: int
 
 
-class _Search:
+class Search:
     """Descents with a sequence of weights and multipliers."""
 
     def __init__(self, task: Task, x: Floats, flag: NDArray[np.int8]) -> None:
@@ -313,13 +313,13 @@ def fastest(
     x = np.concatenate([np.log(durations), *start])
     if seed:
         x[: count - 1] += 0.3 * np.random.default_rng(seed).standard_normal(count - 1)
-    search = _Search(task, x, np.zeros(1, np.int8) if flag is None else flag)
+    search = Search(task, x, np.zeros(1, np.int8) if flag is None else flag)
     prices, settled = _optimise(search, time_weight, evaluations)
     return _finish(search, exact, prices, settled)
 
 
 def _optimise(
-    search: _Search, time_weight: float | None, most: int
+    search: Search, time_weight: float | None, most: int
 ) -> tuple[tuple[float, float], bool]:
     """Descend with decreasing effort and updated multipliers.
 
@@ -359,7 +359,7 @@ def _optimise(
 
 
 def _finish(
-    search: _Search,
+    search: Search,
     exact: Callable[[Floats, Floats], float] | None,
     prices: tuple[float, float],
     settled: bool,
@@ -371,23 +371,24 @@ def _finish(
             break
         search.descend(*prices, REPAIR, DECREASE)
     kept = search.stretch_to_limits()
-    factor = 1.0
-    for _ in range(ROUNDS if exact is not None else 0):
-        jets = search.jets()[0]
-        excess = exact(search.durations, _coefficients(search, jets)) if exact is not None else 0.0
-        if excess <= 0.0:
+    factor, proven = 1.0, -np.inf
+    for number in range(ROUNDS + 1):
+        if exact is None:
+            break
+        proven = exact(search.durations, coefficients_of(search, search.jets()[0]))
+        # Slower motions do not reduce an infinite excess.
+        if proven <= 0.0 or not np.isfinite(proven) or number == ROUNDS:
             break
         factor *= 2.0
-        search.stretch(1.0 + factor * min(excess, 0.1))
-    jets = search.jets()[0]
-    excess, worst = search.worst()
+        search.stretch(1.0 + factor * min(proven, 0.1))
+    excess, worst = max(search.worst(), (proven, "limits between the instants"))
     return Fastest(
-        search.durations, _coefficients(search, jets), excess, worst, settled and kept,
-        search.iterations, search.evaluations,
+        search.durations, coefficients_of(search, search.jets()[0]), excess, worst,
+        settled and kept and proven <= 0.0, search.iterations, search.evaluations,
     )  # fmt: skip
 
 
-def _coefficients(search: _Search, jets: Floats) -> Floats:
+def coefficients_of(search: Search, jets: Floats) -> Floats:
     """Return ascending powers of s, shape (K, 2r, D)."""
     r = jets.shape[1]
     scale = search.durations[:, None] ** np.arange(float(r))
@@ -398,7 +399,3 @@ def _coefficients(search: _Search, jets: Floats) -> Floats:
     powers: Floats = np.einsum("pa,kad->kpd", hermite_basis(r, 2 * r - 1), local)
     powers[:, 0] += start[:, 0]
     return powers
-
-
-#: Names for other modules that start from an earlier search.
-Search, coefficients_of = _Search, _coefficients

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.minimum_snap.gates import Gate
-from ...models.minimum_snap.motion import extended
+from ...models.minimum_snap.motion import extended, heading_jumps
 from ...models.minimum_snap.time_allocation import Minimise, TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.minimum_snap.vehicle_checks import yaw_of
@@ -93,7 +93,9 @@ class Minco(Backend):
             time_weight=problem.time_weight if weighted else None,
             periodic=problem.periodic,
             durations=durations,
-            exact=lambda durations, powers: _excess(problem, _plan(problem, durations, powers)),
+            exact=lambda durations, powers: _excess(
+                problem, _plan(problem, durations, powers), request.tolerance
+            ),
             evaluations=request.options.get("steps", 4000),
             flag=request.control.flag,
             seed=request.seed or 0,
@@ -109,9 +111,10 @@ class Minco(Backend):
             limit = request.control.reason or Limit.INTERRUPTED
         plan = _plan(problem, result.durations, result.coefficients)
         # The verification takes longer than the search, and is repeated for each answer.
-        kept = result.excess <= 0.0 or (
-            plan is not None and problem.verify(plan, tolerance=request.tolerance).ok
-        )
+        kept, worst = result.excess <= 0.0, result.worst
+        if not kept and plan is not None:
+            violated = problem.verify(plan, tolerance=request.tolerance).violated
+            kept, worst = not violated, violated[0].name if violated else worst
         before = request.warm_start
         if before is not None and problem.verify(before, tolerance=request.tolerance).ok:
             if plan is None or not kept or problem.objective(before) < problem.objective(plan):
@@ -119,7 +122,7 @@ class Minco(Backend):
         if plan is None or not kept:
             return Answer(
                 Termination.NO_SOLUTION, limit, seconds=seconds, statistics=statistics,
-                message=f"no path within the limits was found (nearest: {result.worst} exceeded by "
+                message=f"no path within the limits was found (nearest: {worst} violated, relative excess "
                 f"{result.excess:.2g}); this is no proof that none exists",
             )  # fmt: skip
         message = ""
@@ -142,9 +145,12 @@ def _plan(problem: TimeAllocation, durations: Floats, powers: Floats) -> Traject
     return problem.at(times).with_yaw(plan) if problem.yaw is not None else plan
 
 
-def _excess(problem: TimeAllocation, plan: Trajectory | None) -> float:
-    """Return the largest proven excess of a limit that slower motions reduce, relative to it."""
+def _excess(problem: TimeAllocation, plan: Trajectory | None, tolerance: float) -> float:
+    """Return the largest proven excess of a limit, relative to it; infinite if the heading jumps."""
     if plan is None:
+        return np.inf
+    follows = problem.vehicle is not None and problem.vehicle.follows_path
+    if (follows or isinstance(problem.yaw, str)) and (heading_jumps(plan) > tolerance).any():
         return np.inf
     excess = problem.stretch(plan) - 1.0
     if problem.vehicle is not None:
@@ -215,7 +221,8 @@ def _regions(problem: TimeAllocation, points: Floats, length: float) -> list[Any
     last = problem.segments
     if problem.periodic:
         free[0] = free[-1] = free[0] & free[-1]
-        gates.setdefault(0, gates.get(last))  # type: ignore[arg-type]
+        if last in gates and free[0].all():
+            gates.setdefault(0, gates[last])
     regions = []
     for knot, point in enumerate(points):
         gate = gates.get(knot)

@@ -165,7 +165,6 @@ def _reached(request: Request, seconds: float | None) -> Limit | None:
 TIGHTER, TIGHTEST = 0.1, 1e-9
 #: Number of earlier programs whose plans are also verified if none was accurate enough.
 LOOKED = 2
-_UNSETTLED = "the linearisation converged to no plan within the limits"
 _BETWEEN = "stopped between two refinements of the program"
 
 
@@ -184,7 +183,7 @@ def _tighten(
                     answer, termination=Termination.LOCALLY_OPTIMAL, dual_bound=None, message=""
                 )
             elif found and formulation is not None and not formulation.relaxes:
-                answer = Answer(Termination.NO_SOLUTION, message=_UNSETTLED)
+                answer = Answer(Termination.NO_SOLUTION, message=formulation.failure)
             return answer, problem
         if run.target.proves:
             proven = proven_bound(problem, answer)

@@ -257,6 +257,26 @@ def test_wheels_keep_their_limits_by_stretching() -> None:
     assert solution.verification.ok and solution.plan.duration > 6.0
 
 
+def test_a_robot_that_must_turn_at_a_knot_has_no_plan() -> None:
+    robot = DifferentialDrive(wheel_speed=1.0, wheel_acceleration=1.0, track=0.4)
+    there_and_back = [[0, 0], [2, 0], [0, 0]]
+    for fields in ({"minimise": "time"}, {"time_weight": 10.0}):
+        solution = ct.solve(TimeAllocation(there_and_back, order=3, vehicle=robot, **fields))
+        assert solution.termination == "no_solution"
+        assert "continuity of heading violated" in solution.message
+    solution = ct.solve(MinimumDerivative(there_and_back, [0, 10, 20], vehicle=robot))
+    assert solution.termination == "no_solution" and "heading" in solution.message
+
+
+def test_the_end_of_a_lap_may_be_a_gate_around_its_start() -> None:
+    model = TimeAllocation(
+        [[0, 0], [2, 0], [2, 2], [None, None]], order=3, periodic=True, minimise="time",
+        gates=[Gate(3, centre=[0.3, 0], radius=0.5)], vehicle=PointMass(1.0, 1.0),
+    )  # fmt: skip
+    solution = ct.solve(model)
+    assert solution.verification.ok and np.allclose(solution.plan(solution.plan.duration), 0.0)
+
+
 def test_other_backends_refuse_gates() -> None:
     model = MinimumDerivative(TRACK, range(5), gates=GATES)
     for name in ("banded", "interior-point"):
@@ -274,7 +294,7 @@ def test_other_backends_refuse_gates() -> None:
 
 
 def test_pictures_show_the_gates() -> None:
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib", reason="pictures need Matplotlib")
     flat = TimeAllocation(
         [[0, 0], [None, None], [None, None], [6, 0]], order=3, minimise="time",
         gates=[Gate(1, centre=[2, 1], radius=0.4, normal=[1, 0]), Gate(2, centre=[4, -1], radius=0.4)],

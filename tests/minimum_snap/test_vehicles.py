@@ -301,6 +301,25 @@ def test_a_corner_at_standstill_has_a_jump_of_the_heading():
     assert checks["left wheel speed limit"].ok
 
 
+def test_large_coefficients_that_cancel_are_no_standstill():
+    """The velocity has the sizes of Chebyshev polynomials, with coefficients up to 1e10."""
+    shifted = np.polynomial.Chebyshev.basis(14, domain=[0, 1]).convert(
+        kind=np.polynomial.Polynomial, domain=[-1, 1], window=[-1, 1]
+    )
+    velocity = np.zeros((15, 2))
+    velocity[:, 0] = shifted.coef
+    velocity[0] += [1.2, 0.5]
+    powers = np.concatenate([np.zeros((1, 2)), velocity / np.arange(1, 16)[:, None]])
+    plan = Trajectory([0.0, 1.0], powers[None])
+    extremes = {e.name: e.value for e in DRIVE.check_curve(plan)}
+    t = np.linspace(0, 1, 20001)
+    (vx, vy), (ax, ay) = plan(t, 1).T, plan(t, 2).T
+    turn = (vx * ay - vy * ax) / (vx**2 + vy**2)
+    for name, side in (("left", -1), ("right", 1)):
+        speed = np.abs(np.hypot(vx, vy) + side * 0.5 * DRIVE.track * turn).max()
+        assert extremes[f"{name} wheel speed"] == pytest.approx(speed, rel=1e-4)
+
+
 def test_a_robot_at_rest_is_within_its_limits():
     plan = Trajectory([0.0, 1.0, 2.0], np.ones((2, 1, 2)))
     assert all(e.value <= 1e-6 * e.limit for e in DRIVE.check_curve(plan))

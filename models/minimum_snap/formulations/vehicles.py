@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..motion import extended
+from ..motion import extended, heading_jumps
 from ..peaks import Peaks, peaks
 from ..trajectory import Trajectory
 from ..vehicles import Measure
@@ -102,14 +102,7 @@ class VehicleFormulation(ConeProgramFormulation):
     def refined(self, point: Floats, tolerance: float, duals: Floats | None = None) -> Self | None:
         """Return the formulation with the violated instants of `point`, or about its path; None at the end.
 
-        Parameters
-        ----------
-        point : ndarray, shape (columns,)
-            Solution of the current program.
-        tolerance : float
-            Tolerance of the verification.
-        duals : ndarray, optional
-            Not used.
+        The parameters are those of the base; `duals` are not used.
         """
         plan = self.decode(point)
         held, excess, new, bent = [], 0.0, False, False
@@ -129,6 +122,8 @@ class VehicleFormulation(ConeProgramFormulation):
         base = self.base if base is None else base
         if self.centre is None:
             if self.rounds >= ROUNDS or not (new or bent):
+                if self._turns_at_knot(plan, tolerance):
+                    self._set(relaxes=False)
                 return None
             if new:
                 # Instants of other limits are of no use until the linearisation begins.
@@ -152,13 +147,13 @@ class VehicleFormulation(ConeProgramFormulation):
         gain = self.merit - merit
         change = self.base.encode(plan) - self.base.encode(self.centre)
         moved = float((np.abs(change) / self._reach).max(initial=0.0))
-        kept = excess <= 0.5 * tolerance
+        kept = excess <= 0.5 * tolerance and not self._turns_at_knot(plan, tolerance)
         still = abs(gain) <= _CONVERGED * abs(self.merit) or moved <= _SMALL
         if self.rounds >= STEPS or (still and kept and not new):
-            return self._finished(plan, kept)
+            return self._finished(kept)
         if still and not new and not kept and gain >= 0:
             if self.price >= _DEAREST:
-                return self._finished(plan, kept)
+                return self._finished(kept)
             dearer = self._next(held=held, base=base, centre=plan, price=self.price * _DEARER)
             return dearer._set(radius=RADIUS, merit=dearer._merit(plan, excess))
         if gain > 0:
@@ -170,11 +165,21 @@ class VehicleFormulation(ConeProgramFormulation):
             return self._next(held=held, base=base)
         radius = _SHRINK * min(self.radius, moved if moved > 0 else self.radius)
         if radius < 1e-12:
-            return self._finished(plan, kept)
+            return self._finished(kept)
         return self._next(held=held, base=base, radius=radius)
 
-    def _finished(self, plan: Trajectory, kept: bool) -> None:
+    def _finished(self, kept: bool) -> None:
         self._set(converged=kept)
+
+    def _turns_at_knot(self, plan: Trajectory, tolerance: float) -> bool:
+        """Return True, with the reason in `failure`, if the direction of the path jumps at a knot.
+
+        No program constrains the direction.
+        """
+        turns = self._follows and bool((heading_jumps(plan) > tolerance).any())
+        if turns:
+            self._set(failure="the heading of the optimal path jumps at a knot")
+        return turns
 
     @property
     def is_local_optimum(self) -> bool:

@@ -70,7 +70,7 @@ def shares(title: str, values: list[float]) -> str:
 def test_race(pieces: int, capsys: Any, tmp_path: Path) -> None:
     program = compile_peer(tmp_path)
     if isinstance(program, str):
-        pytest.skip(program)
+        pytest.skip(f"the race needs GCOPTER's program, but {program}")
     has_toppra = importlib.util.find_spec("toppra") is not None
     ct.solve(allocation(make_track(0), pieces))  # compiles
     ratios: dict[str, list[float]] = {}
