@@ -18,7 +18,7 @@ from ..fields import Array, Optional, Real, declared, frozen, show
 from ..inputs import Field, FloatArray, FloatsOrNone, Numbers
 from ..verification import Verification
 from .corridors_inflation import Contact, Inflation, inflate, largest_ball
-from .corridors_obstacles import Obstacles, as_obstacles
+from .corridors_obstacles import ConvexObstacles, as_obstacles
 from .corridors_proof import verify_corridor
 
 __all__ = ["METHODS", "Corridor", "corridor"]
@@ -286,7 +286,7 @@ def corridor(
     )  # fmt: skip
 
 
-def _limits(solids: Obstacles, frame: Floats | None, points: Floats) -> Floats:
+def _limits(solids: ConvexObstacles, frame: Floats | None, points: Floats) -> Floats:
     """Return the lowest and greatest coordinates of the centre, shape (2, d), rounded inward."""
     limits = np.array([[-np.inf], [np.inf]]).repeat(axes := points.shape[1], axis=1)
     if solids.limits is not None:
@@ -316,7 +316,7 @@ def _limits(solids: Obstacles, frame: Floats | None, points: Floats) -> Floats:
 
 
 def _reach(
-    reach: float | None, limits: Floats, solids: Obstacles, points: Floats, size: float
+    reach: float | None, limits: Floats, solids: ConvexObstacles, points: Floats, size: float
 ) -> float:
     """Return the side of the box around a polytope, m."""
     extent = np.concatenate([solids.extent, points])
@@ -353,7 +353,7 @@ def _stops(points: Floats, side: float) -> list[float]:
 
 
 def _chain(
-    solids: Obstacles, points: Floats, stops: list[float], size: float, limits: Floats, side: float,
+    solids: ConvexObstacles, points: Floats, stops: list[float], size: float, limits: Floats, side: float,
     passes: int, pause: Callable[[], Any],
 ) -> tuple[list[tuple[float, float]], list[Inflation]]:  # fmt: skip
     """Return the polytopes along the path and the part of the path in each.

@@ -6,6 +6,7 @@ vehicle. Its extent in a direction n is n·c ± Σ |n·g_j|.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -18,7 +19,7 @@ from ..fields import Array
 from ..grid_path import GridMap, Polygon, Polygons, as_shapely
 from .voxels import VoxelMap
 
-__all__ = ["Bodies", "Cells", "Edges", "Obstacles", "Points", "as_obstacles"]
+__all__ = ["Bodies", "Cells", "ConvexObstacles", "Edges", "Points", "as_obstacles"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,8 +33,8 @@ class Bodies(NamedTuple):
     name: Callable[[int], str]
 
 
-class Obstacles:
-    """Base of the kinds of obstacles."""
+class ConvexObstacles(ABC):
+    """Base of the kinds of obstacles, which consist of convex bodies."""
 
     #: Name of one obstacle.
     noun: str
@@ -43,16 +44,16 @@ class Obstacles:
     #: Lowest and greatest coordinates of the obstacles, shape (2, d).
     extent: Floats
 
+    @abstractmethod
     def within(self, low: Floats, high: Floats) -> Bodies:
         """Return bodies that cover the obstacles inside a box."""
-        raise NotImplementedError
 
     def containing(self, point: Floats) -> str:
         """Return the name of an obstacle whose interior contains a point, or an empty string."""
         return ""
 
 
-class Cells(Obstacles):
+class Cells(ConvexObstacles):
     """Blocked cells of a grid or of a voxel map, with indices in the order of the axes."""
 
     noun = "blocked cell"
@@ -111,7 +112,7 @@ def _merged(boxes: Ints, axis: int) -> Ints:
     return joined
 
 
-class Edges(Obstacles):
+class Edges(ConvexObstacles):
     """Edges of polygons. A connected set that starts outside and meets no edge stays outside."""
 
     noun, dimensions = "edge of a polygon", 2
@@ -148,7 +149,7 @@ class Edges(Obstacles):
         return f"polygons[{int(inside.argmax())}]" if inside.any() else ""
 
 
-class Points(Obstacles):
+class Points(ConvexObstacles):
     """Points of a cloud."""
 
     noun = "point"
@@ -170,7 +171,7 @@ def _extent(points: Floats) -> Floats:
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
-def as_obstacles(value: Any, dimensions: int) -> Obstacles:
+def as_obstacles(value: Any, dimensions: int) -> ConvexObstacles:
     """Return the obstacles of a map, of polygons or of points.
 
     Parameters
@@ -186,7 +187,7 @@ def as_obstacles(value: Any, dimensions: int) -> Obstacles:
     InvalidData
         The obstacles are invalid, or have another number of axes.
     """
-    obstacles: Obstacles
+    obstacles: ConvexObstacles
     if isinstance(value, Mapping | Polygon) or hasattr(value, "exterior"):
         value = [value]  # a single polygon
     if isinstance(value, GridMap | VoxelMap):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..verification import Check, Verification
-from .corridors_obstacles import Cells, Edges, Obstacles, Points, fractions
+from .corridors_obstacles import Cells, ConvexObstacles, Edges, Points, fractions
 
 __all__ = ["verify_corridor"]
 
@@ -69,7 +69,7 @@ def _dot(first: Sequence[Fraction], second: Sequence[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(first, second, strict=True)), Fraction(0))
 
 
-def verify_corridor(corridor: Any, obstacles: Obstacles) -> Verification:
+def verify_corridor(corridor: Any, obstacles: ConvexObstacles) -> Verification:
     """Return the verification of a ``Corridor`` against obstacles; see its method ``verify``."""
     radius = corridor.radius
     polytopes = [_Polytope(normals, offsets, radius) for normals, offsets in corridor.polytopes]
@@ -102,7 +102,7 @@ def _unit_normals(polytope: _Polytope) -> Any:
     return worst if worst > Fraction(1, 10**9) else 0
 
 
-def _bounds(polytope: _Polytope, corridor: Any, obstacles: Obstacles) -> Any:
+def _bounds(polytope: _Polytope, corridor: Any, obstacles: ConvexObstacles) -> Any:
     """Return the largest distance of a polytope beyond the map and the bounds; infinite without a box."""
     worst: Any = 0 if np.isfinite(np.array(polytope.box, float)).all() else np.inf
     limits = [] if obstacles.limits is None else [obstacles.limits]
@@ -115,7 +115,7 @@ def _bounds(polytope: _Polytope, corridor: Any, obstacles: Obstacles) -> Any:
     return worst
 
 
-def _obstacle(polytope: _Polytope, obstacles: Obstacles) -> Any:
+def _obstacle(polytope: _Polytope, obstacles: ConvexObstacles) -> Any:
     """Return the largest depth of an obstacle below all faces, m; not positive if faces separate all."""
     if isinstance(obstacles, Edges):
         return _edges(polytope, obstacles)
@@ -187,7 +187,7 @@ def _gap(begin: Exact, end: Exact) -> Fraction | None:
 
 
 def _path(
-    polytopes: list[_Polytope], corridor: Any, obstacles: Obstacles
+    polytopes: list[_Polytope], corridor: Any, obstacles: ConvexObstacles
 ) -> Iterator[tuple[str, Any]]:
     """Yield the distance of the path from the polytopes that cover it, and whether it starts in a polygon."""
     points = [fractions(point) for point in corridor.path]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -136,11 +137,11 @@ class StagedFlight(Backend):
         result_check = problem.verify(best, tolerance=request.tolerance)
         return (best, "") if result_check.ok else (None, result_check.summary())
 
+    @abstractmethod
     def fly(
         self, problem: Flight, course: Course, request: Request, statistics: dict[str, Any]
     ) -> FlightPlan | None:
         """Return a verified plan in the corridor of a course, or None."""
-        raise NotImplementedError
 
 
 class Staged(StagedFlight):
