@@ -69,6 +69,8 @@ class Boxes:
         """
         from scipy.ndimage import binary_erosion
 
+        # A blocked cell at the border continues outside, where the tolerance allows positions.
+        blocked, origin = np.pad(blocked, 1, mode="edge"), origin - cell
         axes = blocked.ndim
         buried = binary_erosion(blocked, np.ones((3,) * axes, bool), border_value=1)
         cells = np.argwhere(blocked & ~buried)

@@ -137,6 +137,10 @@ def test_a_curve_along_a_wall_and_between_two_cells():
     """Contact is allowed; a face between two blocked cells is no way."""
     free = GridMap(["....", "@@@@"], 1.0)
     assert Flight(free, (0, 1), (4, 1), PointMass(9, 9)).verify(straight([[0, 1], [4, 1]])).ok
+    split = GridMap([".@.", ".@."])
+    outside = straight([[0.5, 1.0], [0.5, -1e-7], [2.5, -1e-7], [2.5, 1.0]])
+    model = Flight(split, (0.5, 1.0), (2.5, 1.0), PointMass(9, 9))
+    assert "radius away from obstacles" in violated(model, outside)
     closed = GridMap([".@@.", ".@@.", "...."], 1.0)
     model = Flight(closed, (0, 1), (4, 1), PointMass(9, 9))
     (check,) = model.verify(straight([[0, 1], [4, 1]])).violated
