@@ -126,8 +126,7 @@ def main() -> None:
             run("export", instance, "plan.json", "--output", "plan.csv", "--format", form)
         if kind not in LONG:
             run("compare", instance, "--backends", "auto", code=4 if kind in LOCAL else 0)
-        # The program of a time allocation has no linear rows, and a flight has no program.
-        if kind not in ("time-allocation", "flight"):
+        if kind != "time-allocation":  # whose program has no linear rows
             # A second settles what a small problem has, and leaves the slew's open.
             run("diagnose", instance, "--time-limit", 1, code=(0, 4))
     run("reproduce", "error-correction", "--rows", "1", "--time-limit", 5, code=(0, 4))

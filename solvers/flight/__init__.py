@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 #: Names that modules of other problems import.
 SHARED = ("replanning.prepare_flight",)
 BACKENDS = {"minco": ".minco:Minco", "staged": ".staged:Staged"}
+DIAGNOSES = {"flight": ".diagnosis:diagnose_flight"}
 
 if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
     __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -15,7 +15,16 @@ from ...models.flight.model import Flight
 from ...models.minimum_snap.trajectory import Trajectory
 from .ways import is_safe
 
-__all__ = ["Course", "course_of", "excess", "resting", "stretched", "times_along", "typical"]
+__all__ = [
+    "Course",
+    "course_of",
+    "excess",
+    "resting",
+    "stretched",
+    "times_along",
+    "top_speed",
+    "typical",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -136,10 +145,15 @@ def times_along(model: Flight, knots: Floats) -> Floats:
     return np.asarray(apart / np.maximum((speeds[1:] + speeds[:-1] + peak) / 3.0, 1e-9 * top))
 
 
+def top_speed(vehicle: Any) -> float:
+    """Return the limit of a vehicle's speed along its path, m/s; infinite without one."""
+    speeds = [getattr(vehicle, name, None) for name in ("speed", "wheel_speed")]
+    return min([value for value in speeds if value is not None], default=math.inf)
+
+
 def typical(vehicle: Any) -> tuple[float, float]:
     """Return a speed, infinite if it has no limit, and an acceleration within a vehicle's limits."""
-    speeds = [getattr(vehicle, name, None) for name in ("speed", "wheel_speed")]
-    speed = min([value for value in speeds if value is not None], default=math.inf)
+    speed = top_speed(vehicle)
     pushes = [getattr(vehicle, name, None) for name in ("acceleration", "wheel_acceleration")]
     push = min([value for value in pushes if value is not None], default=math.inf)
     if getattr(vehicle, "thrust", None) is not None:

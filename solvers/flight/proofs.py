@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,30 @@ from ...models.flight.model import Flight, FlightObjective
 from ...models.flight.voxels import VoxelMap
 from ...models.grid_path import as_shapely
 from ...models.grid_path.gridmap import MOST, GridMap
+from ...models.verification import TOLERANCE
+from .course import top_speed
 
-__all__ = ["find_separation", "least_objective"]
+__all__ = ["Separation", "least_objective", "separations"]
 
 Truths = NDArray[np.bool_]
 
-#: Depth in cells to which a plan may enter obstacles, with a reserve above the largest tolerance of 1e-4.
-SLACK = 1e-3
+#: Least reserve for the depth, in cells, to which a plan may enter obstacles, and reserve per tolerance.
+SLACK, RESERVE = 1e-3, 10.0
 
 
-def find_separation(model: Flight) -> str:
-    """Return how obstacles separate two consecutive places of a flight; empty without a proof.
+class Separation(NamedTuple):
+    """Two consecutive places of a flight that no curve connects, and the reason."""
+
+    first: str
+    second: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"no way from the {self.first} to the {self.second}: {self.reason}"
+
+
+def separations(model: Flight, tolerance: float = TOLERANCE) -> list[Separation]:
+    """Return the consecutive places of a flight that are proven to be separated by obstacles.
 
     The free space is enlarged to cells, or to a polygon, that contain it. If two places are in different
     components of the enlarged space, no continuous curve connects them.
@@ -32,28 +45,33 @@ def find_separation(model: Flight) -> str:
     ----------
     model : Flight
         The flight.
+    tolerance : float
+        Tolerance of the verification of plans.
     """
+    slack = max(SLACK, RESERVE * tolerance)
+    if slack >= 0.5:  # a plan may cross a cell
+        return []
     names = ["start", *(f"waypoint {k}" for k in range(len(model.waypoints))), "goal"]
-    regions = _polygon_regions(model) if isinstance(model.map, tuple) else _cell_regions(model)
-    if regions is None:
-        return ""
-    owners, describe = regions
-    for (first, one), (second, other) in itertools.pairwise(zip(names, owners, strict=True)):
-        if one and other and not one & other:
-            return f"no way from the {first} to the {second}: {describe(min(one))}"
-    return ""
+    regions = _polygon_regions if isinstance(model.map, tuple) else _cell_regions
+    owners, describe = regions(model, slack)
+    pairs = itertools.pairwise(zip(names, owners, strict=False))
+    return [
+        Separation(first, second, describe(min(one)))
+        for (first, one), (second, other) in pairs
+        if one and other and not one & other
+    ]
 
 
-def _cell_regions(model: Flight) -> tuple[list[set[int]], Any] | None:
+def _cell_regions(model: Flight, slack: float) -> tuple[list[set[int]], Any]:
     """Return the components of the cells at each place, and a function that describes a component.
 
-    A cell is closed if all its positions are forbidden. Cells that touch at a corner are connected for a
+    There are no components if the cells are too many. A cell is closed if all its positions are forbidden. Cells that touch at a corner are connected for a
     vehicle without extent. Another one passes from cell to cell over common faces only.
     """
     from scipy.ndimage import binary_dilation, distance_transform_edt, label
 
     half = 0.5 * math.sqrt(model.dimensions)
-    reach = model.radius / model.cell - SLACK
+    reach = model.radius / model.cell - slack
     if isinstance(model.map, GridMap | VoxelMap):
         origin, closed = model.map.origin, model.space.blocked.copy()
         if reach > half and closed.any():
@@ -65,7 +83,7 @@ def _cell_regions(model: Flight) -> tuple[list[set[int]], Any] | None:
         low, high = model.space.extent(model.places)
         count = np.ceil((high - low) / model.cell).astype(int) + 2
         if not len(model.map) or not np.prod(count, dtype=float) <= MOST:
-            return None
+            return [], str
         origin = low - model.cell  # a frame of free cells, as the space around is free
         places = np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1) + 0.5
         away = cKDTree((model.map - origin) / model.cell).query(places.reshape(-1, len(count)))[0]
@@ -73,7 +91,7 @@ def _cell_regions(model: Flight) -> tuple[list[set[int]], Any] | None:
     everything = np.ones((3,) * closed.ndim, bool)
     is_lattice = isinstance(model.map, GridMap | VoxelMap)
     regions = label(~closed, None if is_lattice and reach > 0.0 else everything)[0]
-    shifts = np.array(list(itertools.product((-1e-6, 1e-6), repeat=closed.ndim)))
+    shifts = np.array(list(itertools.product((-slack, slack), repeat=closed.ndim)))
     owners = []
     for place in model.places:
         cells = np.floor((place - origin) / model.cell + shifts).astype(int)
@@ -94,12 +112,12 @@ def _cell_regions(model: Flight) -> tuple[list[set[int]], Any] | None:
     return owners, describe
 
 
-def _polygon_regions(model: Flight) -> tuple[list[set[int]], Any] | None:
+def _polygon_regions(model: Flight, slack: float) -> tuple[list[set[int]], Any]:
     """Return the parts of the free space at each place, and a function that describes a part."""
     import shapely
 
     assert isinstance(model.map, tuple)
-    slack = SLACK * model.cell
+    slack *= model.cell
     # Arcs of a buffer are polygons inside the true arcs, so that the free space is not too small.
     solid = shapely.buffer(shapely.union_all(as_shapely(model.map)), model.radius - 2.0 * slack)
     low, high = model.space.extent(model.places)
@@ -120,7 +138,7 @@ def _polygon_regions(model: Flight) -> tuple[list[set[int]], Any] | None:
     return owners, describe
 
 
-def least_objective(model: Flight) -> float:
+def least_objective(model: Flight, tolerance: float = TOLERANCE) -> float:
     """Return a lower bound on the objective of every plan.
 
     It is the time along straight lines between the places within the limits of speed and acceleration, from
@@ -130,8 +148,12 @@ def least_objective(model: Flight) -> float:
     ----------
     model : Flight
         The flight.
+    tolerance : float
+        Tolerance of the verification of plans.
     """
-    length = float(np.linalg.norm(np.diff(model.places, axis=0), axis=1).sum())
+    lengths = np.linalg.norm(np.diff(model.places, axis=0), axis=1)
+    # Plans may miss each place by the tolerance.
+    length = float(np.maximum(lengths - RESERVE * tolerance * model.cell, 0.0).sum())
     speed, push = _limits(model)
     at_rest = not (model.start_velocity.any() or model.goal_velocity.any())
     time = length / speed
@@ -139,15 +161,14 @@ def least_objective(model: Flight) -> float:
         time = 2.0 * math.sqrt(length / push)
         if length > speed**2 / push:
             time = length / speed + speed / push
-    time *= 1.0 - 1e-5  # limits are kept within the tolerance
+    time *= max(1.0 - RESERVE * tolerance, 0.0)  # limits are kept within the tolerance
     return time if model.objective is FlightObjective.TIME else model.time_weight * time
 
 
 def _limits(model: Flight) -> tuple[float, float]:
     """Return upper bounds on the speed and on the acceleration of the vehicle."""
     vehicle: Any = model.vehicle
-    speeds = [getattr(vehicle, name, None) for name in ("speed", "wheel_speed")]
-    speed = min([value for value in speeds if value is not None], default=math.inf)
+    speed = top_speed(vehicle)
     push = getattr(vehicle, "acceleration", None)
     push = math.inf if push is None else push
     if getattr(vehicle, "thrust", None) is not None:

@@ -29,7 +29,7 @@ from ..contract.backend import (
 )
 from ..contract.registry import find_backend
 from .course import Course, course_of, resting, stretched, times_along, typical
-from .proofs import find_separation, least_objective
+from .proofs import Separation, least_objective, separations
 from .ways import lattice, way
 
 __all__ = ["Staged", "StagedFlight"]
@@ -64,15 +64,15 @@ class StagedFlight(Backend):
     def run(self, problem: Flight, request: Request) -> Answer:
         """Carry out the stages."""
         begin = clock()
-        bound = least_objective(problem)
+        bound = least_objective(problem, request.tolerance)
         statistics: dict[str, Any] = {}
-        plan, message, proof, control = None, "", "", request.control
+        plan, message, proof, control = None, "", list[Separation](), request.control
         for parts in PARTS:
             plan, message = self._planned(problem, request, parts, statistics)
             if plan is not None or control.stopped or message:
                 break
             if parts == 1:  # a proof takes less time than a search on finer cells
-                proof = find_separation(problem)
+                proof = separations(problem, request.tolerance)
             if proof or control.stopped:
                 break
         common: dict[str, Any] = {"seconds": {"solve": clock() - begin}, "statistics": statistics}
@@ -81,7 +81,7 @@ class StagedFlight(Backend):
             objective = problem.verify(plan, tolerance=request.tolerance).objective
             return Answer(Termination.FEASIBLE, limit, plan, objective, bound, **common)
         if proof:
-            return Answer(Termination.INFEASIBLE, message=proof, **common)
+            return Answer(Termination.INFEASIBLE, message=str(proof[0]), **common)
         if not message:
             message = "no way over cells was found, and none is excluded"
             message = "the search for a way over cells was stopped" if control.stopped else message

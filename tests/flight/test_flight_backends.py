@@ -9,7 +9,15 @@ from flight.flights import WALL, around, is_clear, world
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from crosstrack.instances import export_plan
-from crosstrack.models import DifferentialDrive, Flight, FlightPlan, GridMap, PointMass, Quadrotor
+from crosstrack.models import (
+    DifferentialDrive,
+    Flight,
+    FlightPlan,
+    GridMap,
+    PointMass,
+    Quadrotor,
+    Trajectory,
+)
 from crosstrack.models.fleet_mission import MovingObstacle
 from crosstrack.solvers.flight import proofs, ways
 
@@ -129,10 +137,53 @@ def test_a_map_without_a_way_is_proven_infeasible(model):
         assert "no way from the start to the goal" in solution.message
 
 
+def test_diagnosis_names_every_separated_pair_of_places():
+    model = Flight(GridMap(CLOSED), (1, 1), (1, 5), PointMass(1, 1), waypoints=[[4, 3]])
+    diagnosis = ct.diagnose(model)
+    assert diagnosis.feasible is False
+    assert [finding.where for finding in diagnosis.findings] == [
+        "start to waypoint 0",
+        "waypoint 0 to goal",
+    ]
+    assert "forbidden cells" in diagnosis.findings[0].data["reason"]
+    # The inner region of two by two cells is named for the second pair.
+    assert "its region has 4 cells" in diagnosis.findings[1].text
+
+
+def test_diagnosis_without_a_proof_decides_nothing():
+    lines = ["...@", "..@.", ".@..", "@..."]
+    for model in (around(), Flight(GridMap(lines), (0.5, 0.5), (3.5, 3.5), PointMass(1, 1))):
+        diagnosis = ct.diagnose(model)
+        assert diagnosis.feasible is None and not diagnosis.findings
+        assert "no cause is proven" in str(diagnosis)
+
+
+def test_a_tolerance_that_crosses_cells_proves_nothing():
+    model = Flight(GridMap(CLOSED), (1, 1), (4, 3), PointMass(1, 1), radius=0.05)
+    assert proofs.separations(model, 1e-3)
+    assert not proofs.separations(model, 0.1)
+
+
+def test_the_bound_holds_for_a_plan_within_a_coarse_tolerance():
+    """A speed that is 0.9e-4 above its limit passes with the tolerance 1e-4."""
+    length = 2e5
+    model = Flight([], (0, 0), (length, 0), PointMass(2.0, 1.0))
+    # The speed rises by 2 (10 s³ - 15 s⁴ + 6 s⁵) over 4 s and 4 m, and falls in the same way.
+    rise = np.array([0, 0, 0, 0, 20.0, -24.0, 8.0])
+    steady = np.array([4.0, length - 8.0, 0, 0, 0, 0, 0])
+    fall = np.array([length - 4.0, 8.0, 0, 0, -20.0, 24.0, -8.0])
+    powers = np.stack([rise, steady, fall])[:, :, None] * [1.0, 0.0]
+    times = np.array([0.0, 4.0, length / 2, length / 2 + 4.0]) / (1 + 0.9e-4)
+    result = model.verify(FlightPlan(Trajectory(times, powers)), tolerance=1e-4)
+    assert result.ok, result
+    assert result.objective < proofs.least_objective(model)
+    assert result.objective >= proofs.least_objective(model, 1e-4)
+
+
 def test_only_a_vehicle_without_extent_passes_a_corner():
     lines = ["...@", "..@.", ".@..", "@..."]
     model = Flight(GridMap(lines), (0.5, 0.5), (3.5, 3.5), PointMass(1, 1))
-    assert not proofs.find_separation(model)
+    assert not proofs.separations(model)
     assert ct.solve(model).termination == "no_solution"
     assert ct.solve(dataclasses.replace(model, radius=0.1)).termination == "infeasible"
 
