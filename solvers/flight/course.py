@@ -68,6 +68,16 @@ class Course(NamedTuple):
         polytopes = [polytope for polytope in self.polytopes for _ in range(pieces)]
         return Course(self.path, polytopes, knots, self.stops * pieces)
 
+    def narrowed(self, model: Flight, inset: float) -> Course:
+        """Return the course with faces moved inward by `inset` cells, but not beyond a place of the flight."""
+        fixed = dict(zip(self.stops.tolist(), model.places, strict=True))
+        smaller = []
+        for k, (normals, offsets) in enumerate(self.polytopes):
+            near = [fixed[knot] for knot in (k, k + 1) if knot in fixed]
+            floor = np.max([normals @ place for place in near], axis=0, initial=-np.inf)
+            smaller.append((normals, np.maximum(offsets - inset * model.cell, floor)))
+        return self._replace(polytopes=smaller)
+
 
 def course_of(
     model: Flight, path: Floats, stops: Ints, inset: float = INSET, pause: Any = bool
@@ -108,15 +118,7 @@ def course_of(
         polytopes += leg.polytopes
         knots += list(leg.knots[1:])
         marks.append(len(knots) - 1)
-    marked = np.array(marks)
-    fixed = dict(zip(marks, model.places, strict=True))
-    smaller = []
-    for k, (normals, offsets) in enumerate(polytopes):
-        # Places at the border of a polytope stay inside.
-        near = [fixed[knot] for knot in (k, k + 1) if knot in fixed]
-        floor = np.max([normals @ place for place in near], axis=0, initial=-np.inf)
-        smaller.append((normals, np.maximum(offsets - inset * model.cell, floor)))
-    return Course(path, smaller, np.array(knots), marked)
+    return Course(path, polytopes, np.array(knots), np.array(marks)).narrowed(model, inset)
 
 
 def _limits(model: Flight) -> Any:

@@ -41,6 +41,8 @@ ROUNDS, EVALUATIONS = 12, 8
 FIRST = 24
 #: Least duration of the first segment, relative to the mean.
 SHORTEST = 0.05
+#: Share of the inset that a curve may use, and least excess that it may have, in cells.
+PART, LEAST = 0.99, 1e-7
 #: Samples of the last curve per segment, to find the position on it.
 SAMPLES = 32
 
@@ -54,9 +56,9 @@ class Replan:
     trajectory : Trajectory
         Curve from the state, which is at time 0.
     ok : bool
-        Whether limits and corridor are kept. After a warm start they are checked at 128 instants per segment,
-        with parabolas in between, and :meth:`verification` proves it for all instants. A plan from the map
-        is verified.
+        Whether no violation of limits and corridor was found. After a warm start they are checked at 128
+        instants per segment, with parabolas in between, which is no proof. :meth:`verification` proves it for
+        all instants. A plan from the map is verified.
     warm : bool
         Whether the search started from the last plan in its corridor. Otherwise the flight was planned
         from its map, which takes longer.
@@ -101,6 +103,12 @@ class PreparedFlight:
     ----------
     solution : Solution
         Solution of the whole flight.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The flight has moving obstacles, no plan, coinciding places or no corridor, because its path
+        touches an obstacle.
     """
 
     def __init__(self, model: Flight) -> None:
@@ -115,13 +123,23 @@ class PreparedFlight:
                 f"prepare takes flights with a plan between different places, got "
                 f"{self.solution.termination}: {self.solution.message}"
             )
-        self._begin(model, plan.path)
+        try:
+            self._begin(model, plan.path)
+        except InvalidData as error:
+            raise UnsupportedFormulation(
+                f"prepare takes flights with a corridor: {error}"
+            ) from None
 
     def _begin(self, model: Flight, path: Floats) -> None:
         """Compute the corridor along a path, and a first curve within tightened limits."""
         apart = np.linalg.norm(path[:, None] - model.places, axis=2)
         stops = np.maximum.accumulate(np.argmin(apart, axis=0))
-        self.course: Course = course_of(model, path, stops, INSET)
+        whole = course_of(model, path, stops, 0.0)
+        self.course: Course = whole.narrowed(model, INSET)
+        pairs = zip(whole.polytopes, self.course.polytopes, strict=True)
+        # Faces at the places of the flight have a smaller inset.
+        inset = np.concatenate([outer - inner for (_, outer), (_, inner) in pairs])
+        self._allowed = np.maximum(PART * inset, LEAST * model.cell)
         result = engine(model, self.course, limits=limits_within(model.vehicle, RESERVE))
         knots = np.concatenate([result.coefficients[:, 0], result.coefficients[-1:].sum(axis=1)])
         regions, jets = ends_of(model, self.course)
@@ -149,12 +167,13 @@ class PreparedFlight:
         return kept
 
     def _is_kept(self, search: Any, limits: Floats) -> bool:
-        """Return whether the true limits and the polytopes are kept, apart from half their inset."""
+        """Return whether the true limits and polytopes are kept at all instants of the fine grid."""
         fine = search.fine
         search.fine = fine._replace(limits=limits)
         vehicle, rows = search.peaks()
         search.fine = fine
-        return bool(vehicle.max() <= 0.0 and rows.max(initial=-1.0) * SIZE <= 0.99 * INSET)
+        excess = rows * SIZE * self.model.cell - self._allowed[-len(rows) :]
+        return bool(vehicle.max() <= 0.0 and excess.max() <= 0.0)
 
     def replan(
         self,
@@ -224,9 +243,9 @@ class PreparedFlight:
         if plan is None:
             return None
         if plan.path is not None and np.ptp(plan.path, axis=0).any():
-            self.model = model
             with suppress(InvalidData):  # a path that touches an obstacle has no corridor
                 self._begin(model, plan.path)
+                self.model = model
         return plan.trajectory
 
     def _tail(self, state: Floats) -> Any:
@@ -236,7 +255,7 @@ class PreparedFlight:
         result = _tail(search, k, share, state)
         task = result.task
         rows = slice(0, int(task.start[1]))
-        allowed = task.offset[rows] + 0.99 * INSET * self.model.cell
+        allowed = task.offset[rows] + self._allowed[-len(task.offset) :][rows]
         return result if (task.normal[rows] @ state[0] <= allowed).all() else None
 
     def _place(self, position: Floats, search: Any) -> tuple[int, float]:

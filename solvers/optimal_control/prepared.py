@@ -39,7 +39,6 @@ from .step import Step
 from .structured import StructuredSolver
 
 if TYPE_CHECKING:
-    from ...models.flight.model import Flight
     from ..flight.replanning import PreparedFlight
 
 __all__ = ["PreparedSolver", "Step", "prepare"]
@@ -360,7 +359,8 @@ def prepare(
     """
     original = model = as_model(problem)
     if isinstance(original, Flight):
-        given = formulation, mesh, tolerance, time_limit, limits, backend_options, structured
+        chosen = None if backend == "ipopt" else backend
+        given = chosen, formulation, mesh, tolerance, time_limit, limits, backend_options, structured
         return prepare_flight(original, *given, *options)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()

@@ -293,6 +293,10 @@ def test_replans_from_a_disturbed_state_and_outside_the_corridor():
 def test_prepare_refuses_options_and_flights_without_a_plan():
     with pytest.raises(UnsupportedOption, match="no options"):
         ct.prepare(around(), intervals=4)
+    with pytest.raises(UnsupportedOption, match="no options"):
+        ct.prepare(around(), backend="staged")
+    with pytest.raises(UnsupportedFormulation, match="corridor: path must keep a distance"):
+        ct.prepare(around(start=(3.7, 0)))
     with pytest.raises(UnsupportedFormulation, match="infeasible"):
         ct.prepare(around(map=[RING], goal=(5, 0)))
     with pytest.raises(UnsupportedFormulation, match="different places"):
@@ -355,6 +359,15 @@ def test_a_stopped_corridor_ends():
 
     with pytest.raises(TimeoutError):
         ct.corridor([WALL], [[0, 0], [2, 0]], radius=0.3, pause=stop)
+
+
+def test_a_replan_that_leaves_the_bounds_at_the_start_is_not_ok():
+    """The corridor has no inset at the start, which touches the bounds."""
+    prepared = ct.prepare(around(bounds=(0, -9, 11, 9)))
+    for velocity in ((0.0, 0.0), (0.0, 0.2), (-0.04, 0.2), (-0.05, 0.0)):
+        replan = prepared.replan((0, 0), velocity)
+        assert replan.ok == (velocity[0] == 0.0)
+        assert replan.verification().ok == replan.ok
 
 
 def test_replanning_at_the_goal_and_outside_the_corridor():
