@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...errors import InvalidData
 from ..declaration import Declared
 from ..fields import Array, Real, declared, show
-from ..grid_path.gridmap import read_cells
+from ..grid_path.gridmap import enlarged, read_cells
 from ..inputs import Field, FloatArray, Numbers
 
 __all__ = ["MOST_VOXELS", "VoxelMap"]
@@ -199,24 +198,10 @@ class VoxelMap(Declared):
         InvalidData
             The radius is invalid, or no cube remains free.
         """
-        from scipy.ndimage import distance_transform_edt
-
         reach = Real(lower=0, unit="m").coerce("radius", radius, {})
         if reach == 0 or not self.blocked.any():
             return self
-        # The nearest points of two cubes of the same lattice are corners.
-        corners = np.ones(np.add(self.shape, 1), bool)
-        windows = [
-            tuple(slice(s, s + n) for s, n in zip(shift, self.shape, strict=True))
-            for shift in product((0, 1), repeat=3)
-        ]
-        for window in windows:
-            corners[window] &= ~self.blocked
-        squares = np.rint(distance_transform_edt(corners) ** 2)
-        limit = math.ceil((Fraction(reach) / Fraction(self.cell)) ** 2)
-        near = squares < limit
-        blocked = np.logical_or.reduce([near[window] for window in windows])
-        return replace(self, blocked=self.blocked | blocked)
+        return replace(self, blocked=enlarged(self.blocked, Fraction(reach) / Fraction(self.cell)))
 
     def __repr__(self) -> str:
         size = " × ".join(map(str, self.shape))

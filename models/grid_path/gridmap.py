@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -17,7 +19,7 @@ from ..inputs import Field, FloatArray, Numbers
 from .polygons import Polygons, as_shapely
 from .raster import SHRINK, rasterise
 
-__all__ = ["BLOCKED", "FREE", "MOST", "GridMap", "read_cells"]
+__all__ = ["BLOCKED", "FREE", "MOST", "GridMap", "enlarged", "read_cells"]
 
 Floats = NDArray[np.float64]
 Truths = NDArray[np.bool_]
@@ -27,6 +29,8 @@ FREE, BLOCKED = ".", "@"
 _FREE, _BLOCKED = ".G", "@OTW#"
 #: Maximum number of cells of a map.
 MOST = 2**26
+#: Distance in cells that exceeds the size of every map.
+_FARTHEST = 1e9
 
 
 class Cells(Array):
@@ -98,6 +102,35 @@ def read_cells(
 def _require_few(where: str, cells: int) -> None:
     if cells > MOST:
         raise InvalidData(f"{where} must have at most {MOST} cells, got {cells}", field="blocked")
+
+
+def enlarged(blocked: Truths, reach: float | Fraction) -> Truths:
+    """Return the blocked cells and those nearer than `reach` to one, compared by exact arithmetic.
+
+    The distance of two cells is that of their nearest points.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, one dimension per axis
+        Cells.
+    reach : float or Fraction
+        Distance in cells.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    if reach == 0 or not blocked.any():
+        return blocked
+    # The nearest points of two cells of the same lattice are corners.
+    corners = np.ones(np.add(blocked.shape, 1), bool)
+    windows = [
+        tuple(slice(s, s + n) for s, n in zip(shift, blocked.shape, strict=True))
+        for shift in np.ndindex((2,) * blocked.ndim)
+    ]
+    for window in windows:
+        corners[window] &= ~blocked
+    limit = math.ceil(Fraction(min(reach, _FARTHEST)) ** 2)
+    near = np.rint(distance_transform_edt(corners) ** 2) < limit
+    return np.asarray(np.logical_or.reduce([blocked, *(near[window] for window in windows)]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -287,22 +320,10 @@ class GridMap(Declared):
         InvalidData
             The radius is invalid, or no cell remains free.
         """
-        from scipy.ndimage import distance_transform_edt
-
         reach = Real(lower=0, unit="m").coerce("radius", radius, {}) / self.cell
-        # The nearest points of two cells of the same lattice are corners.
-        corners = np.ones(np.add(self.shape, 1), bool)
-        for row in (0, 1):
-            for column in (0, 1):
-                rows, columns = self.shape
-                corners[row : row + rows, column : column + columns] &= ~self.blocked
-        if corners.all() or reach == 0:
+        if not self.blocked.any() or reach == 0:
             return self
-        away = distance_transform_edt(corners)
-        near = np.minimum(away[1:], away[:-1]).astype(float)
-        near = np.asarray(np.minimum(near[:, 1:], near[:, :-1]))
-        blocked = self.blocked | (near < reach * (1 - 1e-12))
-        return replace(self, blocked=blocked)
+        return replace(self, blocked=enlarged(self.blocked, reach * (1 - 1e-12)))
 
     def __repr__(self) -> str:
         rows, columns = self.shape

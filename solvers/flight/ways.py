@@ -13,7 +13,7 @@ from ...models.fleet_mission.collision import deepest
 from ...models.fleet_mission.curves import Pieces
 from ...models.flight.model import Flight
 from ...models.flight.voxels import VoxelMap
-from ...models.grid_path.gridmap import MOST, GridMap
+from ...models.grid_path.gridmap import MOST, GridMap, enlarged
 
 __all__ = ["Lattice", "is_safe", "lattice", "way"]
 
@@ -76,7 +76,8 @@ def lattice(model: Flight, parts: int = 1) -> Lattice | None:
             return None
         for axis in range(blocked.ndim if parts > 1 else 0):
             blocked = blocked.repeat(parts, axis=axis)
-        blocked, origin = _grown(blocked, model.radius / cell), source.origin
+        blocked = enlarged(blocked, model.radius / cell * (1 - 1e-12))
+        origin = source.origin
     else:
         low, high = space.extent(model.places)
         count = np.maximum(np.ceil((high - low) / cell), 1.0)
@@ -100,25 +101,6 @@ def lattice(model: Flight, parts: int = 1) -> Lattice | None:
                 [-1 if k == axis else 1 for k in range(blocked.ndim)]
             )
     return Lattice(blocked, cell, origin) if not blocked.all() else None
-
-
-def _grown(blocked: Truths, reach: float) -> Truths:
-    """Return the cells with a point nearer than `reach`, in cells, to a blocked cell."""
-    from scipy.ndimage import distance_transform_edt
-
-    if reach == 0 or not blocked.any():
-        return blocked
-    # The nearest points of two cells of one lattice are corners.
-    corners = np.ones(np.add(blocked.shape, 1), bool)
-    for shift in np.ndindex((2,) * blocked.ndim):
-        place = tuple(slice(s, s + n) for s, n in zip(shift, blocked.shape, strict=True))
-        corners[place] &= ~blocked
-    away = distance_transform_edt(corners)
-    for axis in range(blocked.ndim):
-        size = away.shape[axis]
-        first, second = (away.take(range(k, size - 1 + k), axis=axis) for k in (0, 1))
-        away = np.minimum(first, second)
-    return np.asarray(blocked | (away < reach * (1 - 1e-12)))
 
 
 def _near_points(points: Floats, count: Ints, cell: float, origin: Floats, radius: float) -> Truths:

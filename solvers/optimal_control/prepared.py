@@ -360,8 +360,8 @@ def prepare(
     original = model = as_model(problem)
     if isinstance(original, Flight):
         chosen = None if backend == "ipopt" else backend
-        given = chosen, formulation, mesh, tolerance, time_limit, limits, backend_options, structured
-        return prepare_flight(original, *given, *options)
+        given = chosen, formulation, mesh, tolerance, time_limit, limits, backend_options
+        return prepare_flight(original, *given, structured, *options)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:

@@ -79,6 +79,7 @@ def test_the_outside_is_blocked():
         (lambda: VoxelMap(np.zeros((2, 2, 2), bool), 1e-9, (1e6, 0, 0)), "cell"),
         (lambda: VoxelMap(np.zeros((2, 2, 2), bool), 1.0, (0, 0, np.nan)), "origin"),
         (lambda: VoxelMap(np.zeros((2, 2, 2), bool)).inflated(-1), "radius"),
+        (lambda: VoxelMap(np.eye(2, dtype=bool)[None], 1e-3).inflated(1e300), "blocked"),
         (lambda: VoxelMap.from_points(np.empty((0, 3)), 1.0), "bounds"),
         (lambda: VoxelMap.from_points([[0, 0, 0]], 1e-6, (0, 0, 0, 9, 9, 9)), "bounds"),
         (lambda: VoxelMap.from_points([[0, 0]], 1.0), "points"),
