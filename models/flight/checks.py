@@ -1,7 +1,7 @@
 """Independent check of a flight: the curve over time against the map and the vehicle.
 
-The check shares no code with the planners and uses neither paths nor corridors. Each property is proven
-for the whole curve.
+The check calls no code of the solvers and uses neither paths nor corridors. Each property is proven for
+the whole curve.
 """
 
 from __future__ import annotations

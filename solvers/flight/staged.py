@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +21,6 @@ from ..contract.backend import (
     Feature,
     Guarantee,
     Limit,
-    Option,
     Request,
     Termination,
 )
@@ -44,6 +41,8 @@ TRAJECTORIES = "interior-point"
 MULTIPLES = (1.0, 0.7, 1.4, 2.0, 3.0, 0.5, 5.0)
 #: Waits before the departure per flight time, and their largest number.
 DELAYS, MOST_DELAYS = 20, 400
+#: Statistic of a search that ended before the run because its kernels used up their time.
+STOPPED = "search for a curve stopped"
 #: Share of the time between two places at the same position, relative to the length scale.
 HOVER = 1e-3
 
@@ -77,6 +76,8 @@ class StagedFlight(Backend):
                 break
         common: dict[str, Any] = {"seconds": {"solve": clock() - begin}, "statistics": statistics}
         limit = (control.reason or Limit.INTERRUPTED) if control.stopped else None
+        if limit is None and STOPPED in statistics:
+            limit = Limit.TIME
         if plan is not None:
             objective = problem.verify(plan, tolerance=request.tolerance).objective
             return Answer(Termination.FEASIBLE, limit, plan, objective, bound, **common)
@@ -93,7 +94,9 @@ class StagedFlight(Backend):
         """Return a verified plan along the way over cells divided into `parts`, or a reason."""
         begin = clock()
         cells = lattice(problem, parts)
-        result = None if cells is None else way(problem, cells, request.control.flag)
+        result = None
+        if cells is not None and not request.control.stopped:
+            result = way(problem, cells, request.control.flag)
         statistics["path seconds"] = statistics.get("path seconds", 0.0) + clock() - begin
         if result is None:
             return None, ""
@@ -121,8 +124,11 @@ class StagedFlight(Backend):
         begin = clock()
         best: FlightPlan | None = None
         if course is not None:
-            with suppress(OutOfTime):
+            try:
                 best = self.fly(problem, course, request, statistics)
+            except OutOfTime:
+                statistics[STOPPED] = True
+                reason = "the search for a curve was stopped"
         if best is None:  # a curve that rests at all points of the path fits
             curve = resting(problem, path, lambda: request.control.stopped)
             best = None if curve is None else FlightPlan(curve, curve.times[stops[1:-1]], path)
@@ -152,27 +158,20 @@ class Staged(StagedFlight):
     """
 
     name = "staged"
-    options: ClassVar[Mapping[str, Option]] = {
-        "trajectories": Option(TRAJECTORIES, "Backend for the curve in the corridor.", str),
-    }
     summary = "path, corridor, times and the smoothest curve, stretched to the limits; ours"
 
     def fly(
         self, problem: Flight, course: Course, request: Request, statistics: dict[str, Any]
     ) -> FlightPlan | None:
         """Return the smoothest curve that keeps the limits."""
-        return smoothest(problem, course, request, statistics, request.options["trajectories"])
+        return smoothest(problem, course, request, statistics)
 
 
 def smoothest(
-    problem: Flight,
-    course: Course,
-    request: Request,
-    statistics: dict[str, Any],
-    trajectories: str = TRAJECTORIES,
+    problem: Flight, course: Course, request: Request, statistics: dict[str, Any]
 ) -> FlightPlan | None:
     """Return a verified plan from one minimum-derivative problem per multiple of the estimated times."""
-    solver = find_backend(trajectories, problem="minimum_snap")
+    solver = find_backend(TRAJECTORIES, problem="minimum_snap")
     durations = times_along(problem, course.knots)
     for multiple in MULTIPLES:
         if request.control.stopped:

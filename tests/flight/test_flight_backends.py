@@ -9,6 +9,7 @@ from flight.flights import WALL, around, is_clear, world
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from crosstrack.instances import export_plan
+from crosstrack.jit import OutOfTime
 from crosstrack.models import (
     DifferentialDrive,
     Flight,
@@ -20,6 +21,7 @@ from crosstrack.models import (
 )
 from crosstrack.models.fleet_mission import MovingObstacle
 from crosstrack.solvers.flight import proofs, ways
+from crosstrack.solvers.flight.staged import Staged
 
 BACKENDS = ["minco", "staged"]
 QUADROTOR = Quadrotor(0.61, (2.0, 12.0), tilt=1.05, body_rate=2.1, speed=4.0)
@@ -351,6 +353,20 @@ def test_a_loop_at_one_place_is_not_planned():
     solution = ct.solve(around(goal=(0, 0), start_velocity=(0.1, 0.0)))
     assert solution.termination == "no_solution"
     assert "all places coincide" in solution.message
+
+
+def test_a_search_out_of_time_is_a_limit_of_the_answer(monkeypatch):
+    def fly(*_):
+        raise OutOfTime
+
+    monkeypatch.setattr(Staged, "fly", fly)
+    solution = ct.solve(around(), "staged")
+    assert solution.termination == "feasible" and solution.limit == "time"
+    assert solution.statistics["search for a curve stopped"]
+    assert solution.statistics["rests at points of the path"]
+    moving = ct.solve(around(start_velocity=(0.5, 0.0)), "staged")
+    assert moving.termination == "no_solution" and moving.limit == "time"
+    assert moving.message == "the search for a curve was stopped"
 
 
 def test_a_stopped_corridor_ends():

@@ -99,9 +99,10 @@ def tabulate(rows: dict[str, list[tuple[float, ...]]], closed: list[int], seed: 
             )
         )
         print(*table[-1], flush=True)
+    names = f" (seeds {', '.join(map(str, closed))})" if closed else ""
     said = (
         f"Maps of 25 m × 25 m × 5 m in cubes of 0.25 m, half forests and half noise, seeds 0 to {seed - 1}; "
-        f"{len(closed)} maps without a way, proven, are left out. The bound is the time along the straight "
+        f"{len(closed)} maps without a way, proven, are left out{names}. The bound is the time along the straight "
         "line within the limits. CPU includes path, corridor, curve and verification."
     )
     columns = {
