@@ -178,9 +178,9 @@ class Corridor(Declared):
     def verify(self, obstacles: Any) -> Verification:
         """Prove that the polytopes contain the path and no obstacle, by exact arithmetic.
 
-        The obstacles are read again, without the bodies that the construction used. Each blocked cell, point
-        or edge must be separated from the polytope by its faces with the distance `radius`. Coordinates are
-        rational numbers. Floating-point numbers decide if their rounding errors cannot change the result.
+        The obstacles are read again, by the same reader as for the construction, but without its bodies. Each
+        blocked cell, point or edge must be separated from the polytope by its faces with the distance `radius`.
+        Coordinates are rational numbers; floats decide if their rounding errors cannot change the result.
 
         Parameters
         ----------

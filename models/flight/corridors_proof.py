@@ -1,4 +1,4 @@
-"""Exact verification of corridors, independent of their construction.
+"""Exact verification of corridors, independent of their construction apart from the reader of obstacles.
 
 A face separates an obstacle from a polytope if all of the obstacle is beyond the face, at the distance r of
 the vehicle's radius: n·x - b >= r |n|. All numbers are binary fractions, so rational arithmetic is exact, and
@@ -8,6 +8,7 @@ bound on their rounding errors.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any
@@ -122,9 +123,20 @@ def _obstacle(polytope: _Polytope, obstacles: ConvexObstacles) -> Any:
     if isinstance(obstacles, Points):
         return _cubes(polytope, obstacles.points, fractions)
     assert isinstance(obstacles, Cells)
-    ends, spare = np.array(polytope.box, float), 1.001 * polytope.radius
-    indices = obstacles.indices(ends[:, 0] - spare, ends[:, 1] + spare)
     origin, side = fractions(obstacles.origin), Fraction(obstacles.cell)
+    # The faces of the box separate the cells outside of this window.
+    first, last = [0] * len(origin), list(obstacles.blocked.shape)
+    for axis, (low, high) in enumerate(polytope.box):
+        least, most = (
+            (end + sign * Fraction(polytope.radius) - origin[axis]) / side
+            if abs(end) < np.inf
+            else end
+            for end, sign in ((low, -1), (high, 1))
+        )
+        first[axis] = math.floor(min(max(least, first[axis]), last[axis]))
+        last[axis] = math.ceil(max(min(most, last[axis]), first[axis]))
+    window = tuple(slice(*ends) for ends in zip(first, last, strict=True))
+    indices = np.argwhere(obstacles.blocked[window]) + first
     centres = obstacles.origin + (indices + 0.5) * obstacles.cell
 
     def corner(centre: Floats) -> Exact:

@@ -8,7 +8,7 @@ import pytest
 
 from crosstrack.errors import InvalidData
 from crosstrack.instances.flight import forest, noise_map
-from crosstrack.models.flight import VoxelMap
+from crosstrack.models.flight import Corridor, VoxelMap
 
 
 def test_json_has_lines_of_text_and_keeps_every_digit():
@@ -114,3 +114,22 @@ def test_a_pillar_has_full_height_and_noise_fills_its_share():
     rings = forest(1, (10, 10, 4), pillars=0, rings=3)
     assert rings.blocked.any() and not (rings.blocked == rings.blocked[:, :, :1]).all()
     assert noise_map(0, (10, 10, 4), fill=0.25).blocked.mean() == pytest.approx(0.25, abs=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_corridor_is_verified_against_every_cell(seed):
+    """The window of the verification omits no cell: brute force over all cells gives the same depth."""
+    rng = np.random.default_rng(seed)
+    map_ = VoxelMap(rng.random((8, 9, 7)) < 0.1, 0.1, rng.random(3))
+    low, radius = map_.origin + 0.4 * rng.random(3), [0.0, 0.05, 0.1][seed % 3]
+    low[seed // 3] = -np.inf  # no face
+    offsets = np.concatenate([map_.origin + 0.4 + 0.3 * rng.random(3), -low])
+    normals = np.concatenate([np.eye(3), -np.eye(3)])[np.isfinite(offsets)]
+    offsets = offsets[np.isfinite(offsets)]
+    box = Corridor(
+        [offsets[:3]], [[0, 0]], 0 * offsets, normals, offsets, np.empty((0, 4)), radius=radius
+    )
+    corners = map_.origin + (np.argwhere(map_.blocked)[:, None] + list(np.ndindex(2, 2, 2))) * 0.1
+    beyond = (corners @ normals.T - offsets).min(axis=1) - radius
+    depth = max(-beyond.max(axis=1).min(), 0.0)
+    assert depth > 0 and box.verify(map_).checks[0].worst == pytest.approx(depth, abs=1e-12)
