@@ -1,7 +1,8 @@
 """Independent check of a mission: the curves over time against the polygons.
 
-The check shares no code with the planners and uses no grid. Distances are computed by shapely. Each
-property is proven for the whole curve by convex hulls of pieces, which are bisected until decided.
+The check uses no grid, corridor or result of a planner. Distances are computed by shapely. Each property is
+proven for the whole curve by convex hulls of pieces, which are bisected until decided. Planners may use the
+same distances to test their curves.
 """
 
 from __future__ import annotations
@@ -297,9 +298,10 @@ def _moving(model: MissionData, flights: Flights, tolerance: float) -> Iterator[
             where = f"robot {flights[closest.pair[1] - 1][0]} and moving obstacle {k} "
             where += f"(t = {closest.time:.6g} s), {closest.distance:.6g} m apart"
             needed = model.radius + obstacle.radius
-            noise = 2 * max(
-                _digits(model), DIGITS * float(np.abs(obstacle.trajectory.coefficients).max())
-            )
+            # Rounding at that time, as the obstacle may be far away at other times.
+            motion = curves[0]
+            terms = Trajectory(motion.times, np.abs(motion.coefficients))(closest.time)
+            noise = 2 * max(_digits(model), DIGITS * float(terms.max()))
             robots.append((needed - closest.distance, model.cell, where, noise))
     yield _worst("distance to moving obstacles", "m", tolerance, robots)
 

@@ -120,6 +120,11 @@ def test_a_contact_with_a_moving_obstacle_is_located():
     assert broken.name == "distance to moving obstacles"
     assert broken.worst == pytest.approx(0.35)
     assert "robot 0 and moving obstacle 0 (t = 30 s)" in broken.where
+    ((robot, obstacle, distance, _),) = moving_contacts(small(moving=[crossing]), plan)
+    assert (robot, obstacle, distance) == (0, 0, pytest.approx(0.0, abs=1e-9))
+    # A later motion beyond all rounding does not hide the contact.
+    later = MovingObstacle(0.1, [20, 40, 100], [[3, 5], [13, 5], [1e20, 5]])
+    assert not small(moving=[later]).verify(plan).ok
     # Before its first time the obstacle stays in the way, too.
     for times in ([90, 99], [1, 2]):
         standing = MovingObstacle(0.1, times, [[8, 5], [8, 5]])
