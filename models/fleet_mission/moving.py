@@ -114,12 +114,13 @@ class MovingObstacle(Declared):
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """Motion from the first to the last time; a standing obstacle has one second."""
+        """Motion from the first to the last time; a standing obstacle rests for a second or more."""
         if self.coefficients is not None:
             return Trajectory(self.times, self.coefficients)
         assert self.positions is not None
         if self.times.size == 1:
-            return Trajectory(self.times[0] + np.arange(2.0), self.positions[:, None])
+            end = self.times + np.maximum(1.0, 1e-9 * np.abs(self.times))
+            return Trajectory(np.append(self.times, end), self.positions[:, None])
         lines = np.stack([self.positions[:-1], np.diff(self.positions, axis=0)], axis=1)
         return Trajectory(self.times, lines)
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.trajectory import Trajectory
@@ -144,8 +145,6 @@ def _place(way: Corridor, at: float) -> Floats:
 
 def _rests(problem: FleetMission, way: Corridor, others: Sequence[Floats]) -> list[float]:
     """Return the first and the last position at which a resting robot is clear of the other ways."""
-    from scipy.spatial import cKDTree
-
     at, points = _points_along(way)
     needed = CLEAR * problem.separation
     clear = np.hypot(*(points - problem.depot).T) > needed

@@ -17,6 +17,8 @@ __all__ = ["departures"]
 TRIED = 200
 #: Maximum number of departures per robot, if moving obstacles stop late.
 LATER = 60
+#: Latest departure in total flight times: later times have too few digits for the segments.
+LATEST = 1e6
 
 
 def departures(
@@ -26,7 +28,7 @@ def departures(
     """Return the trajectories, delayed so that the robots keep their separation.
 
     Each robot in turn departs as early as the previous ones and moving obstacles allow. Departing after
-    all of them have returned or stopped is the last attempt. Robots then wait in the depot's queue.
+    all of them have returned or stopped is the last attempt. Until then robots wait in the depot's queue.
 
     Parameters
     ----------
@@ -41,17 +43,19 @@ def departures(
     """
     if not problem.moving and (problem.separation == 0.0 or len(flights) < 2):
         return list(flights)
-    still = max(0.0, *(float(item.times[-1]) for item in problem.moving), 0.0)
     # The longest trajectory first, as the shorter ones are easier to fit in.
     order = sorted(range(len(flights)), key=lambda k: -flights[k].duration)
     step = sum(entry.duration for entry in flights) / TRIED
+    still = max(0.0, *(float(item.times[-1]) for item in problem.moving), 0.0)
+    still = min(still, LATEST * TRIED * step)
     fine = step / max(1, int(np.ceil(step / max(flights[order[-1]].duration / 200, 1e-12))))
     placed: dict[int, Trajectory] = {}
     for k in order:
         latest = max(still, *(float(entry.times[-1]) for entry in placed.values()), 0.0)
         coarse = max(step, latest / LATER)
-        tried = [] if stopped() else np.arange(0.0, latest, coarse).tolist()
-        for delay in (*tried, latest):
+        for delay in (*np.arange(0.0, latest, coarse).tolist(), latest):
+            if delay < latest and stopped():
+                continue
             placed[k] = moved = Trajectory(flights[k].times + delay, flights[k].coefficients)
             near = [e for other, e in placed.items() if other != k and delay < e.times[-1]]
             is_apart = all(_apart(problem, moved, entry, fine, slack) for entry in near)

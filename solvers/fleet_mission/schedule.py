@@ -4,7 +4,7 @@ Each robot has places at which it may rest and legs between them. On a grid of t
 collide for a fixed set of differences of their departures, which is computed once. One robot after another gets
 the schedule with the earliest return that avoids the previous ones, by safe intervals (Phillips and
 Likhachev, SIPP, ICRA 2011): a place is safe in intervals of time, and a leg connects two of them. Changes of
-the order are kept if the last robot returns earlier.
+the order are kept unless the last robot returns later.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from ...models.fleet_mission.curves import nearest
 from ...models.fleet_mission.model import FleetMission
@@ -28,8 +29,8 @@ Flags = NDArray[np.bool_]
 
 #: Steps of time per passage of the separation at top speed, and maximum number of steps per leg.
 FINE, MOST = 4, 3000
-#: Maximum number of steps of the motion of obstacles that is considered.
-LATEST = 50_000
+#: Maximum number of steps of the motion of obstacles that is considered, and of pairs of samples in memory.
+LATEST, PAIRS = 50_000, 4_000_000
 #: Maximum number of changes of the order, and of schedules that are computed for them.
 ROUNDS, PLACED = 120, 2400
 #: Factors on the distance of samples; the next one is used if the proof fails.
@@ -56,8 +57,6 @@ class _Grid:
     """Legs, places and moving obstacles on a grid of time."""
 
     def __init__(self, problem: FleetMission, courses: Sequence[Course], factor: float) -> None:
-        from scipy.spatial import cKDTree
-
         self.problem, self.courses, self.factor = problem, courses, factor
         self.robots = len(courses)
         #: Movers follow the robots: they have one leg and two places.
@@ -113,14 +112,17 @@ class _Grid:
         """Return the differences of departures, first minus second, at which two legs collide."""
         key = (one, leg, other, second)
         if key not in self._clashes:
-            pairs = self.trees[one][leg].sparse_distance_matrix(
-                self.trees[other][second], self.reach(one, other), output_type="ndarray"
-            )
+            tree, samples = self.trees[other][second], self.samples[one][leg]
             # Flags are faster than a sort of all differences.
-            first_size = len(self.samples[one][leg])
-            flags = np.zeros(first_size + len(self.samples[other][second]), bool)
-            flags[pairs["j"] - pairs["i"] + first_size] = True
-            result = np.flatnonzero(flags) - first_size
+            flags = np.zeros(len(samples) + tree.n, bool)
+            rows = max(1, PAIRS // tree.n)
+            for begin in range(0, len(samples), rows):
+                part = cKDTree(samples[begin : begin + rows])
+                pairs = part.sparse_distance_matrix(
+                    tree, self.reach(one, other), output_type="ndarray"
+                )
+                flags[pairs["j"] - pairs["i"] - begin + len(samples)] = True
+            result = np.flatnonzero(flags) - len(samples)
             self._clashes[key] = result
             self._clashes[other, second, one, leg] = -result[::-1]
         return self._clashes[key]

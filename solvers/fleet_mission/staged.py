@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -87,7 +88,7 @@ class Staged(Backend):
     def run(self, problem: FleetMission, request: Request) -> Answer:
         """Carry out the stages."""
         begin = clock()
-        for mission in (problem, *_around_last_places(problem)):
+        for mission in itertools.chain([problem], _around_last_places(problem)):
             stages = Stages(mission, request)
             try:
                 answer = self._carried_out(stages)
@@ -207,11 +208,10 @@ class Staged(Backend):
         plan: MissionPlan,
     ) -> tuple[MissionPlan, Verification]:  # fmt: skip
         """Return a plan with lanes, and with rests at which robots may wait, if that is better."""
-        problem, request = stages.problem, stages.request
         with stages.clock("lanes and rests"):
-            direct = whole_courses(problem, flights)
-            pieces = lambda way: fly(problem, way, solver, request, 1)  # noqa: E731
-            courses = list(courses_with_rests(problem, direct, ways, pieces))
+            direct = whole_courses(stages.problem, flights)
+            pieces = partial(self._flown, stages, solver)
+            courses = list(courses_with_rests(stages.problem, direct, ways, pieces))
         alone = [entry.alone([leg.curve.duration for leg in entry.legs]) for entry in courses]
         stages.statistics["longest flight alone"] = max(alone)
         return self._better(stages, courses, plan)
@@ -242,18 +242,18 @@ class Staged(Backend):
     def _flights(
         self, stages: Stages, solver: Backend | None, ways: list[Corridor]
     ) -> list[Flight]:
-        problem, request = stages.problem, stages.request
-        threads = min(request.threads or os.cpu_count() or 1, len(ways))
-
-        def flown(way: Corridor) -> Flight:
-            if stages.stopped() is not None:
-                return Flight(resting(problem, way), 0, True, way.stops)
-            return fly(problem, way, solver, request, 1)
-
+        threads = min(stages.request.threads or os.cpu_count() or 1, len(ways))
+        flown = partial(self._flown, stages, solver)
         if threads == 1:
-            return [flown(way) for way in ways]
+            return list(map(flown, ways))
         with ThreadPoolExecutor(threads) as pool:
             return list(pool.map(flown, ways))
+
+    def _flown(self, stages: Stages, solver: Backend | None, way: Corridor) -> Flight:
+        """Return the flight through a corridor, at rest at each knot if the time is over."""
+        if stages.stopped() is not None:
+            return Flight(resting(stages.problem, way), 0, True, way.stops)
+        return fly(stages.problem, way, solver, stages.request, 1)
 
 
 def _around_last_places(problem: FleetMission) -> Iterator[FleetMission]:

@@ -31,8 +31,9 @@ def test_an_obstacle_stays_at_its_ends():
     assert (long.times[0], long.times[-1]) == (-5.0, 30.0)
     times = np.linspace(-5, 30, 36)
     assert long(times) == pytest.approx(CART(times))
-    standing = MovingObstacle(1.0, [3.0], [[2.0, 4.0]])
-    assert standing.during(0.0, 9.0)([0.0, 9.0]).tolist() == [[2, 4], [2, 4]]
+    for time in (3.0, 1e300):
+        standing = MovingObstacle(1.0, [time], [[2.0, 4.0]])
+        assert standing.during(0.0, 9.0)([0.0, 9.0]).tolist() == [[2, 4], [2, 4]]
 
 
 def test_polynomials_and_lines_describe_the_same_motion():

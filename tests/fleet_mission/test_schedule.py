@@ -17,14 +17,17 @@ from crosstrack.errors import InvalidData
 from crosstrack.models import FleetMission, Trajectory
 from crosstrack.models.fleet_mission import MovingObstacle
 from crosstrack.models.fleet_mission.curves import nearest
+from crosstrack.solvers import Limit
+from crosstrack.solvers.fleet_mission import delays, schedule as scheduling, staged
 from crosstrack.solvers.fleet_mission.corridor import Corridor
 from crosstrack.solvers.fleet_mission.courses import Course, Leg, whole_courses
 from crosstrack.solvers.fleet_mission.delays import departures
 from crosstrack.solvers.fleet_mission.flight import Flight, resting
 from crosstrack.solvers.fleet_mission.lanes import kept_right
 from crosstrack.solvers.fleet_mission.schedule import schedule
+from crosstrack.solvers.fleet_mission.stages import Stages
 
-QUICK = {"routing": "kmeans-ac"}
+QUICK, HOME = {"routing": "kmeans-ac"}, [1.0, 1.0]
 OPEN = FleetMission(
     [],
     (0, 0, 12, 12),
@@ -136,11 +139,18 @@ def test_a_robot_waits_inside_the_map_for_a_crossing_obstacle():
 
 
 def test_an_obstacle_that_stays_at_the_depot_leaves_no_schedule():
-    model = small(moving=[MovingObstacle(0.5, [0.0], [[1.0, 1.0]])])
+    model = small(moving=[MovingObstacle(0.5, [0.0], [HOME])])
     answer = ct.solve(model, "staged", seed=1, backend_options=QUICK)
     assert answer.plan is None
     assert "moving obstacle 0" in answer.message
     assert ct.diagnose(model).feasible is None
+
+
+def test_departures_keep_the_digits_of_segments_if_an_obstacle_stops_late():
+    cart = MovingObstacle(0.5, [0, 1e18, 2e18], [HOME, HOME, [9, 9]])
+    model = small(moving=[cart], vehicles=1)
+    (moved,) = departures(model, [around(model, [8, 8])], 1e-3)
+    assert moved.durations == pytest.approx(around(model, [8, 8]).durations, rel=1e-6)
 
 
 @pytest.mark.parametrize(("kind", "robots"), [("corridor", 3), ("crossing", 2), ("door", 3)])
@@ -169,6 +179,41 @@ def test_other_objectives_keep_the_lengths_of_the_curves():
         )
         assert answer.primal_bound == pytest.approx(free.primal_bound, rel=1e-9)
         assert not contacts(asked, answer.plan)
+
+
+def test_robots_depart_one_after_another_once_the_time_is_over(monkeypatch):
+    flights = [around(OPEN, [9, 6])] * 2
+    calls, tried = itertools.count(), []
+    original = delays.is_clear
+    monkeypatch.setattr(delays, "is_clear", lambda *rest: tried.append(rest) or original(*rest))
+    first, second = departures(OPEN, flights, 1e-9, lambda: next(calls) > 2)
+    assert second.times[0] == first.times[-1]
+    assert len(tried) == 2
+
+
+def test_no_flight_with_lanes_is_planned_once_the_time_is_over(monkeypatch):
+    is_over, flown = [], []
+
+    def begin(*arguments):
+        is_over.append(Limit.TIME)
+        return courses(*arguments)
+
+    courses, fly = staged.courses_with_rests, staged.fly
+    monkeypatch.setattr(staged, "LATE", 0.0)
+    monkeypatch.setattr(staged, "courses_with_rests", begin)
+    monkeypatch.setattr(staged, "fly", lambda *rest: flown.append(len(is_over)) or fly(*rest))
+    monkeypatch.setattr(Stages, "stopped", lambda stages: is_over[0] if is_over else None)
+    answer = ct.solve(mission("door", 3, 3), "staged", seed=1, backend_options=QUICK)
+    assert answer.verified and is_over
+    assert flown == [0] * 3
+
+
+def test_pairs_of_samples_are_compared_in_batches(monkeypatch):
+    courses = [split(OPEN, [9, 6], [6, 9]), split(OPEN, [6, 9])]
+    expected = scheduling._Grid(OPEN, courses, 1.0).clashes(0, 0, 1, 0)
+    monkeypatch.setattr(scheduling, "PAIRS", 1000)
+    assert expected.size
+    assert scheduling._Grid(OPEN, courses, 1.0).clashes(0, 0, 1, 0).tolist() == expected.tolist()
 
 
 def test_opposite_lanes_of_a_passage_keep_the_separation():
