@@ -229,7 +229,9 @@ def _approximate(
         assert formulation is not None
         try:
             finer = _refined(run, answer)
-        except InvalidData:  # a point without a plan, which is reported at the end
+        except InvalidData as error:
+            if rounds:  # otherwise the answer is reported as it is
+                ended = f"the refined program ends at a point that is no plan: {error}"
             break
         rounds.append((run.target, problem, answer))
         settled = finer is None and formulation.settled

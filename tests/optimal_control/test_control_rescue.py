@@ -385,6 +385,19 @@ def test_a_verified_warm_start_is_not_lost_if_the_run_ends_without_a_plan(attend
     assert "the plan is the warm start" in kept.message
 
 
+def test_a_refined_program_without_a_plan_leaves_the_plan_of_the_mesh_before(attended):
+    def fake(run, program, request):
+        if len(attended.calls) == 1:
+            return None
+        return Answer(Termination.LOCALLY_OPTIMAL, point=0.0 * program.guess)  # ends at its start
+
+    attended.fake = fake
+    found = ct.solve(ct.load("optimal-control/bryson-denham"), formulation="gauss", tolerance=1e-3)
+    assert found.termination == "feasible" and found.verified
+    assert "the refined program ends at a point that is no plan" in found.message
+    assert found.history[-1]["then"] in found.message
+
+
 def test_a_convex_problem_is_not_restarted(attended):
     attended.fake = lambda run, program, request: INFEASIBLE
     found = ct.solve(rest_to_rest().ocp)
