@@ -107,7 +107,7 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     backend = find_backend(job.backend, job.model)
     model = job.model
     termination, plan, dual = claim.termination, claim.plan, claim.dual_bound
-    messages = list(claim.messages)
+    messages, statistics = list(claim.messages), dict(claim.statistics)
     verification: Verification | None = None
     rejected: Any = None
     contradiction = ""
@@ -128,11 +128,12 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         plan is None
         and termination in _NO_PLAN
         and not claim.undecodable
-        and _has_verified_warm_start(job, witness)
+        and _verified_warm_start(job, witness) is not None
     )
     if starts_from_warm_start:
         plan = job.warm_start
         messages.append("the plan is the warm start")
+        statistics["returned plan"] = "warm start"
     plan = _read_only(plan)
     if plan is not None:
         begin = time.perf_counter()
@@ -158,12 +159,15 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         seconds["verify"] = seconds.get("verify", 0.0) + time.perf_counter() - begin
     bad = claim.undecodable or bool(contradiction)
     bad |= plan is not None and (verification is None or not verification.ok)
-    if bad and backend.guarantee is not Guarantee.EXACT and _has_verified_warm_start(job, witness):
+    if bad and backend.guarantee is not Guarantee.EXACT:
         # The run must not lose a plan that it was given. A wrong answer of an exact backend stays visible.
-        messages.append("the plan is the warm start, because that of the run is rejected")
-        plan, rejected, dual, bad = _read_only(job.warm_start), None, None, False
-        verification = model.verify(plan, tolerance=job.verification_tolerance)
-        termination, claim = Termination.FEASIBLE, replace(claim, duals=None)
+        checked = _verified_warm_start(job, witness)
+        if checked is not None:
+            messages.append("the plan is the warm start, because that of the run is rejected")
+            statistics["returned plan"] = "warm start"
+            plan, rejected, dual, bad = _read_only(job.warm_start), None, None, False
+            verification = checked
+            termination, claim = Termination.FEASIBLE, replace(claim, duals=None)
     if bad:
         plan = None
         if backend.guarantee is Guarantee.RELAXATION:
@@ -233,7 +237,7 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         options=job.options(),
         formulation_options=dict(job.formulation_options),
         seed=job.seed,
-        statistics=dict(claim.statistics),
+        statistics=statistics,
         message="; ".join(text for text in messages if text),
         rejected_plan=rejected,
         duals=None if plan is None else _read_only(claim.duals),
@@ -256,14 +260,16 @@ def _error_left(verification: Verification, tolerance: float) -> str:
     return f"{text}; tolerance={needed:.2g} would accept the plan" if needed < 1.0 else text
 
 
-def _has_verified_warm_start(job: Job, witness: Any) -> bool:
-    """Return True if the job has a warm start that verifies; it may be infeasible."""
-    return (
-        job.warm_start is not None
-        and witness is None  # the witness did not answer questions about the warm start
-        and find_backend(job.backend, job.model).guarantee is not Guarantee.RELAXATION
-        and job.model.verify(job.warm_start, tolerance=job.verification_tolerance).ok
-    )
+def _verified_warm_start(job: Job, witness: Any) -> Verification | None:
+    """Return the verification of the warm start; None without one, or if it is infeasible."""
+    if (
+        job.warm_start is None
+        or witness is not None  # the witness did not answer questions about the warm start
+        or find_backend(job.backend, job.model).guarantee is Guarantee.RELAXATION
+    ):
+        return None
+    checked = job.model.verify(job.warm_start, tolerance=job.verification_tolerance)
+    return checked if checked.ok else None
 
 
 def _read_only(value: Any) -> Any:

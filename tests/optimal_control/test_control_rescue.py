@@ -360,10 +360,12 @@ def test_a_verified_warm_start_is_not_lost_if_the_run_ends_rejected(attended):
     attended.fake = fake
     lost = ct.solve(ocp, formulation="gauss", formulation_options={"rounds": 1})
     assert lost.termination == "rejected" and lost.plan is None
+    assert "returned plan" not in lost.statistics
     kept = ct.solve(ocp, warm_start=first, formulation_options={"rounds": 1})
     assert kept.termination == "feasible" and kept.verified
     assert kept.primal_bound == pytest.approx(first.primal_bound, rel=1e-9)
     assert "the plan is the warm start" in kept.message
+    assert kept.statistics["returned plan"] == "warm start"
 
 
 @pytest.mark.parametrize("time", [1.0, 0.0], ids=["locally-infeasible", "undecodable"])
@@ -383,6 +385,7 @@ def test_a_verified_warm_start_is_not_lost_if_the_run_ends_without_a_plan(attend
     assert kept.termination == "feasible" and kept.verified
     assert kept.primal_bound == pytest.approx(first.primal_bound, rel=1e-9)
     assert "the plan is the warm start" in kept.message
+    assert kept.statistics["returned plan"] == "warm start"
 
 
 def test_a_refined_program_without_a_plan_leaves_the_plan_of_the_mesh_before(attended):
