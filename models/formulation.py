@@ -164,9 +164,10 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
 
     @property
     def is_local_optimum(self) -> bool:
-        """Whether the point of the last :meth:`refined` is a local optimum of the model.
+        """Whether the linearisation had converged to a plan when :meth:`refined` last returned None.
 
-        It is for sequences of programs that begin with a relaxation and continue with linearisations.
+        Only sequences that begin with relaxations and continue with linearisations define it. The answer is
+        then ``locally_optimal``, otherwise at most ``feasible``.
         """
         return False
 

@@ -165,6 +165,7 @@ def _reached(request: Request, seconds: float | None) -> Limit | None:
 TIGHTER, TIGHTEST = 0.1, 1e-9
 #: Number of earlier programs whose plans are also verified if none was accurate enough.
 LOOKED = 2
+_UNSETTLED = "the linearisation has not converged"
 _BETWEEN = "stopped between two refinements of the program"
 
 
@@ -183,7 +184,16 @@ def _tighten(
                     answer, termination=Termination.LOCALLY_OPTIMAL, dual_bound=None, message=""
                 )
             elif found and formulation is not None and not formulation.relaxes:
-                answer = Answer(Termination.NO_SOLUTION, message=formulation.failure)
+                plan, tolerance = run.decode(answer.point), run.job.verification_tolerance
+                if run.job.model.verify(plan, tolerance=tolerance).ok:
+                    answer = replace(
+                        answer,
+                        termination=Termination.FEASIBLE,
+                        dual_bound=None,
+                        message=_UNSETTLED,
+                    )
+                else:
+                    answer = Answer(Termination.NO_SOLUTION, message=formulation.failure)
             return answer, problem
         if run.target.proves:
             proven = proven_bound(problem, answer)

@@ -149,11 +149,11 @@ class VehicleFormulation(ConeProgramFormulation):
         moved = float((np.abs(change) / self._reach).max(initial=0.0))
         kept = excess <= 0.5 * tolerance and not self._turns_at_knot(plan, tolerance)
         still = abs(gain) <= _CONVERGED * abs(self.merit) or moved <= _SMALL
-        if self.rounds >= STEPS or (still and kept and not new):
-            return self._finished(kept)
-        if still and not new and not kept and gain >= 0:
-            if self.price >= _DEAREST:
-                return self._finished(kept)
+        settled, stuck = still and kept and not new, still and not (kept or new) and gain >= 0
+        if settled or self.rounds >= STEPS or (stuck and self.price >= _DEAREST):
+            self._set(converged=settled)
+            return None
+        if stuck:
             dearer = self._next(held=held, base=base, centre=plan, price=self.price * _DEARER)
             return dearer._set(radius=RADIUS, merit=dearer._merit(plan, excess))
         if gain > 0:
@@ -165,11 +165,9 @@ class VehicleFormulation(ConeProgramFormulation):
             return self._next(held=held, base=base)
         radius = _SHRINK * min(self.radius, moved if moved > 0 else self.radius)
         if radius < 1e-12:
-            return self._finished(kept)
+            self._set(converged=False)
+            return None
         return self._next(held=held, base=base, radius=radius)
-
-    def _finished(self, kept: bool) -> None:
-        self._set(converged=kept)
 
     def _turns_at_knot(self, plan: Trajectory, tolerance: float) -> bool:
         """Return True, with the reason in `failure`, if the direction of the path jumps at a knot.
@@ -183,7 +181,7 @@ class VehicleFormulation(ConeProgramFormulation):
 
     @property
     def is_local_optimum(self) -> bool:
-        """Whether the linearisation has converged to a path within the limits."""
+        """Whether the last step hardly changed the merit or the path, which keeps the limits."""
         return self.centre is not None and self.converged
 
     def statistics(self, plan: Trajectory) -> dict[str, float | int | str]:
