@@ -209,13 +209,14 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     def alternatives(self) -> Iterator[tuple[str, Formulation[ModelT, PlanT]]]:
         """Yield labels and other approximations of the model, tried in turn if this one does not settle.
 
-        They start from the same guess. By default the iterator is empty.
+        They start from the same guess. A restricted one (:attr:`is_restricted`) may be repeated: the repetition
+        starts at the best plan, if no plan verifies by then. By default the iterator is empty.
         """
         return iter(())
 
     @property
     def is_restricted(self) -> bool:
-        """Whether the plans are restricted so that one verifies; the program starts at the best plan."""
+        """Whether plans are restricted, such as to linear controls, so that they verify more easily."""
         return False
 
     @property

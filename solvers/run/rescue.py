@@ -50,19 +50,18 @@ STALLED = 6
 #: It also explodes if the objective rose by more than this share in each of the last `RISING` meshes. The
 #: plan then passes an obstacle between two nodes: each finer mesh needs a faster turn.
 RISE, RISING = 0.1, 3
-#: Work of all programs, in columns times iterations; a million take about 10 s. Each stage has half of the
-#: rest, at least `SHARE`, and the restricted one `RESTRICTED`.
+#: Work of all programs, in columns times iterations. Each stage has half of the rest, but at least `SHARE`, and
+#: the restricted one at least `RESTRICTED`: all stages together can need about twice as much.
 WORK, SHARE, RESTRICTED = 4_500_000, 300_000, 2_500_000
-#: Share of the work of the restricted stage that the next one has at least, which starts elsewhere.
+#: Factor of `RESTRICTED` for the second restricted stage, which starts at the best plan.
 LATER = 0.6
-#: Iterations of the first program with linear controls. From the guess, 68 to 169 were measured.
+#: Largest number of iterations of the first program of a restricted stage.
 RESTRICTED_ITERATIONS = 400
 #: Iterations of a program at least, and of the first one of a stage.
 LEAST, LEAST_FIRST = 50, 300
 #: Relative advantage of an unsettled plan over a settled one beyond which both are different optima.
 CLEARLY = 1e-4
-
-#: Relative change of the objective below which no other stage follows a verified plan with linear controls.
+#: Relative change of the objective up to which no stage follows a verified plan, from the restricted stage on.
 CLOSE = 1e-5
 
 _SETTLED, _VERIFIED, _REJECTED, _NOTHING = range(4)
@@ -236,21 +235,20 @@ def rescue(
     if following is None:
         return answer, program
     best = _Stage.of(run, program, answer)
-    stages, restricted, reused = [best.words], 0, False
+    stages, was_restricted, is_repeated = [best.words], False, False
     for label, other in chain([following], others):
-        if other.is_restricted:
-            restricted += 1
-            if restricted > 1:
-                if best.grade[0] != _REJECTED or reused:
-                    continue
-                reused, label = True, f"{label} from the best plan"
-                assert best.target.formulation is not None
-                plan = best.target.formulation.decode(best.answer.point)
-                other = other.guessed(plan) or other
+        if other.is_restricted and was_restricted:
+            if is_repeated or best.grade[0] != _REJECTED:
+                continue
+            is_repeated, label = True, f"{label} from the best plan"
+            assert best.target.formulation is not None
+            plan = best.target.formulation.decode(best.answer.point)
+            other = other.guessed(plan) or other
+        was_restricted |= other.is_restricted
         seconds = left()
         over = request.control.stopped or (seconds is not None and seconds <= 0)
         over = over or answer.limit not in (None, Limit.ITERATIONS)
-        if best.grade[0] == _SETTLED or (restricted and best.is_close) or over:
+        if best.grade[0] == _SETTLED or (was_restricted and best.is_close) or over:
             break
         run.target = replace(run.target, formulation=other)
         run.history, run.spent[:] = [], []

@@ -260,6 +260,16 @@ def test_linear_controls_settle_a_problem_if_no_other_stage_does(attended):
         assert np.abs(np.polynomial.legendre.legfit(nodes, values, 4)[2:]).max() <= 1e-6
 
 
+def test_linear_controls_without_multipliers_do_not_settle_on_their_first_mesh(
+    attended, monkeypatch
+):
+    attended.fake, attend = only_linear_controls, running.Run.attend
+    monkeypatch.setattr(running.Run, "attend", lambda *args: replace(attend(*args), duals=None))
+    found = ct.solve(rest_to_rest().ocp)
+    assert found.verified and [row["intervals"] for row in found.history[:2]] == [40, 80]
+    assert "linear controls may cost inf" in found.history[0]["then"]
+
+
 def test_linear_controls_resolve_jumps_by_cuts_near_them(attended):
     ocp = OptimalControlProblem("bang-bang")
     phase = ocp.phase(time=(0, (0.1, 9)))

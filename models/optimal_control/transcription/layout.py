@@ -372,14 +372,9 @@ class Layout:
             calm = size.controls[part.calmable]
             if part.mesh.linear:
                 values = point[part.control_columns[part.calmable]][:, part.visit_control].T
-                near = [
-                    np.logical_and.reduceat(
-                        np.abs(values - side[part.calmable]) <= BINDING * calm,
-                        part.visit_starts[:-1],
-                    )
-                    for side in part.phase.bounds("controls")
-                ]
-                calm = calm * ~(near[0] | near[1])
+                bounds = np.stack(part.phase.bounds("controls"))[:, None, part.calmable]
+                near = np.abs(values - bounds) <= BINDING * calm
+                calm = calm * ~np.logical_and.reduceat(near, part.visit_starts[:-1], 1).any(axis=0)
             calm = np.broadcast_to(calm, (rows.size, calm.shape[-1]))
             factors = np.concatenate([np.repeat(c, n) for c, n in zip(calm, rows, strict=True)])
             shares = np.abs(duals[start : start + factors.size]) * factors

@@ -176,6 +176,8 @@ def next_meshes(
     errors = tuple(report.worst for report in reports)
     finding = Finding(None, worst, "verified and settled", change, verified, errors)
     if meshes[0].linear:
+        if plan.phases[0].costates is None:  # without multipliers: the cost is unknown
+            strains = [np.full(mesh.intervals, np.inf) for mesh in meshes]
         strain = sum(float(strain_of.sum()) for strain_of in strains)
         if verified and min(change, strain / size) <= SETTLED * tolerance:
             return replace(finding, settled=True)

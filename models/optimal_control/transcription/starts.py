@@ -40,7 +40,10 @@ def coarse_mesh(rules: Rules) -> Mesh:
 
 
 def other_meshes(scheme: Any, formulation: Any) -> Iterator[tuple[str, Any]]:
-    """Yield labels and formulations of `scheme` on uniform meshes, three with linear controls."""
+    """Yield labels and formulations of `scheme` on uniform meshes, that with linear controls three times.
+
+    It is solved from the guess, and if no plan verifies once more from the best plan: at once or at the end.
+    """
     model, same = formulation.problem, {"dependent": formulation.dependent}
     first, name = formulation._start, scheme.name
     linear = scheme(model, *LINEAR, **same)
