@@ -63,3 +63,9 @@ def test_halves_are_drawn_by_hash_and_share_no_problem():
 def test_frozen_half_of_the_older_set_is_unchanged():
     names = ",".join(sorted(name for name in UNSEEN if published.is_frozen(name)))
     assert hashlib.sha256(names.encode()).hexdigest() == DRAWN
+
+
+def test_the_page_states_how_many_frozen_problems_are_older():
+    page = (HERE.parents[2] / "docs" / "how-well.md").read_text("utf-8")
+    older = sum(published.is_frozen(name) for name in UNSEEN)
+    assert f"{older} of the {len(published.frozen())} are in `unseen.py`" in page

@@ -1,5 +1,9 @@
 """The scoreboard of the benchmarks counts wrong answers apart from failures, and applies one rule to all solvers."""
 
+import json
+import re
+from pathlib import Path
+
 import pytest
 from benchmarks.optimal_control.scoreboard import interpreter, judge
 
@@ -43,3 +47,21 @@ def test_an_unknown_value_is_not_judged():
 def test_each_package_has_its_own_interpreter():
     assert interpreter("ours") == interpreter("bare")
     assert interpreter("yapss").parts[-4:] == ("peers", "yapss", "bin", "python")
+
+
+def test_the_page_states_the_verified_answers_before_and_after_the_stage_with_linear_controls():
+    root = Path(__file__).resolve().parents[2]
+    page = " ".join((root / "docs/how-well.md").read_text("utf-8").split())
+    boards = json.loads((root / "docs/measured/scoreboard.json").read_text("utf-8"))
+    development, frozen = (
+        next(row for row in boards[half]["rows"] if row[0] == "ours")
+        for half in ("development-totals", "frozen-totals")
+    )
+    column = list(boards["frozen-totals"]["columns"]).index("verified")
+    pattern = r"there from 43 to (\d+)\. On the frozen half they fell from 53 to (\d+):"
+    numbers = [int(text) for text in re.search(pattern, page).groups()]
+    assert numbers == [development[column], frozen[column]]
+    shown = json.loads(
+        (root / "tests/benchmarks/optimal_control/scoreboard_answers.json").read_text("utf-8")
+    )
+    assert {row["label"] for row in shown if row["solver"] == "ours"} == {"linear-stage"}

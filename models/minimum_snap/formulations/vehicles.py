@@ -181,7 +181,7 @@ class VehicleFormulation(ConeProgramFormulation):
 
     @property
     def is_local_optimum(self) -> bool:
-        """Whether the last step hardly changed the merit or the path, which keeps the limits."""
+        """Whether the last step changed merit or path negligibly, and the path keeps the limits."""
         return self.centre is not None and self.converged
 
     def statistics(self, plan: Trajectory) -> dict[str, float | int | str]:
