@@ -2,7 +2,7 @@
 
 Without outer torque the body rates are a function of attitude and gimbal angles (eq. 1), and three
 parameters describe the attitude. A node then has 3 + n states instead of 7 + n, for n gyros, no
-condition at the end depends on others, and the program takes half the time.
+condition at the end depends on others, and the program is smaller.
 """
 
 from __future__ import annotations

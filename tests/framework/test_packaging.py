@@ -70,6 +70,15 @@ def test_version_is_the_same_everywhere(project, checkout):
     assert f"\nversion: {newest}\ndate-released: {date}\n" in citation
 
 
+def test_the_changelog_has_each_heading_and_entry_once_per_version(checkout):
+    for version in (checkout / "CHANGELOG.md").read_text("utf-8").split("\n## ")[1:]:
+        headings = re.findall(r"^### .*", version, re.M)
+        entries = re.findall(r"^- .*(?:\n  .*)*", version, re.M)
+        assert len(set(headings)) == len(headings), version[:20]
+        assert len(set(entries)) == len(entries), version[:20]
+        assert all(f"\n\n{heading}\n\n" in version for heading in headings)
+
+
 def test_constraints_pin_exact_versions_of_every_dependency(project, checkout):
     lines = (checkout / "constraints.txt").read_text("utf-8").splitlines()
     pins = [line for line in lines if line and not line.startswith("#")]

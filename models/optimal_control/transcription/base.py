@@ -323,7 +323,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     @property
     def is_restricted(self) -> bool:
-        """Whether the controls are linear per interval, so that a plan verifies."""
+        """Whether the controls are linear per interval, so that plans verify more easily."""
         return self._meshes[0].linear
 
     @property

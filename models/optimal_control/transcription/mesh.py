@@ -25,7 +25,7 @@ UNIFORM = ((20, 0), (20, 1), (60, 0), (40, 2), (120, 0))
 #: polynomials oscillate.
 DEGREE = 3
 #: Intervals and nodes per interval of the mesh with linear controls per interval. Their motion is smooth, so
-#: the plan verifies even if optimal controls chatter, are singular or are not unique.
+#: plans often verify although optimal controls chatter, are singular or are not unique.
 LINEAR = 40, 5
 
 
