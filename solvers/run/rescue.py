@@ -108,7 +108,7 @@ def explodes(rows: Sequence[dict[str, Any]]) -> bool:
 
 
 class Work:
-    """Work of the programs of all stages; unlimited if the caller chose a formulation or options."""
+    """Work of the programs of all stages; unlimited if the caller chose formulation, start or options."""
 
     def __init__(self, run: Run) -> None:
         # Options of the caller, such as a number of iterations, are not reduced.
