@@ -252,8 +252,8 @@ def course_of(phase: Phase, plan: PhasePlan, parameters: Floats) -> Course:
     """Return the course of a phase; of the same phase and plan as a recent one, the same object."""
     key = id(phase), id(plan), parameters.tobytes()
     _recent[key] = course = _recent.pop(key, None) or Course(phase, plan, parameters)
-    while len(_recent) > RECENT:
-        _recent.pop(next(iter(_recent)), None)
+    for oldest in list(_recent)[:-RECENT]:  # a copy, which other threads do not change
+        _recent.pop(oldest, None)
     return course
 
 

@@ -1,5 +1,7 @@
 """Programs of transcriptions: derivatives, names, guesses and round trips."""
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import casadi
@@ -11,6 +13,7 @@ from transcribed import FORMULATIONS, LINEAR, regulator
 import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import ControlPlan, OptimalControlProblem
+from crosstrack.models.optimal_control import sampling
 from crosstrack.models.optimal_control.transcription.mesh import Mesh
 
 
@@ -250,3 +253,20 @@ def test_encode_rejects_a_plan_of_another_shape():
     point[one.layout.phases[0].time_columns] = 1.0, 1.0
     with pytest.raises(InvalidData, match="phase 'climb': its end 1 is not after its start 1"):
         one.decode(point)
+
+
+def test_courses_are_kept_safely_by_several_threads(monkeypatch):
+    monkeypatch.setattr(sampling, "Course", lambda *parts: parts)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+
+    def look_up(_):
+        for number in range(10_000):
+            sampling.course_of(object(), object(), np.array([float(number)]))
+
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            list(pool.map(look_up, range(4)))
+    finally:
+        sys.setswitchinterval(interval)
+        sampling._recent.clear()

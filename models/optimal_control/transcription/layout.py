@@ -311,8 +311,8 @@ def layout_of(
             definition, meshes, [tuple(scheme(int(n)) for n in m.degrees) for m in meshes]
         )
     _recent[key] = layout
-    while len(_recent) > RECENT:
-        _recent.pop(next(iter(_recent)), None)
+    for oldest in list(_recent)[:-RECENT]:  # a copy, which other threads do not change
+        _recent.pop(oldest, None)
     return layout
 
 
