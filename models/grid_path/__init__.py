@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .sight import Sight as Sight, line_of_sight as line_of_sight
 
 #: Private names that modules of other problems import.
-SHARED = ("gridmap.MOST", "gridmap.read_cells")
+SHARED = ("gridmap.MOST", "gridmap.enlarged", "gridmap.read_cells")
 MODELS = {"grid-path": ".model:GridPath"}
 PICTURES = {"grid-path": ".plot:draw"}
 ANIMATIONS = {"grid-path": ".plot:animate_paths"}
