@@ -8,14 +8,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData
 from ..fields import required
 from ..verification import Check, Verification, check_entries, check_tolerance
 from .data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from .plan import FleetPlan
+from .rich_checks import (
+    cost_of,
+    describe_visits,
+    longest_stretch,
+    makespan_of,
+    missing_times,
+    rich_checks,
+)
+from .rich_data import RichData
 
 __all__ = [
-    "LIMITS", "LoadLimit", "deviation_of", "loads_of", "measure_of", "objective_of", "variance_of",
-    "verify_routes",
+    "LIMITS", "LoadLimit", "deviation_of", "loads_of", "measure_of", "objective_of", "value_of",
+    "variance_of", "verify_routes",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -46,12 +56,13 @@ LIMITS = (
 
 
 def loads_of(model: FleetData, plan: FleetPlan) -> Floats:
-    """Return the length of each route, from its depot and back, shape (routes,)."""
+    """Return the length of each route, from its depot to its end, shape (routes,)."""
     loads = np.zeros(len(plan.routes))
     for k, route in enumerate(plan.routes):
         if route:
-            home = int(model.homes[min(k, model.vehicles - 1)])
-            stops = [home, *route, home]
+            vehicle = min(k, model.vehicles - 1)
+            end = int(model.finishes[vehicle])
+            stops = [int(model.homes[vehicle]), *route, *([end] if end >= 0 else [])]
             loads[k] = sum(model.distances[a, b] for a, b in itertools.pairwise(stops))
     return loads
 
@@ -81,7 +92,15 @@ def measure_of(model: FleetData, name: str, loads: Floats) -> float:
 
 
 def objective_of(model: FleetData, loads: Floats) -> float:
-    """Return the objective value of `model` for routes of lengths `loads`."""
+    """Return the objective value of `model` for routes of lengths `loads`.
+
+    The objectives "cost" and "makespan" also depend on the plan, see :func:`value_of`.
+    """
+    if model.objective in (Objective.COST, Objective.MAKESPAN):
+        raise InvalidData(
+            f"objective {str(model.objective)!r} is not a function of the route lengths",
+            field="objective",
+        )
     total, longest = float(loads.sum()), float(loads.max())
     if model.objective is Objective.SUM:
         return total
@@ -96,23 +115,32 @@ def objective_of(model: FleetData, loads: Floats) -> float:
     return longest + LEXICOGRAPHIC * total
 
 
-def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verification:
+def value_of(model: RichData, plan: FleetPlan) -> float | None:
+    """Return the objective value of `plan` with one route per vehicle; None if it lacks needed times."""
+    timed = model.objective is Objective.MAKESPAN or model.time_cost is not None
+    if timed and missing_times(plan):
+        return None
+    if model.objective is Objective.MAKESPAN:
+        return makespan_of(plan)
+    loads = loads_of(model, plan)
+    return (
+        cost_of(model, plan, loads)
+        if model.objective is Objective.COST
+        else objective_of(model, loads)
+    )
+
+
+def verify_routes(model: RichData, plan: FleetPlan, tolerance: float) -> Verification:
     """Compute the objective of `plan` and check every constraint of `model`."""
     check_tolerance(tolerance)
     required("plan", plan, FleetPlan)
     for k, route in enumerate(plan.routes):
         check_entries(f"routes[{k}]", route, 0, model.size - 1, "routes")
-    visited = np.bincount(
-        np.array([node for route in plan.routes for node in route], int), minlength=model.size
-    )
-    required_visits = np.zeros(model.size, int)
-    required_visits[model.customers] = 1
-    wrong = np.flatnonzero(visited != required_visits)
     loads = loads_of(model, plan)
     unit = model.length_unit
     checks = [
         Check.count("one route for each vehicle", abs(len(plan.routes) - model.vehicles)),
-        Check.count("each node visited once", [f"node {model.label(int(k))}" for k in wrong]),
+        Check.count("each node visited once", describe_visits(model, plan)),
     ]
     if model.use_all:
         idle = [f"vehicle {k}" for k, route in enumerate(plan.routes) if not route]
@@ -129,7 +157,9 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
 
         return Check.within(name, values, limits, unit, place, tolerance, scale=scale)
 
-    if model.capacity is not None:
+    if model.is_rich:
+        checks += rich_checks(model, plan, tolerance)
+    elif model.capacity is not None:
         assert model.demands is not None
         carried = np.array([model.demands[list(route)].sum() for route in plan.routes])
         checks.append(check_each("demands within capacity", carried, model.capacity, ""))
@@ -140,10 +170,14 @@ def verify_routes(model: FleetData, plan: FleetPlan, tolerance: float) -> Verifi
             continue
         if rule.field == "battery":
             # Each vehicle has its own.
-            checks.append(check_each(rule.name, loads, limit, unit))
+            stretches = loads
+            if model.stations:
+                routes = enumerate(plan.routes)
+                stretches = np.array([longest_stretch(model, k, route) for k, route in routes])
+            checks.append(check_each(rule.name, stretches, limit, unit))
         else:
             value = measure_of(model, rule.measure, loads)
             checks.append(Check.within(rule.name, value, limit, unit, "", tolerance, noise=noise))
     # The range of nearly equal lengths is almost 0: compare it with the mean length instead.
     scale = float(loads.mean()) if model.objective is Objective.RANGE else 0.0
-    return Verification(objective_of(model, loads), tuple(checks), scale=scale)
+    return Verification(value_of(model, plan), tuple(checks), scale=scale)

@@ -19,10 +19,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse import csgraph
 
-from ...errors import InvalidData, UnsupportedOption, show
+from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption, show
 from ..fields import required
 from ..formulation import Formulation
 from ..programs.linear import MixedIntegerProgram
+from .features import list_unsupported
 from .model import FleetRouting
 from .plan import FleetPlan
 
@@ -240,6 +241,8 @@ class CutFormulation(Formulation[FleetRouting, FleetPlan]):
             raise UnsupportedOption(
                 f"formulation {self.name!r}: root_rounds must be a whole number >= 0, got {show(value)}"
             )
+        if features := list_unsupported(self.model, frozenset()):
+            raise UnsupportedFormulation(f"formulation {self.name!r} does not cover {features}")
 
     @abstractmethod
     def _build(self, cuts: tuple[Cut, ...]) -> MixedIntegerProgram: ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -13,17 +13,33 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Nested
-from ..fields import Array, Flag, Optional, Real, Whole, declared, frozen, show
+from ..fields import Array, Flag, NumberTuple, Optional, Real, Text, declared, frozen, show
 from ..grid_path import GridMap
 from ..inputs import Field, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
-from ..records import Member
+from ..records import Member, Several
+from .features import features_of
 from .plan import FleetPlan
+from .specs import (
+    Count,
+    Depots,
+    EachVehicle,
+    Loads,
+    NameLists,
+    NodeList,
+    NodeLists,
+    Prizes,
+    Shifts,
+    Spans,
+    Windows,
+    node_list,
+)
 
 __all__ = ["Deviation", "FleetData", "Metric", "Objective"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Maximum number of vehicles, and of nodes.
 MOST = 10_000
@@ -34,7 +50,7 @@ LEXICOGRAPHIC = 1e-6
 
 
 class Objective(StrEnum):
-    """Objective to minimise, a function of the route lengths L_1 … L_m."""
+    """Objective to minimise; all but the last two are functions of the route lengths L_1 … L_m."""
 
     SUM = "sum"  #: Σ L_k (eq. 15)
     MAX = "max"  #: max L_k
@@ -42,6 +58,10 @@ class Objective(StrEnum):
     DEVIATION = "sum-deviation"  #: Σ L_k + q s, with their standard deviation s
     RANGE = "range"  #: max L_k - min L_k
     LEXICOGRAPHIC = "max-sum"  #: max L_k, then Σ L_k: max L_k + 1e-6 Σ L_k
+    COST = (
+        "cost"  #: fixed, distance and time costs of the used vehicles, minus the collected prizes
+    )
+    MAKESPAN = "makespan"  #: latest return, s
 
 
 class Deviation(StrEnum):
@@ -60,35 +80,6 @@ class Metric(StrEnum):
     GRID = "grid"  #: shortest path on the map, along eight neighbours
 
 
-class EachVehicle(Array):
-    """Array with one number per vehicle; a scalar applies to all vehicles."""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        array = self._numbers(name, value)
-        if array.ndim == 0:
-            array = np.full(sizes["vehicles"][0], Real(self.lower).coerce(name, value, {}))
-        return super().coerce(name, array, sizes)
-
-
-class Count(Whole):
-    """Number of vehicles, which sets the size of other fields."""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> int:
-        count = super().coerce(name, value, sizes)
-        sizes["vehicles"] = (count, name)
-        return count
-
-
-class Depots(Array):
-    """Depot of all vehicles, or one depot per vehicle."""
-
-    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        array = self._numbers(name, value)
-        if array.ndim == 0:
-            array = np.array([Whole(0).coerce(name, value, {})])
-        return super().coerce(name, array, sizes)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class FleetData(Model[FleetPlan]):
     """Fields of :class:`~crosstrack.models.fleet.model.FleetRouting`, documented there."""
@@ -101,17 +92,71 @@ class FleetData(Model[FleetPlan]):
     )
     metric: Field[str | None, Metric | None] = declared(Optional(Member(Metric)), default=None)
     depots: Field[Numbers, NDArray[np.int64]] = declared(Depots(("d",), int, lower=0), default=0)
-    use_all: bool = declared(Flag(), default=True)
+    use_all: Field[bool | None, bool] = declared(Optional(Flag()), default=None)
     objective: Field[str, Objective] = declared(Member(Objective), default=Objective.MAX)
     q: float = declared(Real(lower=0), default=0.0)
     deviation: Field[str, Deviation] = declared(Member(Deviation), default=Deviation.SAMPLE)
-    demands: FloatsOrNone = declared(Optional(Array(("n",), lower=0)), default=None)
-    capacity: FloatsOrNone = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
+    demands: FloatsOrNone = declared(Optional(Loads(("n",), lower=0)), default=None)
+    capacity: FloatsOrNone = declared(Optional(Loads(("vehicles",), lower=0)), default=None)
     battery: FloatsOrNone = declared(Optional(EachVehicle(("vehicles",), lower=0)), default=None)
     budget: float | None = declared(Optional(Real(lower=0)), default=None)
     deviation_limit: float | None = declared(Optional(Real(lower=0)), default=None)
     range_limit: float | None = declared(Optional(Real(lower=0)), default=None)
     ids: Names = declared(Optional(Ids()), default=None)
+    # Fields of rich fleets.
+    times: FloatsOrNone = declared(
+        Optional(Array(("n", "n"), lower=0, unit="s")), added=True, default=None
+    )
+    speed: FloatsOrNone = declared(
+        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
+    )
+    service: FloatsOrNone = declared(
+        Optional(Array(("n",), lower=0, unit="s")), added=True, default=None
+    )
+    windows: Field[Sequence[Any] | Numbers | None, tuple[Spans, ...] | None] = declared(
+        Optional(Windows()), added=True, default=None
+    )
+    releases: FloatsOrNone = declared(Optional(Array(("n",), unit="s")), added=True, default=None)
+    pickups: FloatsOrNone = declared(Optional(Loads(("n",), lower=0)), added=True, default=None)
+    backhauls: bool = declared(Flag(), added=True, default=False)
+    pairs: Field[Numbers | None, Ints | None] = declared(
+        Optional(Array(("pairs", 2), int, lower=0)), added=True, default=None
+    )
+    fixed_cost: FloatsOrNone = declared(
+        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
+    )
+    distance_cost: FloatsOrNone = declared(
+        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
+    )
+    time_cost: FloatsOrNone = declared(
+        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
+    )
+    shifts: FloatsOrNone = declared(
+        Optional(Shifts(("vehicles", 2), infinity=1, unit="s")), added=True, default=None
+    )
+    max_duration: FloatsOrNone = declared(
+        Optional(EachVehicle(("vehicles",), lower=0, infinity=1, unit="s")),
+        added=True,
+        default=None,
+    )
+    ends: Field[Numbers | None, Ints | None] = declared(
+        Optional(EachVehicle(("vehicles",), int, lower=-1)), added=True, default=None
+    )
+    requires: NameLists = declared(
+        Optional(Several(Several(Text()), "n")), added=True, default=None
+    )
+    skills: NameLists = declared(
+        Optional(Several(Several(Text()), "vehicles")), added=True, default=None
+    )
+    prizes: FloatsOrNone = declared(Optional(Prizes(("n",), lower=0)), added=True, default=None)
+    groups: NodeLists = declared(
+        Optional(Several(NumberTuple(("group",), int, lower=0))), added=True, default=None
+    )
+    reloads: NodeList = declared(node_list("reloads"), added=True, default=None)
+    max_reloads: Field[Numbers | None, Ints | None] = declared(
+        Optional(EachVehicle(("vehicles",), int, lower=0)), added=True, default=None
+    )
+    stations: NodeList = declared(node_list("stations"), added=True, default=None)
 
     def check(self) -> None:
         """Fill in defaults and validate constraints between fields."""
@@ -129,6 +174,8 @@ class FleetData(Model[FleetPlan]):
                 f"depots must be nodes 0 … {self.size - 1}, got {int(self.depots.max())}",
                 field="depots",
             )
+        if self.use_all is None:
+            object.__setattr__(self, "use_all", not features_of(self))
         count = len(self.customers)
         if not count:
             raise InvalidData(
@@ -141,10 +188,7 @@ class FleetData(Model[FleetPlan]):
                 f"{self.vehicles}",
                 field="vehicles",
             )
-        if (self.demands is None) != (self.capacity is None):
-            names = ["demands", "capacity"]
-            name, other = names if self.demands is None else reversed(names)
-            raise InvalidData(f"{name} must be given together with {other}", field=name)
+        self._check_loads()
         if self.q and self.objective not in (Objective.VARIANCE, Objective.DEVIATION):
             raise InvalidData(
                 "q must be 0 unless the objective is 'sum-variance' or 'sum-deviation', got objective "
@@ -186,6 +230,12 @@ class FleetData(Model[FleetPlan]):
                     field="points",
                 )
 
+    def _check_loads(self) -> None:
+        if (self.demands is None) != (self.capacity is None):
+            names = ["demands", "capacity"]
+            name, other = names if self.demands is None else reversed(names)
+            raise InvalidData(f"{name} must be given together with {other}", field=name)
+
     def _check_reachable(self) -> None:
         longest = float(np.max(self.distances, where=np.isfinite(self.distances), initial=0.0))
         if not np.isfinite(longest * 4.0 * self.size):
@@ -221,6 +271,11 @@ class FleetData(Model[FleetPlan]):
     def homes(self) -> NDArray[np.int64]:
         """Depot of each vehicle, shape (vehicles,)."""
         return np.broadcast_to(self.depots, (self.vehicles,)).copy()
+
+    @property
+    def finishes(self) -> NDArray[np.int64]:
+        """Node at which each vehicle ends, shape (vehicles,); -1 for the last node of its route."""
+        return self.homes
 
     @cached_property
     def symmetric(self) -> bool:

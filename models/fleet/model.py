@@ -6,14 +6,17 @@ in Obstacle Environment", Wireless Communications and Mobile Computing, 2021.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..verification import TOLERANCE, Verification
+from ..verification import TOLERANCE, Verification, check_entries
 from .checks import LIMITS, loads_of, measure_of, verify_routes
-from .data import FleetData, Objective
+from .data import Objective
 from .plan import FleetPlan
+from .rich_data import RichData
+from .schedule import schedule_route
 
 __all__ = ["FleetRouting"]
 
@@ -21,7 +24,7 @@ __all__ = ["FleetRouting"]
 SUM_NODES, BALANCE_NODES = 100, 12
 
 
-class FleetRouting(FleetData):
+class FleetRouting(RichData):
     r"""Routes of m vehicles from their depots through all nodes, each visited once.
 
     With L_k the length of the route of vehicle k, from its depot and back, minimise one of
@@ -119,6 +122,26 @@ class FleetRouting(FleetData):
     def verify(self, plan: FleetPlan, *, tolerance: float = TOLERANCE) -> Verification:
         """Compute the objective and check every constraint from the distances and routes alone."""
         return verify_routes(self, plan, tolerance)
+
+    def with_schedule(self, routes: Iterable[Iterable[int]]) -> FleetPlan:
+        """Return the plan of `routes` with an exact schedule; without times if the model has none.
+
+        The return is the earliest one, and the departure the latest one for it. If the duration has a
+        cost, the duration is the least possible. If a route has no feasible schedule, its services are
+        as early as possible, and the verification names the violated limits.
+
+        Parameters
+        ----------
+        routes : iterable of iterable of int
+            Nodes of the route of each vehicle, without the depots.
+        """
+        rows = tuple(tuple(int(node) for node in route) for route in routes)
+        plan = FleetPlan(rows)
+        if not self.has_times or len(rows) != self.vehicles:
+            return plan
+        for k, route in enumerate(rows):
+            check_entries(f"routes[{k}]", route, 0, self.size - 1, "routes")
+        return FleetPlan(rows, tuple(schedule_route(self, k, row) for k, row in enumerate(rows)))
 
     def second_objective(self, name: str, plan: FleetPlan) -> float:
         """Return the "max", "sum", "deviation" or "range" of the route lengths."""

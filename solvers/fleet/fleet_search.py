@@ -18,7 +18,6 @@ from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import loads_of, objective_of
 from ..contract.backend import (
     Answer,
-    Backend,
     Feature,
     Guarantee,
     Limit,
@@ -27,6 +26,7 @@ from ..contract.backend import (
     Termination,
 )
 from .bound import lower_bound, trip_bound
+from .rivals import FleetBackend
 from .search_kernels import Fleet, Routes, anneal, measure
 from .start import first_plan, repair
 
@@ -150,7 +150,7 @@ class _Candidate:
         return int(done)
 
 
-class FleetSearch(Backend):
+class FleetSearch(FleetBackend):
     """Simulated annealing by ruin and recreate, from many starts, for every fleet objective.
 
     The best routes form a pool; they are recombined route by route and annealed again. The energy is
@@ -159,7 +159,6 @@ class FleetSearch(Backend):
     """
 
     name = "fleet-search"
-    accepts = FleetRouting
     guarantee = Guarantee.RELAXATION
     features = frozenset(
         {
@@ -183,6 +182,7 @@ class FleetSearch(Backend):
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
         """Search until the time limit, a closed gap or the end of the patience."""
+        self.require_support(problem)
         return _Search(problem, request).answer()
 
 

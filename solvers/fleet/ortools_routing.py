@@ -57,7 +57,9 @@ class OrToolsRouting(FleetHeuristic):
     summary = "OR-Tools' routing library with guided local search"
 
     def refuses(self, problem: FleetRouting) -> str:
-        """Return the reason for refusal, "" for a supported model: too many nodes."""
+        """Return the reason for refusal, "" for a supported model: rich features, or too many nodes."""
+        if reason := super().refuses(problem):
+            return reason
         if problem.size > MOST:
             return f"more than {MOST} nodes, got {problem.size}"
         return ""

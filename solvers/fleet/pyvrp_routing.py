@@ -59,7 +59,9 @@ class PyVrpRouting(FleetHeuristic):
     summary = "PyVRP: iterated local search for the sum, and for the longest route under a limit"
 
     def refuses(self, problem: FleetRouting) -> str:
-        """Return the reason for refusal, "" for a supported model: objective or size."""
+        """Return the reason for refusal, "" for a supported model: rich features, objective or size."""
+        if reason := super().refuses(problem):
+            return reason
         if problem.objective is Objective.RANGE:
             return "the objective 'range'"
         if problem.q > 0:

@@ -7,17 +7,25 @@ import os
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
-from ...models.fleet.checks import loads_of, objective_of
+from ...models.fleet.checks import loads_of, objective_of, value_of
+from ...models.fleet.features import list_unsupported
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
-__all__ = ["Best", "FleetHeuristic", "available_threads", "whole_demands", "whole_distances"]
+__all__ = [
+    "Best",
+    "FleetBackend",
+    "FleetHeuristic",
+    "available_threads",
+    "whole_demands",
+    "whole_distances",
+]
 
 Ints = NDArray[np.int64]
 
@@ -38,9 +46,9 @@ class Best:
     def offer(self, routes: Sequence[Sequence[int]]) -> bool:
         """Make `routes` the incumbent if they are better and feasible; return whether they are."""
         model = self.problem
-        plan = FleetPlan(tuple(tuple(int(node) for node in route) for route in routes))
-        objective = objective_of(model, loads_of(model, plan))
-        if not objective < self.objective:
+        plan = model.with_schedule(routes)
+        objective = value_of(model, plan)
+        if objective is None or not objective < self.objective:
             return False
         checked = model.verify(plan, tolerance=self.request.tolerance)
         if not checked.ok:
@@ -93,13 +101,29 @@ class Best:
         return True
 
 
-class FleetHeuristic(Backend):
+class FleetBackend(Backend):
+    """Base class of all fleet backends: it refuses models with rich features that a backend lacks.
+
+    Attributes
+    ----------
+    rich : frozenset of str
+        Supported members of :data:`~crosstrack.models.fleet.features.FEATURES`.
+    """
+
+    accepts = FleetRouting
+    rich: ClassVar[frozenset[str]] = frozenset()
+
+    def refuses(self, problem: FleetRouting) -> str:
+        """Return the names of the rich features that this backend lacks, "" if it has all of them."""
+        return list_unsupported(problem, self.rich)
+
+
+class FleetHeuristic(FleetBackend):
     """Base class of the fleet heuristics; subclasses implement :meth:`search`.
 
     The answer holds a feasible plan or no plan.
     """
 
-    accepts = FleetRouting
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT})
 

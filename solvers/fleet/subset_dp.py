@@ -29,8 +29,9 @@ from ...models.fleet.checks import LIMITS, loads_of, objective_of
 from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
-from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Request, Termination
 from .bound import trip_bound
+from .rivals import FleetBackend
 from .start import first_plan
 
 __all__ = ["SubsetDP", "best_spread", "least_sums", "shortest_tours"]
@@ -48,11 +49,10 @@ FEW = 6
 _ROUNDING = 1e-12
 
 
-class SubsetDP(Backend):
+class SubsetDP(FleetBackend):
     """Exact solver: Held and Karp's tours of all subsets, assigned to vehicles by dynamic programming."""
 
     name = "subset-dp"
-    accepts = FleetRouting
     guarantee = Guarantee.EXACT
     features = frozenset({Feature.GAP, Feature.INCUMBENTS, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
@@ -60,7 +60,9 @@ class SubsetDP(Backend):
     summary = f"exact, over all subsets of at most {MOST} nodes; ours"
 
     def refuses(self, problem: Any) -> str:
-        """Return the reason for refusal, "" for a supported model: size, or a detour may pay."""
+        """Return the reason for refusal, "" for a supported model: features, size, or a detour may pay."""
+        if reason := super().refuses(problem):
+            return f"it does not take {reason}"
         size, vehicles = len(problem.customers), problem.vehicles
         if max(size, vehicles) > MOST:
             return f"it takes at most {MOST} nodes and vehicles, got {size} and {vehicles}"

@@ -180,13 +180,16 @@ def test_bad_data(data, message):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ([[1], [2]], "a plan must be an object with the key routes"),
+        ([[1], [2]], "a plan must be an object with the keys routes, starts"),
         ({"routes": "12"}, "routes must be a list, got"),
         ({"routes": {"0": [1]}}, "routes must be a list, got"),
         ({"routes": [[1.5]]}, r"routes\[0\]"),
         ({"routes": [[1], ["a"]]}, r"routes\[1\]"),
         ({"routes": [[[1]]]}, r"routes\[0\]"),
-        ({"routes": [[1]], "more": 1}, "unknown key 'more' in the data of a plan; allowed: routes"),
+        (
+            {"routes": [[1]], "more": 1},
+            "unknown key 'more' in the data of a plan; allowed: routes, starts",
+        ),
     ],
 )
 def test_bad_plans(data, message):
@@ -202,4 +205,4 @@ def test_words():
     assert not model.symmetric
     assert FleetRouting(1, points=SQUARE).symmetric
     assert str(FleetPlan([[1, 2], []])) == "1-2 | at the depot"
-    assert {str(one) for one in type(model.objective)} == set(OBJECTIVES)
+    assert {str(one) for one in type(model.objective)} == {*OBJECTIVES, "cost", "makespan"}

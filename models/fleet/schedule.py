@@ -1,0 +1,207 @@
+"""Exact schedule of one route: several windows, releases, shift and a limit on the duration.
+
+The earliest return is a function of the departure d. It is nondecreasing and consists of pieces
+max(fixed, d + delay) on intervals of d. Travel and service shift a piece, a release raises its fixed
+part, and each window keeps the departures that reach it. For one window per node this is the forward
+time slack of M. Savelsbergh, "The vehicle routing problem with time windows: minimizing route
+duration", ORSA Journal on Computing 4, 1992.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from .rich_data import RichData
+    from .specs import Spans
+
+__all__ = ["Piece", "earliest_returns", "schedule_route"]
+
+#: Departures are rounded: an arrival this much after a window, relative to the time, is in time.
+_ROUNDING = 1e-12
+
+
+class Piece(NamedTuple):
+    """Departures `first` … `last` with the earliest return max(`fixed`, departure + `delay`), all in s."""
+
+    first: float
+    last: float
+    fixed: float
+    delay: float
+
+    @property
+    def earliest(self) -> float:
+        """Earliest return of all departures, s."""
+        return max(self.fixed, self.first + self.delay)
+
+    @property
+    def latest_departure(self) -> float:
+        """Latest departure with the earliest return, s; the duration is then the least of the piece."""
+        return min(self.last, max(self.first, self.fixed - self.delay))
+
+    @property
+    def duration(self) -> float:
+        """Least duration, s."""
+        return max(self.fixed - self.latest_departure, self.delay)
+
+    def moved(self, seconds: float) -> Piece:
+        """Return the piece `seconds` later."""
+        return self._replace(fixed=self.fixed + seconds, delay=self.delay + seconds)
+
+
+class _Stop(NamedTuple):
+    """Travel time to a node, its windows and service, and the release of the trip that begins there."""
+
+    travel: float
+    windows: Spans
+    service: float
+    release: float
+
+
+def _stops(model: RichData, vehicle: int, route: Sequence[int]) -> tuple[float, list[_Stop]]:
+    """Return the earliest departure of the first trip, and the stops of the route with its end."""
+    tail, finish = int(model.homes[vehicle]), int(model.finishes[vehicle])
+    nodes = [*route, finish] if finish >= 0 else [*route]
+    releases: list[float] = [-math.inf]
+    trip = []
+    for node in route:
+        if node in (model.reloads or ()):
+            releases.append(-math.inf)
+        elif model.releases is not None and model.is_customer[node]:
+            releases[-1] = max(releases[-1], float(model.releases[node]))
+        trip.append(len(releases) - 1)
+    stops = []
+    for place, node in enumerate(nodes):
+        inner = place < len(route)
+        service = float(model.service[node]) if inner and model.service is not None else 0.0
+        begins = inner and node in (model.reloads or ())
+        stops.append(
+            _Stop(
+                model.travel_time(vehicle, tail, node),
+                None if model.windows is None else model.windows[node],
+                service,
+                releases[trip[place]] if begins else -math.inf,
+            )
+        )
+        tail = node
+    return releases[0], stops
+
+
+def _through(pieces: Iterable[Piece], windows: Spans) -> list[Piece]:
+    """Return the pieces of the begin of a service within `windows`, from those of the arrival."""
+    if windows is None:
+        return list(pieces)
+    result = []
+    for piece in pieces:
+        before = -math.inf
+        for begin, end in windows:
+            # A departure that also meets an earlier window belongs to that one, except at its end.
+            first = piece.first if piece.fixed > before else max(piece.first, before - piece.delay)
+            last = min(piece.last, end - piece.delay)
+            if first <= last and piece.fixed <= end:
+                result.append(Piece(first, last, max(piece.fixed, begin), piece.delay))
+            before = max(before, end)
+    return result
+
+
+def earliest_returns(model: RichData, vehicle: int, route: Sequence[int]) -> list[Piece]:
+    """Return the earliest return of a route for each feasible departure.
+
+    Parameters
+    ----------
+    model : FleetRouting
+        The model.
+    vehicle : int
+        Index of the vehicle.
+    route : sequence of int
+        Nodes of the route without its depots, at least one.
+
+    Returns
+    -------
+    list of Piece
+        Pieces of the function; empty if no schedule exists. All limits on times hold: windows,
+        releases, the shift and the duration.
+    """
+    release, stops = _stops(model, vehicle, route)
+    begin, end = (0.0, math.inf) if model.shifts is None else model.shifts[vehicle].tolist()
+    home = None if model.windows is None else model.windows[int(model.homes[vehicle])]
+    spans = ((-math.inf, math.inf),) if home is None else home
+    pieces = [
+        Piece(max(begin, release, a), min(end, b), -math.inf, 0.0)
+        for a, b in spans
+        if max(begin, release, a) <= min(end, b)
+    ]
+    for stop in stops:
+        pieces = _through([piece.moved(stop.travel) for piece in pieces], stop.windows)
+        pieces = [
+            piece._replace(fixed=max(piece.fixed, stop.release))
+            for piece in (piece.moved(stop.service) for piece in pieces)
+        ]
+    pieces = _through(pieces, ((-math.inf, end),))
+    if model.max_duration is not None:
+        limit = float(model.max_duration[vehicle])
+        pieces = [
+            piece._replace(first=max(piece.first, piece.fixed - limit))
+            for piece in pieces
+            if piece.duration <= limit * (1 + _ROUNDING)
+        ]
+    return [piece._replace(first=min(piece.first, piece.last)) for piece in pieces]
+
+
+def schedule_route(model: RichData, vehicle: int, route: Sequence[int]) -> tuple[float, ...]:
+    """Return the departure, the begin of each service and the return of a route, in s.
+
+    The return is the earliest one within all limits, and the departure the latest for it. If the
+    duration has a cost, the duration is the least possible instead, with the earliest return for it.
+    If no schedule keeps all limits, the services are as early as possible, and the verification names
+    the violated limits.
+
+    Parameters
+    ----------
+    model : FleetRouting
+        The model.
+    vehicle : int
+        Index of the vehicle.
+    route : sequence of int
+        Nodes of the route without its depots.
+
+    Returns
+    -------
+    tuple of float
+        Times, one per node of the route and two more; empty for an empty route.
+    """
+    if not route:
+        return ()
+    pieces = earliest_returns(model, vehicle, route)
+    paid = model.time_cost is not None and model.time_cost[vehicle] > 0
+    release, stops = _stops(model, vehicle, route)
+    if pieces:
+        if paid:
+            best = min(pieces, key=lambda piece: (piece.duration, piece.earliest))
+            departure = best.latest_departure
+        else:
+            soonest = min(piece.earliest for piece in pieces)
+            departure = max(p.latest_departure for p in pieces if p.earliest == soonest)
+    else:
+        begin = 0.0 if model.shifts is None else float(model.shifts[vehicle, 0])
+        home = None if model.windows is None else model.windows[int(model.homes[vehicle])]
+        departure = max(begin, release, home[0][0] if home else -math.inf)
+    times, now = [departure], departure
+    for stop in stops:
+        now = _begin(now + stop.travel, stop.windows)
+        times.append(now)
+        now = max(now + stop.service, stop.release)
+    if len(times) == len(route) + 1:  # an open route ends after its last service
+        times.append(now)
+    return tuple(times)
+
+
+def _begin(arrival: float, windows: Spans) -> float:
+    """Return the begin of a service: the first time in a window, or the arrival after all windows."""
+    slack = _ROUNDING * abs(arrival)
+    for begin, end in windows or ():
+        if arrival <= end + slack:
+            return max(begin, min(arrival, end))
+    return arrival
