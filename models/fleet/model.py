@@ -14,6 +14,7 @@ import numpy as np
 from ..verification import TOLERANCE, Verification, check_entries
 from .checks import LIMITS, loads_of, measure_of, verify_routes
 from .data import Objective
+from .features import list_unsupported
 from .plan import FleetPlan
 from .rich_data import RichData
 from .schedule import schedule_route
@@ -34,10 +35,13 @@ class FleetRouting(RichData):
     * ``"sum-variance"``: :math:`\sum_k L_k + q Y`, with the variance Y of all L_k (eq. 15 and 16),
     * ``"sum-deviation"``: :math:`\sum_k L_k + q s`, with the standard deviation s of all L_k,
     * ``"range"``: :math:`\max_k L_k - \min_k L_k`,
-    * ``"max-sum"``: max L_k and then the sum, stated as :math:`\max_k L_k + 10^{-6} \sum_k L_k`.
+    * ``"max-sum"``: max L_k and then the sum, stated as :math:`\max_k L_k + 10^{-6} \sum_k L_k`,
+    * ``"cost"``: fixed, distance and time costs of the used vehicles, minus the prizes collected,
+    * ``"makespan"``: the latest return, in seconds.
 
     Known as the multiple travelling salesman problem. A vehicle that stays at its depot has
-    length 0.
+    length 0. The fields from `times` on describe rich fleets; all of them are optional, and one number
+    applies to all vehicles.
 
     Parameters
     ----------
@@ -55,8 +59,10 @@ class FleetRouting(RichData):
     depots : int or ndarray of int, shape (1,) or (vehicles,)
         Start and end node of all routes, or one node per vehicle; 0 by default.
     use_all : bool
-        Whether every vehicle must visit at least one node; True by default.
-    objective : {"max", "sum", "sum-variance", "sum-deviation", "range", "max-sum"}
+        Whether every vehicle must visit at least one node. The default is True for plain models, and
+        False for models with a field from `times` on, with loads in several dimensions, or with the
+        objectives "cost" and "makespan".
+    objective : {"max", "sum", "sum-variance", "sum-deviation", "range", "max-sum", "cost", "makespan"}
         Objective to minimise; "max" by default.
     q : float
         Weight of the variance, per metre, or of the standard deviation (no unit), for the objectives
@@ -65,15 +71,61 @@ class FleetRouting(RichData):
         Divisor in the standard deviation: m - 1, as in the paper's Table 3, or m. The variance of
         "sum-variance" always divides by m (eq. 16).
     demands, capacity : ndarray, shape (n,) and (vehicles,), optional
-        Demand of each node and capacity of each vehicle; one number applies to all vehicles.
+        Amount delivered at each node, on board since the start of its trip, and capacity of each
+        vehicle; one number applies to all vehicles. With several dimensions, the shapes are (n, c) and
+        (vehicles, c).
     battery : float or ndarray, shape (vehicles,), optional
         Upper limit on the route length of each vehicle, in metres or in the unit of `costs`; one
-        number applies to all vehicles.
+        number applies to all vehicles. With `stations`, the limit on the length between two of them.
     budget, deviation_limit, range_limit : float, optional
         Upper limits on the sum, the standard deviation and the range of the route lengths, in metres or in
         the unit of `costs`.
     ids : sequence of int or str, optional
         Names of the nodes.
+    times : ndarray, shape (n, n), optional
+        Travel times at speed 1, in seconds, with a zero diagonal. The distances by default.
+    speed : float or ndarray, shape (vehicles,), optional
+        Divisor of the travel times of each vehicle: metres per second if `times` is not given.
+    service : ndarray, shape (n,), optional
+        Duration of the service at each node, in seconds; at the ends of a route there is none.
+    windows : sequence, optional
+        For each node None, one window (begin, end) or a list of windows, in seconds. A service begins
+        inside one of them; a vehicle may wait. The windows of a depot limit departures and returns.
+        An end of None or infinity is open.
+    releases : ndarray, shape (n,), optional
+        Times from which the goods of each node exist, in seconds. A trip from the depot or a reload to
+        the next reload or the end departs no earlier than the releases of its nodes.
+    pickups : ndarray, shape (n,) or (n, c), optional
+        Amount picked up at each node, on board until the end of the trip. The load stays within the
+        capacity at every moment.
+    backhauls : bool
+        Whether nodes with pickups only come after all others of their trip, and no trip begins with one.
+    pairs : ndarray of int, shape (p, 2), optional
+        Pickup node and delivery node, visited by one trip in this order, or both skipped. The amount is
+        that of `pickups` at the first node; other amounts of the two nodes do not count.
+    fixed_cost, distance_cost, time_cost : float or ndarray, shape (vehicles,), optional
+        Costs per used vehicle (0 by default), per metre (1) and per second between departure and return
+        (0), for the objective "cost".
+    shifts : ndarray, shape (2,) or (vehicles, 2), optional
+        Earliest departure and latest return, in seconds; 0 and infinity by default.
+    max_duration : float or ndarray, shape (vehicles,), optional
+        Upper limit on the time between departure and return, in seconds.
+    ends : int or ndarray of int, shape (vehicles,), optional
+        Node at which each vehicle ends: -1 for an open route that ends at its last node. `depots` by
+        default.
+    requires, skills : sequence of sequence of str, optional
+        Names that each node requires, and names that each vehicle has: it needs all of them.
+    prizes : ndarray, shape (n,), optional
+        Prize for a visit, for the objective "cost". NaN or None: the node must be visited. A number,
+        also 0: the node is optional.
+    groups : sequence of sequence of int, optional
+        Groups of nodes of which one is visited: exactly one if they have no prizes, else at most one.
+    reloads : sequence of int, optional
+        Nodes at which a vehicle may begin a new trip, any number of times; depots are allowed.
+    max_reloads : int or ndarray of int, shape (vehicles,), optional
+        Upper limit on the reloads of each vehicle.
+    stations : sequence of int, optional
+        Nodes at which a vehicle may renew its battery, any number of times.
 
     Raises
     ------
@@ -87,6 +139,11 @@ class FleetRouting(RichData):
     >>> model = FleetRouting(2, points=[[0, 0], [3, 0], [0, 4], [5, 5]])
     >>> print(model.describe())
     2 vehicles, 3 nodes, max
+    >>> timed = FleetRouting(
+    ...     2, points=[[0, 0], [3, 0], [0, 4], [5, 5]], windows=[None, (5, 9), None, None]
+    ... )
+    >>> print(timed.describe(), timed.with_schedule([[1], [2, 3]]).starts)
+    2 vehicles, 3 nodes, max, features: windows ((2.0, 5.0, 8.0), (0.0, 4.0, 9.09901951359278, 16.17008732545854))
     """
 
     kind: ClassVar[str] = "fleet-routing"
@@ -108,7 +165,9 @@ class FleetRouting(RichData):
     @property
     def preferred_formulation(self) -> str:
         """Name "two-index" if it covers the model, as it has far fewer columns, else "three-index"."""
-        plain = self.objective is Objective.SUM and set(self.limits) <= {"budget"}
+        plain = (
+            self.objective is Objective.SUM and not self.is_rich and set(self.limits) <= {"budget"}
+        )
         covered = plain and self.depots.size == 1 and self.symmetric
         return "two-index" if covered else self.default_formulation
 
@@ -148,11 +207,14 @@ class FleetRouting(RichData):
         return measure_of(self, name, loads_of(self, plan))
 
     def describe(self) -> str:
-        """Return a one-line summary: vehicles, nodes, objective and limits."""
+        """Return a one-line summary: vehicles, nodes, objective, limits and rich features."""
         several = f"{self.vehicles} vehicles" if self.vehicles > 1 else "1 vehicle"
         what = str(self.objective)
         if self.objective in (Objective.VARIANCE, Objective.DEVIATION):
             what += f", q {self.q:g}"
         limits = ", ".join(name.replace("_limit", "") for name in self.limits)
         more = f", limits: {limits}" if limits else ""
+        # An objective is named above.
+        features = list_unsupported(self, frozenset({"cost", "makespan"}))
+        more += f", features: {features}" if features else ""
         return f"{several}, {len(self.customers)} nodes, {what}{more}"

@@ -83,12 +83,12 @@ class RichData(FleetData):
                 f"times must be small enough to add up, got {longest:g} s",
                 field="times" if self.speed is None else "speed",
             )
-        if self.shifts is not None and (self.shifts[:, 1] < self.shifts[:, 0]).any():
-            k = int(np.flatnonzero(self.shifts[:, 1] < self.shifts[:, 0])[0])
-            raise InvalidData(
-                f"shifts[{k}] must end no earlier than it begins, got {show(self.shifts[k].tolist())}",
-                field="shifts",
-            )
+        for k, (begin, end) in enumerate([] if self.shifts is None else self.shifts.tolist()):
+            if not math.isfinite(begin) or end < begin:
+                raise InvalidData(
+                    f"shifts[{k}] must begin at a finite time and end no earlier, got ({begin:g}, {end:g})",
+                    field="shifts",
+                )
 
     def _check_costs(self) -> None:
         if self.objective is Objective.COST:
