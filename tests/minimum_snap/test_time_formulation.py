@@ -107,6 +107,14 @@ def test_a_plan_is_its_columns():
     assert start.ok, "from rest to rest and within limits, the guess keeps them"
 
 
+@pytest.mark.parametrize("data", [{"time_weight": 1.0}, {"total_time": 7.0, "velocity_limit": 9.0}])
+def test_guess_is_the_smoothest_path_at_its_times(data):
+    model = TimeAllocation(POINTS, **data)
+    guess = model.formulate("times").guess
+    times = np.linspace(0, guess.duration, 20)
+    assert np.allclose(guess(times), ct.solve(model.at(guess.times)).plan(times), atol=1e-9)
+
+
 def test_refinement_adds_violated_instants():
     free = TimeAllocation(POINTS, 100, order=3)
     path = ct.solve(free).plan

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
 
 from ....errors import UnsupportedFormulation
 from ...programs.blocks import Block
@@ -166,6 +167,12 @@ class HermiteFormulation(UnitBasisFormulation):
         usual = UNIT * float(np.median(bend[bend > 0]))
         ratio = usual / np.where(bend > 0, bend, usual)
         return np.asarray(np.exp2(np.round(np.log2(ratio))), float)
+
+    def unbounded_optimum(self) -> Trajectory:
+        """Return the trajectory with the least objective without corridor and limits."""
+        hessian, slope = self.parabola
+        free = np.atleast_1d(spsolve(hessian.tocsc(), -slope)) if slope.size else slope
+        return self.decode(free / self.unit)
 
     def build(self) -> QuadraticProgram:
         """Return the reduced program, including the constant of its objective."""

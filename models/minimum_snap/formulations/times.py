@@ -261,14 +261,8 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
 
     def _smoothest(self, durations: Floats) -> Trajectory:
         """Return the optimum at given durations without corridor and limits."""
-        from scipy.sparse import csc_array
-        from scipy.sparse.linalg import spsolve
-
         timed = HermiteFormulation(self.model.at(self.model.times(durations)))
-        hessian, slope = timed.parabola
-        return timed.decode(
-            np.atleast_1d(spsolve(csc_array(hessian), -slope)) if slope.size else slope
-        )
+        return timed.unbounded_optimum()
 
     # -- plans -----------------------------------------------------------------------------------
 
