@@ -18,7 +18,7 @@ from ..model import Model
 from .gates import Gate
 from .trajectory import Trajectory
 from .vehicles import Vehicle, VehicleSpec
-from .yaw import YawSpec, smoothest_yaw
+from .yaw import YawSpec
 
 __all__ = ["FREE", "Bound", "Halfspaces", "PathData", "derivative_name", "derivative_unit"]
 
@@ -394,12 +394,6 @@ class PathData(Model[Trajectory]):
         to 2r-2 agree by optimality if only waypoints are fixed.
         """
         return max(self.continuity, min(4, 2 * self.order - 2)) if self.periodic else -1
-
-    def with_yaw(self, plan: Trajectory) -> Trajectory:
-        """Return `plan` with the smoothest yaw through the given angles, if the model gives any."""
-        if self.yaw is None or isinstance(self.yaw, str):
-            return plan
-        return replace(plan, yaw=smoothest_yaw(self.yaw, self.times, self.periodic))
 
     def require_shape(self, plan: Trajectory) -> None:
         """Check the shape of a plan.

@@ -8,7 +8,7 @@ Mellinger and Kumar 2011; Richter, Bry and Roy 2013; MINCO (Wang, Zhou, Xu, Gao)
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from .gates import Gate
 from .trajectory import Trajectory, increasing
 from .vehicle_checks import check_vehicle
 from .vehicles import Vehicle
+from .yaw import yaw_waypoints
 
 __all__ = ["MinimumDerivative", "MinimumSnap"]
 
@@ -197,6 +198,25 @@ class MinimumDerivative(PathData):
             `plan` is not a trajectory of the model's shape.
         """
         return verify_trajectory(self, plan, tolerance)
+
+    def with_yaw(self, plan: Trajectory) -> Trajectory:
+        """Return `plan` with the yaw that minimises ∫ ψ̈² dt through the given angles, if the model gives any.
+
+        Its rate is continuous; it is 0 at both ends, or equal there for a lap.
+        """
+        if self.yaw is None or isinstance(self.yaw, str):
+            return plan
+        angles = yaw_waypoints(self.yaw, self.times.size, self.periodic)
+        # Full turns per lap: a constant rate costs nothing.
+        turn = angles[-1] - angles[0] if self.periodic else 0.0
+        ramp = turn * (self.times - self.times[0]) / self.durations.sum()
+        points = np.where(np.isfinite(angles), angles - ramp, np.inf)
+        if self.periodic:
+            points[-1] = points[0]
+        axis = MinimumDerivative(points[:, None], self.times, order=2, periodic=self.periodic)
+        coefficients = axis.formulate("hermite").unbounded_optimum().coefficients.copy()
+        coefficients[:, :2, 0] += np.stack([ramp[:-1], np.diff(ramp)], axis=1)
+        return replace(plan, yaw=Trajectory(self.times, coefficients))
 
     def distance(self, plan: Trajectory, other: Trajectory) -> float:
         """Return the largest difference of two paths at equal times, relative to the widest extent."""

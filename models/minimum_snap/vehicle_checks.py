@@ -149,7 +149,9 @@ def _yaw(model: PathData, plan: Trajectory, tolerance: float) -> Iterator[Check]
         return
     angles = yaw_waypoints(model.yaw, model.times.size, model.periodic)  # type: ignore[arg-type]
     begin, end = (side[:, 0] for side in curve.at_ends(0))
-    off = np.fmax(np.abs(begin - angles[:-1]), np.abs(end - angles[1:]))
+    off = np.fmax(
+        np.append(np.abs(begin - angles[:-1]), np.nan), np.append(np.nan, np.abs(end - angles[1:]))
+    )
     yield Check.largest("yaw at knots", np.nan_to_num(off), 1.0, "rad", _at(model, 0), tolerance)
     speed = np.pi / float(model.durations.mean())
     first, last = (side[:, 0] for side in curve.at_ends(1))

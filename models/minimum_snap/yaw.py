@@ -1,4 +1,4 @@
-"""Yaw of a vehicle as an axis of its own: the curve of least angular acceleration."""
+"""Yaw of a vehicle: the field of a model, and the angles at the knots."""
 
 from __future__ import annotations
 
@@ -12,20 +12,13 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..arrays import Array
 from ..specs import Real, Spec, frozen, show
-from .trajectory import Trajectory
 
-__all__ = ["YawSpec", "smoothest_yaw", "yaw_waypoints"]
+__all__ = ["YawSpec", "yaw_waypoints"]
 
 Floats = NDArray[np.float64]
 
 #: Largest absolute yaw, rad. The shortest turn between larger angles has no digits.
 _MOST = 1e6
-#: Energy ∫ ψ̈² of a segment in ψ and T ψ̇ at its two ends, times T³.
-_ENERGY = np.array(
-    [[12.0, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]],
-)
-#: Powers of s from the same four values.
-_POWERS = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
 
 
 @dataclass(frozen=True)
@@ -73,36 +66,3 @@ def yaw_waypoints(yaw: Floats | float, count: int, periodic: bool) -> Floats:
     given = np.isfinite(result)
     result[given] = np.unwrap(result[given])
     return result
-
-
-def smoothest_yaw(yaw: Floats | float, times: Floats, periodic: bool) -> Trajectory:
-    """Return the yaw that minimises ∫ ψ̈² dt through the given angles, of one axis.
-
-    Its rate is continuous; it is 0 at both ends, or equal there if the path is periodic.
-    """
-    from scipy.sparse import csc_array
-    from scipy.sparse.linalg import spsolve
-
-    angles, long, count = yaw_waypoints(yaw, times.size, periodic), np.diff(times), times.size - 1
-    fixed = np.column_stack([angles, np.full(count + 1, np.nan)])
-    number = np.arange(2 * count + 2).reshape(-1, 2)
-    if periodic:
-        number[-1, 1] = number[0, 1]
-    else:
-        fixed[[0, -1], 1] = 0.0
-    local = np.concatenate([number[:-1], number[1:]], axis=1)
-    units = np.stack([np.ones(count), long, np.ones(count), long], axis=1)
-    energy = _ENERGY * units[:, :, None] * units[:, None, :] / long[:, None, None] ** 3
-    rows = np.broadcast_to(local[:, :, None], energy.shape)
-    columns = np.broadcast_to(local[:, None, :], energy.shape)
-    size = number.size
-    hessian = csc_array((energy.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
-    value = fixed.ravel().copy()
-    known = np.isfinite(value)
-    used = np.zeros(size, bool)
-    used[number.ravel()] = True
-    free = np.flatnonzero(~known & used)
-    value[~known] = 0.0
-    if free.size:
-        value[free] = np.atleast_1d(spsolve(hessian[free][:, free], -(hessian @ value)[free]))
-    return Trajectory(times, ((value[local] * units) @ _POWERS.T)[:, :, None])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.optimize import NonlinearConstraint, minimize
 
 import crosstrack as ct
@@ -206,16 +207,29 @@ def test_yaw_has_the_least_acceleration_by_the_shortest_turns():
     curve = plan.yaw
     assert curve(4.0)[0] == pytest.approx(2 * np.pi - 3) and curve(2.5)[0] == pytest.approx(3)
     assert [curve(t, 1)[0] for t in (0.0, 4.0)] == pytest.approx([0, 0], abs=1e-12)
-    order = MinimumSnap.__mro__[1]
-    axis = order([[0], [None], [3], [2 * np.pi - 3]], TIMES, order=2)
-    reference = ct.solve(axis)
+    # The interpolating cubic spline has the least acceleration; a free angle is no knot of it.
+    spline = CubicSpline(TIMES[[0, 2, 3]], [0, 3, 2 * np.pi - 3], bc_type="clamped")
     t = np.linspace(0, 4, 50)
-    assert np.allclose(curve(t), reference.plan(t), atol=1e-9)
+    assert np.allclose(curve(t)[:, 0], spline(t), atol=1e-9)
     assert type(plan).from_data(plan.to_data()) == plan
     checks = {check.name for check in model.verify(plan).checks}
     assert {"yaw at knots", "continuity of yaw", "continuity of yaw rate"} <= checks
     bare = type(plan)(plan.times, plan.coefficients)
     assert [check.name for check in model.verify(bare).violated] == ["plan has a yaw"]
+    other = MinimumSnap(POINTS, TIMES, yaw=[0, None, 3, 3]).with_yaw(bare)
+    assert [(c.name, c.where) for c in model.verify(other).violated] == [
+        ("yaw at knots", "knot 3 (t = 4 s)")
+    ]
+
+
+def test_yaw_of_a_lap_may_turn_once():
+    model = MinimumSnap(LAP, np.arange(5.0), periodic=True, yaw=[0, 1.5, 3, 4.5, None])
+    curve = model.with_yaw(ct.solve(MinimumSnap(LAP, np.arange(5.0), periodic=True)).plan).yaw
+    angles = np.array([0, 1.5, 3, 4.5, 2 * np.pi])
+    ramp = angles[-1] * np.arange(5) / 4
+    spline = CubicSpline(np.arange(5.0), angles - ramp, bc_type="periodic")
+    t = np.linspace(0, 4, 50)
+    assert np.allclose(curve(t)[:, 0], spline(t) + angles[-1] * t / 4, atol=1e-9)
 
 
 def test_yaw_rate_limits_are_verified():
