@@ -200,12 +200,14 @@ def stretched(
     Returns
     -------
     Trajectory or None
-        None if no multiple is found.
+        None if no multiple is found. Without limits, the curve at the first multiple.
     """
 
     def at(factor: float) -> Trajectory:
         return Trajectory((curve.times - curve.times[0]) * factor, curve.coefficients)
 
+    if not vehicle.limits:
+        return at(first)
     low, high = 0.0, first
     while excess(vehicle, at(high)) > 0.0:
         low, high = high, 2.0 * high
@@ -216,7 +218,7 @@ def stretched(
             low = 0.5 * high
         else:
             high *= 0.5
-    while high - low > fine * high and not stopped():
+    while low > 0.0 and high - low > fine * high and not stopped():
         middle = 0.5 * (low + high)
         low, high = (middle, high) if excess(vehicle, at(middle)) > 0.0 else (low, middle)
     return at(high)

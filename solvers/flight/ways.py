@@ -185,7 +185,7 @@ def _door(model: Flight, cells: Lattice, place: Floats) -> Ints | None:
     """Return a free cell near a place with a safe straight segment between its centre and the place."""
     index = np.floor((place - cells.origin) / cells.cell).astype(int)
     index = np.clip(index, 0, np.subtract(cells.blocked.shape, 1))
-    reach = 4 + int(model.radius / cells.cell)
+    reach = 4 + int(min(model.radius / cells.cell, max(cells.blocked.shape)))
     low = np.maximum(index - reach, 0)
     part = cells.blocked[tuple(slice(a, b) for a, b in zip(low, index + reach + 1, strict=True))]
     free = np.argwhere(~part) + low

@@ -76,6 +76,11 @@ TIMES: dict[str, float] = {}
         pytest.param(
             {"map": GridMap(["...", "...", "..."], 5.0), "start": (1, 1)}, id="empty grid"
         ),
+        pytest.param(
+            {"map": GridMap(["...", "...", "..."], 5.0), "start": (1, 1), "radius": 1e200},
+            id="a radius beyond the map",
+        ),
+        pytest.param({"vehicle": PointMass(), "objective": "weighted"}, id="no limits"),
         pytest.param({"map": np.array([[5.0, 0.0], [5.0, 1.0]])}, id="points"),
         pytest.param({"start": (3.7, 0)}, id="touches at the start"),
         pytest.param({"start": (4.0, 0), "radius": 0.0}, id="on the wall"),
