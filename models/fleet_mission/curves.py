@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from ..minimum_snap.polynomials import bernstein_matrix, derived, gauss_legendre
 from ..minimum_snap.trajectory import Trajectory
 
-__all__ = ["Near", "Pieces", "hulls_of", "lengths_of", "nearest", "pieces_of"]
+__all__ = [
+    "Near",
+    "Pieces",
+    "coefficients_between",
+    "hulls_of",
+    "lengths_of",
+    "nearest",
+    "pieces_of",
+]
 
 Floats = NDArray[np.float64]
 
@@ -152,6 +160,24 @@ def lengths_of(trajectory: Trajectory, relative: float = 1e-12) -> Floats:
     return total
 
 
+def coefficients_between(trajectory: Trajectory, knots: Floats, degree: int) -> Floats:
+    """Return the coefficients on the intervals between `knots`, shape (intervals, degree + 1, axes).
+
+    No knot of the trajectory may be inside an interval, and `degree` is at least that of the trajectory.
+    """
+    middle, powers = 0.5 * (knots[:-1] + knots[1:]), np.arange(degree + 1)
+    index = np.searchsorted(trajectory.times, middle, "right") - 1
+    index = np.clip(index, 0, trajectory.segments - 1)
+    long = trajectory.durations[index]
+    s = (knots[:-1] - trajectory.times[index]) / long
+    former = np.zeros((len(middle), degree + 1, trajectory.dimensions))
+    former[:, : trajectory.degree + 1] = trajectory.coefficients[index]
+    binomial = np.array([[float(math.comb(k, j)) for k in powers] for j in powers])
+    shift = binomial * s[:, None, None] ** np.maximum(powers - powers[:, None], 0)
+    scale = (np.diff(knots) / long)[:, None] ** powers
+    return np.asarray(scale[:, :, None] * (shift @ former))
+
+
 class Near(NamedTuple):
     """Closest approach of two curves.
 
@@ -177,10 +203,6 @@ def _common(
     sides: list[list[Pieces]] = [[], []]
     degree = max(entry.degree for entry in trajectories)
     matrix = bernstein_matrix(degree)
-    binomial = np.array(
-        [[float(math.comb(k, j)) for k in range(degree + 1)] for j in range(degree + 1)]
-    )
-    lag = np.maximum(np.arange(degree + 1) - np.arange(degree + 1)[:, None], 0)
     for number, pair in enumerate(pairs):
         both = [trajectories[int(k)] for k in pair]
         begin, end = (
@@ -192,16 +214,8 @@ def _common(
             continue
         times = np.stack([knots[:-1], knots[1:]], axis=1)
         for entry, pieces in zip(both, sides, strict=True):
-            index = np.searchsorted(entry.times, times.mean(axis=1), "right") - 1
-            index = np.clip(index, 0, entry.segments - 1)
-            long = entry.durations[index]
-            s = (times[:, 0] - entry.times[index]) / long
-            width = (times[:, 1] - times[:, 0]) / long
-            powers = np.zeros((len(times), degree + 1, entry.dimensions))
-            powers[:, : entry.degree + 1] = entry.coefficients[index]
-            moved = np.einsum("jk,njk,nkd->njd", binomial, s[:, None, None] ** lag, powers)
-            moved *= width[:, None, None] ** np.arange(degree + 1)[:, None]
-            pieces.append(Pieces(matrix @ moved, times, np.full(len(times), number)))
+            control = matrix @ coefficients_between(entry, knots, degree)
+            pieces.append(Pieces(control, times, np.full(len(times), number)))
     if not sides[0]:
         return None
     first, second = (

@@ -23,7 +23,7 @@ LATEST = 1e6
 
 def departures(
     problem: FleetMission, flights: Sequence[Trajectory], slack: float,
-    stopped: Callable[[], bool] = lambda: False,
+    stopped: Callable[[], object] = lambda: False,
 ) -> list[Trajectory]:  # fmt: skip
     """Return the trajectories, delayed so that the robots keep their separation.
 
@@ -39,7 +39,7 @@ def departures(
     slack : float
         Accuracy of the least distance, m.
     stopped : callable, optional
-        Returns whether the time is over; the remaining robots then depart one after another.
+        Its result is true once the time is over; the remaining robots then depart one after another.
     """
     if not problem.moving and (problem.separation == 0.0 or len(flights) < 2):
         return list(flights)

@@ -106,8 +106,7 @@ class PaperPipeline(Backend):
             stops.append(np.array(knots))
         with stages.clock("departures"):
             # The paper's robots depart at once; with a separation they depart one by one.
-            slack = 1e-3 * stages.request.tolerance * problem.cell
-            flights = departures(problem, flights, slack)
+            flights = departures(problem, flights, stages.slack)
         return planned(routes, flights, stops)
 
     def _flown(self, stages: Stages, way: Corridor, solver: Backend) -> Trajectory:
@@ -117,9 +116,7 @@ class PaperPipeline(Backend):
             return resting(problem, way)
         times = np.concatenate([[0.0], np.cumsum(times_along(problem, way))])
         rest = np.zeros((problem.continuity, 2))
-        model = MinimumSnap(
-            way.knots, times, continuity=problem.continuity, start=rest, end=rest
-        )  # fmt: skip
+        model = MinimumSnap(way.knots, times, continuity=problem.continuity, start=rest, end=rest)
         answer = programmed(solver, model, stages.request, 1)
         if answer.point is None:
             raise Unanswered("trajectories", answer)

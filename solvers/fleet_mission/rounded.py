@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import simpson
-from scipy.special import comb
 
+from ...models.fleet_mission.curves import coefficients_between
 from ...models.fleet_mission.model import FleetMission
 from ...models.minimum_snap.polynomials import (
     bernstein_matrix,
@@ -318,18 +318,6 @@ def _pieces(legs: Legs, places: Floats, corners: Floats, ramp: Floats) -> tuple[
     return pieces, times
 
 
-def _with_knots(curve: Trajectory, instants: Floats) -> Trajectory:
-    """Return the curve with additional knots at some instants."""
-    times = np.union1d(curve.times, instants)
-    piece = np.searchsorted(curve.times, times[:-1], "right") - 1
-    begin = (times[:-1] - curve.times[piece]) / curve.durations[piece]
-    powers = np.arange(DEGREE + 1)
-    exponents = np.maximum(powers - powers[:, None], 0)
-    shift = comb(powers, powers[:, None]) * begin[:, None, None] ** exponents
-    scale = (np.diff(times) / curve.durations[piece])[:, None] ** powers
-    return Trajectory(times, scale[:, :, None] * (shift @ curve.coefficients[piece]))
-
-
 def rounded_curve(
     problem: FleetMission, way: Corridor, detour: float
 ) -> tuple[Trajectory, Ints, bool] | None:
@@ -374,8 +362,9 @@ def rounded_curve(
     visits = [
         _instant(curve, legs, passed, way, stop, STRAIGHT * problem.cell) for stop in way.stops
     ]
-    curve = _with_knots(curve, np.array(visits))
-    return curve, np.searchsorted(curve.times, visits), not corners[0].any()
+    times = np.union1d(curve.times, visits)
+    curve = Trajectory(times, coefficients_between(curve, times, DEGREE))
+    return curve, np.searchsorted(times, visits), not corners[0].any()
 
 
 def _instant(

@@ -62,31 +62,24 @@ class _Grid:
         #: Movers follow the robots: they have one leg and two places.
         self.top = [float(np.hypot(*problem.velocity_limit))] * self.robots
         self.top += [_top_speed(item.trajectory) for item in problem.moving]
-        whole = [course.legs[0].curve.duration for course in courses]
         room = problem.separation
         if problem.moving:
             least = min(item.radius for item in problem.moving) + problem.radius
             room = min(room, least) if room > 0 else least
-        longest = max(whole)
+        longest = max(course.legs[0].curve.duration for course in courses)
         self.step = max(room / (FINE * self.top[0]), longest / MOST)
         curves = [[leg.curve for leg in course.legs] for course in courses]
         self.samples = [[self._sampled(curve) for curve in entry] for entry in curves]
-        self.horizon = sum(len(entry[0]) for entry in self.samples)
-        if problem.moving:
-            latest = max(0.0, *(float(item.times[-1]) for item in problem.moving))
-            self.horizon += int(min(np.ceil(latest / self.step), LATEST))
         for item in problem.moving:
-            steps = np.ceil(max(float(item.times[-1]), 0.0) / self.step)
-            times = self.step * np.arange(min(int(min(steps, LATEST)), self.horizon) + 1)
-            self.samples.append([item(times)])
+            steps = int(min(np.ceil(max(float(item.times[-1]), 0.0) / self.step), LATEST))
+            self.samples.append([item(self.step * np.arange(steps + 1))])
+        long = [len(entry[0]) for entry in self.samples]
+        self.horizon = sum(long[: self.robots]) + max(long[self.robots :], default=1) - 1
         self.places = [course.places for course in courses]
         self.places += [entry[0][[0, -1]] for entry in self.samples[self.robots :]]
         self.movers = {
-            self.robots + k: [
-                _Stay(0, 0, len(self.samples[self.robots + k][0]), True),
-                _Stay(1, len(self.samples[self.robots + k][0]) - 1, self.horizon, False),
-            ]
-            for k in range(len(problem.moving))
+            row: [_Stay(0, 0, long[row], True), _Stay(1, long[row] - 1, self.horizon, False)]
+            for row in range(self.robots, len(long))
         }
         self.trees: list[list[Any]] = [[cKDTree(part) for part in entry] for entry in self.samples]
         self._clashes: dict[tuple[int, ...], Steps] = {}
@@ -252,7 +245,7 @@ def _ordered(
     order: list[int],
     limit: int,
     known: dict[int, list[_Stay]],
-    stopped: Callable[[], bool],
+    stopped: Callable[[], object],
 ) -> dict[int, list[_Stay]] | None:
     """Return the schedules of all robots in an order, or None if one returns at `limit` or later.
 
@@ -274,7 +267,7 @@ def schedule(
     courses: Sequence[Course],
     seed: int,
     slack: float,
-    stopped: Callable[[], bool],
+    stopped: Callable[[], object],
 ) -> list[Timed] | None:
     """Return trajectories that keep robots and moving obstacles apart, with an early last return.
 
@@ -289,7 +282,7 @@ def schedule(
     slack : float
         Accuracy of the least distances in the proof, m.
     stopped : callable
-        Returns whether the search must end.
+        Its result is true once the search must end.
 
     Returns
     -------
@@ -308,7 +301,7 @@ def schedule(
 
 
 def _improved(
-    grid: _Grid, draw: np.random.Generator, stopped: Callable[[], bool]
+    grid: _Grid, draw: np.random.Generator, stopped: Callable[[], object]
 ) -> dict[int, list[_Stay]] | None:
     """Return the best schedules of several orders of the robots."""
     steps = [[len(part) - 1.0 for part in entry] for entry in grid.samples[: grid.robots]]

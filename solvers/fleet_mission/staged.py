@@ -123,10 +123,14 @@ class Staged(Backend):
             stops = [[0, *route, 0] for route in routes.routes]
             chains = [self._chains(stages, searcher, entry, ways) for entry in stops]
             margin = own["margin"] * problem.cell
-            corridors = [
-                corridor(problem.map, problem.places[entry], cells, margin)
-                for entry, cells in zip(stops, chains, strict=True)
-            ]
+
+            def corridors_within(reach: float) -> list[Corridor]:
+                ends = (problem.places[entry] for entry in stops)
+                return [
+                    corridor(problem.map, *pair, reach) for pair in zip(ends, chains, strict=True)
+                ]
+
+            corridors = corridors_within(margin)
         counts["segments"] = sum(len(way.lower) for way in corridors)
         counts["polyline length"] = float(
             sum(np.hypot(*np.diff(way.knots, axis=0).T).sum() for way in corridors)
@@ -141,10 +145,7 @@ class Staged(Backend):
         counts["robots that rest at knots"] = sum(entry.rests for entry in flights)
         counts["longest flight alone"] = max(entry.trajectory.duration for entry in flights)
         if self._is_late(stages, plan, result, flights):
-            full = [
-                corridor(problem.map, problem.places[entry], cells, np.inf)
-                for entry, cells in zip(stops, chains, strict=True)
-            ]
+            full = corridors_within(np.inf)
             lanes = [kept_right(way, problem.separation, margin) for way in full]
             wide = [lane or way for lane, way in zip(lanes, corridors, strict=True)]
             plan, result = self._shared(stages, solver, wide, flights, plan)
@@ -160,8 +161,7 @@ class Staged(Backend):
         problem = stages.problem
         trajectories = [entry.trajectory for entry in flights]
         with stages.clock("departures"):
-            is_over = lambda: stages.stopped() is not None  # noqa: E731
-            moved = departures(problem, trajectories, stages.slack, is_over)
+            moved = departures(problem, trajectories, stages.slack, stages.stopped)
         plan = planned(routes, moved, [entry.stops for entry in flights])
         return self._better(stages, whole_courses(problem, flights), plan)
 
@@ -172,9 +172,7 @@ class Staged(Backend):
         problem, request = stages.problem, stages.request
         plans = [plan]
         with stages.clock("schedule"):
-            seed = request.seed or 0
-            stopped = lambda: request.control.stopped  # noqa: E731
-            timed = schedule(problem, courses, seed, stages.slack, stopped)
+            timed = schedule(problem, courses, request.seed or 0, stages.slack, stages.stopped)
         if timed is not None:
             trajectories, visits = zip(*timed, strict=True)
             plans.append(MissionPlan(plan.routes, trajectories, visits))
@@ -200,7 +198,7 @@ class Staged(Backend):
             return False
         if not result.ok:
             return True
-        longest = max(entry.trajectory.duration for entry in flights)
+        longest = float(stages.statistics["longest flight alone"])
         return problem.objective is MissionObjective.MAKESPAN and plan.end > LATE * longest
 
     def _shared(

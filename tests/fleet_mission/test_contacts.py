@@ -10,7 +10,8 @@ from fleet_mission.missions import flown, small
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData
-from crosstrack.models import FleetMission
+from crosstrack.models import FleetMission, Trajectory
+from crosstrack.models.fleet_mission.curves import coefficients_between
 
 HEAD_ON = FleetMission(
     obstacles=[[[5, 9], [6, 9], [6, 10], [5, 10]]], bounds=(0, 0, 20, 10), nodes=[[18, 5], [18, 5.5]],
@@ -92,3 +93,13 @@ def test_a_radius_around_the_depot_exempts_no_robot():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert FleetMission.from_json(HEAD_ON.to_json()).digest == HEAD_ON.digest
+
+
+def test_a_curve_with_further_knots_and_a_higher_degree_is_the_same():
+    draw = np.random.default_rng(4)
+    curve = Trajectory([1.0, 1.5, 4.0], draw.normal(size=(2, 4, 2)))
+    knots = np.array([1.0, 1.2, 1.5, 2.0, 4.0])
+    finer = Trajectory(knots, coefficients_between(curve, knots, 6))
+    times = np.linspace(1.0, 4.0, 50)
+    assert finer.degree == 6
+    assert np.allclose(finer(times), curve(times), rtol=1e-12, atol=1e-12)
