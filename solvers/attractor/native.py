@@ -149,7 +149,7 @@ class AttractorBackend(Backend):
                 f"state has a neighbour; got {plan.theiler}",
                 field="theiler",
             )
-        limit = request.control.reason if request.control.stopped else None
+        limit = request.control.limit
         return Answer(
             Termination.FEASIBLE, limit, plan, None,
             seconds=seconds, statistics=finding.statistics, message=finding.message,

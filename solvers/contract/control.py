@@ -98,6 +98,11 @@ class Control:
         return bool(self.flag[0])
 
     @property
+    def limit(self) -> Limit | None:
+        """Limit that ended the run, or None if no stop was requested."""
+        return (self.reason or Limit.INTERRUPTED) if self.stopped else None
+
+    @property
     def progress(self) -> Progress:
         """Seconds, evaluations and best objective of the run so far."""
         from .stopping import Progress

@@ -17,7 +17,6 @@ from ..contract.backend import (
     Backend,
     Feature,
     Guarantee,
-    Limit,
     Option,
     Request,
     Termination,
@@ -102,10 +101,9 @@ class Labelling(Backend):
 
         begin = clock()
         labels = label_with_factors(airspace(problem), request.options["threshold_factor"], request)
-        stopped = request.control.stopped
         return Answer(
             Termination.FEASIBLE if labels.route.size else Termination.NO_SOLUTION,
-            (request.control.reason or Limit.INTERRUPTED) if stopped else None,
+            request.control.limit,
             Route(tuple(labels.route.tolist())) if labels.route.size else None,
             float(labels.length) if labels.route.size else None,
             seconds={"solve": clock() - begin},

@@ -16,7 +16,7 @@ from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of, value_of
 from ...models.fleet.features import list_unsupported
-from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
 __all__ = [
     "Best",
@@ -137,13 +137,10 @@ class FleetHeuristic(FleetBackend):
         begin = clock()
         best = Best(problem, request)
         statistics = self.search(best, request)
-        limit = None
-        if request.control.stopped:
-            limit = request.control.reason or Limit.INTERRUPTED
         has_plan = best.plan is not None
         return Answer(
             Termination.FEASIBLE if has_plan else Termination.NO_SOLUTION,
-            limit,
+            request.control.limit,
             best.plan,
             best.objective if has_plan else None,
             seconds={"solve": clock() - begin},

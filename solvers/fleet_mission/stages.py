@@ -151,8 +151,7 @@ class Stages:
 
     def stopped(self) -> Limit | None:
         """Return the limit that ends the run, or None while it may continue."""
-        control = self.request.control
-        return (control.reason or Limit.INTERRUPTED) if control.stopped else None
+        return self.request.control.limit
 
 
 def _split(costs: Floats, vehicles: int) -> FleetPlan:

@@ -75,7 +75,7 @@ class StagedFlight(Backend):
             if proof or control.stopped:
                 break
         common: dict[str, Any] = {"seconds": {"solve": clock() - begin}, "statistics": statistics}
-        limit = (control.reason or Limit.INTERRUPTED) if control.stopped else None
+        limit = control.limit
         if limit is None and STOPPED in statistics:
             limit = Limit.TIME
         if plan is not None:

@@ -20,7 +20,6 @@ from ..contract.backend import (
     Backend,
     Feature,
     Guarantee,
-    Limit,
     Option,
     Request,
     Termination,
@@ -111,13 +110,10 @@ class Rival(Backend):
         begin = clock()
         flight = Flight(problem, request)
         statistics = self.search(flight, request)
-        limit = None
-        if request.control.stopped:
-            limit = request.control.reason or Limit.INTERRUPTED
         has_plan = flight.plan is not None
         return Answer(
             Termination.FEASIBLE if has_plan else Termination.NO_SOLUTION,
-            limit,
+            request.control.limit,
             flight.plan,
             flight.length if has_plan else None,
             seconds={"solve": clock() - begin},

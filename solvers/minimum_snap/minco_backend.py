@@ -19,7 +19,6 @@ from ..contract.backend import (
     Backend,
     Feature,
     Guarantee,
-    Limit,
     Option,
     Request,
     Termination,
@@ -105,10 +104,7 @@ class Minco(Backend):
             "evaluations": result.evaluations,
             "converged": "yes" if result.settled else "no",
         }
-        seconds = {"solve": clock() - begin}
-        limit = None
-        if request.control.stopped:
-            limit = request.control.reason or Limit.INTERRUPTED
+        seconds, limit = {"solve": clock() - begin}, request.control.limit
         plan = _plan(problem, result.durations, result.coefficients)
         # The verification takes longer than the search, and is repeated for each answer.
         kept, worst = result.excess <= 0.0, result.worst

@@ -16,7 +16,6 @@ from ..contract.backend import (
     Backend,
     Feature,
     Guarantee,
-    Limit,
     Option,
     Request,
     Termination,
@@ -54,9 +53,8 @@ def _concluded(
     """Return the answer with the plan at `durations`, even after the deadline."""
     from .time_barrier import Spline
 
-    limit = None
-    if request.control.stopped:
-        limit = request.control.reason or Limit.INTERRUPTED
+    limit = request.control.limit
+    if limit is not None:
         termination = Termination.FEASIBLE
     if not isinstance(inner, Spline):
         inner.flag = np.zeros(1, np.int8)
@@ -188,14 +186,14 @@ class TimeGradient(Backend):
                 if result is None or more.value < result.value:
                     result, counts = more, now
         if result is None:
-            stopped = control.stopped
+            limit = control.limit
             return Answer(
                 Termination.NO_SOLUTION,
-                (control.reason or Limit.INTERRUPTED) if stopped else None,
+                limit,
                 seconds={"solve": clock() - begin},
                 statistics={"solves": inner.solves, "newton steps": inner.steps},
                 message=""
-                if stopped
+                if limit
                 else "no durations were found that leave a path within the "
                 "bounds; this is no proof that there are none",
             )

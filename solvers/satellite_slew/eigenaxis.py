@@ -123,13 +123,13 @@ class EigenaxisSteering(Backend):
         search = _Search(problem, law, request)
         peak_rate = request.options["peak_rate"]
         trial = search.fastest() if peak_rate is None else search.flown(peak_rate, search.most, 0.0)
-        limit = Limit.TIME if search.is_cut else _limit(request.control)
+        limit = Limit.TIME if search.is_cut else request.control.limit
         statistics: dict[str, float | int | str] = {"flights": search.flights}
         ending = _ending(request.control, EXTRA if request.time_limit is None else EXTRA_IN_TIME)
         flight = None if trial is None else trial.loop.fly(search.latest, FINE, ending=ending)
         if trial is None or flight is None or (not flight.settled and ending()):
             return Answer(
-                Termination.NO_SOLUTION, _limit(request.control),
+                Termination.NO_SOLUTION, request.control.limit,
                 seconds={"solve": clock() - begin}, statistics=statistics,
                 message=f"the {'search' if flight is None else 'flight of the plan'} was stopped",
             )  # fmt: skip
@@ -146,11 +146,6 @@ class EigenaxisSteering(Backend):
             seconds={"solve": clock() - begin}, statistics=statistics,
             message=_message(problem, trial.feasible, flight),
         )  # fmt: skip
-
-
-def _limit(control: Control) -> Limit | None:
-    """Return the reason for a stop request, or None if there was no request."""
-    return (control.reason or Limit.INTERRUPTED) if control.stopped else None
 
 
 def _ending(control: Control, extra: float) -> Callable[[], bool]:

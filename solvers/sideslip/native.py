@@ -98,7 +98,7 @@ class SideslipBackend(Backend):
             **estimate.statistics,
             **{name: count for name, count in counts.items() if count},
         }
-        limit = request.control.reason if request.control.stopped else None
+        limit = request.control.limit
         return Answer(
             Termination.FEASIBLE,
             limit,

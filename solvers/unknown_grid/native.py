@@ -94,7 +94,7 @@ class NavigationBackend(Backend):
             statistics["ms an image"] = 1e3 * run.perceiving / max(run.images, 1)
         return Answer(
             Termination.FEASIBLE,
-            request.control.reason if request.control.stopped else None,
+            request.control.limit,
             plan,
             None,
             seconds=seconds,
