@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import shutil
@@ -159,6 +160,17 @@ def pytest_configure(config: pytest.Config) -> None:
                 warnings.warn("the loops could not be compiled before the tests", stacklevel=2)
         except subprocess.TimeoutExpired:
             process.kill()
+
+
+def pytest_collection(session: pytest.Session) -> None:
+    """Suspend the garbage collector during the collection, of whose time it takes 30 %."""
+    gc.disable()
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Exempt modules and collected tests from later garbage collections, which would visit them all."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
