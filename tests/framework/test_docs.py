@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 import pytest
+from scripts import Scripts
 
 from crosstrack.__main__ import cli
 from crosstrack.models.problems import PROBLEMS
@@ -46,6 +47,12 @@ SLOW = {
 }
 
 
+@pytest.fixture(scope="module")
+def scripts():
+    with Scripts() as started:
+        yield started
+
+
 def test_readme_lists_every_problem():
     """The table follows from the docstrings of the problems."""
     written = runpy.run_path(str(ROOT / "docs" / "_ext" / "crosstrack_readme.py"))["written"]
@@ -79,18 +86,18 @@ def commands():
         if "\n```python\n" in page.read_text("utf-8")
     ],
 )
-def test_python_on_a_page_runs(page, page_code, run_python, tmp_path):
+def test_python_on_a_page_runs(page, page_code, scripts, tmp_path):
     (tmp_path / "page.py").write_text(page_code(page), "utf-8")
-    run_python("-W", "error::DeprecationWarning", "page.py", cwd=tmp_path)
+    scripts.run(tmp_path / "page.py", tmp_path, strict=True)
 
 
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if EXAMPLE in page.read_text("utf-8")], ids=named
 )
-def test_code_that_runs_when_a_page_is_built_runs(page, run_python, tmp_path):
+def test_code_that_runs_when_a_page_is_built_runs(page, scripts, tmp_path):
     blocks = re.findall(rf"^{EXAMPLE}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
     (tmp_path / "page.py").write_text("\n".join(blocks), "utf-8")
-    printed = run_python("page.py", cwd=tmp_path)
+    printed = scripts.run(tmp_path / "page.py", tmp_path)
     assert printed.strip() and ("AGREED" in printed or page.name != "index.md")
 
 
@@ -101,8 +108,8 @@ def test_code_that_runs_when_a_page_is_built_runs(page, run_python, tmp_path):
         for path in EXAMPLES
     ],
 )
-def test_examples_run(example, run_python, tmp_path):
-    printed = run_python(str(example), cwd=tmp_path, timeout=300)
+def test_examples_run(example, scripts, tmp_path):
+    printed = scripts.run(example, tmp_path)
     # Local searches agree without proving it.
     assert "AGREED" in printed or "INCONCLUSIVE" in printed
     assert "CONTRADICTION" not in printed
