@@ -45,7 +45,7 @@ def disc(length=1.0, time=1.0):
 def test_the_result_is_independent_of_the_weight_of_the_objective():
     plain = ct.solve(wall())
     assert plain.primal_bound == pytest.approx(4.0, rel=1e-7)
-    for weight in (1e-9, 1e-6, 1e-3, 1e4, 1e5, 1e6, 1e9):
+    for weight in (1e-9, 1e-3, 1e5, 1e9):
         found = ct.solve(wall(weight))
         assert found.termination == "locally_optimal"
         assert found.primal_bound / weight == pytest.approx(plain.primal_bound, rel=1e-9)
@@ -62,18 +62,23 @@ def test_the_result_is_independent_of_units(length, time):
 
 def test_sizes_without_bounds_follow_from_the_dynamics():
     values = []
-    for length, time in ((1.0, 1.0), (1e3, 3600.0), (1e-3, 1e-3)):
+    for length, time in ((1e3, 3600.0), (1e-3, 1e-3)):
         found = ct.solve(disc(length, time), tolerance=1e-5)
         assert found.termination == "locally_optimal", found.message
         values.append(found.primal_bound * time**3 / length**2)
-    assert values == pytest.approx([values[0]] * 3, rel=1e-4)
+    assert values == pytest.approx([values[0]] * 2, rel=1e-4)
 
 
-@settings(deadline=None)  # declaring takes longer on a busy machine
+@pytest.fixture(scope="module")
+def plain():
+    return disc().formulate("gauss").sizes
+
+
+@settings(max_examples=40, deadline=None)  # declaring takes longer on a busy machine
 @given(st.floats(-6, 6), st.floats(-6, 6))
-def test_sizes_scale_with_the_units(length, time):
+def test_sizes_scale_with_the_units(plain, length, time):
     length, time = 10.0**length, 10.0**time
-    plain, other = (disc(*units).formulate("gauss").sizes for units in ((1, 1), (length, time)))
+    other = disc(length, time).formulate("gauss").sizes
     (one,), (two,) = plain.phases, other.phases
     speed, push = length / time, length / time**2
     units = np.array([length, length, speed, speed])
