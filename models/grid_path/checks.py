@@ -17,12 +17,10 @@ __all__ = ["depths", "verify_paths"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-#: Function that makes a check of its name, violations in cells and the function of their places.
-Measure = Callable[[str, list[float], Callable[[int], str]], Check]
 
 #: Relative rounding error of a position.
 DIGITS = 1e-13
-#: Number of segments per batch.
+#: Number of pieces of segments per batch.
 MOST = 2**13
 
 
@@ -54,16 +52,11 @@ def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
     worst, where = max(float(outside.max()), 0.0), max(int(np.argmax(outside)) - 1, 0)
     if not worst < 1.0:
         return worst, where
-    walls = np.pad(grid.blocked, 1, constant_values=True)
     shifted = path + 1.0
     # The side between two adjacent blocked cells is blocked too, so pairs form larger boxes.
-    boxes = (
-        (walls, (1, 1)),
-        (walls[:, :-1] & walls[:, 1:], (2, 1)),
-        (walls[:-1] & walls[1:], (1, 2)),
-    )
-    for marked, extent in boxes:
-        for segments, cells in _around(marked, shifted):
+    for extent in ((1, 1), (2, 1), (1, 2)):
+        pattern = np.ones(extent[::-1], np.uint8)
+        for segments, cells in _around(grid, pattern, shifted):
             a, b = shifted[segments], shifted[segments + 1]
             # Part of the segment within each box, as shares of its length.
             step = np.where(b - a == 0, 1e-300, b - a)
@@ -97,27 +90,36 @@ def _deepest(
     return depths
 
 
-def _around(marked: NDArray[np.bool_], path: Floats) -> Iterator[tuple[Ints, Ints]]:
-    """Yield segments of `path` and, for each, a marked cell (x, y) in its bounding box.
+def _around(grid: GridMap, pattern: NDArray[np.uint8], path: Floats) -> Iterator[tuple[Ints, Ints]]:
+    """Yield segments of `path` and, for each, a place (x, y) of a pattern near it, in batches.
 
-    Short segments come in batches, long segments one by one.
+    The pattern is 1 for blocked cells, and is compared with the framed map from a place on. Segments are
+    divided into pieces of at most one cell, so the work grows with the length of the path only.
     """
-    size = marked.shape[::-1]
+    framed = grid.walls.reshape(np.add(grid.shape, 2))
+    size = np.array(framed.shape[::-1]) - pattern.shape[::-1] + 1
     window = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2)
-    for begin in range(0, len(path) - 1, MOST):
-        part = path[begin : begin + MOST + 1]
-        low = np.floor(np.minimum(part[:-1], part[1:])).astype(int) - 1
-        high = np.floor(np.maximum(part[:-1], part[1:])).astype(int) + 2
-        low, high = np.clip(low, 0, size), np.clip(high, 0, size)
-        short = (high - low <= 4).all(axis=1)
-        places = low[short][:, None] + window
-        mask = (places < high[short][:, None]).all(axis=2)
-        mask[mask] = marked[tuple(places[mask][:, ::-1].T)]
-        yield begin + np.flatnonzero(short)[np.nonzero(mask)[0]], places[mask]
-        for k in np.flatnonzero(~short):
-            box = marked[low[k, 1] : high[k, 1], low[k, 0] : high[k, 0]]
-            cells = np.argwhere(box)[:, ::-1] + low[k]
-            yield np.full(len(cells), begin + k), cells
+    steps = np.diff(path, axis=0)
+    counts = np.maximum(np.ceil(np.abs(steps).max(axis=1)), 1.0).astype(int)
+    segments = np.repeat(np.arange(len(steps)), counts)
+    pieces = np.arange(len(segments)) - np.repeat(np.cumsum(counts) - counts, counts)
+    for begin in range(0, len(segments), MOST):
+        part = segments[begin : begin + MOST]
+        shares = (pieces[begin : begin + MOST, None] + [0.0, 1.0]) / counts[part][:, None]
+        ends = path[part][:, None] + shares[..., None] * steps[part][:, None]
+        low = np.clip(np.floor(ends.min(axis=1)).astype(int) - 1, 0, size)
+        high = np.clip(np.floor(ends.max(axis=1)).astype(int) + 2, 0, size)
+        x, y = np.moveaxis(low[:, None] + window, 2, 0)
+        piece, place = np.nonzero((x < high[:, :1]) & (y < high[:, 1:]))
+        x, y = x[piece, place], y[piece, place]
+        marked = np.ones(len(x), bool)
+        for (down, across), value in np.ndenumerate(pattern):
+            marked &= framed[y + down, x + across] == value
+        # The windows of pieces overlap.
+        keys = np.unique((part[piece] * framed.shape[0] + y)[marked] * framed.shape[1] + x[marked])
+        lines, x = np.divmod(keys, framed.shape[1])
+        segment, y = np.divmod(lines, framed.shape[0])
+        yield segment, np.column_stack([x, y])
 
 
 def _squeezes(grid: GridMap, path: Floats, accepted: float) -> list[tuple[float, float]]:
@@ -125,13 +127,10 @@ def _squeezes(grid: GridMap, path: Floats, accepted: float) -> list[tuple[float,
 
     Such a path crosses the diagonal of both cells within `accepted` of the corner, the accepted depth.
     """
-    padded = np.pad(grid.blocked, 1, constant_values=True)
-    around = [padded[:-1, :-1], padded[:-1, 1:], padded[1:, :-1], padded[1:, 1:]]
-    rising = around[0] & around[3] & ~around[1] & ~around[2]
-    falling = around[1] & around[2] & ~around[0] & ~around[3]
+    rising = np.eye(2, dtype=np.uint8)
     corners: list[tuple[float, float]] = []
-    for both, slope in ((rising, 1.0), (falling, -1.0)):
-        for segments, near in _around(both, path):
+    for pattern, slope in ((rising, 1.0), (1 - rising, -1.0)):
+        for segments, near in _around(grid, pattern, path):
             ends = np.stack([path[segments], path[segments + 1]]) - near
             # Coordinates of the ends across and along the diagonal.
             across = ends[..., 0] - slope * ends[..., 1]
@@ -158,14 +157,19 @@ def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verifica
     begins, ends, deep = [], [], []
     segments: list[int] = []
     squeezes: list[str] = []
+    along = [_along(model, path) for path in paths] if model.connectivity != "any" else []
     for k, path in enumerate(paths):
         begins.append(float(np.hypot(*(path[0] - start))))
         apart = np.hypot(*(goals - path[-1]).T)
         ends.append(float(apart[min(k, len(goals) - 1)] if each else apart.min()))
-        depth, segment = depths(grid, path)
+        # Such steps stay in free cells, and pass corners of four free cells only.
+        is_clear = k < len(along) and along[k][3]
+        depth, segment = (0.0, 0) if is_clear else depths(grid, path)
         deep.append(depth)
         segments.append(segment)
-        passed = _squeezes(grid, path, tolerance + 2.0 * noise) if depth < 1.0 else []
+        passed = []
+        if not is_clear and depth < 1.0:
+            passed = _squeezes(grid, path, tolerance + 2.0 * noise)
         squeezes += [f"path {k}, x {x:g}, y {y:g} cells" for x, y in passed]
 
     def lengths(name: str, cells: list[float], where: Callable[[int], str]) -> Check:
@@ -186,7 +190,13 @@ def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verifica
         Check.count("not between cells that touch", squeezes),
     ]
     if model.connectivity != "any":
-        checks += _steps(model, paths, lengths)
+        off, points = [entry[0] for entry in along], [entry[1] for entry in along]
+        place = "path {}, point {}".format
+        wrong = [f"path {k}, step {text}" for k, entry in enumerate(along) for text in entry[2]]
+        checks += [
+            lengths("points at centres of cells", off, lambda k: place(k, points[k])),
+            Check.count("steps to neighbours", wrong),
+        ]
     cost = 0.0
     for path in paths:
         steps = np.hypot(*np.diff(path, axis=0).T) * grid.cell
@@ -199,31 +209,33 @@ def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verifica
     return Verification(cost, tuple(checks), scale=0.0)
 
 
-def _steps(model: PathModel, paths: list[Floats], lengths: Measure) -> list[Check]:
-    """Return the checks that paths connect the centres of neighbouring cells."""
-    off: list[float] = []
-    points: list[int] = []
-    wrong: list[str] = []
-    for k, path in enumerate(paths):
-        cells = np.floor(path)
-        apart = np.abs(path - cells - 0.5).max(axis=1)
-        points.append(int(np.argmax(apart)))
-        off.append(float(apart[points[k]]))
-        steps = np.abs(np.diff(cells, axis=0))
-        total = steps.sum(axis=1)
-        good = (total == 1) | ((steps.max(axis=1, initial=0) <= 1) & (total == 2))
-        if model.connectivity == "4":
-            good = total == 1
-        wrong += [f"path {k}, step {int(s)}" for s in np.flatnonzero(~good)]
-        # Both cells beside the corner of a diagonal step; the row is y.
-        turned = np.flatnonzero(good & (total == 2))
-        before, after = cells[turned].astype(int), cells[turned + 1].astype(int)
-        free = [
-            model.map.holds(np.column_stack([y[:, 1], x[:, 0]]))
-            for y, x in ((before, after), (after, before))
-        ]
-        wrong += [f"path {k}, step {int(s)} cuts a corner" for s in turned[~(free[0] & free[1])]]
-    return [
-        lengths("points at centres of cells", off, lambda k: f"path {k}, point {points[k]}"),
-        Check.count("steps to neighbours", wrong),
+def _along(model: PathModel, path: Floats) -> tuple[float, int, list[str], bool]:
+    """Return how well a path, in cells, connects the centres of neighbouring cells.
+
+    The result is the largest distance to a centre (cells), its point, the wrong steps, and whether the path
+    is clear: it has no wrong step, only free cells, and all points within a quarter of a cell of their centres.
+    """
+    cells = np.floor(path)
+    apart = np.abs(path - cells - 0.5).max(axis=1)
+    point = int(np.argmax(apart))
+    steps = np.abs(np.diff(cells, axis=0))
+    total = steps.sum(axis=1)
+    good = (total == 1) | ((steps.max(axis=1, initial=0) <= 1) & (total == 2))
+    if model.connectivity == "4":
+        good = total == 1
+    wrong = [f"{int(s)}" for s in np.flatnonzero(~good)]
+    # Both cells beside the corner of a diagonal step; the row is y.
+    turned = np.flatnonzero(good & (total == 2))
+    before, after = cells[turned].astype(int), cells[turned + 1].astype(int)
+    free = [
+        model.map.holds(np.column_stack([y[:, 1], x[:, 0]]))
+        for y, x in ((before, after), (after, before))
     ]
+    wrong += [f"{int(s)} cuts a corner" for s in turned[~(free[0] & free[1])]]
+    is_clear = not wrong and apart[point] <= 0.25
+    return (
+        float(apart[point]),
+        point,
+        wrong,
+        bool(is_clear and model.map.holds(cells[:, ::-1].astype(int)).all()),
+    )
