@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...jit import kernel
 from ..fields import required
 from ..verification import Check, Verification, check_tolerance
 from .gridmap import GridMap
 from .plan import GridPlan
 
-__all__ = ["depths", "verify_paths"]
+__all__ = ["depths", "length_along", "verify_paths"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,8 +98,9 @@ def _around(grid: GridMap, pattern: NDArray[np.uint8], path: Floats) -> Iterator
     The pattern is 1 for blocked cells, and is compared with the framed map from a place on. Segments are
     divided into pieces of at most one cell, so the work grows with the length of the path only.
     """
-    framed = grid.walls.reshape(np.add(grid.shape, 2))
-    size = np.array(framed.shape[::-1]) - pattern.shape[::-1] + 1
+    height, width = grid.shape[0] + 2, grid.shape[1] + 2
+    framed = grid.walls.reshape(height, width)
+    size = np.array([width, height]) - pattern.shape[::-1] + 1
     window = np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2)
     steps = np.diff(path, axis=0)
     counts = np.maximum(np.ceil(np.abs(steps).max(axis=1)), 1.0).astype(int)
@@ -116,9 +119,9 @@ def _around(grid: GridMap, pattern: NDArray[np.uint8], path: Floats) -> Iterator
         for (down, across), value in np.ndenumerate(pattern):
             marked &= framed[y + down, x + across] == value
         # The windows of pieces overlap.
-        keys = np.unique((part[piece] * framed.shape[0] + y)[marked] * framed.shape[1] + x[marked])
-        lines, x = np.divmod(keys, framed.shape[1])
-        segment, y = np.divmod(lines, framed.shape[0])
+        keys = np.unique((part[piece] * height + y)[marked] * width + x[marked])
+        lines, x = np.divmod(keys, width)
+        segment, y = np.divmod(lines, height)
         yield segment, np.column_stack([x, y])
 
 
@@ -239,3 +242,71 @@ def _along(model: PathModel, path: Floats) -> tuple[float, int, list[str], bool]
         wrong,
         bool(is_clear and model.map.holds(cells[:, ::-1].astype(int)).all()),
     )
+
+
+@kernel(interpretable=True)
+def length_along(
+    blocked: NDArray[np.bool_],
+    weights: Floats,
+    points: Floats,
+    corner: Floats,
+    cell: float,
+    ends: Ints,
+    diagonal: bool,
+    accepted: float,
+) -> float:
+    """Return the cost of a path along neighbouring cells, in cells, or -1 if it violates a constraint.
+
+    The constraints are those of :func:`verify_paths` for connectivity "4" or, if `diagonal`, "8". The work is
+    proportional to the number of points.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns)
+        Cells, true if blocked.
+    weights : ndarray, shape (rows, columns) or (0, 0)
+        Cost per length in each cell; 1 without entries.
+    points : ndarray, shape (k, 2)
+        Points x, y, m.
+    corner : ndarray, shape (2,)
+        Corner of the map with the lowest x and y, m.
+    cell : float
+        Side of a cell, m.
+    ends : ndarray of int, shape (2, 2)
+        Rows and columns of start and goal.
+    diagonal : bool
+        Whether steps may be diagonal.
+    accepted : float
+        Largest accepted distance of a point from the centre of its cell, in cells.
+    """
+    rows, columns = blocked.shape
+    last = len(points) - 1
+    before_row, before_column = 0, 0
+    straight, turned, cost = 0, 0, 0.0
+    for k in range(len(points)):
+        x, y = (points[k, 0] - corner[0]) / cell, (points[k, 1] - corner[1]) / cell
+        if not (0.0 <= x < columns and 0.0 <= y < rows):
+            return -1.0
+        row, column = int(y), int(x)
+        away = math.sqrt((x - column - 0.5) ** 2 + (y - row - 0.5) ** 2)
+        if away > accepted or blocked[row, column]:
+            return -1.0
+        if k == 0 and (row != ends[0, 0] or column != ends[0, 1]):
+            return -1.0
+        if k == last and (row != ends[1, 0] or column != ends[1, 1]):
+            return -1.0
+        if k > 0:
+            down, across = abs(row - before_row), abs(column - before_column)
+            if down > 1 or across > 1 or down + across == 0 or (down + across == 2 and not diagonal):
+                return -1.0
+            if blocked[row, before_column] or blocked[before_row, column]:
+                return -1.0
+            if weights.size > 0:
+                mean = 0.5 * (weights[row, column] + weights[before_row, before_column])
+                cost += mean * math.sqrt(down + across)
+            elif down + across == 2:
+                turned += 1
+            else:
+                straight += 1
+        before_row, before_column = row, column
+    return cost + straight + turned * math.sqrt(2.0)

@@ -27,7 +27,9 @@ __all__ = [
     "box_around",
     "steps_of",
     "sweep",
+    "sweep_in",
     "trace",
+    "trace_in",
 ]
 
 Ints = NDArray[np.int64]
@@ -110,14 +112,29 @@ def sweep(
     The result is the status, the remainders, which are 0 for unreached cells, the number of expanded
     cells and, if stopped, a lower bound on the cost of every goal whose cost may decrease.
     """
-    steps = steps_of(width, diagonal)
-    state = walls.copy()
     left = np.zeros(walls.size, np.int64)
+    status, expanded, least = sweep_in(
+        walls.copy(), left, CEILING, width, start, goals, every, diagonal, guided, flag
+    )
+    return status, left, expanded, least
+
+
+@kernel
+def sweep_in(
+    state: Bytes, left: Ints, ceiling: int, width: int, start: int, goals: Ints, every: bool,
+    diagonal: bool, guided: bool, flag: NDArray[np.int8],
+) -> tuple[int, int, int]:  # fmt: skip
+    """Search like :func:`sweep` in given arrays, so that many searches on a map share them.
+
+    `state` is the map, and is the map again afterwards. `left` receives `ceiling` minus the cost of each
+    reached cell. Its former entries must be less than every remainder of this search.
+    """
+    steps = steps_of(width, diagonal)
     box = box_around(goals, width)
     missing = 0
     for goal in goals:
         missing += 1 if state[goal] == 0 else 0
-        state[goal] = _GOAL
+        state[goal] |= _GOAL
     if not every:
         missing = 1
     ring = np.empty((_RING, 256), np.int64)
@@ -127,17 +144,18 @@ def sweep(
         at = ahead(start // width, start % width, box, diagonal) >> _SHIFT
     ring[at % _RING, 0] = start
     sizes[at % _RING] = 1
-    left[start] = CEILING
+    left[start] = ceiling
     state[start] |= _WAITING
-    waiting, expanded = 1, 0
+    waiting, expanded, status = 1, 0, DONE
     # Remainder at the farthest of the goals to reach. Paths with no larger remainder are useless.
     limit = 0
     while waiting > 0:
         if flag[0] != 0:
-            return STOPPED, left, expanded, at << _SHIFT
+            status = STOPPED
+            break
         while sizes[at % _RING] == 0:
             at += 1
-        if CEILING - (at << _SHIFT) <= limit:
+        if ceiling - (at << _SHIFT) <= limit:
             break
         bucket = at % _RING
         sizes[bucket] -= 1
@@ -176,13 +194,18 @@ def sweep(
                 continue
             left[to] = remainder
             state[to] |= _WAITING
-            bucket = ((CEILING - order) >> _SHIFT) % _RING
+            bucket = ((ceiling - order) >> _SHIFT) % _RING
             if sizes[bucket] == ring.shape[1]:
                 ring = np.hstack((ring, np.empty_like(ring)))
             ring[bucket, sizes[bucket]] = to
             sizes[bucket] += 1
             waiting += 1
-    return DONE, left, expanded, at << _SHIFT
+    for bucket in range(_RING):
+        for k in range(sizes[bucket]):
+            state[ring[bucket, k]] = 0
+    for goal in goals:
+        state[goal] &= _BLOCKED
+    return status, expanded, at << _SHIFT
 
 
 @kernel
@@ -199,9 +222,15 @@ def before(walls: Bytes, width: int, steps: Ints, left: Ints, cell: int) -> int:
 @kernel(interpretable=True)
 def trace(walls: Bytes, width: int, left: Ints, goal: int, diagonal: bool) -> Ints:
     """Return the cells of a shortest path from the start to `goal` by the remainders of :func:`sweep`."""
+    return trace_in(walls, width, left, CEILING, goal, diagonal)
+
+
+@kernel
+def trace_in(walls: Bytes, width: int, left: Ints, ceiling: int, goal: int, diagonal: bool) -> Ints:
+    """Return the cells of a shortest path from the start to `goal` by the remainders of :func:`sweep_in`."""
     steps = steps_of(width, diagonal)
     count, cell = 1, goal
-    while left[cell] != CEILING:
+    while left[cell] != ceiling:
         cell = before(walls, width, steps, left, cell)
         count += 1
     path = np.empty(count, np.int64)

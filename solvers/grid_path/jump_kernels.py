@@ -27,7 +27,7 @@ from ...models.grid_path.search_kernels import (
 )
 from .heap_kernels import back
 
-__all__ = ["jump", "unroll"]
+__all__ = ["jump", "jump_in", "unroll"]
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -97,30 +97,48 @@ def jump(
     stopped, a lower bound on it, the previous jump points, and the number of expanded cells. The start
     is its own jump point.
     """
+    left = np.zeros(walls.size, np.int64)
+    parents = np.empty(walls.size, np.int64)
+    ways = np.zeros((2, walls.size), np.uint8)
+    status, goal, cost, expanded = jump_in(
+        walls.copy(), left, parents, ways, CEILING, width, start, goals, flag
+    )
+    return status, goal, cost, parents, expanded
+
+
+@kernel
+def jump_in(
+    state: Bytes, left: Ints, parents: Ints, ways_at: Bytes, ceiling: int, width: int, start: int,
+    goals: Ints, flag: NDArray[np.int8],
+) -> tuple[int, int, int, int]:  # fmt: skip
+    """Search like :func:`jump` in given arrays, so that many searches on a map share them.
+
+    `state` and `left` are those of :func:`crosstrack.models.grid_path.search_kernels.sweep_in`. `parents`
+    receives the previous jump points. `ways_at`, shape (2, cells), is a work array.
+    """
     moves = np.array([1, width + 1, width, width - 1, -1, -width - 1, -width, -width + 1])
-    state = walls.copy()
     for goal in goals:
         state[goal] |= _GOAL
     box = box_around(goals, width)
-    left = np.zeros(walls.size, np.int64)
-    parents = np.empty(walls.size, np.int64)
     # Directions queued for a cell, and directions already expanded.
-    waiting = np.zeros(walls.size, np.uint8)
-    tried = np.zeros(walls.size, np.uint8)
-    left[start] = CEILING
+    waiting, tried = ways_at[0], ways_at[1]
+    left[start] = ceiling
     parents[start] = start
-    waiting[start] = _ALL
+    waiting[start], tried[start] = _ALL, 0
     # Ties go to the cell with the greater cost.
-    heap = [(ahead(start // width, start % width, box, True), CEILING, start)]
+    heap = [(ahead(start // width, start % width, box, True), ceiling, start)]
     expanded = 0
+    status, nearest, cost = DONE, -1, 0
     while len(heap) > 0:
         if flag[0] != 0:
-            return STOPPED, -1, heap[0][0], parents, expanded
+            status, cost = STOPPED, heap[0][0]
+            break
         _, here, cell = heappop(heap)
         if here < left[cell] or waiting[cell] == 0:
             continue
         if state[cell] & _GOAL:
-            return DONE, cell, CEILING - here, parents, expanded
+            nearest, cost = cell, ceiling - here
+            break
         expanded += 1
         ways = int(waiting[cell])
         waiting[cell] = 0
@@ -154,9 +172,11 @@ def jump(
             if more == 0:
                 continue
             waiting[to] |= more
-            order = CEILING - then + ahead(row + down, column + across, box, True)
+            order = ceiling - then + ahead(row + down, column + across, box, True)
             heappush(heap, (order, then, to))
-    return DONE, -1, 0, parents, expanded
+    for goal in goals:
+        state[goal] &= _BLOCKED
+    return status, nearest, cost, expanded
 
 
 def unroll(parents: Ints, width: int, goal: int) -> Ints:

@@ -13,13 +13,20 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import GridPath
 from crosstrack.models.grid_path import GridMap, distances, path_between, search_kernels
-from crosstrack.models.grid_path.search_kernels import DIAGONAL, STOPPED, STRAIGHT, sweep, trace
+from crosstrack.models.grid_path.search_kernels import (
+    DIAGONAL,
+    STOPPED,
+    STRAIGHT,
+    sweep,
+    sweep_in,
+    trace,
+)
 from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.grid_path import heap_kernels, jump_kernels, native
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
 from crosstrack.solvers.grid_path.heap_kernels import back, weighted
-from crosstrack.solvers.grid_path.jump_kernels import jump
+from crosstrack.solvers.grid_path.jump_kernels import jump, jump_in
 
 EXACT = ["a-star", "dijkstra", "jump-point"]
 
@@ -311,6 +318,8 @@ def test_stopped_searches_return_a_first_path_and_a_bound(case, monkeypatch):
     )
     best = optimum(model)
     monkeypatch.setattr(native, "LARGE", 0)
+    monkeypatch.setattr(search_kernels, "sweep_in", sweep_in.py_func)
+    monkeypatch.setattr(jump_kernels, "jump_in", jump_in.py_func)
     kernels = (
         (search_kernels, "sweep", sweep),
         (heap_kernels, "weighted", weighted),
