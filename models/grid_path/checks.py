@@ -297,7 +297,12 @@ def length_along(
             return -1.0
         if k > 0:
             down, across = abs(row - before_row), abs(column - before_column)
-            if down > 1 or across > 1 or down + across == 0 or (down + across == 2 and not diagonal):
+            if (
+                down > 1
+                or across > 1
+                or down + across == 0
+                or (down + across == 2 and not diagonal)
+            ):
                 return -1.0
             if blocked[row, before_column] or blocked[before_row, column]:
                 return -1.0

@@ -170,6 +170,7 @@ def sweep_in(
             column = cell - row * width
             order -= ahead(row, column, box, diagonal)
         if order <= limit:
+            state[cell] &= _GOAL
             continue
         if state[cell] & _GOAL:
             missing -= 1

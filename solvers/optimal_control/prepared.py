@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.fields import Flag, Optional, Real, show
 from ...models.flight.model import Flight
+from ...models.grid_path.gridmap import GridMap
+from ...models.grid_path.model import GridPath
 from ...models.model import as_model
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
@@ -27,6 +29,7 @@ from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
 from ..flight.replanning import prepare_flight
+from ..grid_path.prepared import prepare_map
 from ..nlp.base import AWAY
 from ..nlp.casadi_nlp import CasadiNlp
 from ..nlp.ipopt import PUSHES
@@ -40,6 +43,7 @@ from .structured import StructuredSolver
 
 if TYPE_CHECKING:
     from ..flight.replanning import PreparedFlight
+    from ..grid_path.prepared import PreparedMap
 
 __all__ = ["PreparedSolver", "Step", "prepare"]
 
@@ -287,6 +291,10 @@ class PreparedSolver:
 def prepare(problem: OptimalControlProblem, **options: Any) -> PreparedSolver: ...
 @overload
 def prepare(problem: Flight) -> PreparedFlight: ...
+@overload
+def prepare(
+    problem: GridMap | GridPath, *, weights: ArrayLike | None = None, radius: float = 0.0
+) -> PreparedMap: ...
 def prepare(
     problem: Any,
     *,
@@ -303,12 +311,14 @@ def prepare(
     """Build an optimal control problem on a fixed mesh once, to solve it for other data by a call.
 
     It serves model-predictive control and parameter studies. The mesh is not refined, and plans are
-    verified only on request (``step.verification()``). A flight is prepared for replanning in the air.
+    verified only on request (``step.verification()``). A flight is prepared for replanning in the air, and a
+    map for many verified shortest paths.
 
     Parameters
     ----------
-    problem : OptimalControlProblem or Flight
-        Problem with data declared by ``ocp.data(…)``. A flight accepts no options.
+    problem : OptimalControlProblem, Flight, GridMap or GridPath
+        Problem with data declared by ``ocp.data(…)``. A flight accepts no options, a map the options
+        ``weights`` and ``radius`` of :class:`~crosstrack.solvers.grid_path.PreparedMap`.
     backend : str
         Backend that uses CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
     formulation : str, optional
@@ -332,7 +342,7 @@ def prepare(
 
     Returns
     -------
-    PreparedSolver or ``crosstrack.solvers.flight.PreparedFlight``
+    PreparedSolver, ``PreparedFlight`` or :class:`~crosstrack.solvers.grid_path.PreparedMap`
         Solver; ``solver(x0=…, warm=True)`` returns a :class:`Step`.
 
     Raises
@@ -357,11 +367,13 @@ def prepare(
     >>> first.ok, second.ok, second.objective < first.objective
     (True, True, True)
     """
+    chosen = None if backend == "ipopt" else backend
+    given = chosen, formulation, mesh, tolerance, time_limit, limits, backend_options, structured
+    if isinstance(problem, GridMap | GridPath):
+        return prepare_map(problem, *given, **options)
     original = model = as_model(problem)
     if isinstance(original, Flight):
-        chosen = None if backend == "ipopt" else backend
-        given = chosen, formulation, mesh, tolerance, time_limit, limits, backend_options
-        return prepare_flight(original, *given, structured, *options)
+        return prepare_flight(original, *given, *options)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:
