@@ -114,6 +114,7 @@ def remaining(
     use: Floats,
     limit: Floats,
     reset: Floats,
+    floor: Floats,
     least: Floats,
     most: Floats,
 ) -> tuple[Whole, Whole, Floats, Floats]:
@@ -127,7 +128,8 @@ def remaining(
             there, good = head[arc], True
             for k in range(resources):
                 level = least[i, k] + use[arc, k]
-                if level > limit[there, k] or min(level, reset[there, k]) > most[there, k]:
+                leaving = min(max(level, floor[there, k]), reset[there, k])
+                if level > limit[there, k] or leaving > most[there, k]:
                     good = False
                     break
             if good:

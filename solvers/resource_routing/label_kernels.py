@@ -1,10 +1,14 @@
 """Labels with a vector of levels, and the best-first search that extends them.
 
 A label is a partial route: its last point, length, levels of all resources on leaving, parent label,
-and visited *critical* points. A label dominates another of the same point if it is no longer, has no
-larger level, and has visited no critical point that is open for the other. Every extension of the
-other label is then an extension of the dominating one. A point is open if the label has not visited it
-and the shortest path to the end through it is below the ceiling.
+and the visited *critical* points that it remembers. A label dominates another of the same point if it is no
+longer, has no larger level (nor a smaller one that a lower limit may refuse), and remembers no critical point
+that is open for the other. Every extension of the other label is then an extension of the dominating one. A
+point is open if the label does not remember it and the bound on routes through it is below the ceiling.
+
+Labels leave the heap in the order of a Lagrangean bound: the length, the weighted levels, and the least
+weighted length from there to the end (:mod:`.multipliers`). The front of a point holds its extended labels by
+length. With at most one resource it is a staircase: only the predecessor can dominate.
 """
 
 from __future__ import annotations
@@ -26,29 +30,81 @@ _MOST_NUMBERS = 6 * MOST_LABELS
 #: Relative rounding error of a sum of lengths.
 _ROUNDING = 1e-12
 
+Whole = NDArray[np.int64]
+
 
 class Labels(NamedTuple):
     """Columns of labels; only the first ones are in use.
 
     Attributes
     ----------
-    point, parent, following : ndarray of int64
-        Last point, parent label (-1 for none), and next label in the list of the point (-1 at the
-        end).
+    point, parent : ndarray of int64
+        Last point, and parent label (-1 for none).
     length : ndarray
-        Length of the partial route.
+        Length of the partial route, without its prizes.
     level : ndarray, shape (room, r)
         Level of each resource on leaving.
     visited : ndarray of uint64, shape (room, words)
-        Visited critical points, one bit each.
+        Remembered critical points, one bit each.
     """
 
     point: NDArray[np.int64]
     parent: NDArray[np.int64]
-    following: NDArray[np.int64]
     length: NDArray[np.float64]
     level: NDArray[np.float64]
     visited: NDArray[np.uint64]
+
+
+class Fronts(NamedTuple):
+    """Extended labels of each point, in the order of their lengths, in shared columns.
+
+    Attributes
+    ----------
+    begin, size, room : ndarray of int64, shape (n,)
+        First entry of each point, number of entries, and entries that fit.
+    least : ndarray, shape (n, r)
+        Least level of each resource in the front.
+    top : ndarray of int64, shape (1,)
+        Number of entries given to points.
+    label, length, level : ndarray, shapes (entries,), (entries,) and (entries, r)
+        Label of each entry, and copies of its length and levels.
+    """
+
+    begin: NDArray[np.int64]
+    size: NDArray[np.int64]
+    room: NDArray[np.int64]
+    least: NDArray[np.float64]
+    top: NDArray[np.int64]
+    label: NDArray[np.int64]
+    length: NDArray[np.float64]
+    level: NDArray[np.float64]
+
+
+class Guide(NamedTuple):
+    """Bounds and memory of a search.
+
+    Attributes
+    ----------
+    weight : ndarray, shape (r,)
+        Multiplier of each resource, >= 0.
+    ahead : ndarray, shape (n,)
+        Least weighted length from each point to the end, less the weighted limits; inf if unreachable.
+    via : ndarray, shape (n, critical)
+        The same through each critical point.
+    bits : ndarray of int64, shape (n,)
+        Index of a point among the critical ones, -1 for the others.
+    memory : ndarray of uint64, shape (n, words)
+        Critical points that a label remembers on leaving each point (ng-routes); all bits for none forgotten.
+    rounding : float
+        Rounding error of the bounds.
+    """
+
+    weight: NDArray[np.float64]
+    ahead: NDArray[np.float64]
+    via: NDArray[np.float64]
+    bits: NDArray[np.int64]
+    memory: NDArray[np.uint64]
+    rounding: float
 
 
 @kernel
@@ -57,7 +113,6 @@ def make(room: int, resources: int, words: int) -> Labels:
     return Labels(
         np.empty(room, np.int64),
         np.empty(room, np.int64),
-        np.full(room, -1),
         np.empty(room),
         np.empty((room, resources)),
         np.zeros((room, words), np.uint64),
@@ -71,7 +126,6 @@ def grown(labels: Labels, used: int, room: int) -> Labels:
     for k in range(used):
         wider.point[k] = labels.point[k]
         wider.parent[k] = labels.parent[k]
-        wider.following[k] = labels.following[k]
         wider.length[k] = labels.length[k]
         for column in range(labels.level.shape[1]):
             wider.level[k, column] = labels.level[k, column]
@@ -81,20 +135,76 @@ def grown(labels: Labels, used: int, room: int) -> Labels:
 
 
 @kernel
-def beats(labels: Labels, one: int, other: int, via: NDArray[np.float64], ceiling: float) -> bool:
-    """Return whether label `one` dominates label `other` of the same point."""
-    if labels.length[one] > labels.length[other]:
-        return False
-    for k in range(labels.level.shape[1]):
-        if labels.level[one, k] > labels.level[other, k]:
-            return False
+def fronts_of(count: int, resources: int) -> Fronts:
+    """Return empty fronts of `count` points."""
+    return Fronts(
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
+        np.full((count, resources), np.inf),
+        np.zeros(1, np.int64),
+        np.empty(4 * count + 64, np.int64),
+        np.empty(4 * count + 64),
+        np.empty((4 * count + 64, resources)),
+    )
+
+
+@kernel
+def moved(fronts: Fronts, wider: Fronts, begin: int, stop: int, to: int) -> None:
+    """Copy the entries from `begin` to `stop` into `wider`."""
+    for k in range(begin, stop):
+        at = to + k - begin
+        wider.label[at], wider.length[at] = fronts.label[k], fronts.length[k]
+        for column in range(fronts.level.shape[1]):
+            wider.level[at, column] = fronts.level[k, column]
+
+
+@kernel
+def inserted(fronts: Fronts, labels: Labels, at: int) -> Fronts:
+    """Return the fronts with label `at`."""
+    point, resources = labels.point[at], labels.level.shape[1]
+    size = fronts.size[point]
+    if size == fronts.room[point]:
+        room, top = 4 + 2 * size, fronts.top[0]
+        if top + room > len(fronts.label):
+            entries = 2 * (top + room)
+            wider = Fronts(
+                fronts.begin, fronts.size, fronts.room, fronts.least, fronts.top,
+                np.empty(entries, np.int64), np.empty(entries), np.empty((entries, resources)),
+            )  # fmt: skip
+            moved(fronts, wider, 0, top, 0)
+            fronts = wider
+        moved(fronts, fronts, fronts.begin[point], fronts.begin[point] + size, top)
+        fronts.begin[point], fronts.room[point] = top, room
+        fronts.top[0] = top + room
+    begin = fronts.begin[point]
+    k = begin + size
+    while k > begin and fronts.length[k - 1] > labels.length[at]:
+        moved(fronts, fronts, k - 1, k, k)
+        k -= 1
+    fronts.label[k], fronts.length[k] = at, labels.length[at]
+    for column in range(resources):
+        fronts.level[k, column] = labels.level[at, column]
+        fronts.least[point, column] = min(fronts.least[point, column], labels.level[at, column])
+    fronts.size[point] = size + 1
+    return fronts
+
+
+@kernel
+def forgets(
+    labels: Labels, one: int, other: int, via: NDArray[np.float64], high: float, key: float
+) -> bool:
+    """Return whether label `one` remembers only points that are closed for label `other`.
+
+    `key` is the part of the bound of `other` without the way to the end.
+    """
     for word in range(labels.visited.shape[1]):
         more = labels.visited[one, word] & ~labels.visited[other, word]
         bit = 64 * word
         while more != np.uint64(0):
             if more & np.uint64(1) != np.uint64(0):
-                whole = labels.length[other] + via[labels.point[one], bit]
-                if whole <= ceiling and whole < np.inf:
+                whole = key + via[labels.point[one], bit]
+                if whole <= high and whole < np.inf:
                     return False
             more = more >> np.uint64(1)
             bit += 1
@@ -103,42 +213,75 @@ def beats(labels: Labels, one: int, other: int, via: NDArray[np.float64], ceilin
 
 @kernel
 def dominated(
+    fronts: Fronts,
     labels: Labels,
-    heads: NDArray[np.int64],
     at: int,
     via: NDArray[np.float64],
-    ceiling: float,
+    high: float,
+    key: float,
+    full: NDArray[np.float64],
+    rivals: int,
 ) -> bool:
-    """Return whether a label of its point dominates label `at`; move that label to the list's head."""
-    point = labels.point[at]
-    before, other = -1, heads[point]
-    while other >= 0:
-        if beats(labels, other, at, via, ceiling):
-            if before >= 0:
-                labels.following[before] = labels.following[other]
-                labels.following[other] = heads[point]
-                heads[point] = other
-            return True
-        before, other = other, labels.following[other]
+    """Return whether `rivals` labels in the front of its point dominate label `at`.
+
+    `full` is the level of each resource above which no lower limit refuses it, -inf without lower limits.
+    With one rival, at most one resource and no critical points, the labels must come in the order of
+    their bounds.
+    """
+    point, resources = labels.point[at], labels.level.shape[1]
+    stairs = rivals == 1 and labels.visited.shape[1] == 0 and resources < 2
+    for k in range(resources):
+        if labels.level[at, k] < fronts.least[point, k]:
+            return False
+        stairs = stairs and full[k] == -np.inf
+    begin = fronts.begin[point]
+    low, stop = begin, begin + fronts.size[point]
+    while low < stop:
+        middle = (low + stop) // 2
+        if fronts.length[middle] <= labels.length[at]:
+            low = middle + 1
+        else:
+            stop = middle
+    if stairs:
+        return low > begin and bool(
+            resources == 0 or fronts.level[low - 1, 0] <= labels.level[at, 0]
+        )
+    for entry in range(low - 1, begin - 1, -1):
+        beaten = True
+        for k in range(resources):
+            one, other = fronts.level[entry, k], labels.level[at, k]
+            if one > other or (one < other and one < full[k]):
+                beaten = False
+                break
+        if beaten and forgets(labels, fronts.label[entry], at, via, high, key):
+            rivals -= 1
+            if rivals == 0:
+                return True
     return False
 
 
 @kernel
 def extend(
-    net: Network, labels: Labels, at: int, label: int, arc: int, bits: NDArray[np.int64]
+    net: Network,
+    labels: Labels,
+    at: int,
+    label: int,
+    arc: int,
+    bits: NDArray[np.int64],
+    memory: NDArray[np.uint64],
 ) -> bool:
     """Write label `at` as the extension of `label` by `arc`; return whether it is feasible."""
     there = net.head[arc]
     for k in range(labels.level.shape[1]):
         level = labels.level[label, k] + net.use[arc, k]
-        if level > net.limit[there, k]:
+        if level > net.limit[there, k] or level < net.lower[there, k]:
             return False
-        level = min(level, net.reset[there, k])
+        level = min(max(level, net.floor[there, k]), net.reset[there, k])
         if level > net.most[there, k]:
             return False
         labels.level[at, k] = level
     for word in range(labels.visited.shape[1]):
-        labels.visited[at, word] = labels.visited[label, word]
+        labels.visited[at, word] = labels.visited[label, word] & memory[there, word]
     bit = bits[there]
     if bit >= 0:
         mask = np.uint64(1) << np.uint64(bit & 63)
@@ -147,7 +290,6 @@ def extend(
         labels.visited[at, bit >> 6] |= mask
     labels.point[at] = there
     labels.parent[at] = label
-    labels.following[at] = -1
     labels.length[at] = labels.length[label] + net.length[arc]
     return True
 
@@ -168,29 +310,39 @@ def route_of(labels: Labels, label: int) -> NDArray[np.int64]:
     return route
 
 
+@kernel
+def weighted(labels: Labels, at: int, weight: NDArray[np.float64]) -> float:
+    """Return the length of label `at` and its weighted levels."""
+    total = float(labels.length[at])
+    for k in range(len(weight)):
+        if weight[k] > 0.0:
+            total += weight[k] * labels.level[at, k]
+    return total
+
+
 @kernel(interpretable=True)
 def best_first(
     net: Network,
-    ahead: NDArray[np.float64],
-    via: NDArray[np.float64],
-    bits: NDArray[np.int64],
+    guide: Guide,
     ceiling: float,
+    wanted: int,
+    most: int,
     flag: NDArray[np.int8],
-) -> tuple[int, NDArray[np.int64], float, float, int, int, int]:
-    """Return the shortest route no longer than `ceiling` that visits no critical point twice.
+) -> tuple[int, Whole, Whole, NDArray[np.float64], float, int, int, int]:
+    """Return the shortest routes no longer than `ceiling` that repeat no remembered critical point.
 
     Parameters
     ----------
     net : Network
         Arcs, limits and resets.
-    ahead : ndarray, shape (n,)
-        Shortest-path length from each point to the end; inf if unreachable.
-    via : ndarray, shape (n, critical)
-        Shortest-path length from each point to the end through each critical point.
-    bits : ndarray of int64, shape (n,)
-        Index of a point among the critical ones, -1 for the others.
+    guide : Guide
+        Bounds and memory.
     ceiling : float
         Largest length of interest.
+    wanted : int
+        Number of routes.
+    most : int
+        Number of labels after which the search ends; memory may end it earlier.
     flag : ndarray of int8, shape (1,)
         Stop flag; a nonzero value stops the search.
 
@@ -198,44 +350,45 @@ def best_first(
     -------
     status : int
         ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL``.
-    route : ndarray
-        Points from start to end, empty without one.
-    length, bound : float
-        Length of the route (inf without one), and a lower bound on the length of all routes.
+    points, sizes : ndarray of int64
+        Points of all routes, one route after the other, and the number of points of each route.
+    lengths : ndarray, shape (routes,)
+        Their lengths, ascending.
+    bound : float
+        Lower bound on the length of all routes.
     made, settled, pruned : int
         Numbers of labels made, of labels extended, and of labels pruned by the ceiling alone.
     """
-    count, resources = len(ahead), len(net.initial)
-    words = (via.shape[1] + 63) // 64
-    most = _MOST_NUMBERS // (6 + resources + words)
-    heads = np.full(count, -1)
+    count, resources, words = len(guide.ahead), len(net.initial), guide.memory.shape[1]
+    most = min(most, _MOST_NUMBERS // (6 + resources + words))
+    fronts = fronts_of(count, resources)
     room = 2 * count + 1024
     labels = make(room, resources, words)
     labels.point[0], labels.parent[0], labels.length[0] = net.start, -1, 0.0
     for k in range(resources):
         labels.level[0, k] = net.initial[k]
     # Lengths and bounds are summed in different orders, so a margin is needed.
-    high = ceiling * (1.0 + _ROUNDING)
-    used, settled, pruned = 1, 0, 0
-    nothing = np.empty(0, np.int64)
-    heap = [(ahead[net.start], 0)]
-    if ahead[net.start] > high or ahead[net.start] == np.inf:
+    high = ceiling + guide.rounding + _ROUNDING * abs(ceiling) if ceiling < np.inf else ceiling
+    used, settled, pruned, ends = 1, 0, 0, 0
+    status, bound = NOTHING, ceiling
+    end, lengths = np.zeros(wanted, np.int64), np.full(wanted, np.inf)
+    heap = [(weighted(labels, 0, guide.weight) + guide.ahead[net.start], 0)]
+    if heap[0][0] > high or heap[0][0] == np.inf:
+        pruned = int(heap[0][0] < np.inf)
         heap.clear()
-        pruned = int(ahead[net.start] < np.inf)
     while len(heap) > 0:
         key, label = heappop(heap)
+        if key > high:
+            break
         here = labels.point[label]
-        if here == net.end:
-            length = labels.length[label]
-            return FOUND, route_of(labels, label), length, length, used, settled, pruned
-        if dominated(labels, heads, label, via, high):
+        if dominated(
+            fronts, labels, label, guide.via, high, key - guide.ahead[here], net.full, wanted
+        ):
             continue
-        if flag[0] != 0:
-            return STOPPED, nothing, np.inf, key, used, settled, pruned
-        if used > most:
-            return FULL, nothing, np.inf, key, used, settled, pruned
-        labels.following[label] = heads[here]
-        heads[here] = label
+        if flag[0] != 0 or used > most:
+            status, bound = STOPPED if flag[0] != 0 else FULL, key
+            break
+        fronts = inserted(fronts, labels, label)
         settled += 1
         begin, stop = net.first[here], net.first[here + 1]
         if used + stop - begin >= room:
@@ -243,12 +396,37 @@ def best_first(
             labels = grown(labels, used, room)
         for arc in range(begin, stop):
             there = net.head[arc]
-            if ahead[there] == np.inf or not extend(net, labels, used, label, arc, bits):
+            if guide.ahead[there] == np.inf or not extend(
+                net, labels, used, label, arc, guide.bits, guide.memory
+            ):
                 continue
-            key = labels.length[used] + ahead[there]
+            length = weighted(labels, used, guide.weight)
+            key = length + guide.ahead[there]
             if key > high:
                 pruned += 1
-            elif not dominated(labels, heads, used, via, high):
+            elif there == net.end:
+                if (
+                    labels.length[used] < lengths[wanted - 1]
+                    and labels.length[used] <= ceiling + abs(ceiling) * _ROUNDING
+                ):
+                    k = wanted - 1
+                    while k > 0 and lengths[k - 1] > labels.length[used]:
+                        lengths[k], end[k] = lengths[k - 1], end[k - 1]
+                        k -= 1
+                    lengths[k], end[k] = labels.length[used], used
+                    ends += ends < wanted
+                    used += 1
+                    if ends == wanted:
+                        worst = lengths[wanted - 1]
+                        high = min(high, worst - guide.rounding - _ROUNDING * abs(worst))
+            elif not dominated(fronts, labels, used, guide.via, high, length, net.full, wanted):
                 heappush(heap, (key, used))
                 used += 1
-    return NOTHING, nothing, np.inf, ceiling, used, settled, pruned
+    sizes, points = np.zeros(ends, np.int64), np.empty(ends * 0, np.int64)
+    for k in range(ends):
+        route = route_of(labels, end[k])
+        sizes[k], points = len(route), np.concatenate((points, route))
+    if status == NOTHING and ends > 0:
+        status, bound = FOUND, lengths[0]
+    bound = min(bound, lengths[0])
+    return status, points, sizes, lengths[:ends], bound, used, settled, pruned

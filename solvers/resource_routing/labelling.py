@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...jit import MOST_LABELS
 from ...models.resource_routing.checks import walk_route
 from ...models.resource_routing.model import ResourceRouting
 from ...models.resource_routing.route import Route
@@ -29,6 +30,8 @@ FIRST, RISE, LAST = 0.004, 2.2, 8.0
 LEAST, GROWTH = 0.02, 4.0
 #: By how much the longest route of interest exceeds the known one, relative.
 MARGIN = 1e-9
+#: Labels, beside four per point, after which multipliers are computed.
+LIGHT = 4000
 #: What rounding adds to a length, relative.
 SLACK = 1e-12
 
@@ -127,37 +130,49 @@ def _under(
     import numpy as np
 
     from .elementary import Found, elementary
-    from .label_kernels import best_first
-    from .network import lengths_to, network
-    from .outcomes import NOTHING, STOPPED
+    from .label_kernels import Guide, best_first
+    from .multipliers import best_bounds, cumulative, plain_bounds
+    from .network import network
+    from .outcomes import FULL, NOTHING, STOPPED
 
     net = network(problem, rows, flag)
     if flag[0]:
         # Arcs may be missing.
         return Found(STOPPED, np.empty(0, np.int64), math.inf, 0.0, 0, 0), 0
-    ahead = np.ascontiguousarray(lengths_to(net, np.array([net.end]))[:, 0])
-    least = float(ahead[net.start])
-    start.search(net, ahead, rows)
+    bounds = plain_bounds(net)
+    start.search(net, bounds.ahead, rows)
     cutoff = min(cutoff, start.length * (1.0 + MARGIN))
+    light = LIGHT + 4 * len(rows) if cumulative(net).size else MOST_LABELS
 
     def search(critical: NDArray[np.int64], proven: float) -> Found:
-        bits = np.full(len(ahead), -1)
+        nonlocal bounds, light
+        bits = np.full(len(rows), -1)
         bits[critical] = np.arange(critical.size)
-        via = lengths_to(net, critical) + ahead[critical]
+        memory = np.full((len(rows), (critical.size + 63) // 64), -1).astype(np.uint64)
+        via = bounds.via(net, critical)
         made = settled = rounds = 0
-        below = proven = max(proven, least)
+        below = proven = max(proven, float(bounds.ahead[net.start]))
         share = FIRST if critical.size and 0 < proven < math.inf else LAST
         while True:
             ceiling = min(cutoff, proven * (1 + share)) if share < LAST else cutoff
-            status, route, length, bound, *counts, pruned = best_first(
-                net, ahead, via, bits, ceiling, flag
+            guide = Guide(bounds.weight, bounds.ahead, via, bits, memory, bounds.rounding)
+            status, points, sizes, lengths, bound, *counts, pruned = best_first(
+                net, guide, ceiling, 1, light, flag
             )
             made, settled, rounds = made + counts[0], settled + counts[1], rounds + 1
+            if status == FULL and light < MOST_LABELS:
+                light, bounds = MOST_LABELS, best_bounds(net) or bounds
+                via = bounds.via(net, critical)
+                continue
             if status == NOTHING and pruned and ceiling < cutoff:
                 below, share = ceiling, share * RISE
                 continue
             if status == NOTHING and not pruned:
                 bound = math.inf
+            route, length = (
+                points[: sizes[0]] if sizes.size else points,
+                min(lengths, default=math.inf),
+            )
             return Found(status, route, length, max(bound, below), made, settled, rounds)
 
     result = elementary(search, revisits=problem.revisits)

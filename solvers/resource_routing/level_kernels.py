@@ -21,6 +21,7 @@ def most_levels(
     use: Floats,
     limit: Floats,
     reset: Floats,
+    floor: Floats,
     slack: Floats,
     end: int,
     flag: NDArray[np.int8],
@@ -35,8 +36,8 @@ def most_levels(
         First incoming arc of each point, and the indices and tails of the incoming arcs.
     use : ndarray, shape (m, r)
         Use of each arc.
-    limit, reset : ndarray, shape (n, r)
-        Limits and resets of the points.
+    limit, reset, floor : ndarray, shape (n, r)
+        Limits and resets of the points, and the levels to which waiting raises.
     slack : ndarray, shape (r,)
         Rounding margin, added to the result.
     end : int
@@ -61,6 +62,8 @@ def most_levels(
             arrival = limit[here, k]
             if reset[here, k] > most[here, k] + slack[k]:
                 arrival = min(arrival, most[here, k])
+                if floor[here, k] > most[here, k] + slack[k]:
+                    continue
             for place in range(first[here], first[here + 1]):
                 there, left = tails[place], arrival
                 if arrival < np.inf:
@@ -81,6 +84,7 @@ def least_levels(
     use: Floats,
     limit: Floats,
     reset: Floats,
+    floor: Floats,
     initial: Floats,
     start: int,
     flag: NDArray[np.int8],
@@ -110,7 +114,7 @@ def least_levels(
                 level = least[here, k] + use[arc, k]
                 if level > limit[there, k]:
                     continue
-                level = min(level, reset[there, k])
+                level = min(max(level, floor[there, k]), reset[there, k])
                 if level < least[there, k]:
                     least[there, k] = level
                     if not waiting[there]:

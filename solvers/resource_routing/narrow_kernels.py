@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .label_kernels import Labels, dominated, extend, grown, make, route_of
+from .label_kernels import Labels, dominated, extend, fronts_of, grown, inserted, make, route_of
 from .network import Network
 
 __all__ = ["narrow"]
@@ -73,8 +73,8 @@ def narrow(
         Its length, inf if no route was found.
     """
     count, resources = len(ahead), len(net.initial)
-    heads, extended = np.full(count, -1), np.zeros(count, np.int64)
-    bits, via = np.full(count, -1), np.zeros((count, 0))
+    fronts, extended = fronts_of(count, resources), np.zeros(count, np.int64)
+    bits, via, memory = np.full(count, -1), np.zeros((count, 0)), np.zeros((count, 0), np.uint64)
     room = 2 * count + 1024
     labels = make(room, resources, 0)
     labels.point[0], labels.parent[0], labels.length[0] = net.start, -1, 0.0
@@ -90,11 +90,12 @@ def narrow(
         here = labels.point[label]
         if here == net.end:
             return route_of(labels, label), labels.length[label]
-        if extended[here] >= width or dominated(labels, heads, label, via, np.inf):
+        if extended[here] >= width or dominated(
+            fronts, labels, label, via, np.inf, 0.0, net.full, 1
+        ):
             continue
         extended[here] += 1
-        labels.following[label] = heads[here]
-        heads[here] = label
+        fronts = inserted(fronts, labels, label)
         begin, stop = net.first[here], net.first[here + 1]
         if used + stop - begin >= room:
             room = 2 * (used + stop - begin)
@@ -103,7 +104,7 @@ def narrow(
             there = net.head[arc]
             if ahead[there] == np.inf or extended[there] >= width:
                 continue
-            if not extend(net, labels, used, label, arc, bits):
+            if not extend(net, labels, used, label, arc, bits, memory):
                 continue
             key = labels.length[used] + ahead[there]
             if key >= ceiling or (not revisits and passes(labels, label, there)):

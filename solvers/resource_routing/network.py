@@ -43,6 +43,10 @@ class Network(NamedTuple):
     limit, reset, most : ndarray, shape (n, r)
         Largest level on arrival, slack included; largest level after the reset; level on leaving
         above which the end is unreachable.
+    lower, floor : ndarray, shape (n, r)
+        Least level on arrival, slack included; level to which waiting raises it.
+    full : ndarray, shape (r,)
+        Level above which no lower limit refuses a label, -inf for resources without lower limits.
     initial : ndarray, shape (r,)
         Levels at the start.
     start, end : int
@@ -56,6 +60,9 @@ class Network(NamedTuple):
     limit: Floats
     reset: Floats
     most: Floats
+    lower: Floats
+    floor: Floats
+    full: Floats
     initial: Floats
     start: int
     end: int
@@ -84,17 +91,24 @@ def network(model: ResourceRouting, rows: Whole, flag: NDArray[np.int8]) -> Netw
         first, head, length, use = _pairs(model, rows, gain, limit, start, end, flag)
     else:
         first, head, length, use = _listed(model, gain)
-    count = len(rows)
-    into = csr_array((np.arange(len(head)), head, first), shape=(count, count)).tocsc()
+    floor, lower = np.zeros_like(limit), np.zeros_like(limit)
+    full = np.full(len(initial), -np.inf)
+    into = arcs_into(first, head)
     slack = _SLACK * np.max(limit, axis=0, initial=0.0, where=np.isfinite(limit))
     most = most_levels(
-        into.indptr.astype(np.int64), into.data, into.indices.astype(np.int64),
-        use, limit, reset, slack, end, flag,
+        *into, use, limit, reset, floor, slack, end, flag,
     )  # fmt: skip
-    least = least_levels(first, head, use, limit, reset, initial, start, flag)
+    least = least_levels(first, head, use, limit, reset, floor, initial, start, flag)
     # After a stop these bounds are trivial, and the search stops, too.
-    useful = remaining(first, head, length, use, limit, reset, least, most)
-    return Network(*useful, limit, reset, most, initial, start, end)
+    useful = remaining(first, head, length, use, limit, reset, floor, least, most)
+    return Network(*useful, limit, reset, most, lower, floor, full, initial, start, end)
+
+
+def arcs_into(first: Whole, head: Whole) -> tuple[Whole, Whole, Whole]:
+    """Return the first incoming arc of each point, and the indices and tails of the incoming arcs."""
+    count = len(first) - 1
+    into = csr_array((np.arange(len(head)), head, first), shape=(count, count)).tocsc()
+    return into.indptr.astype(np.int64), into.data, into.indices.astype(np.int64)
 
 
 def lengths_to(net: Network, ends: Whole) -> Floats:
