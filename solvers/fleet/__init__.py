@@ -2,6 +2,7 @@
 
 BACKENDS = {
     "subset-dp": ".subset_dp:SubsetDP",
+    "column-generation": ".column_generation:ColumnGeneration",
     "fleet-search": ".fleet_search:FleetSearch",
     "pso-ac": ".two_phases:PsoAntColony",
     "pso-ac-serial": ".two_phases:PsoAntColonySerial",

@@ -1,0 +1,299 @@
+"""Labels of partial routes, their dominance, and the join of forward and backward labels.
+
+A label extends a route from its depot. It has a cost (reduced by dual prices), a level per resource, the
+visited nodes that it remembers, and a parity bit per subset-row cut. A node remembers the nodes in its
+ng-set, so a route may repeat a node only after it has left the ng-sets of that node (R. Baldacci,
+A. Mingozzi, R. Roberti, "New route relaxation and pricing strategies for the vehicle routing problem",
+Operations Research 59, 2011). A label dominates another of the same node if its cost, its levels and its
+remembered nodes are not larger; cuts with an odd parity that the other label lacks are added to its
+cost (M. Jepsen and others, "Subset-row inequalities applied to the vehicle-routing problem with time
+windows", Operations Research 56, 2008). Parities are forgotten outside of the memory of a cut (D. Pecin
+and others, "Improved branch-cut-and-price for capacitated vehicle routing", Mathematical Programming
+Computation 9, 2017).
+
+The first resource increases on every arc between nodes. Labels are extended up to half of its limit, and
+each route is joined from a forward and a backward label along one arc (G. Righini, M. Salani, "Symmetry
+helps: bounded bi-directional dynamic programming", Discrete Optimization 3, 2006).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+
+__all__ = ["CUTS", "FULL", "STOPPED", "Graph", "Labels", "grow", "join", "make"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Words = NDArray[np.uint64]
+
+#: Results of :func:`grow` without complete labels: no room, or a stop request.
+FULL, STOPPED = -1, -2
+#: Largest number of subset-row cuts: one bit each.
+CUTS = 64
+
+
+class Graph(NamedTuple):
+    """Arcs between n nodes and the depot, which has index n.
+
+    Attributes
+    ----------
+    cost : ndarray, shape (n + 1, n + 1)
+        Reduced costs; infinite for arcs that do not exist.
+    use : ndarray, shape (r, n + 1, n + 1)
+        Use of each resource.
+    low, high : ndarray, shape (r, n + 1)
+        Limits on the level of each resource on arrival; a level below `low` is raised to it.
+    limit : ndarray, shape (r,)
+        Limits on the forward level, the use of an arc and the backward level together.
+    own, near : ndarray of uint64, shape (n, words)
+        Bit of each node, and its ng-set.
+    members, memory : ndarray of uint64, shape (n,)
+        Subset-row cuts that contain the node, and cuts whose memory contains it.
+    penalty : ndarray, shape (64,)
+        Cost of every second visit to the nodes of a cut.
+    """
+
+    cost: Floats
+    use: Floats
+    low: Floats
+    high: Floats
+    limit: Floats
+    own: Words
+    near: Words
+    members: Words
+    memory: Words
+    penalty: Floats
+
+
+class Labels(NamedTuple):
+    """Columns of labels, and lists of labels per node and bucket of the first resource.
+
+    Attributes
+    ----------
+    node, parent, following, waiting : ndarray of int64, shape (room,)
+        Last node, parent label (-1 at the depot), and next labels in the list of the bucket and in the
+        queue.
+    cost, odd, alive : ndarray, shape (room,)
+        Reduced cost, odd parities of the cuts, and 0 for dominated labels.
+    level : ndarray, shape (room, r)
+        Level of each resource.
+    seen : ndarray of uint64, shape (room, words)
+        Remembered nodes.
+    heads, least : ndarray, shape (n, buckets)
+        First label of each list, and a lower bound on its costs.
+    queue : ndarray of int64, shape (2, buckets)
+        First and last label of each bucket that waits for its extension.
+    """
+
+    node: Ints
+    parent: Ints
+    following: Ints
+    waiting: Ints
+    cost: Floats
+    odd: Words
+    alive: NDArray[np.int8]
+    level: Floats
+    seen: Words
+    heads: Ints
+    least: Floats
+    queue: Ints
+
+
+def make(room: int, buckets: int, graph: Graph) -> Labels:
+    """Return columns for `room` labels."""
+    nodes, words = graph.near.shape
+    return Labels(
+        *(np.empty(room, np.int64) for _ in range(4)), np.empty(room), np.empty(room, np.uint64),
+        np.empty(room, np.int8), np.empty((room, len(graph.limit))),
+        np.empty((room, words), np.uint64), np.full((nodes, buckets), -1),
+        np.full((nodes, buckets), math.inf), np.full((2, buckets), -1),
+    )  # fmt: skip
+
+
+@kernel
+def _charge(cuts: np.uint64, penalty: Floats) -> float:
+    """Return the total penalty of the cuts."""
+    total = 0.0
+    for c in range(penalty.size):
+        if (cuts >> np.uint64(c)) & np.uint64(1):
+            total += penalty[c]
+    return total
+
+
+@kernel
+def _dominates(labels: Labels, first: int, second: int, exact: bool, penalty: Floats) -> bool:
+    """Return whether label `first` dominates label `second`; without `exact`, by cost and levels."""
+    cost, other = labels.cost[first], labels.cost[second]
+    if cost > other:
+        return False
+    for k in range(labels.level.shape[1]):
+        if labels.level[first, k] > labels.level[second, k]:
+            return False
+    if not exact:
+        return True
+    for word in range(labels.seen.shape[1]):
+        if labels.seen[first, word] & ~labels.seen[second, word]:
+            return False
+    more = labels.odd[first] & ~labels.odd[second]
+    return more == np.uint64(0) or cost + _charge(more, penalty) <= other
+
+
+@kernel
+def _insert(labels: Labels, new: int, bucket: int, exact: bool, penalty: Floats) -> bool:
+    """Insert the label `new` into its list unless it is dominated, and remove those it dominates."""
+    node, cost = labels.node[new], labels.cost[new]
+    heads, following = labels.heads, labels.following
+    for b in range(bucket + 1):
+        if labels.least[node, b] > cost:
+            continue
+        label = heads[node, b]
+        while label >= 0:
+            if _dominates(labels, label, new, exact, penalty):
+                return False
+            label = following[label]
+    for b in range(bucket, heads.shape[1]):
+        former, label = -1, heads[node, b]
+        while label >= 0:
+            after = following[label]
+            if _dominates(labels, new, label, exact, penalty):
+                labels.alive[label] = 0
+                if former < 0:
+                    heads[node, b] = after
+                else:
+                    following[former] = after
+            else:
+                former = label
+            label = after
+    following[new] = heads[node, bucket]
+    heads[node, bucket] = new
+    labels.least[node, bucket] = min(labels.least[node, bucket], cost)
+    labels.waiting[new] = -1
+    if labels.queue[0, bucket] < 0:
+        labels.queue[0, bucket] = new
+    else:
+        labels.waiting[labels.queue[1, bucket]] = new
+    labels.queue[1, bucket] = new
+    return True
+
+
+@kernel
+def _extend(graph: Graph, labels: Labels, label: int, used: int, half: float, exact: bool) -> int:
+    """Extend a label (-1: the depot) to all nodes; return the number of labels, or FULL."""
+    nodes, words = graph.near.shape
+    buckets = labels.heads.shape[1]
+    here = nodes if label < 0 else labels.node[label]
+    for node in range(nodes):
+        cost = graph.cost[here, node]
+        if cost == math.inf:
+            continue
+        if used == labels.cost.size:
+            return FULL
+        allowed = True
+        for k in range(graph.limit.size):
+            level = graph.low[k, nodes] if label < 0 else labels.level[label, k]
+            level = max(level + graph.use[k, here, node], graph.low[k, node])
+            if level > graph.high[k, node] or (k == 0 and level > half):
+                allowed = False
+                break
+            labels.level[used, k] = level
+        if not allowed:
+            continue
+        odd = np.uint64(0)
+        for word in range(words):
+            seen = np.uint64(0) if label < 0 else labels.seen[label, word]
+            if seen & graph.own[node, word]:
+                allowed = False
+            labels.seen[used, word] = (seen & graph.near[node, word]) | graph.own[node, word]
+        if not allowed:
+            continue
+        if label >= 0:
+            cost += labels.cost[label]
+            odd = labels.odd[label] & graph.memory[node]
+            hit = odd & graph.members[node]
+            if hit:
+                cost += _charge(hit, graph.penalty)
+        labels.node[used] = node
+        labels.parent[used] = label
+        labels.cost[used] = cost
+        labels.odd[used] = odd ^ graph.members[node]
+        labels.alive[used] = 1
+        bucket = min(int(labels.level[used, 0] / half * buckets), buckets - 1)
+        if _insert(labels, used, bucket, exact, graph.penalty):
+            used += 1
+    return used
+
+
+@kernel
+def grow(graph: Graph, labels: Labels, half: float, exact: bool, flag: NDArray[np.int8]) -> int:
+    """Compute the undominated labels up to the level `half` of the first resource.
+
+    Without `exact`, remembered nodes and parities are not compared, so labels may be missing. Return the
+    number of labels, dominated ones included, or FULL or STOPPED.
+    """
+    used = _extend(graph, labels, -1, 0, half, exact)
+    steps = 0
+    for b in range(labels.heads.shape[1]):
+        while used >= 0 and labels.queue[0, b] >= 0:
+            label = labels.queue[0, b]
+            labels.queue[0, b] = labels.waiting[label]
+            steps += 1
+            if steps % 256 == 0 and flag[0] != 0:
+                return STOPPED
+            if labels.alive[label]:
+                used = _extend(graph, labels, label, used, half, exact)
+    return used
+
+
+@kernel
+def join(
+    graph: Graph, ahead: Labels, behind: Labels, first: Ints, second: Ints, starts: Ints,
+    ends: Ints, value: Floats, pairs: Ints, flag: NDArray[np.int8],
+) -> bool:  # fmt: skip
+    """Join labels along each arc to the cheapest route below ``value``.
+
+    `first` and `second` are the labels of each node by ascending cost, those of node i between
+    ``starts[i]`` and ``starts[i + 1]`` (`ends` for backward labels); index n is the depot without a
+    label. `value`, shape (n + 1, n + 1), contains the largest cost of interest and then the cost of the
+    best route over the arc; `pairs`, shape (n + 1, n + 1, 2), its labels. Return False after a stop.
+    """
+    nodes, words = graph.near.shape
+    for i in range(nodes + 1):
+        for p in range(starts[i], starts[i + 1]):
+            if flag[0] != 0:
+                return False
+            f = first[p]
+            base = 0.0 if f < 0 else ahead.cost[f]
+            for j in range(nodes + 1):
+                arc = base + graph.cost[i, j]
+                if i == nodes and j == nodes:
+                    continue
+                for q in range(ends[j], ends[j + 1]):
+                    b = second[q]
+                    total = arc if b < 0 else arc + behind.cost[b]
+                    if total >= value[i, j]:
+                        break
+                    allowed = True
+                    for k in range(graph.limit.size):
+                        before = graph.low[k, nodes] if f < 0 else ahead.level[f, k]
+                        after = 0.0 if b < 0 else behind.level[b, k]
+                        if before + graph.use[k, i, j] + after > graph.limit[k]:
+                            allowed = False
+                            break
+                    if f >= 0 and b >= 0 and allowed:
+                        for word in range(words):
+                            if ahead.seen[f, word] & behind.seen[b, word]:
+                                allowed = False
+                        both = ahead.odd[f] & behind.odd[b]
+                        if both:
+                            total += _charge(both, graph.penalty)
+                    if allowed and total < value[i, j]:
+                        value[i, j] = total
+                        pairs[i, j, 0] = f
+                        pairs[i, j, 1] = b
+    return True
