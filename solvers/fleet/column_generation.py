@@ -391,7 +391,7 @@ class _Search:
     def _converge(self, node: _Node) -> _Relaxed:
         """Solve the linear program of a node, or stop once its bound prunes the node."""
         self._apply(node)
-        master, bound, exact = self.master, -math.inf, False
+        master, bound, guide, exact = self.master, -math.inf, -math.inf, False
         master.set_penalty(PENALTY if self.priced else 1.0)
         center: Floats | None = None
         while True:
@@ -402,8 +402,8 @@ class _Search:
             while True:
                 prices = mixed * _wide(center, duals) + (1.0 - mixed) * duals if mixed else duals
                 below, added = self._price(node, prices, exact)
-                if center is None or (exact and below > bound):
-                    center = prices
+                if center is None or below > guide:
+                    center, guide = prices, below
                 bound = max(bound, below) if exact else bound
                 if self._pruned(bound):
                     return _Relaxed(bound, value)
@@ -413,7 +413,7 @@ class _Search:
                 if mixed:
                     mixed = 0.0
                 elif not exact:
-                    exact, mixed = True, SMOOTH
+                    exact, mixed, guide = True, SMOOTH, bound
                 elif lacking > FEASIBLE and self.priced:
                     if master.penalty > HIGHEST:
                         raise _Stop

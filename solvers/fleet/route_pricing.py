@@ -23,8 +23,8 @@ BUCKETS = 24
 ROOM, MOST_ROOM = 1 << 16, 1 << 22
 #: Number of nodes in an ng-set, of 6 … 12: the bound of X-n101-k25 differs by 0.1 %.
 NEAR = 9
-#: Largest number of routes returned per kind of vehicle.
-ROUTES = 100
+#: Largest number of routes returned per kind of vehicle, and of those that visit the same nodes.
+ROUTES, SHARED = 100, 5
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ class Pricing:
             graph, ahead[0], behind[0], first, second, starts, ends, value, pairs, self.flag
         ):
             return None
-        routes = dict[tuple[int, ...], None]()
+        routes, visits = dict[tuple[int, ...], None](), np.zeros(n, np.int64)
         rows, columns = np.nonzero(pairs[:, :, 0] > -2)
         order = np.argsort(value[rows, columns], kind="stable")
         for i, j in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
@@ -241,6 +241,9 @@ class Pricing:
             route = (*_walk(ahead[0], f)[::-1], *_walk(behind[0], b))
             if network.symmetric and route[::-1] < route:
                 route = route[::-1]
+            if (visits[list(route)] >= SHARED).all():
+                continue
+            visits[list(route)] += 1
             routes[route] = None
             if len(routes) == ROUTES:
                 break
