@@ -60,6 +60,8 @@ START, START_SECONDS = 0.1, 10.0
 SMOOTH = 0.6
 #: Cost of a missing visit in units of the longest distance: first value, factor and largest value.
 PENALTY, RAISE, HIGHEST = 2.0, 10.0, 1e9
+#: Seconds of the search for the best plan of known routes, and numbers of nodes after which it runs.
+COMBINE, COMBINATIONS = 5.0, (1, 5, 20, 60, 200, 600, 2000)
 #: Largest number of missing visits of a feasible linear program.
 FEASIBLE = 1e-9
 #: Relative difference of the linear program and its bound at which it is solved.
@@ -260,6 +262,8 @@ class _Search:
         self._first_columns()
         try:
             relaxed = self._root() if self.priced else self._bisect()
+            if relaxed.values is not None and not self.closed and self.priced:
+                self._combine()
             if not self.closed and not self.infeasible and request.options.get("branch", True):
                 self._branch(relaxed.bound if self.priced else 0.0)
         except _Stop:
@@ -454,6 +458,17 @@ class _Search:
             added += sum(master.add(k, route) for route in routes)
         return math.fsum(terms) - EPSILON * len(terms) * math.fsum(map(abs, terms)), added
 
+    def _combine(self) -> None:
+        """Search for the best plan of known routes, after a linear program."""
+        left = self.request.left()
+        seconds = COMBINE if left is None else min(COMBINE, 0.2 * left)
+        most = math.inf
+        if self.priced and math.isfinite(self.value):
+            most = (self.value - (self.bound or 0.0)) / self.unit
+        columns = self.master.whole(most, seconds, lambda: self.control.stopped)
+        if columns:
+            self.offer([(column.kind, column.route) for column in columns])
+
     # -- branching -------------------------------------------------------------------------------
 
     def _integral(self, values: Floats) -> bool:
@@ -488,6 +503,8 @@ class _Search:
                 if not self._cut(relaxed.values):
                     break
                 relaxed = self._converge(node)
+            if relaxed.values is not None and self.nodes in COMBINATIONS:
+                self._combine()
             below = max(below, relaxed.bound)
             if relaxed.values is None:
                 leaves = min(leaves, below)

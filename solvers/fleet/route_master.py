@@ -10,6 +10,7 @@ windows", Operations Research 56, 2008).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +29,8 @@ Ints = NDArray[np.int64]
 VIOLATION, ROWS_VIOLATION = 0.02, 0.05
 #: Largest number of cuts added at once, of each family.
 AT_ONCE, ROWS_AT_ONCE = 30, 8
+#: Largest number of routes in a program with whole routes.
+MOST_WHOLE = 4000
 #: Smallest value of a column in use.
 USED = 1e-7
 
@@ -173,10 +176,47 @@ class Master:
         if self.lp.getModelStatus() != highspy.HighsModelStatus.kOptimal:
             return None
         solution = self.lp.getSolution()
+        self.reduced = np.array(solution.col_dual)[self.index]
         values = np.array(solution.col_value)
         value = float(self.lp.getInfo().objective_function_value)
         lacking = float(values[self.spare].sum())
         return value, values[self.index], np.array(solution.row_dual), lacking
+
+    def whole(self, most: float, seconds: float, stopped: Callable[[], bool]) -> list[Column]:
+        """Return the best plan of known routes of reduced cost up to `most`; empty without one.
+
+        It searches for at most `seconds`. The reduced costs are those of the last linear program.
+        """
+        import highspy
+
+        n, kinds = self.network.size, len(self.network.kinds)
+        order = np.argsort(self.reduced, kind="stable")[:MOST_WHOLE]
+        chosen = [
+            self.columns[k]
+            for k in order[self.reduced[order] <= most].tolist()
+            if len(set(self.columns[k].route)) == len(self.columns[k].route)
+        ]
+        program: Any = highspy.Highs()
+        options = {"output_flag": False, "parallel": "off", "time_limit": max(seconds, 0.01)}
+        for name, value in options.items():
+            program.setOptionValue(name, value)
+        program.cbMipInterrupt.subscribe(lambda event: event.interrupt() if stopped() else None)
+        for low, high in self.limits[: n + kinds]:
+            program.addRow(low, high, 0, np.empty(0, np.int32), np.empty(0))
+        for column in chosen:
+            rows = np.array([*column.route, n + column.kind], np.int32)
+            cost = column.length / self.unit if self.priced else 0.0
+            program.addCol(cost, 0.0, 1.0, rows.size, rows, np.ones(rows.size))
+        columns = np.arange(len(chosen), dtype=np.int32)
+        integer = np.full(len(chosen), int(highspy.HighsVarType.kInteger), np.uint8)
+        program.changeColsIntegrality(len(chosen), columns, integer)
+        program.run()
+        if program.getInfo().primal_solution_status != int(
+            highspy.SolutionStatus.kSolutionStatusFeasible
+        ):
+            return []
+        values = np.array(program.getSolution().col_value)
+        return [chosen[k] for k in np.flatnonzero(values > 0.5)]
 
     def prices(self, duals: Floats) -> Prices:
         """Return the prices of nodes, arcs and subset-row cuts."""
