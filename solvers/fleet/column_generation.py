@@ -34,7 +34,6 @@ from ...models.fleet import FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import LIMITS
 from ..contract.backend import (
     Answer,
-    Backend,
     Feature,
     Guarantee,
     Limit,
@@ -44,6 +43,7 @@ from ..contract.backend import (
 )
 from .bound import lower_bound, trip_bound
 from .fleet_search import FleetSearch
+from .rivals import FleetBackend
 from .route_master import Master
 from .route_pricing import Network, Pricing, kinds_of
 
@@ -78,11 +78,16 @@ EPSILON = 2.0**-52
 INTEGRAL = 1e-6
 
 
-class ColumnGeneration(Backend):
+class ColumnGeneration(FleetBackend):
     """Exact solver: linear programs over priced routes, cuts, and branch and bound."""
 
     name = "column-generation"
-    accepts = FleetRouting
+    rich = frozenset(
+        {
+            "times", "speed", "service", "windows", "shifts", "dimensions", "ends", "requires",
+            "skills", "prizes", "fixed_cost", "distance_cost", "cost",
+        }
+    )  # fmt: skip
     guarantee = Guarantee.EXACT
     features = frozenset(
         {
@@ -102,8 +107,12 @@ class ColumnGeneration(Backend):
 
     def refuses(self, problem: Any) -> str:
         """Return the reason for refusal, "" for a supported model: objective, limits or size."""
-        if problem.objective not in (Objective.SUM, Objective.MAX):
-            return f"the objective {str(problem.objective)!r}, only 'sum' and 'max'"
+        if missing := super().refuses(problem):
+            return missing
+        if problem.objective not in (Objective.SUM, Objective.MAX, Objective.COST):
+            return f"the objective {str(problem.objective)!r}, only 'sum', 'max' and 'cost'"
+        if any(spans is not None and len(spans) > 1 for spans in problem.windows or ()):
+            return "several windows of one node"
         for rule in LIMITS:
             if rule.field != "battery" and rule.field in problem.limits:
                 return f"the limit {rule.field}"
@@ -157,7 +166,7 @@ class _Stop(Exception):
 
 
 class _Search:
-    """State of one run. Costs are relative to `unit`, the longest distance."""
+    """State of one run. Costs are relative to the `unit` of the network."""
 
     def __init__(self, model: FleetRouting, request: Request) -> None:
         self.model, self.request, self.control = model, request, request.control
@@ -166,11 +175,14 @@ class _Search:
         self.bound: float | None = None
         self.infeasible = self.complete = False
         self.statistics: dict[str, float | int | str] = {}
-        self.unit = float(model.distances.max()) or 1.0
         distances = model.distances
         self.whole = bool((distances == np.floor(distances)).all() and distances.max() < 2**40)
+        self.whole &= model.objective is not Objective.COST
         self.longest = math.inf
-        self.priced = model.objective is Objective.SUM
+        self.priced = model.objective is not Objective.MAX
+        prizes = np.full(model.size, np.nan) if model.prizes is None else model.prizes
+        self.prizes = np.where(np.isnan(prizes), math.inf, prizes)[model.customers]
+        self.offset = -math.fsum(self.prizes[np.isfinite(self.prizes)].tolist())
         self.edges = dict[tuple[int, int], int]()
         self.nodes = 0
 
@@ -188,7 +200,7 @@ class _Search:
         """Value at or above which a lower bound closes the gap."""
         if not math.isfinite(self.value):
             return math.inf
-        target = self.value * (1.0 - self.request.gap)
+        target = self.value - self.request.gap * abs(self.value)
         return min(target, self.value - 1.0 + INTEGRAL) if self.whole else target
 
     def prove(self, bound: float) -> None:
@@ -200,7 +212,7 @@ class _Search:
             self.control.prove(self.bound)
 
     def offer(self, routes: list[tuple[int, tuple[int, ...]]]) -> bool:
-        """Make routes of kinds, with nodes 0 … n - 1, the incumbent if they are feasible and better."""
+        """Make routes of kinds, with nodes 0 … n - 1, the incumbent if better; return whether feasible."""
         stops: list[tuple[int, ...]] = [()] * self.model.vehicles
         free = [list(kind.vehicles) for kind in self.network.kinds]
         seen = set[int]()
@@ -212,7 +224,7 @@ class _Search:
             stops[free[kind].pop(0)] = tuple(int(self.model.customers[node]) for node in once)
         if self.model.use_all:
             self._fill(stops)
-        return self.keep(FleetPlan(tuple(stops)))
+        return self.keep(self.model.with_schedule(stops))
 
     def _fill(self, stops: list[tuple[int, ...]]) -> None:
         """Give each idle vehicle the last node of a route with several nodes."""
@@ -222,10 +234,12 @@ class _Search:
                 stops[k], stops[donor] = stops[donor][-1:], stops[donor][:-1]
 
     def keep(self, plan: FleetPlan) -> bool:
-        """Make a plan the incumbent if it is feasible and better, and its routes columns."""
-        checked = self.model.verify(plan, tolerance=1e-12)
-        if not checked.ok or checked.objective is None or checked.objective >= self.value:
+        """Make a feasible plan the incumbent if it is better; return whether it is feasible."""
+        checked = self.model.verify(plan, tolerance=FEASIBLE)
+        if not checked.ok or checked.objective is None:
             return False
+        if checked.objective >= self.value:
+            return True
         self.plan, self.value = plan, checked.objective
         self.control.incumbent(self.value, plan)
         return True
@@ -239,13 +253,12 @@ class _Search:
         if start is not None:
             self.keep(start)
         self.network = Network(model, kinds_of(model))
+        self.unit = self.network.unit
         self._start()
         if self.closed or self.control.stopped:
             return
         network, kinds = self.network, self.network.kinds
         self.pricing = Pricing(network, self.control.flag)
-        lengths = network.lengths / self.unit
-        self.costs = lengths if self.priced else np.zeros_like(lengths)
         triangle = all(_keeps_triangles(entry) for entry in network.lengths)
         # Otherwise, an idle vehicle takes a node from another route, which becomes no longer.
         exact_counts = model.use_all and (self.priced or len(kinds) > 1 or not triangle)
@@ -253,12 +266,10 @@ class _Search:
             (float(len(kind.vehicles)) if exact_counts else 0.0, float(len(kind.vehicles)))
             for kind in kinds
         )
-        self.master = Master(
-            network, triangle and not exact_counts, np.array(counts), PENALTY,
-            self.priced, self.unit,
-        )  # fmt: skip
-        n = network.size
-        self.root = _Node(np.zeros((len(kinds), n + 1, n + 1), bool), frozenset(), counts)
+        covering = triangle and not exact_counts and not model.is_rich
+        prizes = self.prizes / self.unit
+        self.master = Master(network, covering, np.array(counts), PENALTY, prizes)
+        self.root = _Node(network.barred, frozenset(), counts)
         self._first_columns()
         try:
             relaxed = self._root() if self.priced else self._bisect()
@@ -276,18 +287,22 @@ class _Search:
 
     def _start(self) -> None:
         """Run the heuristic and the bounds of relaxations."""
-        self.prove(trip_bound(self.model))
+        heuristic = FleetSearch()
+        if heuristic.refuses(self.model):
+            return
+        if not self.model.is_rich:
+            self.prove(trip_bound(self.model))
         left = self.request.left()
         seconds = START_SECONDS if left is None else min(START * left, START_SECONDS)
         if len(self.model.customers) <= 12:
             seconds = min(seconds, 0.2)
         answer = self.request.within(
-            FleetSearch(), self.model, time_limit=seconds, options={"bound": False},
+            heuristic, self.model, time_limit=seconds, options={"bound": False},
             warm_start=self.plan, threads=1,
         )  # fmt: skip
         if answer.point is not None:
             self.keep(answer.point)
-        if not self.control.stopped and not self.closed:
+        if not self.control.stopped and not self.closed and not self.model.is_rich:
             self.prove(lower_bound(self.model, self.control.flag))
 
     def _first_columns(self) -> None:
@@ -295,7 +310,7 @@ class _Search:
         place = {int(node): k for k, node in enumerate(self.model.customers)}
         for k in range(len(self.network.kinds)):
             for node in range(self.network.size):
-                if self._fits(k, (node,)):
+                if self.network.fits(k, (node,)):
                     self.master.add(k, (node,))
         if self.plan is None:
             return
@@ -307,12 +322,6 @@ class _Search:
                         route = min(route, route[::-1])
                     self.master.add(k, route)
 
-    def _fits(self, k: int, route: tuple[int, ...]) -> bool:
-        kind, network = self.network.kinds[k], self.network
-        length = network.lengths[k][[network.size, *route], [*route, network.size]].sum()
-        load = network.demands[list(route)].sum()
-        return bool(length <= kind.battery * (1 + 1e-12) and load <= kind.capacity * (1 + 1e-12))
-
     def _root(self) -> _Relaxed:
         """Solve the linear program of the root with cuts."""
         best, idle = -math.inf, 0
@@ -321,7 +330,7 @@ class _Search:
             if relaxed.bound >= self.impossible:
                 self.infeasible = True
                 return relaxed
-            self.prove(relaxed.bound * self.unit)
+            self.prove(relaxed.bound * self.unit + self.offset)
             if relaxed.values is None or self._integral(relaxed.values):
                 return relaxed
             idle = 0 if relaxed.bound > best + GAIN * abs(best) else idle + 1
@@ -390,7 +399,7 @@ class _Search:
         """Return whether a bound excludes better plans from a node."""
         if not self.priced:
             return bound > 0.0
-        return bound >= min(self.target / self.unit, self.impossible)
+        return bound >= min((self.target - self.offset) / self.unit, self.impossible)
 
     def _converge(self, node: _Node) -> _Relaxed:
         """Solve the linear program of a node, or stop once its bound prunes the node."""
@@ -443,13 +452,11 @@ class _Search:
         prices = master.prices(duals)
         terms, added = master.terms(duals), 0
         # Every label sums at most n + 1 reduced costs, each of which sums the prices of all rows.
-        size = float(self.costs.max()) + math.fsum(np.abs(duals).tolist())
+        size = float(self.network.costs.max()) + math.fsum(np.abs(duals).tolist())
         error = EPSILON * (n + 4) * (n + len(duals) + 8) * size
         for k, (low, high) in enumerate(node.counts):
             offset = float(duals[n + k])
-            found = self.pricing.best(
-                k, self.costs[k], prices, node.forbidden[k], self.longest, offset, exact
-            )
+            found = self.pricing.best(k, prices, node.forbidden[k], self.longest, offset, exact)
             if found is None:
                 raise _Stop
             least, routes = found
@@ -463,8 +470,8 @@ class _Search:
         left = self.request.left()
         seconds = COMBINE if left is None else min(COMBINE, 0.2 * left)
         most = math.inf
-        if self.priced and math.isfinite(self.value):
-            most = (self.value - (self.bound or 0.0)) / self.unit
+        if self.priced and self.bound is not None:
+            most = (self.value - self.bound) / self.unit
         columns = self.master.whole(most, seconds, lambda: self.control.stopped)
         if columns:
             self.offer([(column.kind, column.route) for column in columns])
@@ -476,7 +483,8 @@ class _Search:
         if (np.abs(values - np.round(values)) > INTEGRAL).any():
             return False
         columns = [self.master.columns[k] for k in np.flatnonzero(values > 0.5)]
-        self.offer([(column.kind, column.route) for column in columns])
+        if not self.offer([(column.kind, column.route) for column in columns]):
+            raise _Stop  # a limit is exceeded by rounding
         return True
 
     def _branch(self, below: float) -> None:
@@ -489,7 +497,7 @@ class _Search:
         while queue and not self.closed:
             below, _, node = heapq.heappop(queue)
             if self.priced:
-                self.prove(min(below, leaves) * self.unit)
+                self.prove(min(below, leaves) * self.unit + self.offset)
                 if self._pruned(below):
                     leaves = min(leaves, below)
                     break
@@ -522,7 +530,9 @@ class _Search:
             self.infeasible = True
             return
         self.complete = True
-        self.prove(leaves * self.unit if self.priced and not self.whole else self.target)
+        self.prove(
+            leaves * self.unit + self.offset if self.priced and not self.whole else self.target
+        )
 
     def _children(self, node: _Node, values: Floats) -> list[_Node]:
         """Return the two parts of a node with a fractional solution."""

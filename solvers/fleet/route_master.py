@@ -37,11 +37,12 @@ USED = 1e-7
 
 @dataclass(frozen=True)
 class Column:
-    """Route of one kind of vehicle: nodes 0 … n - 1 in order, its length, and its arcs."""
+    """Route of one kind of vehicle: nodes 0 … n - 1 in order, length, relative cost, and arcs."""
 
     kind: int
     route: tuple[int, ...]
     length: float
+    cost: float
     tails: Ints
     heads: Ints
 
@@ -58,6 +59,8 @@ class Master:
         Least and largest number of routes of each kind.
     penalty : float
         Cost of each unit that a row lacks.
+    prizes : ndarray, shape (n,)
+        Relative cost of a node that is not visited; infinite if it must be visited.
     arcs : list
         Coefficients of the rows over arcs, shape (n + 1, n + 1), with their row and right-hand side.
     triples : list
@@ -68,8 +71,7 @@ class Master:
     covering: bool
     counts: Floats
     penalty: float
-    priced: bool
-    unit: float = 1.0
+    prizes: Floats
     columns: list[Column] = field(default_factory=list)
     arcs: list[tuple[int, Floats, float]] = field(default_factory=list)
     triples: list[tuple[int, tuple[int, ...], NDArray[np.bool_]]] = field(default_factory=list)
@@ -86,12 +88,15 @@ class Master:
         self.width = 0
         self.limits: list[tuple[float, float]] = []
         most = math.inf if self.covering else 1.0
-        for _ in range(self.network.size):
-            self._row(1.0, most)
+        for prize in self.prizes.tolist():
+            self._row(1.0, most, prize=prize)
         for low, high in self.counts.tolist():
             self._row(low, high)
 
-    def _row(self, low: float, high: float, entries: dict[int, float] | None = None) -> int:
+    def _row(
+        self, low: float, high: float, entries: dict[int, float] | None = None,
+        prize: float = math.inf,
+    ) -> int:  # fmt: skip
         """Add a row, with a column for what it lacks; return its index."""
         entries = entries or {}
         row = len(self.limits)
@@ -101,8 +106,11 @@ class Master:
             np.array(list(entries.values()), float),
         )  # fmt: skip
         if low > -math.inf:
-            self.lp.addCol(self.penalty, 0.0, math.inf, 1, np.array([row], np.int32), np.ones(1))
-            self.spare.append(self.width)
+            required = math.isinf(prize)
+            cost = self.penalty if required else prize
+            self.lp.addCol(cost, 0.0, math.inf, 1, np.array([row], np.int32), np.ones(1))
+            if required:
+                self.spare.append(self.width)
             self.width += 1
         return row
 
@@ -119,8 +127,9 @@ class Master:
             self.lp.changeRowBounds(row, low, high)
 
     def signed(self, duals: Floats) -> Floats:
-        """Return duals without the signs that the limits of the rows exclude."""
+        """Return duals without what the limits of the rows and the prizes exclude."""
         low, high = np.array(self.limits).T
+        duals[: self.network.size] = np.minimum(duals[: self.network.size], self.prizes)
         duals = np.where(np.isinf(low), np.minimum(duals, 0.0), duals)
         return np.where(np.isinf(high), np.maximum(duals, 0.0), duals)
 
@@ -139,7 +148,8 @@ class Master:
         n = self.network.size
         tails, heads = np.array([n, *route]), np.array([*route, n])
         length = math.fsum(self.network.lengths[kind, tails, heads].tolist())
-        column = Column(kind, route, length, tails, heads)
+        cost = math.fsum(self.network.costs[kind, tails, heads].tolist())
+        column = Column(kind, route, length, cost, tails, heads)
         entries = dict[int, float]()
         for node in route:
             entries[node] = entries.get(node, 0.0) + 1.0
@@ -154,7 +164,7 @@ class Master:
         self.index.append(self.width)
         self.width += 1
         self.lp.addCol(
-            length / self.unit if self.priced else 0.0, 0.0, math.inf, len(entries),
+            cost, 0.0, math.inf, len(entries),
             np.array(list(entries), np.int32), np.array(list(entries.values()), float),
         )  # fmt: skip
         return True
@@ -203,10 +213,12 @@ class Master:
         program.cbMipInterrupt.subscribe(lambda event: event.interrupt() if stopped() else None)
         for low, high in self.limits[: n + kinds]:
             program.addRow(low, high, 0, np.empty(0, np.int32), np.empty(0))
+        free = np.flatnonzero(np.isfinite(self.prizes)).astype(np.int32)
         for column in chosen:
             rows = np.array([*column.route, n + column.kind], np.int32)
-            cost = column.length / self.unit if self.priced else 0.0
-            program.addCol(cost, 0.0, 1.0, rows.size, rows, np.ones(rows.size))
+            program.addCol(column.cost, 0.0, 1.0, rows.size, rows, np.ones(rows.size))
+        for row in free:
+            program.addCol(float(self.prizes[row]), 0.0, 1.0, 1, np.array([row]), np.ones(1))
         columns = np.arange(len(chosen), dtype=np.int32)
         integer = np.full(len(chosen), int(highspy.HighsVarType.kInteger), np.uint8)
         program.changeColsIntegrality(len(chosen), columns, integer)
@@ -215,7 +227,7 @@ class Master:
             highspy.SolutionStatus.kSolutionStatusFeasible
         ):
             return []
-        values = np.array(program.getSolution().col_value)
+        values = np.array(program.getSolution().col_value)[: len(chosen)]
         return [chosen[k] for k in np.flatnonzero(values > 0.5)]
 
     def prices(self, duals: Floats) -> Prices:
@@ -265,13 +277,16 @@ class Master:
         vehicle routing problem", Mathematical Programming 100, 2004).
         """
         network = self.network
-        n, capacity = network.size, max(kind.capacity for kind in network.kinds)
-        if not math.isfinite(capacity) or capacity <= 0.0:
+        n, model = network.size, network.model
+        if model.demands is None or model.demands.ndim > 1 or np.isfinite(self.prizes).any():
+            return 0
+        capacity = max(kind.capacity[0] for kind in network.kinds)
+        if capacity <= 0.0:
             return 0
         flow = self.flows(values)
         between = flow[:n, :n] + flow[:n, :n].T
         touched = flow[:n].sum(axis=1)  # routes through each node
-        demands = network.demands[:n]
+        demands = model.demands[model.customers]
         # Row s is the set that grows from node s.
         inside = np.eye(n, dtype=bool)
         attached, entering = between.copy(), touched.copy()
@@ -291,7 +306,7 @@ class Master:
         worst = sorted(violated, key=lambda key: -violated[key])[:AT_ONCE]
         for chosen in worst:
             members = np.append(np.frombuffer(chosen, bool), False)
-            need = math.ceil(float(network.demands[members].sum()) / capacity * (1.0 - 1e-9))
+            need = math.ceil(float(demands[members[:n]].sum()) / capacity * (1.0 - 1e-9))
             # Half of the arcs in and half of the arcs out, so that prices remain symmetric.
             self.add_arcs(0.5 * (members[:, None] != members), float(need), math.inf)
         return len(worst)
@@ -359,20 +374,9 @@ def visits_twice(
 
 def _between(route: tuple[int, ...], members: tuple[int, ...]) -> list[int]:
     """Return the nodes between the first and the second visit to `members`, the third and the fourth …."""
-    nodes, odd = list[int](), False
-    for node in route:
-        if node in members:
-            odd = not odd
-        elif odd:
-            nodes.append(node)
-    return nodes if not odd else nodes[: _closed(route, members, len(nodes))]
-
-
-def _closed(route: tuple[int, ...], members: tuple[int, ...], count: int) -> int:
-    """Return the number of nodes before the last visit that has no second one, of `count`."""
-    after = 0
-    for node in reversed(route):
-        if node in members:
-            break
-        after += 1
-    return count - after
+    places = [place for place, node in enumerate(route) if node in members]
+    return [
+        node
+        for begin, end in zip(places[::2], places[1::2], strict=False)
+        for node in route[begin:end]
+    ]

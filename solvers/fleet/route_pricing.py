@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.fleet import FleetRouting
+from ...models.fleet import FleetRouting, Objective
 from .route_kernels import CUTS, FULL, Graph, Labels, grow, join, make
 
-__all__ = ["Kind", "Network", "Prices", "Pricing", "kinds_of"]
+__all__ = ["Kind", "Network", "Prices", "Pricing", "Resource", "kinds_of"]
 
 Floats = NDArray[np.float64]
 
 #: Relative excess over a limit due to rounding of sums in another order.
 ROUNDING = 1e-12
+#: Least use of the first resource by each arc, relative to its limit.
+LEAST = 1e-6
 #: Number of buckets for the first half of the first resource.
 BUCKETS = 24
 #: First and largest number of labels of one search.
@@ -29,63 +33,104 @@ ROUTES, SHARED = 100, 5
 
 @dataclass(frozen=True)
 class Kind:
-    """Vehicles with the same depot, capacity and battery; `forbidden` nodes are in none of their routes."""
+    """Vehicles that have the same routes at the same cost; `finish` is -1 for open routes."""
 
-    home: int
     vehicles: tuple[int, ...]
-    capacity: float
+    home: int
+    finish: int
     battery: float
+    fixed: float
+    rate: float
+    speed: float
+    early: float
+    late: float
+    capacity: tuple[float, ...]
+    skills: frozenset[str]
 
 
 def kinds_of(model: FleetRouting) -> list[Kind]:
     """Return the kinds of vehicles of `model`."""
-    none = np.full(model.vehicles, math.inf)
+    m = model.vehicles
+
+    def each(values: Any, default: float) -> Any:
+        return np.full(m, default) if values is None else values
+
+    shifts = np.tile([0.0, math.inf], (m, 1)) if model.shifts is None else model.shifts
+    capacity = each(model.capacity, math.inf).reshape(m, -1)
+    skills = [frozenset(names) for names in model.skills or [()] * m]
     columns = (
-        model.homes, none if model.capacity is None else model.capacity,
-        none if model.battery is None else model.battery,
+        model.homes, model.finishes, each(model.battery, math.inf), each(model.fixed_cost, 0.0),
+        each(model.distance_cost, 1.0), model.speeds, *shifts.T,
     )  # fmt: skip
-    groups: dict[tuple[float, ...], list[int]] = {}
+    groups: dict[tuple[Any, ...], list[int]] = {}
     for k, key in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
-        groups.setdefault(key, []).append(k)
-    return [
-        Kind(int(home), tuple(vehicles), capacity, battery)
-        for (home, capacity, battery), vehicles in groups.items()
-    ]
+        groups.setdefault((*key, tuple(capacity[k].tolist()), skills[k]), []).append(k)
+    return [Kind(tuple(vehicles), *key) for key, vehicles in groups.items()]
+
+
+class Resource(NamedTuple):
+    """Use of each arc, limits on the level on arrival, and the limit on the whole route."""
+
+    use: Floats
+    low: Floats
+    high: Floats
+    limit: float
 
 
 @dataclass
 class Network:
-    """Distances, demands and ng-sets of the nodes to visit; nodes are numbered 0 … n - 1, the depot n.
+    """Arcs and ng-sets of the nodes to visit; nodes are numbered 0 … n - 1, the depot n.
 
     Attributes
     ----------
     lengths : ndarray, shape (kinds, n + 1, n + 1)
         Distances of each kind of vehicle.
+    costs : ndarray, shape (kinds, n + 1, n + 1)
+        Costs of each kind of vehicle in the objective, divided by `unit`.
+    barred : ndarray of bool, shape (kinds, n + 1, n + 1)
+        Arcs of nodes that a kind cannot visit.
     near : ndarray of bool, shape (n, n)
         Row j is the ng-set of node j.
     """
 
     model: FleetRouting
     kinds: list[Kind]
+    unit: float = field(init=False)
     lengths: Floats = field(init=False)
-    demands: Floats = field(init=False)
+    costs: Floats = field(init=False)
+    barred: NDArray[np.bool_] = field(init=False)
     near: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
-        nodes = self.model.customers
+        model, nodes = self.model, self.model.customers
         n = nodes.size
-        self.lengths = np.array(
-            [
-                self.model.distances[np.ix_(*2 * [np.append(nodes, kind.home)])]
-                for kind in self.kinds
-            ]
-        )
-        demands = np.zeros(self.model.size) if self.model.demands is None else self.model.demands
-        self.demands = np.append(demands[nodes], 0.0)
+        self.lengths = np.array([self._arcs(model.distances, kind) for kind in self.kinds])
+        scales = [self.lengths.max()]
+        self.costs = np.zeros_like(self.lengths)
+        if model.objective is not Objective.MAX:
+            for k, kind in enumerate(self.kinds):
+                rate = kind.rate if model.objective is Objective.COST else 1.0
+                self.costs[k] = rate * self.lengths[k]
+                self.costs[k, n] += (
+                    0.5 * kind.fixed
+                )  # half each way, so that costs remain symmetric
+                self.costs[k, :, n] += 0.5 * kind.fixed
+            scales = [self.costs.max()]
+        if model.prizes is not None:
+            scales.append(np.nanmax(model.prizes, initial=0.0))
+        self.unit = float(max(scales)) or 1.0
+        self.costs /= self.unit
+        self.barred = np.zeros(self.lengths.shape, bool)
+        for k, kind in enumerate(self.kinds):
+            lacks = np.zeros(n + 1, bool)
+            if model.requires is not None:
+                lacks[:n] = [not kind.skills.issuperset(model.requires[i]) for i in nodes]
+            self.barred[k] = lacks[:, None] | lacks | (self._shift(kind) is None)
         between = self.lengths[0, :n, :n] + self.lengths[0, :n, :n].T
         order = np.argsort(between - 2.0 * between.max() * np.eye(n), axis=1, kind="stable")
         self.near = np.zeros((n, n), bool)
         np.put_along_axis(self.near, order[:, :NEAR], True, axis=1)
+        self.stored = dict[tuple[int, float], list[Resource]]()
 
     @property
     def size(self) -> int:
@@ -94,35 +139,102 @@ class Network:
 
     @property
     def symmetric(self) -> bool:
-        """Whether each route has the same length in both directions."""
-        return self.model.symmetric
+        """Whether each route has the same length, and is as feasible, in both directions."""
+        plain = not self.model.has_times and (self.model.finishes == self.model.homes).all()
+        return bool(plain and self.model.symmetric)
 
-    def resources(self, k: int, longest: float) -> tuple[Floats, Floats]:
-        """Return use and limits of the resources of kind `k`; routes are at most `longest` long.
+    def _arcs(self, values: Floats, kind: Kind) -> Floats:
+        """Return the values of the arcs from the depot, between the nodes, and to the end."""
+        nodes = self.model.customers
+        stops = np.append(nodes, kind.home)
+        arcs = values[np.ix_(stops, stops)]
+        arcs[:-1, -1] = values[nodes, kind.finish] if kind.finish >= 0 else 0.0
+        return arcs
 
-        The first resource increases on every arc between nodes: load or length, whichever has the smaller
-        limit relative to its mean use, or else the number of visits.
+    def _window(self, node: int) -> tuple[float, float]:
+        windows = self.model.windows
+        spans = None if windows is None else windows[node]
+        return (-math.inf, math.inf) if spans is None else (spans[0][0], spans[-1][1])
+
+    def _shift(self, kind: Kind) -> tuple[float, float] | None:
+        """Return the earliest departure and the latest return; None if there is no feasible one."""
+        begin, end = self._window(kind.home)
+        early, late = max(kind.early, begin), kind.late
+        if kind.finish >= 0:
+            first, last = self._window(kind.finish)
+            late = min(late, last)
+            if first > late:
+                return None
+        return None if early > end or early > late else (early, late)
+
+    def resources(self, k: int, longest: float) -> list[Resource]:
+        """Return the resources of kind `k`; routes are at most `longest` long.
+
+        The first resource increases on every arc between nodes. It is the load, length or time with the
+        smallest limit relative to its mean use, or else the number of visits.
         """
-        n, kind = self.size, self.kinds[k]
-        apart = ~np.eye(n, dtype=bool)
+        if (k, longest) in self.stored:
+            return self.stored[k, longest]
+        n, kind, model = self.size, self.kinds[k], self.model
         entries = []
-        if math.isfinite(kind.capacity) and self.demands.any():
-            entries.append((0.5 * (self.demands[:, None] + self.demands), kind.capacity))
-        longest = min(longest, kind.battery)
-        if math.isfinite(longest):
-            entries.append((self.lengths[k], longest))
-        entries.sort(key=lambda entry: entry[1] / max(float(entry[0][:n, :n].mean()), 1e-300))
-        increasing = [
-            e for e in entries if (e[0][:n, :n][apart] > 1e-6 * e[1]).all() and e[1] > 0.0
-        ]
-        if increasing:
-            entries.sort(key=lambda entry: entry is not increasing[0])
+        if model.demands is not None:
+            loads = np.zeros((n + 1, len(kind.capacity)))
+            loads[:n] = model.demands.reshape(model.size, -1)[model.customers]
+            for column, capacity in zip(loads.T, kind.capacity, strict=True):
+                if column.any():
+                    entries.append(_additive(0.5 * (column[:, None] + column), capacity))
+        if math.isfinite(min(longest, kind.battery)):
+            entries.append(_additive(self.lengths[k], min(longest, kind.battery)))
+        shift = self._shift(kind)
+        if model.has_times and shift is not None:
+            entries.append(self._times(kind, *shift))
+        entries.sort(key=lambda entry: entry.limit / max(float(entry.use[:n, :n].mean()), 1e-300))
+        apart = ~np.eye(n, dtype=bool)
+        for entry in entries:
+            if entry.limit > 0.0 and (entry.use[:n, :n][apart] > LEAST * entry.limit).all():
+                entries.sort(key=lambda other: other is not entry)
+                break
         else:
             visits = np.ones((n + 1, n + 1))
             visits[n] = visits[:, n] = 0.5
-            entries.insert(0, (visits, float(n)))
-        use = np.ascontiguousarray([entry[0] for entry in entries])
-        return use, np.array([entry[1] for entry in entries]) * (1.0 + ROUNDING)
+            entries.insert(0, _additive(visits, float(n)))
+        self.stored[k, longest] = entries
+        return entries
+
+    def _times(self, kind: Kind, early: float, late: float) -> Resource:
+        """Return time since the departure as a resource; arcs contain the service at their tail."""
+        n, nodes, model = self.size, self.model.customers, self.model
+        use = self._arcs(model.base_times, kind) / kind.speed
+        if model.service is not None:
+            use[:n] += model.service[nodes][:, None]
+        spans = np.array([self._window(int(node)) for node in nodes])
+        low = np.append(np.maximum(spans[:, 0] - early, 0.0), 0.0)
+        high = np.append(spans[:, 1] - early, math.inf)
+        if not math.isfinite(late):
+            finite = high[np.isfinite(high)].max(initial=0.0)
+            late = early + max(low.max(), finite) + (n + 1) * float(use.max())
+        limit = (late - early) * (1.0 + ROUNDING)
+        return Resource(use, low, np.minimum(high + ROUNDING * limit, limit), limit)
+
+    def fits(self, k: int, route: tuple[int, ...]) -> bool:
+        """Return whether kind `k` can visit the nodes of a route in their order."""
+        stops = [self.size, *route, self.size]
+        if self.barred[k][stops[:-1], stops[1:]].any():
+            return False
+        for resource in self.resources(k, math.inf):
+            level = 0.0
+            for tail, head in itertools.pairwise(stops):
+                level = max(level + resource.use[tail, head], resource.low[head])
+                if level > resource.high[head]:
+                    return False
+        return True
+
+
+def _additive(use: Floats, limit: float) -> Resource:
+    """Return a resource that is only limited on the whole route."""
+    limit *= 1.0 + ROUNDING
+    n = len(use)
+    return Resource(use, np.zeros(n), np.full(n, limit), limit)
 
 
 @dataclass
@@ -162,18 +274,8 @@ class Pricing:
         self.labels = 0
         self.room = ROOM
 
-    def reduced(
-        self, k: int, costs: Floats, prices: Prices, forbidden: NDArray[np.bool_]
-    ) -> Floats:
-        """Return the reduced costs of all arcs; `forbidden` arcs, shape (n + 1, n + 1), are infinite."""
-        half = 0.5 * np.append(prices.nodes, 0.0)
-        reduced = costs - half[:, None] - half - prices.arcs
-        np.fill_diagonal(reduced, math.inf)
-        reduced[forbidden] = math.inf
-        return reduced
-
     def best(
-        self, k: int, costs: Floats, prices: Prices, forbidden: NDArray[np.bool_], longest: float,
+        self, k: int, prices: Prices, forbidden: NDArray[np.bool_], longest: float,
         most: float, exact: bool,
     ) -> tuple[float, list[tuple[int, ...]]] | None:  # fmt: skip
         """Return a bound on the reduced costs below `most` and the cheapest routes; None after a stop.
@@ -182,8 +284,6 @@ class Pricing:
         ----------
         k : int
             Kind of the vehicle.
-        costs : ndarray, shape (n + 1, n + 1)
-            Costs of the arcs.
         prices : Prices
             Dual prices.
         forbidden : ndarray of bool, shape (n + 1, n + 1)
@@ -198,8 +298,13 @@ class Pricing:
         """
         network = self.network
         n = network.size
-        reduced = self.reduced(k, costs, prices, forbidden)
-        use, limit = network.resources(k, longest)
+        half = 0.5 * np.append(prices.nodes, 0.0)
+        reduced = network.costs[k] - half[:, None] - half - prices.arcs
+        np.fill_diagonal(reduced, math.inf)
+        reduced[forbidden] = math.inf
+        use, low, high, limit = (
+            np.array(values) for values in zip(*network.resources(k, longest), strict=True)
+        )
         words = (n + 63) // 64
         own = np.zeros((n, 64 * words), np.uint8)
         own[np.arange(n), np.arange(n)] = 1
@@ -208,7 +313,6 @@ class Pricing:
         own, near = (
             np.packbits(bits, axis=1, bitorder="little").view(np.uint64) for bits in (own, near)
         )
-        low, high = np.zeros((len(limit), n + 1)), np.repeat(limit[:, None], n + 1, axis=1)
         graph = Graph(
             reduced, use, low, high, limit, own, near, prices.members, prices.memory,
             prices.penalty,
@@ -217,11 +321,13 @@ class Pricing:
         if ahead is None:
             return None
         behind = ahead
-        if not (np.array_equal(reduced, reduced.T) and (use == use.transpose(0, 2, 1)).all()):
+        if not (network.symmetric and np.array_equal(reduced, reduced.T)):
             behind = self._labels(
                 graph._replace(
                     cost=np.ascontiguousarray(reduced.T),
                     use=np.ascontiguousarray(use.transpose(0, 2, 1)),
+                    low=limit[:, None] - high,
+                    high=limit[:, None] - low,
                 ),
                 exact,
             )
