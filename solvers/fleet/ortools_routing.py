@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ...models.fleet import FleetRouting, Objective
+from ...models.fleet.features import FEATURES
 from ..contract.backend import Feature, Option, Request
 from ..programs.highs_library import ORTOOLS_MARKS
-from .rivals import Best, FleetHeuristic, whole_demands, whole_distances
+from .ortools_data import Rich
+from .rivals import Best, FleetHeuristic
+from .whole import whole_demands, whole_distances
 
 __all__ = ["OrToolsRouting"]
 
@@ -31,8 +34,10 @@ class OrToolsRouting(FleetHeuristic):
     unless the objective is "sum", 100 times the longest (q times for "sum-deviation"). The answer is
     the best plan by the model's objective among all solutions. If every vehicle must be used, the
     search starts from a solution whose empty vehicles receive the nodes that are cheapest to move.
-    Capacity and battery are dimensions of the library. Limits on the sum, the deviation and the range
-    are checked but do not guide the search.
+    Capacity, battery, times and all features of rich fleets are dimensions, disjunctions and constraints
+    of the library. Each reload and station has copies: one per node to visit in small fleets, two per
+    vehicle in large ones. Limits on the sum, the deviation and the range are checked but do not guide the
+    search, and neither do departures later than the shift for the makespan with a limit on durations.
     """
 
     name = "ortools-routing"
@@ -44,6 +49,7 @@ class OrToolsRouting(FleetHeuristic):
     # OR-Tools loads its bundled libhighs.so.1: see MathOpt.
     conflict_group = "highs"
     natives = ORTOOLS_MARKS
+    rich = frozenset(FEATURES)
     options: ClassVar[Mapping[str, Option]] = {
         "seconds": Option(10.0, "Search time without a time limit, s.", lower=0.01),
         "solutions": Option(None, "Number of solutions after which the search ends.", int, lower=1),
@@ -57,7 +63,7 @@ class OrToolsRouting(FleetHeuristic):
     summary = "OR-Tools' routing library with guided local search"
 
     def refuses(self, problem: FleetRouting) -> str:
-        """Return the reason for refusal, "" for a supported model: rich features, or too many nodes."""
+        """Return the reason for refusal, "" for a supported model: a feature, or too many nodes."""
         if reason := super().refuses(problem):
             return reason
         if problem.size > MOST:
@@ -85,10 +91,15 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 
     problem, vehicles = best.problem, best.problem.vehicles
-    homes = problem.homes.tolist()
-    manager = pywrapcp.RoutingIndexManager(problem.size, vehicles, homes, homes)
+    rich = Rich(problem) if problem.is_rich else None
+    places = rich.places if rich else list(range(problem.size))
+    homes, ends = (rich.homes, rich.ends) if rich else [problem.homes.tolist()] * 2
+    manager = pywrapcp.RoutingIndexManager(len(places), vehicles, homes, ends)
     routing = pywrapcp.RoutingModel(manager)
-    _declare(routing, problem)
+    if rich:
+        rich.declare(routing, manager)
+    else:
+        _declare(routing, problem)
     starts = [routing.Start(k) for k in range(vehicles)]
     solutions = 0
 
@@ -99,7 +110,7 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
         for start in starts:
             at, route = routing.NextVar(start).Value(), []
             while not routing.IsEnd(at):
-                route.append(manager.IndexToNode(at))
+                route.append(places[manager.IndexToNode(at)])
                 at = routing.NextVar(at).Value()
             routes.append(route)
         best.offer_filled(routes)
@@ -124,9 +135,12 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
         for k, first in enumerate(starts):
             routing.NextVar(first).RemoveValue(routing.End(k))
         routing.CloseModelWithParameters(parameters)
-        if best.plan is not None:
-            routes = [[manager.NodeToIndex(node) for node in route] for route in best.plan.routes]
-            start = routing.ReadAssignmentFromRoutes(routes, True)
+        routes: Sequence[Sequence[int]] | None = best.plan.routes if best.plan is not None else None
+        if rich and routes is not None:
+            routes = rich.places_of(routes)
+        if routes is not None:
+            indices = [[manager.NodeToIndex(place) for place in route] for route in routes]
+            start = routing.ReadAssignmentFromRoutes(indices, True)
     if start is None:
         routing.SolveWithParameters(parameters)
     else:

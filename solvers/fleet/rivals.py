@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
@@ -18,16 +17,8 @@ from ...models.fleet.checks import loads_of, objective_of, value_of
 from ...models.fleet.features import list_unsupported
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
-__all__ = [
-    "Best",
-    "FleetBackend",
-    "FleetHeuristic",
-    "available_threads",
-    "whole_demands",
-    "whole_distances",
-]
+__all__ = ["Best", "FleetBackend", "FleetHeuristic", "available_threads"]
 
-Ints = NDArray[np.int64]
 
 #: Number of cheapest moves evaluated to give an empty vehicle a node.
 TRIED = 16
@@ -62,10 +53,11 @@ class Best:
         """Offer `routes` after moving a node to each empty vehicle if every vehicle must be used.
 
         The move with the best objective is chosen among the :data:`TRIED` moves of least total length
-        and the :data:`TRIED` best moves from the longest route.
+        and the :data:`TRIED` best moves from the longest route. Routes of a rich fleet stay as they are.
         """
         full = [list(route) for route in routes]
-        for empty in range(self.problem.vehicles) if self.problem.use_all else ():
+        moves = self.problem.use_all and not self.problem.is_rich
+        for empty in range(self.problem.vehicles) if moves else ():
             if not full[empty] and not self._fill(full, empty):
                 return False  # fewer nodes than vehicles
         return self.offer(full)
@@ -156,33 +148,3 @@ def available_threads(request: Request) -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def whole_distances(model: FleetRouting, largest: int) -> tuple[Ints, float]:
-    """Return the distances as whole numbers up to about `largest`, and their scale factor."""
-    exponent = math.frexp(float(model.distances.max()))[1]
-    scale = math.ldexp(1.0, min(math.frexp(largest)[1] - 1 - exponent, 1000))
-    return np.rint(model.distances * scale).astype(np.int64), scale
-
-
-def whole_demands(model: FleetRouting, largest: int) -> tuple[list[int], list[int]]:
-    """Return demands and capacities as whole numbers, exact for at most six decimal digits.
-
-    Otherwise demands are rounded down: every feasible load remains feasible, and slightly infeasible
-    loads may become feasible. Capacities are clipped to the sum of all demands.
-    """
-    assert model.demands is not None
-    assert model.capacity is not None
-    total = float(model.demands.sum())
-    clipped = np.minimum(model.capacity, total)
-    scale = largest / total if total > 0.0 else 1.0
-    demands = np.floor(model.demands * scale)
-    for factor in 10.0 ** np.arange(7):
-        whole = np.rint(model.demands * factor)
-        if total * factor < 2**40 and np.allclose(
-            whole, model.demands * factor, rtol=1e-12, atol=0.0
-        ):
-            scale, demands = factor, whole
-            break
-    capacity = np.floor(clipped * scale * (1 + 1e-12))
-    return demands.astype(int).tolist(), capacity.astype(int).tolist()

@@ -1,0 +1,214 @@
+"""Whole-number data of fleets for the adapters of other solvers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...models.fleet import FleetRouting
+
+__all__ = [
+    "FOREVER", "Scales", "costs_of", "is_fetched", "list_backhauls", "round_down", "round_up",
+    "scales_of", "whole_demands", "whole_distances", "whole_loads", "whole_spans",
+]  # fmt: skip
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Whole number from which on a time counts as infinite.
+FOREVER = 2**42
+#: Whole number up to which the longest arc of a rich fleet is scaled, in length, time and cost.
+ARC = 2**21
+#: Largest whole number for the cost of one arc, and for a fixed cost or the sum of all prizes.
+MOST_ARC, MOST_COST = 2**36, 2**48
+#: Relative error of a product that still rounds to the nearest whole number.
+NOISE = 1e-12
+
+
+def round_up(values: ArrayLike, scale: float) -> Ints:
+    """Return `values` times `scale`, rounded up: lengths, durations, loads and begins of windows."""
+    product = np.asarray(values) * scale
+    return np.ceil(product - NOISE * np.abs(product)).astype(np.int64)
+
+
+def round_down(values: ArrayLike, scale: float) -> Ints:
+    """Return `values` times `scale`, rounded down and at most :data:`FOREVER`: limits and ends."""
+    product = np.asarray(values) * scale
+    return np.floor(np.minimum(product + NOISE * np.abs(product), FOREVER)).astype(np.int64)
+
+
+def _power(largest: float, bound: float) -> float:
+    """Return the largest power of 2 that scales `largest` to at most `bound`; 1 for `largest` 0."""
+    if not 0.0 < largest < math.inf:
+        return 1.0
+    return math.ldexp(1.0, min(math.frexp(bound)[1] - 1 - math.frexp(largest)[1], 1000))
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Factors from metres, seconds and costs to whole numbers.
+
+    `origin` is the time in seconds of the whole number 0, and `rates` the cost of each vehicle per whole
+    unit of time. Factors are powers of 2 if possible, so that whole numbers stay exact.
+    """
+
+    length: float
+    time: float
+    cost: float
+    origin: float
+    rates: tuple[int, ...]
+
+    def moment(self, time: float, up: bool) -> int:
+        """Return the whole number of a time in seconds, rounded up or down."""
+        return int((round_up if up else round_down)(time - self.origin, self.time))
+
+
+def scales_of(model: FleetRouting) -> Scales:
+    """Return the factors of a rich fleet."""
+    longest = float(model.distances.max())
+    length, time, origin = _power(longest, ARC), 1.0, 0.0
+    if model.has_times:
+        begins = [0.0, *(span[0] for spans in model.windows or () for span in spans or ())]
+        begins += [] if model.shifts is None else model.shifts[:, 0].tolist()
+        begins += [] if model.releases is None else model.releases.tolist()
+        origin = min(begins)
+        step = float(model.base_times.max()) / float(model.speeds.min())
+        step = max(step, 0.0 if model.service is None else float(model.service.max()))
+        time = min(_power(step, ARC), _power(max(begins) - origin, FOREVER / 8))
+        if step == 0.0:
+            time = _power(max(begins) - origin, ARC)
+    per_metre, per_second = costs_of(model)
+    dear, hourly = float(per_metre.max()) * longest, float(per_second.max())
+    fixed = 0.0 if model.fixed_cost is None else float(model.fixed_cost.max())
+    once = max(fixed, float(np.nansum(model.prizes)) if model.prizes is not None else 0.0)
+    cost = _power(dear, ARC)
+    if dear == 0.0:
+        cost = _power(once, ARC)
+    if hourly > 0.0:
+        # The cost of a unit of time must be a whole number, exact for rates with small ratios.
+        ratios = per_second / hourly
+        tries = np.arange(1, 65)[:, None]
+        exact = np.isclose(np.rint(tries * ratios), tries * ratios, rtol=0.0, atol=1e-9).all(axis=1)
+        step = int(np.argmax(exact)) + 1 if exact.any() else 1024
+        units = step * max(1, math.ceil(cost * hourly / (time * step))) if dear > 0.0 else step
+        cost = units * time / hourly
+    if dear * cost > MOST_ARC:
+        cost = _power(dear, MOST_ARC)
+    if once * cost > MOST_COST:
+        cost = _power(once, MOST_COST)
+    rates = np.rint(per_second * cost / time).astype(int)
+    return Scales(length, time, cost, origin, tuple(rates.tolist()))
+
+
+def costs_of(model: FleetRouting) -> tuple[Floats, Floats]:
+    """Return the costs per metre and per second of each vehicle in the objective, shape (vehicles,)."""
+    ones, none = np.ones(model.vehicles), np.zeros(model.vehicles)
+    metre = ones if model.distance_cost is None else model.distance_cost
+    return metre, none if model.time_cost is None else model.time_cost
+
+
+def whole_spans(model: FleetRouting, node: int, scales: Scales) -> list[tuple[int, int]]:
+    """Return the windows of `node`; one without limits if it has none.
+
+    A window shorter than one unit becomes the unit in which it begins.
+    """
+    spans = None if model.windows is None else model.windows[node]
+    moments = [
+        (scales.moment(a, True), scales.moment(b, False))
+        for a, b in spans or [(scales.origin, math.inf)]
+    ]
+    return [(early, max(early, late)) for early, late in moments]
+
+
+def is_fetched(model: FleetRouting) -> NDArray[np.bool_]:
+    """Return whether each node is in a pair, shape (n,): its goods never see a depot."""
+    result = np.zeros(model.size, bool)
+    if model.pairs is not None:
+        result[model.pairs.ravel()] = True
+    return result
+
+
+def list_backhauls(model: FleetRouting) -> tuple[list[int], list[int]]:
+    """Return the other nodes to visit, and those with pickups only, which come last in their trip."""
+    loads = (model.pickups, model.demands)
+    back, front = (
+        np.zeros(model.size, bool) if rows is None else rows.reshape(model.size, -1).any(axis=1)
+        for rows in loads
+    )
+    last = (back & ~front)[model.customers]
+    return model.customers[~last].tolist(), model.customers[last].tolist()
+
+
+def whole_distances(model: FleetRouting, largest: int) -> tuple[Ints, float]:
+    """Return the distances as whole numbers up to about `largest`, and their scale factor."""
+    exponent = math.frexp(float(model.distances.max()))[1]
+    scale = math.ldexp(1.0, min(math.frexp(largest)[1] - 1 - exponent, 1000))
+    return np.rint(model.distances * scale).astype(np.int64), scale
+
+
+def _decimal_scale(values: Floats, total: float) -> float | None:
+    """Return the least power of 10 that makes `values` whole numbers, None if it exceeds six digits."""
+    for factor in 10.0 ** np.arange(7):
+        whole = np.rint(values * factor)
+        if total * factor < 2**40 and np.allclose(whole, values * factor, rtol=1e-12, atol=0.0):
+            return float(factor)
+    return None
+
+
+def whole_demands(model: FleetRouting, largest: int) -> tuple[list[int], list[int]]:
+    """Return demands and capacities as whole numbers, exact for at most six decimal digits.
+
+    Otherwise demands are rounded down: every feasible load remains feasible, and slightly infeasible
+    loads may become feasible. Capacities are clipped to the sum of all demands.
+    """
+    assert model.demands is not None
+    assert model.capacity is not None
+    total = float(model.demands.sum())
+    clipped = np.minimum(model.capacity, total)
+    scale = _decimal_scale(model.demands, total)
+    if scale is None:
+        scale = largest / total if total > 0.0 else 1.0
+        demands = np.floor(model.demands * scale)
+    else:
+        demands = np.rint(model.demands * scale)
+    capacity = np.floor(clipped * scale * (1 + 1e-12))
+    return demands.astype(int).tolist(), capacity.astype(int).tolist()
+
+
+def whole_loads(model: FleetRouting, largest: int) -> tuple[Ints, Ints, Ints, Ints]:
+    """Return whole-number loads of a rich fleet, rounded up, and capacities, rounded down.
+
+    Returns
+    -------
+    deliveries, pickups : ndarray of int, shape (n, dimensions)
+        Amounts from and to the depot; 0 at the nodes of pairs.
+    amounts : ndarray of int, shape (pairs, dimensions)
+        Amounts of the pairs.
+    capacity : ndarray of int, shape (vehicles, dimensions)
+        Capacities, at most the sum of all amounts.
+    """
+    size, pairs = model.size, np.zeros((0, 2), int) if model.pairs is None else model.pairs
+    if model.capacity is None:
+        return np.zeros((size, 0), int), np.zeros((size, 0), int), np.zeros((len(pairs), 0), int), np.zeros(
+            (model.vehicles, 0), int
+        )  # fmt: skip
+    capacity = model.capacity.reshape(model.vehicles, -1)
+    nothing = np.zeros((size, capacity.shape[1]))
+    given = [
+        nothing if rows is None else rows.reshape(size, -1)
+        for rows in (model.demands, model.pickups)
+    ]
+    amounts = given[1][pairs[:, 0]]
+    loads = np.vstack(
+        [*(np.where(is_fetched(model)[:, None], 0.0, rows) for rows in given), amounts]
+    )
+    whole, limits = np.zeros(loads.shape, np.int64), np.zeros(capacity.shape, np.int64)
+    for column in range(capacity.shape[1]):
+        total = float(loads[:, column].sum())
+        scale = _decimal_scale(loads[:, column], total) or largest / max(total, 1e-290)
+        whole[:, column] = round_up(loads[:, column], scale)
+        limits[:, column] = round_down(np.minimum(capacity[:, column], total), scale)
+    return whole[:size], whole[size : 2 * size], whole[2 * size :], limits
