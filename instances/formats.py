@@ -164,10 +164,9 @@ _FORMATS = (
     ),
     FileFormat(
         "vrplib", "a vehicle routing problem of VRPLIB",
-        {"fleet-routing": Target(".instances.fleet.readers:read_vrplib", {}, {"vehicles": "4"})},
+        {"fleet-routing": Target(".instances.fleet.vrplib:read_vrplib", {}, {"vehicles": "4"})},
         rf"{_family('[A-Z]*VRP[A-Z]*')}|^[ \t]*CAPACITY[ \t]*:|^(?:DEMAND|DEPOT)_SECTION", (".vrp",),
-        "fleet-routing expresses capacities per vehicle, depots and limits of lengths, but no time windows, "
-        "service times, prizes or pickups: write the rest as an instance (JSON)",
+        "write what the file lacks, or expresses otherwise, as an instance (JSON)",
     ),
     FileFormat(
         "tsplib", "a travelling salesman problem of TSPLIB",

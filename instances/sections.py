@@ -40,7 +40,7 @@ class KeywordFile(NamedTuple):
         ended = False
         for line in read_text(path).splitlines():
             words = line.split()
-            if not words:
+            if not words or words[0].startswith("#"):
                 continue
             if ended:
                 raise InvalidData(

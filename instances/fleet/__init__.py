@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from .readers import (
         read_nodes as read_nodes,
         read_tsplib as read_tsplib,
-        read_vrplib as read_vrplib,
     )
+    from .vrplib import read_vrplib as read_vrplib
 
 CATALOGUE = {"fleet": ".listing:catalogue_entries"}
 REFERENCES = {"fleet-routing": ".readers:resolve_references"}

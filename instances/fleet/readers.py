@@ -1,13 +1,11 @@
-"""Readers of nodes in CSV and Excel files, of TSPLIB and VRPLIB files, and of instances that refer to them.
+"""Readers of nodes in CSV and Excel files, of TSPLIB files, and of instances that refer to them.
 
-Sources: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991;
-CVRPLIB, http://vrp.galgos.inf.puc-rio.br.
+Source: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991.
 """
 
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Unpack
@@ -17,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...files import as_path
-from ...models.fields import Flag, Whole, show
-from ...models.fleet.data import MOST, Metric, Objective
+from ...models.fields import Flag, show
+from ...models.fleet.data import MOST, Metric
 from ...models.fleet.model import FleetRouting
 from ..grid_path.maps import resolve_references as resolve_map
 from ..projection import POSITIONS, has_positions, positions_of
@@ -26,7 +24,10 @@ from ..sections import KeywordFile
 from ..storage import Find, reference
 from ..tables import NUMBER, Column, TableOptions, read_table
 
-__all__ = ["read_nodes", "read_tsplib", "read_vrplib", "resolve_references"]
+__all__ = [
+    "COMMON", "read_column", "read_distances", "read_nodes", "read_number", "read_tsplib",
+    "resolve_references",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -40,17 +41,11 @@ _FORMATS: dict[str, Callable[[int], Any]] = {
 }
 #: Keywords that a reader uses or can ignore, with their supported values; all others are refused.
 _ANY: tuple[str, ...] = ()
-_COMMON = dict.fromkeys(
+COMMON = dict.fromkeys(
     ("NAME", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT", "DISPLAY_DATA_TYPE",
      "NODE_COORD_SECTION", "EDGE_WEIGHT_SECTION", "DISPLAY_DATA_SECTION"), _ANY,
 ) | {"NODE_COORD_TYPE": ("TWOD_COORDS", "NO_COORDS")}  # fmt: skip
-_KEYS = {**_COMMON, "TYPE": ("TSP", "ATSP")}
-_VEHICLE_KEYS = _COMMON | dict.fromkeys(
-    ("CAPACITY", "VEHICLES", "DISTANCE", "VEHICLES_MAX_DISTANCE", "SERVICE_TIME", "DEMAND_SECTION",
-     "DEPOT_SECTION"), _ANY,
-) | {"TYPE": ("CVRP", "ACVRP", "DCVRP", "DVRP", "VRP")}  # fmt: skip
-#: Number of vehicles at the end of an instance's name, as in A-n32-k5.
-_FLEET = re.compile(r"-k([0-9]{1,4})\b")
+_KEYS = {**COMMON, "TYPE": ("TSP", "ATSP")}
 
 
 def read_tsplib(
@@ -93,81 +88,12 @@ def read_tsplib(
     file = as_path(path)
     content = KeywordFile.read(file, _KEYS)
     return FleetRouting.from_data(
-        {**_distances(content, rounded, display), "vehicles": vehicles, **fields}, name=file.stem
+        {**read_distances(content, rounded, display), "vehicles": vehicles, **fields},
+        name=file.stem,
     )
 
 
-def read_vrplib(
-    path: str | os.PathLike[str],
-    vehicles: int | None = None,
-    *,
-    rounded: bool = False,
-    **fields: Any,
-) -> FleetRouting:
-    """Read a VRPLIB file of capacitated vehicles as a fleet model with the objective "sum".
-
-    A limit on the length of a route (``DISTANCE``) becomes ``battery``. Files with other features,
-    such as time windows, service times, backhauls or prizes, are refused; the error names the keyword.
-
-    Parameters
-    ----------
-    path : path-like
-        The file, with capacity, demands and one depot.
-    vehicles : int, optional
-        Number of vehicles; by default as in the file or at the end of its name, as in ``A-n32-k5``.
-    rounded : bool
-        Whether Euclidean distances are rounded to whole numbers.
-    **fields
-        Other fields of :class:`~crosstrack.models.fleet.FleetRouting`, such as ``use_all``.
-
-    Returns
-    -------
-    FleetRouting
-        The model.
-
-    Raises
-    ------
-    InvalidData
-        As for :func:`read_tsplib`, or capacity, demands, depot or number of vehicles are missing, or
-        there are several depots. The error names the file.
-    """
-    file = as_path(path)
-    content = KeywordFile.read(file, _VEHICLE_KEYS)
-    head = content.head
-    if "SERVICE_TIME" in head and _number(content, "SERVICE_TIME") != 0:
-        raise InvalidData(
-            f"{file}: SERVICE_TIME must be 0 or absent, got {head['SERVICE_TIME']}: routes have no "
-            "durations",
-            field="service_time",
-        )
-    limits = [_number(content, key) for key in ("DISTANCE", "VEHICLES_MAX_DISTANCE") if key in head]
-    demands = _column(content, "DEMAND_SECTION", (content.size(1, MOST),))
-    depots = _column(content, "DEPOT_SECTION", (1,))
-    capacity = _number(content, "CAPACITY")
-    if vehicles is None:
-        match = _FLEET.search(file.stem)
-        vehicles = int(match[1]) if match else None
-        if "VEHICLES" in head:
-            vehicles = Whole(1, MOST).coerce("vehicles", _number(content, "VEHICLES"), {})
-    if vehicles is None:
-        raise InvalidData(
-            f"{file}: vehicles must be given, or be in the file or its name, as in A-n32-k5",
-            field="vehicles",
-        )
-    data = {
-        **_distances(content, rounded, False),
-        "vehicles": vehicles,
-        "depots": depots,
-        "demands": demands,
-        "capacity": capacity,
-        "objective": Objective.SUM,
-        **({"battery": min(limits)} if limits else {}),
-        **fields,
-    }
-    return FleetRouting.from_data(data, name=file.stem)
-
-
-def _number(content: KeywordFile, keyword: str) -> float:
+def read_number(content: KeywordFile, keyword: str) -> float:
     """Return the number of a keyword."""
     text = content.head.get(keyword)
     if text is None or not NUMBER.fullmatch(text):
@@ -177,14 +103,19 @@ def _number(content: KeywordFile, keyword: str) -> float:
     return float(text)
 
 
-def _column(content: KeywordFile, section: str, shape: tuple[int, ...]) -> Floats:
-    """Return the numbers of a section without those of the nodes; raise unless they have `shape`."""
+def read_column(
+    content: KeywordFile, section: str, shape: tuple[int, ...], *, free: bool = False
+) -> Floats:
+    """Return the numbers of a section without those of the rows; raise unless they have `shape`.
+
+    With `free`, the rows may have several numbers.
+    """
     file, field = content.path, section.removesuffix("_SECTION").lower()
     if section not in content.sections:
         raise InvalidData(f"{file}: must have a {section}", field=field)
     rows, first = content.sections[section], section != "DEPOT_SECTION"
     for row, words in enumerate(rows if first else (), 1):
-        if words[0] != str(row):
+        if words[0] != str(row) and (row, words[0]) != (1, "0"):  # Li and Lim's depot is 0
             raise InvalidData(
                 f"{file}: row {row} of {section} must begin with {row}, got {show(words[0])}",
                 field=field,
@@ -200,6 +131,8 @@ def _column(content: KeywordFile, section: str, shape: tuple[int, ...]) -> Float
         raise InvalidData(text, field=field) from None
     if len(shape) == 1 and numbers.shape[-1:] == (1,):
         numbers = numbers[:, 0]
+    if free and numbers.ndim == 2:
+        shape = (*shape, numbers.shape[1])
     if not first:
         # -1 ends the section, and nodes are counted from 1.
         numbers = numbers[numbers != -1] - 1
@@ -212,7 +145,7 @@ def _column(content: KeywordFile, section: str, shape: tuple[int, ...]) -> Float
     return numbers
 
 
-def _distances(content: KeywordFile, rounded: bool, display: bool) -> dict[str, Any]:
+def read_distances(content: KeywordFile, rounded: bool, display: bool) -> dict[str, Any]:
     """Return the points and metric, or the costs, of an instance."""
     whole = Flag().coerce("rounded", rounded, {})
     size = content.size(1, MOST)
@@ -223,9 +156,9 @@ def _distances(content: KeywordFile, rounded: bool, display: bool) -> dict[str, 
     if kind == "EXPLICIT" and not Flag().coerce("display", display, {}):
         # Damage to unused coordinates can mean damage to the matrix.
         if section in content.sections:
-            _column(content, section, (size, 2))
+            read_column(content, section, (size, 2))
         return {"costs": _matrix(content, size)}
-    points = _column(content, section, (size, 2))
+    points = read_column(content, section, (size, 2))
     if kind in _ROUNDED:
         costs = _ROUNDED[kind](points)
         np.fill_diagonal(costs, 0.0)

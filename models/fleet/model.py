@@ -142,8 +142,10 @@ class FleetRouting(RichData):
     >>> timed = FleetRouting(
     ...     2, points=[[0, 0], [3, 0], [0, 4], [5, 5]], windows=[None, (5, 9), None, None]
     ... )
-    >>> print(timed.describe(), timed.with_schedule([[1], [2, 3]]).starts)
-    2 vehicles, 3 nodes, max, features: windows ((2.0, 5.0, 8.0), (0.0, 4.0, 9.09901951359278, 16.17008732545854))
+    >>> print(timed.describe())
+    2 vehicles, 3 nodes, max, features: windows
+    >>> print(timed.with_schedule([[1], [2, 3]]).starts[0])
+    (2.0, 5.0, 8.0)
     """
 
     kind: ClassVar[str] = "fleet-routing"
