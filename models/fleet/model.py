@@ -149,7 +149,6 @@ class FleetRouting(RichData):
     """
 
     kind: ClassVar[str] = "fleet-routing"
-    objective_unit: ClassVar[str] = "m"
     plan_type: ClassVar[type] = FleetPlan
     formulations: ClassVar[dict[str, Any]] = {
         "two-index": ".models.fleet.two_index:TwoIndexFormulation",
@@ -157,6 +156,12 @@ class FleetRouting(RichData):
     }
     default_formulation: ClassVar[str] = "three-index"
     second_objectives: ClassVar[dict[str, str]] = {rule.measure: rule.field for rule in LIMITS}
+
+    @property
+    def objective_unit(self) -> str:  # type: ignore[override]
+        """Unit of the objective: metres, seconds for the makespan, and none for costs."""
+        units = {Objective.MAKESPAN: "s", Objective.COST: ""}
+        return units.get(self.objective, "m")
 
     @property
     def limits(self) -> tuple[str, ...]:

@@ -15,6 +15,8 @@ from .checks import deviation_of, loads_of
 from .data import FleetData, Metric, Objective
 from .model import FleetRouting
 from .plan import FleetPlan
+from .rich_checks import describe_visits, missing_times
+from .timeline import draw_timeline, places_in_time
 
 __all__ = ["animate_routes", "draw"]
 
@@ -24,9 +26,10 @@ _MOST_NAMES = 40
 _MOST_SCALED = 1500
 #: Shortest segment with an arrow on asymmetric routes, as a share of the map's width.
 _LONG = 0.04
-_PARTS = ("routes", "loads")
+_PARTS = ("routes", "loads", "timeline")
 #: Width of each part, margin at its left and space at the foot (inch).
-_WIDE, _LEFT, _FOOT = {"routes": 6.6, "loads": 4.2}, {"routes": 0.74, "loads": 0.84}, 0.9
+_WIDE = {"routes": 6.6, "loads": 4.2, "timeline": 7.2}
+_LEFT, _FOOT = {"routes": 0.74, "loads": 0.84, "timeline": 0.84}, 0.9
 
 
 @kit.documented
@@ -51,8 +54,10 @@ def draw(
     plan : FleetPlan, optional
         A plan for the model, feasible or not. Nodes not visited exactly once and lengths beyond the
         battery are marked in red. None draws nodes only.
-    parts : sequence of {"routes", "loads"}, optional
-        What to draw: the routes on a map, the lengths of all routes as bars, or both.
+    parts : sequence of {"routes", "loads", "timeline"}, optional
+        What to draw: the routes on a map, the lengths of all routes as bars, and the timeline of all
+        vehicles with travel, waiting, services and windows. All by default; the timeline needs a plan
+        with times.
     legs : {"paths", "straight"}, optional
         Whether legs follow the shortest paths on the model's map or are straight. The default is
         "paths" for the metric "grid" and "straight" otherwise.
@@ -68,6 +73,7 @@ def draw(
     text = kit.title_of(model, _words(model, plan, result), result, title)
     bars = 0 if plan is None else len(plan.routes)
     high = {"routes": 6.0, "loads": min(6.0, 1.5 + 0.3 * bars)}
+    high["timeline"] = min(6.0, 2.0 + 0.4 * bars)
     whole = sum(_WIDE[part] for part in shown)
     scene = kit.Scene(text, result, size, (whole, max(high[part] for part in shown)))
     left = 0.0
@@ -76,7 +82,11 @@ def draw(
         right = scene.broad - left - wide + 0.12
         axes = scene.axes(left + _LEFT[part], _FOOT, right, scene.head)
         if part == "routes":
-            keys = _draw_map(model, plan, result, axes, legs, labels, named="loads" not in shown)
+            keys = _draw_map(model, plan, result, axes, legs, labels, named=shown == ("routes",))
+        elif part == "timeline":
+            assert plan is not None
+            keys = draw_timeline(model, plan, axes, labels)
+            kit.pin_places(axes, result, places_in_time(model, plan))
         else:
             assert plan is not None
             keys = _draw_bars(model, plan, axes, tolerance)
@@ -92,11 +102,15 @@ def _parts(
 ) -> tuple[str, ...]:
     """Return the names of the panels to draw."""
     mapped = places_of(model) is not None
+    timed = plan is not None and model.has_times and not missing_times(plan)
     if parts is None:
-        return _PARTS[: 1 + (plan is not None)] if mapped or plan is None else _PARTS[1:]
+        drawn = {"routes": mapped or plan is None, "loads": plan is not None, "timeline": timed}
+        return tuple(part for part in _PARTS if drawn[part])
     shown = tuple(kit.check_words("parts", parts, _PARTS))
     if "loads" in shown and plan is None:
         raise UnsupportedOption("parts can hold 'loads' only with a plan")
+    if "timeline" in shown and not timed:
+        raise UnsupportedOption("parts can hold 'timeline' only with a plan that has times")
     if "routes" in shown and not mapped:
         raise UnsupportedOption(
             f"parts can hold 'routes' only with points, or costs of up to {_MOST_SCALED} nodes, got "
@@ -114,7 +128,9 @@ def _words(model: FleetRouting, plan: FleetPlan | None, result: Verification | N
         what = f"sum + {kit.number(model.q, 4)} × {what.partition('-')[2]}"
     unit = f" {model.length_unit}" if model.length_unit else ""
     parts = [kit.many(model.vehicles, "vehicle"), f"{len(model.customers)} nodes"]
-    parts.append(f"{what} {kit.number(result.objective)}{unit}")
+    rich = model.objective in (Objective.COST, Objective.MAKESPAN)
+    own = f" {model.objective_unit}".rstrip() if rich else unit
+    parts.append(f"{what} {kit.number(result.objective)}{own}")
     if model.objective is not Objective.SUM:
         parts.append(f"sum {kit.number(float(loads_of(model, plan).sum()))}{unit}")
     return parts
@@ -166,9 +182,15 @@ def _draw_map(
         keys.append(kit.key("blocked", marker="s", color=kit.BLOCKED, ms=7))
     last = model.vehicles - 1
     routes = () if plan is None else plan.routes
-    # An empty route stays without its depot.
-    homes = [int(model.homes[min(k, last)]) for k in range(len(routes))]
-    stops = [[home, *r, home] if r else [] for home, r in zip(homes, routes, strict=True)]
+    # An empty route stays without its depot, and an open one without an end.
+    homes, ends = (
+        [int(nodes[min(k, last)]) for k in range(len(routes))]
+        for nodes in (model.homes, model.finishes)
+    )
+    stops = [
+        [home, *route, *([end] if end >= 0 else [])] if route else []
+        for home, route, end in zip(homes, routes, ends, strict=True)
+    ]
     follow = grid if legs == "paths" or (legs is None and model.metric is Metric.GRID) else None
     paths = [places[route] if follow is None else trail(follow, places[route]) for route in stops]
     lines = [path * scale for path in paths]
@@ -179,15 +201,14 @@ def _draw_map(
     owners = np.full(model.size, -1)
     for k, route in enumerate(stops):
         owners[route] = k
-    customers = np.isin(np.arange(model.size), model.customers)
-    visits = np.bincount([node for route in routes for node in route], minlength=model.size)
+    names = [model.label(node) for node in range(model.size)]
     # Customers not visited exactly once, and depots within a route.
-    wrong = visits != customers if plan is not None else np.zeros(model.size, bool)
+    faults = set() if plan is None else set(describe_visits(model, plan))
+    wrong = np.array([f"node {name}" in faults for name in names], bool)
     depots = places[np.unique(model.depots)] * scale
     at = places * scale
     keys += kit.draw_stops(axes, at[model.customers], owners[model.customers], depots, at[wrong])
     keys += kit.name_vehicles(len(stops), "vehicle") if named else []
-    names = [model.label(node) for node in range(model.size)]
     kit.pin_places(
         axes, result, {f"node {name}": place for name, place in zip(names, at, strict=True)}
     )
@@ -211,6 +232,7 @@ def _draw_bars(model: FleetRouting, plan: FleetPlan, axes: Any, tolerance: float
     unit = model.length_unit
     whole = len(loads) == model.vehicles
     wrong: list[int] = []
+    whole = whole and not model.stations  # a battery then limits the parts of a route
     if whole and model.battery is not None:
         wrong = np.flatnonzero(loads - model.battery > tolerance * model.battery).tolist()
     return kit.draw_loads(
