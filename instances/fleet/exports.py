@@ -13,8 +13,10 @@ from ...errors import InvalidData, UnsupportedFormulation
 from ...files import write_text
 from ...models.fields import required
 from ...models.fleet.checks import loads_of
+from ...models.fleet.data import Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
+from ...models.fleet.rich_checks import missing_times
 from ..exports import ExportFormat, write_geojson
 from ..tables import write_rows
 
@@ -26,7 +28,8 @@ def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: Fl
 
     The columns are ``vehicle,stop,node,x,y,arrival``: vehicle and stop numbers from 0, the name of
     the node, its coordinates in m, and the route length up to the stop. Each route begins and ends
-    with its depot. For models with costs and without points, x and y are empty.
+    with its depot, unless it is open. For models with costs and without points, x and y are empty. A
+    plan with times has another column ``time``: departure, begin of each service, and return, in s.
 
     Parameters
     ----------
@@ -51,8 +54,10 @@ def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: Fl
             if stop:
                 arrival += float(model.distances[stops[stop - 1], node])
             place = ("", "") if model.points is None else model.points[node].tolist()
-            rows.append((k, stop, model.label(node), *place, arrival))
-    return write_rows(path, ("vehicle", "stop", "node", "x", "y", "arrival"), rows)
+            time = () if plan.starts is None else (plan.starts[k][stop],)
+            rows.append((k, stop, model.label(node), *place, arrival, *time))
+    columns = ("vehicle", "stop", "node", "x", "y", "arrival")
+    return write_rows(path, (*columns, "time") if plan.starts is not None else columns, rows)
 
 
 def write_routes_geojson(
@@ -93,7 +98,8 @@ def write_routes_geojson(
 def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetRouting) -> Path:
     """Write the routes as a VRPLIB solution, atomically; return the path.
 
-    Customers are numbered from 1, without the depot, in the order of the nodes.
+    Customers are numbered from 1, without the depot, in the order of the nodes; a reload is 0. The cost is
+    the total length, or the objective "cost".
 
     Parameters
     ----------
@@ -111,9 +117,14 @@ def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetR
         raise UnsupportedFormulation("solutions of VRPLIB have one depot, the model has several")
     place = {node: k for k, node in enumerate(model.customers.tolist(), 1)}
     lines = []
-    for number, (_, stops) in enumerate(_walks(plan, model), 1):
-        lines.append(f"Route #{number}: " + " ".join(str(place[node]) for node in stops[1:-1]))
-    lines.append(f"Cost {float(loads_of(model, plan).sum())!r}")
+    for number, (k, _) in enumerate(_walks(plan, model), 1):
+        # A reload is 0 as in PyVRP's solutions, also at a depot.
+        stops = " ".join(str(place.get(node, 0)) for node in plan.routes[k])
+        lines.append(f"Route #{number}: {stops}")
+    cost = float(loads_of(model, plan).sum())
+    if model.objective is Objective.COST:
+        cost = model.verify(plan).objective or 0.0
+    lines.append(f"Cost {cost!r}")
     return write_text(path, "\n".join(lines) + "\n")
 
 
@@ -126,14 +137,16 @@ def _walks(plan: FleetPlan, model: FleetRouting) -> Iterator[tuple[int, list[int
             f"routes must be {model.vehicles}, one for each vehicle, got {len(plan.routes)}",
             field="routes",
         )
-    known = set(model.customers.tolist())
+    if plan.starts is not None and missing_times(plan):
+        raise InvalidData("starts must be the times of each route", field="starts")
+    known = {*model.customers.tolist(), *(model.reloads or ()), *(model.stations or ())}
     other = next((x for x in itertools.chain(*plan.routes) if x not in known), None)
     if other is not None:
         raise InvalidData(f"routes must visit nodes other than depots, got {other}", field="routes")
     for k, route in enumerate(plan.routes):
         if route:
-            home = int(model.homes[k])
-            yield k, [home, *route, home]
+            home, end = int(model.homes[k]), int(model.finishes[k])
+            yield k, [home, *route, *([end] if end >= 0 else [])]
 
 
 CSV = ExportFormat("one row per stop (CSV)", ".csv", write_routes_csv)

@@ -261,21 +261,31 @@ def _reloads(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
         yield _Row(count, int(model.max_reloads[k]), 0.0, f"vehicle {k}")
 
 
-Rule = Callable[[RichData, FleetPlan], Iterator[_Row] | Iterator[str]]
+class RichCheck(NamedTuple):
+    """A check: its name, the attribute of the model that requires it, its unit and its rule.
 
-#: Name of each check, the attribute of the model that requires it, its unit and its rule.
-RICH_CHECKS: tuple[tuple[str, str, str, Rule], ...] = (
-    ("one node of each group", "groups", "", _groups),
-    ("pickup before its delivery", "pairs", "", _pairs),
-    ("deliveries before backhauls", "backhauls", "", _backhauls),
-    ("skills of the vehicle", "requires", "", _skills),
-    ("reloads within limit", "max_reloads", "", _reloads),
-    ("load within capacity", "capacity", "", _loads),
-    ("travel and service take their time", "has_times", "s", _moves),
-    ("service within a window", "windows", "s", _windows),
-    ("trip departs after releases", "releases", "s", _releases),
-    ("route within shift", "has_times", "s", _shifts),
-    ("duration within limit", "max_duration", "s", _durations),
+    The rule yields the values of a limit, or the places at which a rule without a tolerance is broken.
+    """
+
+    name: str
+    attribute: str
+    unit: str
+    rule: Callable[[RichData, FleetPlan], Iterator[_Row] | Iterator[str]]
+
+
+#: Checks of rich fleets in their order.
+RICH_CHECKS = (
+    RichCheck("one node of each group", "groups", "", _groups),
+    RichCheck("pickup before its delivery", "pairs", "", _pairs),
+    RichCheck("deliveries before backhauls", "backhauls", "", _backhauls),
+    RichCheck("skills of the vehicle", "requires", "", _skills),
+    RichCheck("reloads within limit", "max_reloads", "", _reloads),
+    RichCheck("load within capacity", "capacity", "", _loads),
+    RichCheck("travel and service take their time", "has_times", "s", _moves),
+    RichCheck("service within a window", "windows", "s", _windows),
+    RichCheck("trip departs after releases", "releases", "s", _releases),
+    RichCheck("route within shift", "has_times", "s", _shifts),
+    RichCheck("duration within limit", "max_duration", "s", _durations),
 )
 
 

@@ -24,11 +24,12 @@ def diagnose_fleet(model: FleetRouting, time_limit: float | None = None) -> Diag
     """Return the nodes or limits that make the model infeasible, and by how much.
 
     Nodes that no vehicle can reach or serve are reported first. If every node can be reached, the model is
-    solved, and then again without each of its limits. `time_limit` is that of each search, s.
+    solved, and then again without each of its limits. `time_limit` is that of each search, s. Rich
+    features are not analysed: the model is only solved.
     """
-    findings = (*_too_far(model), *_too_heavy(model))
+    findings = () if model.is_rich else (*_too_far(model), *_too_heavy(model))
     method = "each node by itself"
-    if not findings and model.budget is not None:
+    if not findings and not model.is_rich and model.budget is not None:
         findings, method = tuple(_too_long(model, time_limit)), "the shortest routes in all"
     if findings:
         return Diagnosis(model.name, False, method, f"no plan: {findings[0].text}", findings)
@@ -38,6 +39,10 @@ def diagnose_fleet(model: FleetRouting, time_limit: float | None = None) -> Diag
         return Diagnosis(model.name, True, answer.backend, summary)
     if answer.termination is not Termination.INFEASIBLE:
         return Diagnosis(model.name, None, answer.backend, f"not settled: {answer.termination}")
+    if model.is_rich:
+        return Diagnosis(
+            model.name, False, answer.backend, "no plan: the features exclude one another"
+        )
     findings = tuple(_without_limits(model, time_limit))
     summary = "no plan: " + (
         findings[0].text

@@ -1,11 +1,14 @@
 """What each check of a rich fleet accepts: 0.9 of its tolerance, and not 1.1; and each rule by name."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from check_limits import SCALES, assert_complete, assert_limit, assert_only, pairs
+from check_limits import SCALES, assert_complete, assert_limit, assert_only, names_of, pairs
 
 import crosstrack as ct
-from crosstrack.errors import UnsupportedOption
+from crosstrack.errors import InvalidData, UnsupportedOption
+from crosstrack.instances.fleet import write_routes_csv, write_vrplib
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan, rich_checks
 
@@ -249,8 +252,12 @@ def test_every_check_is_tested():
         battery=99, use_all=True,
     )  # fmt: skip
     tested = {*LIMITS, *FAULTS, "times of each route"}
-    assert_complete(tested, [complete.verify(plan_of())], rich_checks)
-    assert tested >= {name for name, *_ in rich_checks.RICH_CHECKS}
+    verified = complete.verify(plan_of())
+    assert names_of(verified) == tested
+    # The others are in test_check_limits.py.
+    plain = names_of(FleetRouting(2, points=POINTS, battery=99).verify(FleetPlan(ROUTES)))
+    own = SimpleNamespace(checks=[check for check in verified.checks if check.name not in plain])
+    assert_complete(tested - plain, [own], rich_checks)
 
 
 def test_the_timeline_shows_travel_waiting_services_and_windows():
@@ -267,3 +274,16 @@ def test_the_timeline_shows_travel_waiting_services_and_windows():
     assert box.get_extents().intervalx.tolist() == [3.0, 4.0]
     with pytest.raises(UnsupportedOption, match="'timeline' only with a plan that has times"):
         ct.plot(model, FleetPlan(ROUTES), parts=["timeline"])
+
+
+def test_exports_contain_reloads_open_ends_and_times(tmp_path):
+    model = fleet(objective="cost", reloads=[0], ends=[-1, 0], fixed_cost=5)
+    plan = model.with_schedule([[1, 0, 2], [3]])
+    rows = write_routes_csv(plan, tmp_path / "a.csv", model=model).read_text().splitlines()
+    assert rows[0] == "vehicle,stop,node,x,y,arrival,time"
+    assert [row.split(",")[2] for row in rows[1:]] == ["0", "1", "0", "2", "0", "3", "0"]
+    assert float(rows[4].split(",")[-1]) == plan.starts[0][3]
+    lines = write_vrplib(plan, tmp_path / "a.sol", model=model).read_text().splitlines()
+    assert lines == ["Route #1: 1 0 2", "Route #2: 3", f"Cost {model.verify(plan).objective!r}"]
+    with pytest.raises(InvalidData, match="starts must be the times of each route"):
+        write_routes_csv(FleetPlan(ROUTES, STARTS[:1]), tmp_path / "b.csv", model=model)
