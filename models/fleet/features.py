@@ -1,4 +1,4 @@
-"""Names of the rich features of fleet routing: the one place in which models and backends compare them."""
+"""Names of the rich features of fleet routing, with which models and backends are compared."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def features_of(model: Any) -> frozenset[str]:
     Parameters
     ----------
     model : FleetRouting
-        The model. An empty list, and ``False`` for `backhauls`, count as absent.
+        The model. An empty list, and ``False`` for `backhauls`, are absent.
 
     Returns
     -------

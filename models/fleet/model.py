@@ -87,13 +87,13 @@ class FleetRouting(RichData):
     speed : float or ndarray, shape (vehicles,), optional
         Divisor of the travel times of each vehicle: metres per second if `times` is not given.
     service : ndarray, shape (n,), optional
-        Duration of the service at each node, in seconds; at the ends of a route there is none.
+        Duration of the service at each node, in seconds. It is ignored at the ends of a route.
     windows : sequence, optional
         For each node None, one window (begin, end) or a list of windows, in seconds. A service begins
         inside one of them; a vehicle may wait. The windows of a depot limit departures and returns.
         An end of None or infinity is open.
     releases : ndarray, shape (n,), optional
-        Times from which the goods of each node exist, in seconds. A trip from the depot or a reload to
+        Times at which the goods of each node become available, in seconds. A trip from the depot or a reload to
         the next reload or the end departs no earlier than the releases of its nodes.
     pickups : ndarray, shape (n,) or (n, c), optional
         Amount picked up at each node, on board until the end of the trip. The load stays within the
@@ -119,7 +119,8 @@ class FleetRouting(RichData):
         Prize for a visit, for the objective "cost". NaN or None: the node must be visited. A number,
         also 0: the node is optional.
     groups : sequence of sequence of int, optional
-        Groups of nodes of which one is visited: exactly one if they have no prizes, else at most one.
+        Groups of alternative nodes. Exactly one node of a group without prizes is visited, and at most one
+        of a group with prizes.
     reloads : sequence of int, optional
         Nodes at which a vehicle may begin a new trip, any number of times; depots are allowed.
     max_reloads : int or ndarray of int, shape (vehicles,), optional

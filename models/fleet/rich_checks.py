@@ -153,7 +153,7 @@ def _moves(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
 def _releases(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
     """Yield how much earlier than the goods of a node its trip departs.
 
-    A trip that begins with a reload departs at the latest so that it reaches its first node in time.
+    A trip after a reload departs when its vehicle must leave to reach the first node in time.
     """
     assert model.releases is not None
     for k, nodes, times in _paths(model, plan):

@@ -76,7 +76,7 @@ def released(node, time, **fields):
 
 
 def reloaded(scale, share):
-    """The second trip reaches node 2, 4 m from the reload, at 9 s, so it departs at 5 s at the latest."""
+    """The second trip reaches node 2, 4 m from the reload, at 9 s, so it departs by 5 s."""
     releases = np.zeros(4)
     releases[2] = below(5.0, share, scale)
     points = np.vstack([POINTS, [0.0, 3.0]])
