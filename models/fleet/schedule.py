@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Piece", "earliest_returns", "schedule_route"]
 
-#: Departures are rounded: an arrival this much after a window, relative to the time, is in time.
+#: Arrivals are rounded: one this much after a window, relative to the times of the route, is in time.
 _ROUNDING = 1e-12
 
 
@@ -100,8 +100,10 @@ def _through(pieces: Iterable[Piece], windows: Spans) -> list[Piece]:
             # A departure that also meets an earlier window belongs to that one, except at its end.
             first = piece.first if piece.fixed > before else max(piece.first, before - piece.delay)
             last = min(piece.last, end - piece.delay)
-            if first <= last and piece.fixed <= end:
-                result.append(Piece(first, last, max(piece.fixed, begin), piece.delay))
+            slack = _ROUNDING * (abs(first) + abs(piece.delay))
+            if first <= last + slack and piece.fixed <= end + slack:
+                fixed = max(min(piece.fixed, end), begin)
+                result.append(Piece(first, max(first, last), fixed, piece.delay))
             before = max(before, end)
     return result
 
@@ -189,8 +191,9 @@ def schedule_route(model: RichData, vehicle: int, route: Sequence[int]) -> tuple
         home = None if model.windows is None else model.windows[int(model.homes[vehicle])]
         departure = max(begin, release, home[0][0] if home else -math.inf)
     times, now = [departure], departure
+    slack = 4 * _ROUNDING * (abs(departure) + sum(stop.travel + stop.service for stop in stops))
     for stop in stops:
-        now = _begin(now + stop.travel, stop.windows)
+        now = _begin(now + stop.travel, stop.windows, slack)
         times.append(now)
         now = max(now + stop.service, stop.release)
     if len(times) == len(route) + 1:  # an open route ends after its last service
@@ -198,9 +201,8 @@ def schedule_route(model: RichData, vehicle: int, route: Sequence[int]) -> tuple
     return tuple(times)
 
 
-def _begin(arrival: float, windows: Spans) -> float:
+def _begin(arrival: float, windows: Spans, slack: float) -> float:
     """Return the begin of a service: the first time in a window, or the arrival after all windows."""
-    slack = _ROUNDING * abs(arrival)
     for begin, end in windows or ():
         if arrival <= end + slack:
             return max(begin, min(arrival, end))

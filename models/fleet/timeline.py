@@ -116,7 +116,7 @@ def _spans(model: FleetRouting, plan: FleetPlan) -> Iterator[_Span]:
         for place, node in enumerate(route if model.windows is not None else ()):
             time = times[place + 1]
             for begin, end in sorted(
-                (model.windows or {})[node] or (),
+                (() if model.windows is None else model.windows[node]) or (),
                 key=lambda span: max(span[0] - time, time - span[1]),
             )[:1]:
                 level = k + _BELOW + _APART * (place % 3)
