@@ -94,7 +94,7 @@ def measure_of(model: FleetData, name: str, loads: Floats) -> float:
 def objective_of(model: FleetData, loads: Floats) -> float:
     """Return the objective value of `model` for routes of lengths `loads`.
 
-    The objectives "cost" and "makespan" also depend on the plan, see :func:`value_of`.
+    The objectives "cost" and "makespan" also depend on the plan, see ``value_of``.
     """
     if model.objective in (Objective.COST, Objective.MAKESPAN):
         raise InvalidData(

@@ -30,7 +30,7 @@ def features_of(model: Any) -> frozenset[str]:
     Returns
     -------
     frozenset of str
-        Members of :data:`FEATURES`: names of fields, ``"dimensions"`` for capacities with several
+        Members of ``FEATURES``: names of fields, ``"dimensions"`` for capacities with several
         dimensions, and ``"cost"`` or ``"makespan"`` for these objectives.
     """
     names = {str(model.objective)} & {"cost", "makespan"}
@@ -44,6 +44,6 @@ def features_of(model: Any) -> frozenset[str]:
 
 
 def list_unsupported(model: Any, supported: AbstractSet[str]) -> str:
-    """Return the features of `model` that are not `supported`, as text in the order of :data:`FEATURES`."""
+    """Return the features of `model` that are not `supported`, as text in the order of ``FEATURES``."""
     missing = features_of(model) - supported
     return ", ".join(name for name in FEATURES if name in missing)

@@ -129,7 +129,7 @@ class RichData(FleetData):
 
     @property
     def is_rich(self) -> bool:
-        """Whether the model has a feature of :data:`~crosstrack.models.fleet.features.FEATURES`."""
+        """Whether the model has a feature of ``FEATURES`` in ``models.fleet.features``."""
         return bool(features_of(self))
 
     @cached_property
@@ -146,7 +146,7 @@ class RichData(FleetData):
 
     @cached_property
     def is_customer(self) -> NDArray[np.bool_]:
-        """Whether each node is one of :attr:`customers`, shape (n,)."""
+        """Whether each node is one of `customers`, shape (n,)."""
         return np.isin(np.arange(self.size), self.customers)
 
     @cached_property
@@ -168,7 +168,7 @@ class RichData(FleetData):
 
     @cached_property
     def speeds(self) -> Floats:
-        """Speed of each vehicle, shape (vehicles,): the divisor of :attr:`base_times`."""
+        """Speed of each vehicle, shape (vehicles,): the divisor of `base_times`."""
         return np.ones(self.vehicles) if self.speed is None else self.speed
 
     def travel_time(self, vehicle: int, tail: int, head: int) -> float:

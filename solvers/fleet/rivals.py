@@ -99,7 +99,7 @@ class FleetBackend(Backend):
     Attributes
     ----------
     rich : frozenset of str
-        Supported members of :data:`~crosstrack.models.fleet.features.FEATURES`.
+        Supported members of ``FEATURES`` in ``models.fleet.features``.
     """
 
     accepts = FleetRouting
