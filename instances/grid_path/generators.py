@@ -268,10 +268,8 @@ def random_cells(rows: int, columns: int, density: float, seed: int = 0) -> Grid
 
 def _sides(rows: int, columns: int, lower: int) -> tuple[int, int]:
     """Return the numbers of cells after validation."""
-    sides = (
-        Whole(lower, MOST).coerce("rows", rows, {}),
-        Whole(lower, MOST).coerce("columns", columns, {}),
-    )
+    allowed = Whole(lower, MOST)
+    sides = allowed.coerce("rows", rows, {}), allowed.coerce("columns", columns, {})
     if sides[0] * sides[1] > MOST:
         raise InvalidData(
             f"rows × columns must be at most {MOST}, got {sides[0]} × {sides[1]}", field="rows"

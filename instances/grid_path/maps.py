@@ -55,9 +55,7 @@ def read_text_map(
         line and column.
     """
     file = as_path(path)
-    lines = read_text(file).splitlines()
-    while lines and not lines[-1]:
-        lines.pop()
+    lines = read_text(file).rstrip("\r\n").splitlines()
     blocked = read_cells(lines, str(file), (1, 1))
     if blocked.all():
         raise InvalidData(f"{file}: must hold at least one free cell, got none", field="blocked")

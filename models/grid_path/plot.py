@@ -14,7 +14,7 @@ from ..verification import Check
 from .gridmap import GridMap
 from .model import GridPath
 from .plan import GridPlan
-from .polygons import Polygons
+from .polygons import Polygons, as_shapely
 
 __all__ = ["animate_paths", "draw", "draw_progress"]
 
@@ -94,9 +94,9 @@ def draw(
     if weighted:
         beside = scene.axes(scene.broad - 0.85, foot, 0.71, scene.head)
         _draw_scale(scene.figure, image, beside)
-    rings = [edge * scale for polygon in outlines for edge in (polygon.shell, *polygon.holes)]
-    if rings:
-        _draw_outlines(rings, axes)
+    if outlines:
+        look: dict[str, Any] = {"fc": "none", "ec": OUTLINE, "lw": 1.0, "zorder": 1.5}
+        kit.draw_polygons(axes, as_shapely(outlines), scale, gid="obstacle", **look)
     for k in reversed(range(len(plans))):
         _draw_paths(model, plans[k].plan, axes, scale, k + (plan is None))
     start, goals = (grid.centres(cells) * scale for cells in (model.start[None], model.goals))
@@ -162,13 +162,6 @@ def _draw_scale(figure: kit.Figure, image: Any, axes: Any) -> None:
     bar = kit.color_bar(figure, image, axes, "cost of a metre (–)", ticks=LogLocator(subs=steps))
     bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-
-
-def _draw_outlines(rings: list[kit.Floats], axes: Any) -> None:
-    from matplotlib.collections import PolyCollection
-
-    look: dict[str, Any] = {"facecolor": "none", "edgecolor": OUTLINE, "lw": 1.0, "zorder": 1.5}
-    axes.add_collection(PolyCollection(rings, gid="obstacle", **look), autolim=False)
 
 
 def _draw_paths(model: GridPath, plan: GridPlan, axes: Any, scale: float, place: int) -> None:

@@ -164,17 +164,14 @@ class AnyDirection(Backend):
         bound = float(bounds.sum() if each else bounds.min()) * problem.map.cell
         exact = self.guarantee is Guarantee.EXACT
         common: dict[str, Any] = {"seconds": seconds, "statistics": dict(ground.statistics)}
-        whole = len(paths) == len(bounds) if each else bool(paths)
-        if not whole:
+        if len(paths) < (len(bounds) if each else 1):
             if exact and math.isinf(bound):
                 return Answer(Termination.INFEASIBLE, **common)
             return Answer(
                 Termination.NO_SOLUTION, limit, dual_bound=bound if exact else None, **common
             )
-        if each:
-            plan = ground.plan([paths[k] for k in range(len(bounds))])
-        else:
-            plan = ground.plan([paths[min(paths, key=lambda k: legs[k].length)]])
+        chosen = range(len(bounds)) if each else [min(paths, key=lambda k: legs[k].length)]
+        plan = ground.plan([paths[k] for k in chosen])
         if not exact:
             return Answer(Termination.FEASIBLE, limit, plan, plan.length, **common)
         if bound >= plan.length * (1.0 - ROUNDING):  # optimal even if a stop arrived at the end

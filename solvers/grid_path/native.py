@@ -146,9 +146,8 @@ class NeighbourSearch(Backend):
             with suppress(OutOfTime):
                 first = field.first_plan(request)
         every = problem.reach is Reach.EACH
-        groups = np.split(np.arange(len(field.goals)), len(field.goals) if every else 1)
-        if self.shared:
-            groups = [np.arange(len(field.goals))]
+        count = len(field.goals)
+        groups = np.split(np.arange(count), count if every and not self.shared else 1)
         bounds = field.straight()
         paths: list[Ints] = []
         expanded = 0
