@@ -159,8 +159,8 @@ def _draw_map(
                   lw=1.0, ls=":", zorder=4, gid="moving obstacle")  # fmt: skip
     keys += [kit.key("moving obstacle", color=kit.RED, lw=1.0, ls=":")] * bool(model.moving)
     for name, places, marker, area in ends:
-        axes.scatter(*(places * scale).T, marker=marker, s=area, c="white", edgecolors=kit.BLACK,
-                     linewidths=1.1, zorder=8, gid=name)  # fmt: skip
+        look: dict[str, Any] = {"size": area, "edge": kit.BLACK, "width": 1.1, "zorder": 8}
+        kit.dots(axes, places * scale, marker, "white", gid=name, **look)
         keys.append(kit.key(name, marker=marker, mfc="white", mec=kit.BLACK, ms=6))
     if plan is not None and result is not None:
         keys += _draw_violations(plan, result, axes, scale)
@@ -178,13 +178,8 @@ def _draw_violations(plan: FlightPlan, result: Verification, axes: Any, scale: f
         return None if time is None else curve(np.clip(time, curve.times[0], curve.times[-1]))
 
     kit.pin_places(axes, result, place, scale)
-    wrong = [spot for check in result.violated if (spot := place(check)) is not None]
-    wrong = [spot for spot in wrong if (np.abs(spot) < kit.FAR).all()]
-    if not wrong:
-        return []
-    axes.scatter(*(np.array(wrong) * scale).T, s=150, facecolors="none", edgecolors=kit.RED,
-                 linewidths=1.8, zorder=21, gid="worst violation")  # fmt: skip
-    return [kit.key("worst violation", **kit.RING)]
+    wrong = [spot * scale for check in result.violated if (spot := place(check)) is not None]
+    return kit.ring(axes, wrong, "worst violation")
 
 
 def _draw_obstacles(model: Flight, axes: Any, scale: float) -> None:
@@ -204,7 +199,7 @@ def _draw_obstacles(model: Flight, axes: Any, scale: float) -> None:
             radius = [model.radius * scale] * len(points)
             kit.draw_circles(axes, points, radius, fc=_WALL, ec="none", zorder=1, gid="obstacle")
         else:
-            axes.scatter(*points.T, s=3, c=_EDGE, zorder=1, gid="obstacle")
+            kit.dots(axes, points, "o", _EDGE, size=3, zorder=1, gid="obstacle")
 
 
 def _draw_voxels(axes: Any, source: VoxelMap) -> None:
@@ -252,14 +247,7 @@ def animate_flight(model: Flight, plan: FlightPlan | Any, figure: Any) -> Any:
     """
     curve, axes = required("plan", plan, FlightPlan).trajectory, figure.axes[0]
     times = _times(curve)
-    scale = 1.0
-    if model.dimensions == 2:
-        low, high = model.space.extent(model.places)
-        bounds = model.space.bounds
-        if np.isfinite(bounds).all():
-            low, high = bounds
-        low, high = kit.box_near(low, high, [curve(times)])
-        scale = kit.length_unit(float((high - low).max()))[0]
+    scale = kit.scale_of(axes)
     places, steps = (curve(times, order) * scale for order in (0, 1))
     steps *= 0.15 * np.ptp(places, axis=0).max() / (np.linalg.norm(steps, axis=1).max() or 1.0)
     movers = [kit.Mover(axes, times, places, kit.colour_of(0), steps)]

@@ -20,7 +20,7 @@ __all__ = [
     "BLOCKED", "FAR", "box_near", "circles", "corners_of", "dots", "draw_box", "draw_cells", "draw_circles", "draw_ends",
     "draw_lines", "draw_polygons", "draw_routes", "draw_shaded_line", "draw_stops", "dress_map",
     "dress_space", "heading_marker", "length_unit", "name_vehicles", "place_labels", "point_ways", "ring",
-    "space_axes", "turn_down", "write_names",
+    "scale_of", "space_axes", "turn_down", "write_names",
 ]  # fmt: skip
 
 #: Space for tick labels and the label of an axis to the left and right of a box in space (inch).
@@ -50,6 +50,11 @@ _CHARACTER, _LINE = 0.62, 1.07
 def length_unit(extent: float) -> tuple[float, str]:
     """Return factor and name of the length unit for an extent in metres."""
     return next((factor, unit) for least, factor, unit in _UNITS if extent >= least or not least)
+
+
+def scale_of(axes: Any) -> float:
+    """Return the factor from metres to the unit of length in the label of the x axis."""
+    return next(factor for _, factor, unit in _UNITS if f"({unit})" in axes.get_xlabel())
 
 
 def dress_map(
