@@ -89,6 +89,14 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
                 )
         return cls(model, **options)
 
+    def _changed(self, **fields: Any) -> Self:
+        """Return a copy with these values. Its other fields that are no options have their defaults."""
+        options = [f.name for f in dataclasses.fields(self) if f.init and f.name in fields]
+        result = dataclasses.replace(self, **{name: fields.pop(name) for name in options})
+        for name, value in fields.items():
+            object.__setattr__(result, name, value)
+        return result
+
     @cached_property
     def program(self) -> Program:
         """The program, built at first use."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 import itertools
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -260,12 +260,6 @@ class CutFormulation(Formulation[FleetRouting, FleetPlan]):
     def build(self) -> MixedIntegerProgram:
         """Return the program described in the module's docstring."""
         return self._build(self.cuts)
-
-    def _extended(self, cuts: tuple[Cut, ...]) -> Self:
-        """Return the formulation with `cuts`."""
-        refinement = replace(self)
-        object.__setattr__(refinement, "_added", cuts)
-        return refinement
 
     def _positions(self, plan: FleetPlan) -> list[list[int]]:
         """Return the places of the stops of each route among the customers; raise for other nodes."""

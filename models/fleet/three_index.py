@@ -327,9 +327,7 @@ class ThreeIndexFormulation(CutFormulation):
                 more = (*more, way)
         if len(cuts) == len(self.cuts) and len(more) == len(self._more):
             return None
-        refinement = self._extended(cuts)
-        object.__setattr__(refinement, "_more", more)
-        return refinement
+        return self._changed(_added=cuts, _more=more)
 
     def encode(self, plan: FleetPlan) -> Floats:
         """Return the columns of `plan`; routes of identical vehicles may be exchanged."""

@@ -131,7 +131,7 @@ class TwoIndexFormulation(CutFormulation):
         cuts = merge_cuts(self.cuts, map(Cut, subtours))
         if len(cuts) == len(self.cuts):
             return None
-        return self._extended(cuts)
+        return self._changed(_added=cuts)
 
     def encode(self, plan: FleetPlan) -> Floats:
         """Return how often `plan` uses each edge, followed by the number of routes."""

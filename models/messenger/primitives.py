@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple, Self
 
@@ -283,9 +283,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
 
     def fitted(self, plan: TourPlan) -> Self:
         """Return the formulation with the order and the turns of `plan`; its guess is `plan`."""
-        formulation = replace(self, order=plan.order, words=words_of(self.model, plan))
-        object.__setattr__(formulation, "near", plan)
-        return formulation
+        return self._changed(order=plan.order, words=words_of(self.model, plan), near=plan)
 
     def encode(self, plan: TourPlan) -> Floats:
         """Return the columns of `plan`.

@@ -24,6 +24,7 @@ from ..vehicles import Measure, Quadrotor
 from .bases import LegendreFormulation, UnitBasisFormulation
 from .gates import gate_rows
 from .hermite import HermiteFormulation
+from .instants import initial_times
 
 __all__ = ["PRICE", "RADIUS", "ConeProgramFormulation", "Held"]
 
@@ -95,9 +96,8 @@ class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
         # Only the columns of hermite keep a standstill, at which the direction of the path is a limit.
         kind = HermiteFormulation if local else LegendreFormulation
         first = kind(plain, samples=self.samples)
-        nodes = (1 - np.cos(np.pi * np.arange(self.samples) / (self.samples - 1))) / 2
         segment = np.repeat(np.arange(model.segments), self.samples)
-        s = np.tile(nodes, model.segments)
+        s = np.tile(initial_times(self.samples), model.segments)
         # The end of a segment is the start of the next one.
         inner = (s < 1) | (segment == model.segments - 1) | (model.continuity < 3)
         held = tuple(Held(segment[inner], s[inner]) for _ in self.measures)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..model import MinimumDerivative
 from ..polynomials import bernstein_matrix, critical_points, factorials, horner
 
-__all__ = ["NOWHERE", "Instants", "Limits", "first_instants", "outside"]
+__all__ = ["NOWHERE", "Instants", "Limits", "first_instants", "initial_times", "outside"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -140,17 +140,21 @@ class Instants(NamedTuple):
 NOWHERE = Instants(np.empty(0, np.int64), np.empty(0))
 
 
+def initial_times(samples: int) -> Floats:
+    """Return scaled times in [0, 1], the extreme points of a Chebyshev polynomial: denser near the ends."""
+    return np.asarray((1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2)
+
+
 def first_instants(
     model: MinimumDerivative, limits: Limits, samples: int, continuity: int
 ) -> Instants:
     """Return the initial instants at which bounds are imposed, at least 2 `samples` per segment.
 
-    They are the Chebyshev extreme points of every bounded segment, which are denser near its ends,
-    where derivatives peak. Values that are fixed at a knot need no row. Values that are continuous
+    They are the :func:`initial_times` of every bounded segment, as derivatives peak near its ends. Values that are fixed at a knot need no row. Values that are continuous
     at a knot with equal bounds on both sides need one row. Derivatives up to `continuity` are equal
     on both sides of a knot.
     """
-    nodes = (1 - np.cos(np.pi * np.arange(samples) / (samples - 1))) / 2
+    nodes = initial_times(samples)
     every = Instants(
         np.repeat(np.arange(limits.segment.size), samples), np.tile(nodes, limits.segment.size)
     )

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Self
 
@@ -379,10 +379,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         added = held.fresh(outside(polynomials, limits, threshold)[0])
         if not added.s.size:
             return None
-        finer = replace(self)
-        object.__setattr__(finer, "instants", self.instants.joined(added))
-        object.__setattr__(finer, "rounds", self.rounds + 1)
-        return finer
+        return self._changed(instants=self.instants.joined(added), rounds=self.rounds + 1)
 
     # -- plans -----------------------------------------------------------------------------------
 

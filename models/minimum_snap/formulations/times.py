@@ -9,7 +9,7 @@ simultaneously.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, Self
 
@@ -102,9 +102,7 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
     def _at(self, times: Floats) -> HermiteFormulation:
         """Return the quadratic program at given times, with the same instants."""
         at = HermiteFormulation(self.model.at(times), samples=self.samples)
-        object.__setattr__(at, "instants", self.instants)
-        object.__setattr__(at, "rounds", self.rounds)
-        return at
+        return at._changed(instants=self.instants, rounds=self.rounds)
 
     @cached_property
     def _unit(self) -> HermiteFormulation:
@@ -288,7 +286,4 @@ class TimesFormulation(Formulation[TimeAllocation, Trajectory]):
         more = at.refined(at.encode(plan), tolerance)
         if more is None:
             return None
-        finer = replace(self)
-        for name, value in (("instants", more.instants), ("rounds", more.rounds), ("near", plan)):
-            object.__setattr__(finer, name, value)
-        return finer
+        return self._changed(instants=more.instants, rounds=more.rounds, near=plan)

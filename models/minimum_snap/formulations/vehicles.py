@@ -8,7 +8,7 @@ et al., "Motion planning with sequential convex optimization and convex collisio
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -75,7 +75,7 @@ class VehicleFormulation(ConeProgramFormulation):
         names = ("base", "held", "centre", "merit", "radius", "price", "relaxes")
         state = {name: getattr(self, name) for name in names}
         state["rounds"] = self.rounds + 1
-        return replace(self)._set(**{**state, **fields})
+        return self._changed(**{**state, **fields})
 
     def _excess(
         self, plan: Trajectory, tolerance: float
