@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Spec, frozen, show
+from ..specs import count_rows
 
 __all__ = [
     "END",
@@ -71,11 +72,7 @@ class Kinds(Spec):
         if isinstance(value, str) or not isinstance(value, Iterable):
             raise InvalidData(f"{name} must be a list of words, got {show(value)}", field=name)
         words = [kind_word(entry, f"{name}[{row}]") for row, entry in enumerate(value)]
-        known, source = sizes.setdefault("n", (len(words), name))
-        if known != len(words):
-            raise InvalidData(
-                f"{name} has {len(words)} entries where {source} has {known}", field=name
-            )
+        count_rows(name, len(words), "n", sizes)
         return self.refreeze(np.array(words, dtype="<U10"))
 
     def encode(self, value: NDArray[np.str_]) -> Any:

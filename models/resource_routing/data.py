@@ -16,6 +16,7 @@ from ..fields import Array, Flag, Optional, Spec, Whole, declared, frozen, show,
 from ..inputs import Field, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
+from ..specs import count_rows
 from ..verification import ROUNDING
 from .resource import Resource
 from .route import Route
@@ -36,11 +37,7 @@ class Words(Spec):
         for row, word in enumerate(words):
             if not isinstance(word, str) or unwritable(word):
                 raise InvalidData(f"{name}[{row}] must be a word, got {show(word)}", field=name)
-        known, source = sizes.setdefault("n", (len(words), name))
-        if known != len(words):
-            raise InvalidData(
-                f"{name} has {len(words)} entries where {source} has {known}", field=name
-            )
+        count_rows(name, len(words), "n", sizes)
         return words
 
     def encode(self, value: tuple[str, ...]) -> Any:

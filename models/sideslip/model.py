@@ -17,6 +17,7 @@ from ..declaration import Listed, Nested
 from ..fields import Array, Optional, Real, declared, required
 from ..inputs import Field, FloatArray, FloatsOrNone
 from ..model import Model
+from ..specs import count_rows
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .checks import kinematic_error, mean_error
 from .data import Recording, Vehicle
@@ -121,11 +122,8 @@ class SideslipEstimation(Model[SideslipEstimate]):
                 raise InvalidData(
                     f"training[{k}] must hold sideslip, which estimators learn", field="training"
                 )
-        if self.truth is not None and len(self.truth) != len(self.recording):
-            raise InvalidData(
-                f"truth has {len(self.truth)} entries where recording has {len(self.recording)}",
-                field="truth",
-            )
+        if self.truth is not None:
+            count_rows("truth", len(self.truth), "", {"": (len(self.recording), "recording")})
 
     @property
     def preferred_backend(self) -> str:

@@ -386,11 +386,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         return self._with(_start=plan)
 
     def _with(self, **changes: Any) -> Self:
-        options = {name: value for name, value in changes.items() if not name.startswith("_")}
-        result = replace(self, **options)
-        for name in ("_meshes", "_history", "_start", "_past_rows"):
-            object.__setattr__(result, name, changes.get(name, getattr(self, name)))
-        return result
+        kept = ("_meshes", "_history", "_start", "_past_rows")
+        return self._changed(**{name: getattr(self, name) for name in kept} | changes)
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
