@@ -149,8 +149,7 @@ class AttractorBackend(Backend):
                 f"state has a neighbour; got {plan.theiler}",
                 field="theiler",
             )
-        limit = request.control.limit
         return Answer(
-            Termination.FEASIBLE, limit, plan, None,
+            Termination.FEASIBLE, request.control.limit, plan, None,
             seconds=seconds, statistics=finding.statistics, message=finding.message,
         )  # fmt: skip

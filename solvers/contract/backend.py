@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -39,7 +40,14 @@ __all__ = [
     "Option",
     "Request",
     "Termination",
+    "processors",
 ]
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use, which may be fewer than exist."""
+    has_affinity = hasattr(os, "sched_getaffinity")
+    return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -88,6 +96,11 @@ class Request:
     verbose: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
     control: Control = field(default_factory=Control)
+
+    @property
+    def available_threads(self) -> int:
+        """Number of threads of the run: as requested, otherwise the processors that this process may use."""
+        return self.threads or processors()
 
     def left(self) -> float | None:
         """Return the seconds left of the time limit, at least 0; None if there is no time limit."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -212,11 +211,10 @@ class _Search:
         self.draws = [np.random.default_rng(seed) for seed in seeds]
         self.begin()
         # More threads than concurrent annealings would stay idle.
-        threads = min(ABREAST, request.threads or os.cpu_count() or 1)
+        threads = min(ABREAST, request.available_threads)
         with ThreadPoolExecutor(threads) as pool:
             self.search(pool)
-        stopped = request.control.stopped
-        limit = request.control.reason if stopped else Limit.TIME if request.left() == 0.0 else None
+        limit = request.control.limit or (Limit.TIME if request.left() == 0.0 else None)
         statistics = {"steps": self.steps, "rounds": self.rounds}
         seconds = {"solve": clock() - begin, "bound": self.proving}
         if self.best is None:

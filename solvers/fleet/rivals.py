@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from ...models.fleet.checks import loads_of, objective_of, value_of
 from ...models.fleet.features import list_unsupported
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
-__all__ = ["Best", "FleetBackend", "FleetHeuristic", "available_threads"]
+__all__ = ["Best", "FleetBackend", "FleetHeuristic"]
 
 
 #: Number of cheapest moves evaluated to give an empty vehicle a node.
@@ -139,12 +138,3 @@ class FleetHeuristic(FleetBackend):
             statistics=dict(statistics),
             message="" if has_plan or not best.broken else f"no plan found keeps: {best.broken}",
         )
-
-
-def available_threads(request: Request) -> int:
-    """Return the number of threads of a run: as requested, else all CPUs of this process."""
-    if request.threads is not None:
-        return request.threads
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...models.fleet import FleetRouting
 from ...models.fleet.checks import objective_of
 from ..contract.backend import Feature, Option, Request
-from .rivals import Best, FleetHeuristic, available_threads
+from .rivals import Best, FleetHeuristic
 from .swarm import Colonies, assign_vehicles, energies, k_means, positions, swarm
 
 __all__ = ["KMeansAntColony", "PsoAntColony", "PsoAntColonySerial", "TwoPhase", "TwoPhases"]
@@ -89,7 +89,7 @@ class TwoPhases(FleetHeuristic):
         points = positions(model)
         names = ("ants", "ant_iterations", "alpha", "beta", "evaporation")
         settings = np.array([float(options.get(name, 0)) for name in names])
-        threads = 1 if self.single_threaded else available_threads(request)
+        threads = 1 if self.single_threaded else request.available_threads
         counts = {"runs": 0}
         with ExitStack() as stack:
             pool = stack.enter_context(ThreadPoolExecutor(threads)) if threads > 1 else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -240,7 +239,7 @@ class Staged(Backend):
     def _flights(
         self, stages: Stages, solver: Backend | None, ways: list[Corridor]
     ) -> list[Flight]:
-        threads = min(stages.request.threads or os.cpu_count() or 1, len(ways))
+        threads = min(stages.request.available_threads, len(ways))
         flown = partial(self._flown, stages, solver)
         if threads == 1:
             return list(map(flown, ways))

@@ -75,9 +75,7 @@ class StagedFlight(Backend):
             if proof or control.stopped:
                 break
         common: dict[str, Any] = {"seconds": {"solve": clock() - begin}, "statistics": statistics}
-        limit = control.limit
-        if limit is None and STOPPED in statistics:
-            limit = Limit.TIME
+        limit = control.limit or (Limit.TIME if STOPPED in statistics else None)
         if plan is not None:
             objective = problem.verify(plan, tolerance=request.tolerance).objective
             return Answer(Termination.FEASIBLE, limit, plan, objective, bound, **common)

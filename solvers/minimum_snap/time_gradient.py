@@ -186,14 +186,13 @@ class TimeGradient(Backend):
                 if result is None or more.value < result.value:
                     result, counts = more, now
         if result is None:
-            limit = control.limit
             return Answer(
                 Termination.NO_SOLUTION,
-                limit,
+                control.limit,
                 seconds={"solve": clock() - begin},
                 statistics={"solves": inner.solves, "newton steps": inner.steps},
                 message=""
-                if limit
+                if control.stopped
                 else "no durations were found that leave a path within the "
                 "bounds; this is no proof that there are none",
             )

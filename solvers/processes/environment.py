@@ -11,8 +11,8 @@ from typing import Any
 
 from ...errors import UnsupportedOption
 from ...version import __version__
+from ..contract.backend import processors
 from ..contract.job import Job
-from ..run.running import processors
 
 __all__ = ["MIB", "environment", "require_accounts", "resident"]
 

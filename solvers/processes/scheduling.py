@@ -18,12 +18,13 @@ from typing import Any
 import cloudpickle
 
 from ...errors import CrosstrackError
+from ..contract.backend import processors
 from ..contract.enums import Termination
 from ..contract.job import Job
 from ..contract.registry import find_backend
 from ..contract.solution import Solution
 from ..run.assembly import Claim, assemble
-from ..run.running import GRACE, PATIENCE, processors
+from ..run.running import GRACE, PATIENCE
 from .environment import environment
 from .interrupts import on_interrupt
 from .isolation import Worker

@@ -15,14 +15,14 @@ from ... import timing
 from ...errors import InvalidData, UnsupportedFormulation
 from ...lazy import moved
 from ...models.verification import Verification, stated
-from ..contract.backend import Answer, Backend, Control, Request
+from ..contract.backend import Answer, Backend, Control, Request, processors
 from ..contract.enums import CLAIMS_NONE, Feature, Limit, Termination
 from ..contract.job import GAP, Job
 from ..contract.registry import integrality_refusal, is_ours
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
 from .assembly import Claim, assemble
-from .running import GRACE, Run, processors, proven_bound
+from .running import GRACE, Run, proven_bound
 
 if TYPE_CHECKING:
     from ..contract.events import Listener

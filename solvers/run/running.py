@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import os
 import queue
 import threading
 import time
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from ..contract.events import Listener
     from ..processes.output import Printed
 
-__all__ = ["GRACE", "PATIENCE", "Run", "processors", "proven_bound"]
+__all__ = ["GRACE", "PATIENCE", "Run", "proven_bound"]
 
 log = logging.getLogger("crosstrack")
 output = logging.getLogger("crosstrack.output")
@@ -43,12 +42,6 @@ POLL = 0.1
 STRETCH = 0.25
 #: Share of the time limit for the heuristic that runs before an exact backend.
 STARTING = 0.3
-
-
-def processors() -> int:
-    """Return the number of processors that this process may use, which may be fewer than exist."""
-    has_affinity = hasattr(os, "sched_getaffinity")
-    return len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1
 
 
 def proven_bound(problem: Any, answer: Answer) -> float | None:

@@ -98,10 +98,9 @@ class SideslipBackend(Backend):
             **estimate.statistics,
             **{name: count for name, count in counts.items() if count},
         }
-        limit = request.control.limit
         return Answer(
             Termination.FEASIBLE,
-            limit,
+            request.control.limit,
             plan,
             None,
             seconds=seconds,
