@@ -186,6 +186,8 @@ class Control:
     def _set_timer(self, deadline: float) -> None:
         self._deadline = deadline
         seconds = min(max(deadline - time.perf_counter(), 0.0), threading.TIMEOUT_MAX)
+        if self._timer is not None:
+            self._timer.cancel()
         self._timer = threading.Timer(seconds, self.stop, (Limit.TIME,))
         self._timer.daemon = True
         self._timer.start()

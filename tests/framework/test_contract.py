@@ -418,6 +418,15 @@ def test_stopping_a_run_stops_its_stages():
     assert control.evaluations == 3
 
 
+def test_another_deadline_replaces_the_first():
+    control = Control()
+    control.arm(0.05)
+    control.arm(60.0)
+    time.sleep(0.1)
+    assert not control.stopped
+    control.disarm()
+
+
 # -- repeats, files ------------------------------------------------------------------------------------
 
 
