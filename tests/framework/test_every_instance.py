@@ -40,11 +40,34 @@ EVALUATIONS = {"black-box": 1000}
 ROWS = 1e-5
 
 
+def is_slow(entry):
+    return bool({entry.name, entry.name.partition("/")[0]} & SLOW)
+
+
 def cases():
-    """Every entry of the catalogue, marked slow where solving it is."""
+    """Every entry of the catalogue, marked slow if solving it is slow."""
     for entry in entries():
-        slow = {entry.name, entry.name.partition("/")[0]} & SLOW
-        yield pytest.param(entry, id=entry.name, marks=[pytest.mark.slow] if slow else [])
+        yield pytest.param(entry, id=entry.name, marks=[pytest.mark.slow] if is_slow(entry) else [])
+
+
+def drawn():
+    """Names of the entries drawn here: the first, middle and last quick one of each model."""
+    by_model = {}
+    for entry in entries():
+        if not is_slow(entry):
+            by_model.setdefault(entry.model, []).append(entry.name)
+    return {names[at] for names in by_model.values() for at in (0, len(names) // 2, -1)}
+
+
+DRAWN = drawn()
+
+
+def solved(entry):
+    """Return the model and a solution."""
+    model, problem = entry.build(), entry.name.partition("/")[0]
+    return model, ct.solve(
+        model, time_limit=60, tolerance=TOLERANCES.get(problem, 1e-6), evaluations=EVALUATIONS.get(problem)
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("entry", entries(), ids=lambda entry: entry.name)
@@ -67,17 +90,32 @@ def test_its_data_travels(entry):
     assert model.describe()
 
 
+def draw(model, solution, folder):
+    """Draw the plan, or the model if it has none."""
+    if solution.plan is None:
+        assert ct.plot(model).axes
+        return
+    ct.plot(model, solution).savefig(folder / "picture.png", dpi=40)
+    assert (folder / "picture.png").stat().st_size > 1000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "entry", [entry for entry in entries() if entry.name not in DRAWN], ids=lambda entry: entry.name
+)
+def test_its_plan_is_drawn(entry, tmp_path):
+    draw(*solved(entry), tmp_path)
+
+
 @pytest.mark.parametrize("entry", list(cases()))
 def test_its_plan_travels_and_fits_every_program(entry, tmp_path):
-    model = entry.build()
-    problem = entry.name.partition("/")[0]
-    tolerance, evaluations = TOLERANCES.get(problem, 1e-6), EVALUATIONS.get(problem)
-    solution = ct.solve(model, time_limit=60, tolerance=tolerance, evaluations=evaluations)
+    model, solution = solved(entry)
+    if entry.name in DRAWN:  # half of the time of this test
+        draw(model, solution, tmp_path)
     data = solution.to_dict()
     assert json.loads(json.dumps(data, allow_nan=False)) == data
     if solution.plan is None:
         assert solution.termination in ("infeasible", "locally_infeasible"), solution
-        assert ct.plot(model).axes
         return
     assert Solution.from_dict(data, model).to_dict() == data
     stored = json.loads(json.dumps(model.plan_to_data(solution.plan), allow_nan=False))
@@ -86,12 +124,11 @@ def test_its_plan_travels_and_fits_every_program(entry, tmp_path):
     assert model.plan_to_data(pickle.loads(pickle.dumps(plan))) == stored
     for given in (solution, solution.plan, stored):
         assert model.plan_to_data(model.as_plan(given)) == stored
+    tolerance = TOLERANCES.get(entry.name.partition("/")[0], 1e-6)
     found = model.verify(plan, tolerance=tolerance)
     assert found.ok, found
     assert found.objective == pytest.approx(solution.primal_bound, rel=1e-9)
     fits_every_program(model, plan, solution)
-    ct.plot(model, solution).savefig(tmp_path / "picture.png", dpi=40)
-    assert (tmp_path / "picture.png").stat().st_size > 1000
 
 
 def fits_every_program(model, plan, solution):
