@@ -91,7 +91,7 @@ def test_times_grow_as_a_root_of_the_price(weight, seed, order, factor):
 
 
 @given(seed=seeds, shift=st.floats(-1e3, 1e3), size=st.floats(0.1, 10))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_moving_and_enlarging_the_path_with_its_limits(seed, shift, size):
     points = walk(4, 2, seed)
     limits = {"velocity_limit": 1.0, "acceleration_limit": 1.5}
@@ -104,7 +104,7 @@ def test_moving_and_enlarging_the_path_with_its_limits(seed, shift, size):
 
 
 @given(seed=seeds, unit=st.floats(0.2, 5))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_another_unit_of_time_is_the_same_problem(seed, unit):
     points = walk(4, 2, seed)
     here = ct.solve(TimeAllocation(points, 5.0, order=3, velocity_limit=1.0, jerk_limit=6.0))
@@ -119,7 +119,7 @@ def test_another_unit_of_time_is_the_same_problem(seed, unit):
 
 
 def test_starts_seeds_and_warm_starts():
-    model = TimeAllocation(walk(6), 20.0, **{**LIMITS, "order": 3})
+    model = TimeAllocation(walk(4), 20.0, **{**LIMITS, "order": 3})
     several = ct.solve(model, "time-gradient", starts=3, seed=0)
     assert [s.termination for s in several.starts] == ["locally_optimal"] * 3
     assert several.primal_bound <= min(s.primal_bound for s in several.starts)
