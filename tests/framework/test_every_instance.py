@@ -16,7 +16,7 @@ from crosstrack.solvers import Solution
 SLOW = {
     *("error-correction/10", "error-correction/11"),
     "minimum-snap/corridor-1000",
-    *("attractor/samples-100000", "fleet-mission/paper"),
+    "attractor/samples-100000",
     "satellite-slew",
     *("guided-path/hard-10x30", "guided-path/hard-20x20"),
     *(f"fleet/table-3-q{q}" for q in ("0", "0.2", "0.4", "0.6", "0.8")),
