@@ -53,6 +53,7 @@ MORE = {
         ("Prepared solvers", "solvers.optimal_control.prepared", "PreparedSolver Step"),
         ("", "solvers.optimal_control.sensitivity", "Sensitivity"),
     ],
+    "grid_path": [("Prepared maps", "solvers.grid_path.prepared", "PreparedMap PathAnswer")],
     "satellite_slew": [
         ("Gyros and attitudes", "models.satellite_slew.gyros", ""),
         ("", "models.satellite_slew.quaternions", ""),

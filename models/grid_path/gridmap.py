@@ -325,6 +325,50 @@ class GridMap(Declared):
             return self
         return replace(self, blocked=enlarged(self.blocked, reach * (1 - 1e-12)))
 
+    def inflation_weights(
+        self, radius: float, peak: float, decay: float, inscribed: float = 0.0
+    ) -> Floats:
+        """Return weights of cells for :class:`GridPath` that are greater near blocked cells.
+
+        For the distance d between the centres of a cell and the nearest blocked cell, the weight is `peak` up to
+        `inscribed`, then ``1 + (peak - 1) exp(-decay (d - inscribed))`` up to `radius`, and 1 beyond. These are
+        the costs of the inflation layer of ROS (http://wiki.ros.org/costmap_2d), on a scale from 1 to `peak`.
+
+        Parameters
+        ----------
+        radius : float
+            Distance up to which weights exceed 1, m.
+        peak : float
+            Greatest weight, at least 1.
+        decay : float
+            Rate at which the weights decrease, 1/m.
+        inscribed : float, default 0
+            Distance up to which the weight is `peak`, m.
+
+        Returns
+        -------
+        ndarray, shape (rows, columns)
+            Weights, at least 1.
+
+        Raises
+        ------
+        InvalidData
+            A parameter is out of range.
+        """
+        from scipy.ndimage import distance_transform_edt
+
+        reach, inner = (
+            Real(lower=0, unit="m").coerce(name, value, {})
+            for name, value in (("radius", radius), ("inscribed", inscribed))
+        )
+        top = Real(lower=1).coerce("peak", peak, {})
+        rate = Real(lower=0, unit="1/m").coerce("decay", decay, {})
+        if not self.blocked.any():
+            return np.ones(self.shape)
+        apart = distance_transform_edt(~self.blocked) * self.cell
+        weights = 1.0 + (top - 1.0) * np.exp(-rate * np.maximum(apart - inner, 0.0))
+        return np.where(apart <= max(reach, inner), weights, 1.0)
+
     def __repr__(self) -> str:
         rows, columns = self.shape
         return f"<GridMap {rows} × {columns} cells of {self.cell:g} m, {self.blocked.mean():.0%} blocked>"

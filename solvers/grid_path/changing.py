@@ -52,12 +52,16 @@ class ChangingMap:
 
     def numbers_of(self, name: str, cells: Any) -> list[int]:
         """Return the numbers of free cells; raise if a cell is not free."""
-        at = (_ONE if name == "start" else _SEVERAL).coerce(name, cells, {}).reshape(-1, 2)
-        if not len(at):
+        if type(cells) is tuple and len(cells) == 2 and type(cells[0]) is type(cells[1]) is int:
+            pairs: Any = [cells]  # the common case needs no array
+        else:
+            spec = _ONE if name == "start" else _SEVERAL
+            pairs = spec.coerce(name, cells, {}).reshape(-1, 2).tolist()
+        if not pairs:
             raise InvalidData(f"{name} must hold at least one cell, got none", field=name)
         rows, columns = self.blocked.shape
         numbers = []
-        for row, column in at.tolist():
+        for row, column in pairs:
             if not (0 <= row < rows and 0 <= column < columns) or self.blocked[row, column]:
                 raise InvalidData(
                     f"{name} must be free cells (row, column) of {rows} × {columns}, got "

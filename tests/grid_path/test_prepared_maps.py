@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 from grid_path.grids import SCENARIOS, as_printed, graph, keeps_the_rules, maze, movingai, optimum
-from hypothesis import given, settings, strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from scipy.sparse.csgraph import dijkstra
 
 import crosstrack as ct
@@ -18,6 +18,13 @@ from crosstrack.solvers.grid_path.query_kernels import points_along, repair
 
 #: Scenarios of each map that are solved in every run of the tests.
 SAMPLE = 150
+
+
+@pytest.fixture(autouse=True)
+def repairs_on_small_maps(monkeypatch):
+    """Let small maps repair their distances, too; on them the default always searches again."""
+    monkeypatch.setattr(module, "SHARE", 0.5)
+    monkeypatch.setattr(module, "CHANGED", 0.1)
 
 
 def random_map(rng, largest=60):
@@ -76,7 +83,9 @@ def test_scenarios_have_their_published_lengths(name):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=150, deadline=None)
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 def test_changed_maps_equal_fresh_preparations(seed):
     """Paths, distances and proofs of infeasibility are those of a new preparation."""
     rng = np.random.default_rng(seed)
@@ -183,7 +192,9 @@ def test_a_wrong_search_is_rejected(monkeypatch):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=200, deadline=None)
+@settings(
+    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 def test_the_fast_check_equals_the_check_of_the_model(seed):
     """Random walks, some of them valid, with points moved and steps changed."""
     rng = np.random.default_rng(seed)
@@ -270,6 +281,7 @@ def test_arrays_are_cleared_when_the_ceiling_is_reached(monkeypatch):
 @pytest.mark.parametrize("share", [0.0, 0.02, 1.0])
 def test_repaired_and_recomputed_distances_are_equal(share, monkeypatch):
     monkeypatch.setattr(module, "SHARE", share)
+    monkeypatch.setattr(module, "CHANGED", share)
     rng = np.random.default_rng(8)
     prepared = ct.prepare(GridMap(rng.random((40, 40)) < 0.3))
     for _ in range(25):
@@ -361,3 +373,29 @@ def test_interpreted_kernels_equal_compiled():
         points,
         GridMap(["."] * 1, 0.5, [1, -2]).centres([(0, 0), (1, 1), (2, 2), (3, 3), (3, 4), (3, 5)]),
     )
+
+
+def test_inflation_weights_follow_the_formula():
+    grid = GridMap(["." * 30 + "@"], cell=0.1)
+    weights = grid.inflation_weights(radius=1.0, peak=11.0, decay=3.0, inscribed=0.25)
+    for column in range(30):
+        apart = 0.1 * (30 - column)
+        wanted = 1 + 10 * np.exp(-3.0 * max(apart - 0.25, 0.0)) if apart <= 1.0 + 1e-9 else 1.0
+        assert weights[0, column] == pytest.approx(wanted) or apart == pytest.approx(1.0)
+    assert weights[0, 30] == 11.0 and weights[0, 28] == 11.0 and weights[0, 0] == 1.0
+    assert (GridMap(["..."]).inflation_weights(5.0, 9.0, 1.0) == 1.0).all()
+    for bad in ({"radius": -1.0}, {"peak": 0.5}, {"decay": np.nan}, {"inscribed": -0.1}):
+        with pytest.raises(InvalidData, match=next(iter(bad))):
+            grid.inflation_weights(**{"radius": 1.0, "peak": 2.0, "decay": 1.0, **bad})
+
+
+def test_inflation_weights_keep_paths_away_from_walls():
+    """The path of lowest cost is that of the linear program, and not the shortest one."""
+    grid = GridMap(["." * 9, "..@@@@@..", "." * 9, "." * 9, "." * 9])
+    weights = grid.inflation_weights(2.5, 30.0, 0.7)
+    model = GridPath(grid, (2, 0), (2, 8), weights=weights)
+    answer = ct.prepare(grid, weights=weights).path((2, 0), (2, 8))
+    for backend in ("a-star", "dijkstra", "highs"):
+        assert ct.solve(model, backend).primal_bound == pytest.approx(answer.objective, rel=1e-9)
+    assert answer.plan.length > ct.prepare(grid).path((2, 0), (2, 8)).objective == 8.0
+    assert answer.plan.paths[0][:, 1].max() == 4.5
