@@ -37,7 +37,7 @@ FIRST, RISE = 0.004, 2.2
 #: Labels per point before a better bound is computed, and the growth factor before it is recomputed.
 PATIENCE, LONGER = 4, 8
 #: Maximum number of arcs scanned for the bound per arc scanned by labels.
-WORTH = 16
+WORTH = 64
 
 
 @kernel(interpretable=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...jit import kernel
 from .airspace import HORIZONTAL, VERTICAL, Airspace
 
-__all__ = ["Grid", "build", "near", "reach"]
+__all__ = ["Grid", "build", "near", "near_beyond", "reach"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -165,6 +165,15 @@ def near(grid: Grid, slot: int, kind: int, radius: float, found: Integers, away:
 
     Slots are written to `found` and distances to `away`, both of at least the number of slots.
     """
+    return near_beyond(grid, slot, kind, radius, slot, -1.0, found, away)
+
+
+@kernel
+def near_beyond(
+    grid: Grid, slot: int, kind: int, radius: float, middle: int, inner: float, found: Integers,
+    away: Floats,
+) -> int:  # fmt: skip
+    """Collect points like :func:`near`, without those in cells that are within `inner` of slot `middle`."""
     if radius < 0.0:
         return 0
     radius = min(radius, grid.span)
@@ -187,15 +196,52 @@ def near(grid: Grid, slot: int, kind: int, radius: float, found: Integers, away:
                 continue
             half = np.sqrt(left) + BORDER * wx
             row = (((kind - HORIZONTAL) * nz + cz) * ny + cy) * nx
-            begin = grid.first[row + cell(x - half, ox, wx, nx)]
-            stop = grid.first[row + cell(x + half, ox, wx, nx) + 1]
-            for s in range(begin, stop):
-                dx, dy, dz = grid.x[s] - x, grid.y[s] - y, grid.z[s] - z
-                d = dx * dx + dy * dy + dz * dz
-                # Write always and advance only for near points: no branch in the innermost loop.
-                found[count] = s
-                away[count] = d
-                count += int(d <= square and s != slot)
+            low, high = cell(x - half, ox, wx, nx), cell(x + half, ox, wx, nx) + 1
+            skip, resume = high, high
+            if inner > 0.0:
+                skip, resume = covered(grid, middle, inner, cy, cz, low, high)
+            for part in range(2):
+                begin = grid.first[row + (low if part == 0 else resume)]
+                stop = grid.first[row + (skip if part == 0 else high)]
+                for s in range(begin, stop):
+                    dx, dy, dz = grid.x[s] - x, grid.y[s] - y, grid.z[s] - z
+                    d = dx * dx + dy * dy + dz * dz
+                    # Write always and advance only for near points: no branch in the innermost loop.
+                    found[count] = s
+                    away[count] = d
+                    count += int(d <= square and s != slot)
     for k in range(count):
         away[k] = np.sqrt(away[k])
     return count
+
+
+@kernel
+def covered(
+    grid: Grid, slot: int, radius: float, cy: int, cz: int, low: int, high: int
+) -> tuple[int, int]:
+    """Return the first cell of a row, from `low` on, that is within a ball, and the first one beyond, at most `high`.
+
+    Without such a cell both are `high`.
+    """
+    radius *= 1.0 - 1e-9
+    far_y = farthest(grid.y[slot], grid.origin[1], grid.width[1], cy)
+    far_z = farthest(grid.z[slot], grid.origin[2], grid.width[2], cz)
+    left = radius * radius - far_y * far_y - far_z * far_z
+    if left <= 0.0:
+        return high, high
+    half, width = np.sqrt(left), grid.width[0]
+    middle = grid.x[slot] - grid.origin[0]
+    begin = max((middle - half) / width + BORDER, low)
+    end = min((middle + half) / width - BORDER, high)
+    first, beyond = int(np.ceil(begin)), int(np.floor(end))
+    if beyond <= first:
+        return high, high
+    return first, beyond
+
+
+@kernel
+def farthest(coordinate: float, origin: float, width: float, index: int) -> float:
+    """Return an upper bound on the distance between `coordinate` and points of cell `index` along one axis."""
+    low = origin + (index - BORDER) * width
+    high = origin + (index + 1 + BORDER) * width
+    return max(coordinate - low, high - coordinate)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
-from .grid import Grid, near, reach
+from .grid import Grid, near, near_beyond, reach
 
 __all__ = [
     "REFUSED", "arrive", "distance", "distances_to", "least_errors", "radius_of", "remaining", "trace",
@@ -98,6 +98,7 @@ def remaining(
     """
     count = len(grid.x)
     first, last = count - 2, count - 1
+    via = np.full(count, -1)
     root, edge = (first, last) if forward else (last, first)
     best = np.full(count, np.inf)
     best[root] = 0.0
@@ -121,12 +122,17 @@ def remaining(
         for other in (HORIZONTAL, VERTICAL):
             # The head's thresholds limit the length of an arc.
             radius = reaches[other] if forward else reaches[kind]
-            k = near(grid, here, other, radius, result, away)
+            # The former point of the path reaches the points within its own radius by a shorter arc.
+            former, inner = via[here], -1.0
+            if former >= 0:
+                inner = radius if forward else reaches[grid.kinds[former]]
+            k = near_beyond(grid, here, other, radius, former, inner, result, away)
             left -= k + 1
             for m in range(k):
                 there, total = result[m], nearest + away[m]
                 if total < best[there]:
                     best[there] = total
+                    via[there] = here
                     heappush(heap, (total, there))
         total = nearest + distance(grid, here, edge)
         if total < best[edge] and total - nearest <= reaches[END if forward else kind]:

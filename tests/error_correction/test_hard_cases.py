@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from brute_force import shortest_length
 from hard_cases import ball, chain, clusters, wall, wild
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 import crosstrack as ct
 from crosstrack.instances.error_correction.generator import random_small, uniform_slab
 from crosstrack.models import ErrorCorrectionRouting
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.error_correction.airspace import airspace
-from crosstrack.solvers.error_correction.grid import build
+from crosstrack.solvers.error_correction.grid import build, reach
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
 from crosstrack.solvers.error_correction.way_kernels import rest, ways_on
 
@@ -235,6 +237,24 @@ def test_unsettled_lengths_are_bounded(forward):
         usable = legs[np.ix_(known, known)] <= 18e3
         assert (falls[usable] <= legs[np.ix_(known, known)][usable] + 1e-6).all()
         last = part
+
+
+@pytest.mark.parametrize("shape", ["one", "two", "pocket"])
+def test_remaining_lengths_equal_those_over_all_arcs(shape):
+    """Cells that a former point covers are skipped, and no shorter path is lost."""
+    model = replace(wall(2500, shape), alpha1=9.0, beta1=13.0, theta=11.0)
+    space, grid = laid_out(model)
+    flag = np.zeros(1, np.int8)
+    points, kinds = model.points[grid.ids], grid.kinds
+    legs = np.linalg.norm(points[:, None] - points, axis=2)
+    radii = np.array([0.0, *(reach(space, kind) for kind in (1, 2, 3))])
+    allowed = legs <= radii[kinds]  # the limits are those of the head
+    allowed[-1], allowed[:, -2] = False, False
+    arcs = csr_array(np.where(allowed, legs, 0.0))
+    for forward, root, network in ((True, -2, arcs), (False, -1, arcs.T)):
+        known = dijkstra(network, indices=len(points) + root)
+        np.testing.assert_allclose(remaining(space, grid, forward, 10**9, flag), known, rtol=1e-12)
+        assert np.isfinite(known).sum() > 1000
 
 
 def test_no_points_and_one_point():

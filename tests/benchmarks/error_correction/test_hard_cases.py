@@ -37,6 +37,7 @@ CASES = {
     "ball of 100,000": (lambda: ball(100_000), np.inf, None),
     "ball without a way on": (lambda: ball(10_000, 60, "horizontal"), 0.1, None),
     "wall": (lambda: wall(10_000), 2.0, lambda: wall(3000)),
+    "wall of 100,000": (lambda: wall(100_000), 7.0, None),
     "two walls": (lambda: wall(10_000, "two"), 2.0, lambda: wall(3000, "two")),
     "pocket": (lambda: wall(10_000, "pocket"), 2.0, lambda: wall(3000, "pocket")),
     "closed wall": (lambda: wall(10_000, "closed"), 2.0, lambda: wall(3000, "closed")),
