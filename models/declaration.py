@@ -55,9 +55,13 @@ class Declared(_Frozen):
 
     def _feed(self) -> Iterator[bytes]:
         """Yield the bytes that identify the content."""
-        for name, spec in self._specs():
-            yield f"\0{name}\0".encode()
-            yield from spec.feed(getattr(self, name))
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if "spec" in field.metadata and not (
+                field.metadata.get("added") and value == field.default
+            ):
+                yield f"\0{field.name}\0".encode()
+                yield from field.metadata["spec"].feed(value)
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from ..fields import required
 from ..verification import Check, Verification, check_tolerance
@@ -24,13 +25,16 @@ class Visit:
     distance : float
         Length of the route up to the point; inf after a missing arc.
     arrival, leaving : tuple of float
-        Level of each resource before and after the reset of the point.
+        Level of each resource before and after the waiting and the reset of the point.
+    value : float
+        Length less the prizes of the points up to this one.
     """
 
     point: int
     distance: float
     arrival: tuple[float, ...]
     leaving: tuple[float, ...]
+    value: float
 
 
 def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]:
@@ -43,6 +47,7 @@ def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]
     levels = [resource.initial for resource in model.resources]
     visits: list[Visit] = []
     legs: list[float] = []
+    prizes = [] if model.prizes is None else [-float(model.prizes[point]) for point in route]
     missing = []
     for stop, point in enumerate(route):
         code = place[model.kinds[point]]
@@ -66,10 +71,13 @@ def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]
         arrival = tuple(levels)
         if stop:
             levels = [
-                min(level, float(cap))
-                for level, cap in zip(levels, model.resets[code], strict=True)
+                min(max(level, float(floor)), float(cap))
+                for level, floor, cap in zip(
+                    levels, model.floors[code], model.resets[code], strict=True
+                )
             ]
-        visits.append(Visit(point, _sum(legs), arrival, tuple(levels)))
+        value = _sum(legs + prizes[: stop + 1])
+        visits.append(Visit(point, _sum(legs), arrival, tuple(levels), value))
     return visits, missing
 
 
@@ -117,6 +125,37 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
                     tolerance,
                 )
             )  # fmt: skip
-    length = visits[-1].distance if len(visits) > 1 else None
+        for word, least in resource.lower_limits:
+            arrivals = [visit for visit in visits[1:] if model.kinds[visit.point] == word]
+            checks.append(
+                Check.within(
+                    f"least {resource.name} at {word}", [-visit.arrival[column] for visit in arrivals],
+                    -least, resource.unit,
+                    lambda k, arrivals=arrivals: f"point {model.label(arrivals[k].point)}",
+                    tolerance, scale=least,
+                )
+            )  # fmt: skip
+    if plan.others or model.routes > 1:
+        checks += _check_others(model, plan, tolerance)
+    length = visits[-1].value if len(visits) > 1 else None
     # The scale of a length is the length itself.
     return Verification(length, tuple(checks), scale=0.0)
+
+
+def _check_others(model: RoutingData, plan: Route, tolerance: float) -> list[Check]:
+    """Return the checks of the further routes: feasible, different, in order and not too many."""
+    routes = [Route(plan.route), *map(Route, plan.others)]
+    found = [verify_route(replace(model, routes=1), route, tolerance) for route in routes[1:]]
+    values = [walk_route(model, route)[0][-1].value if len(route) else math.inf for route in routes]
+    names = [f"others[{k}]" for k in range(len(found))]
+    seen = [route.route in {other.route for other in routes[:k]} for k, route in enumerate(routes)]
+    return [
+        Check.count("other routes within all limits", [
+            f"{name}: {one.violated[0].name}" for name, one in zip(names, found, strict=True) if not one.ok
+        ]),
+        Check.count("different routes", [name for name, twice in zip(names, seen[1:], strict=True) if twice]),
+        Check.count("routes in the order of their lengths", [
+            name for name, pair in zip(names, pairwise(values), strict=True) if pair[0] > pair[1]
+        ]),
+        Check.count("at most as many routes as asked for", names[model.routes - 1 :]),
+    ]  # fmt: skip

@@ -58,10 +58,12 @@ class RoutingData(Model[Route]):
     arcs: Field[Numbers | None, NDArray[np.int64] | None] = declared(
         Optional(Array(("m", 2), int, 0)), default=None
     )
-    lengths: FloatsOrNone = declared(Optional(Array(("m",), lower=0)), default=None)
+    lengths: FloatsOrNone = declared(Optional(Array(("m",))), default=None)
     uses: FloatsOrNone = declared(Optional(Array(("m", "r"), lower=0)), default=None)
     revisits: bool = declared(Flag(), default=False)
     ids: Names = declared(Optional(Ids()), default=None)
+    prizes: FloatsOrNone = declared(Optional(Array(("n",))), default=None, added=True)
+    routes: int = declared(Whole(1, 1000), default=1, added=True)
 
     def check(self) -> None:
         """Raise for references to missing points or kinds, and for inconsistent fields."""
@@ -97,7 +99,7 @@ class RoutingData(Model[Route]):
                     field="resources",
                 )
             names[resource.name] = k
-            for table in ("limits", "gains", "resets"):
+            for table in ("limits", "gains", "resets", "floors", "lower_limits"):
                 for word, _ in getattr(resource, table):
                     if word not in present:
                         raise InvalidData(
@@ -105,6 +107,38 @@ class RoutingData(Model[Route]):
                             f"{', '.join(self.words)}",
                             field="resources",
                         )
+
+        self._check_signs()
+
+    def _check_signs(self) -> None:
+        """Raise if levels could decrease along an arc, or a cycle could be repeated at a profit."""
+        least = 0.0 if self.lengths is None else float(self.lengths.min(initial=0.0))
+        rated = next((entry.name for entry in self.resources if entry.rate > 0), None)
+        if least < 0 and rated is not None:
+            assert self.lengths is not None
+            raise InvalidData(
+                f"lengths[{int(self.lengths.argmin())}] must be >= 0, as resource {rated!r} has a rate, got "
+                f"{least:g}; give uses, or prizes of points",
+                field="lengths",
+            )
+        if self.revisits and (
+            least < 0 or (self.prizes is not None and self.prizes.max(initial=0) > 0)
+        ):
+            raise InvalidData(
+                "revisits must be False with prizes or negative lengths, which a walk could collect again",
+                field="revisits",
+            )
+
+    @cached_property
+    def has_prizes(self) -> bool:
+        """Whether an arc less the prize of its head may have a negative length."""
+        least = 0.0 if self.lengths is None else float(self.lengths.min(initial=0.0))
+        return least < 0 or (self.prizes is not None and bool((self.prizes > 0).any()))
+
+    @cached_property
+    def waits(self) -> bool:
+        """Whether a resource has floors or lower limits."""
+        return any(entry.floors or entry.lower_limits for entry in self.resources)
 
     def _check_arcs(self, arcs: NDArray[np.int64]) -> None:
         n = len(self.kinds)
@@ -173,6 +207,16 @@ class RoutingData(Model[Route]):
     def resets(self) -> Floats:
         """Largest level of each resource after the reset, shape (kinds, resources); inf without one."""
         return self.table("resets", np.inf)
+
+    @cached_property
+    def floors(self) -> Floats:
+        """Level to which waiting raises each resource, shape (kinds, resources); 0 without one."""
+        return self.table("floors", 0.0)
+
+    @cached_property
+    def lower_limits(self) -> Floats:
+        """Least level of each resource on arrival, shape (kinds, resources); 0 without one."""
+        return self.table("lower_limits", 0.0)
 
     @cached_property
     def rates(self) -> Floats:

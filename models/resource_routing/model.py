@@ -19,7 +19,7 @@ __all__ = ["ResourceRouting"]
 
 
 class ResourceRouting(RoutingData):
-    """Shortest route from `start` to `end` within the limits of all resources.
+    """Shortest route from `start` to `end` within the limits of all resources, less collected prizes.
 
     Parameters
     ----------
@@ -34,19 +34,23 @@ class ResourceRouting(RoutingData):
     arcs : ndarray of int, shape (m, 2), optional
         Tails and heads of the arcs, all different; by default all pairs of points are arcs.
     lengths : ndarray, shape (m,), optional
-        Length of each arc in `arcs`, >= 0.
+        Length of each arc in `arcs`, of either sign if no resource has a rate.
     uses : ndarray, shape (m, r), optional
         Use of each resource on each arc in `arcs`, in addition to the rate times the length.
     revisits : bool
         Whether a point may be visited more than once; False by default.
     ids : sequence of int or str, optional
         Names of the points; 0 … n-1 by default.
+    prizes : ndarray, shape (n,), optional
+        Prize that each point of the route subtracts from the length, in its unit; negative for a toll.
+    routes : int
+        Number of shortest routes to find, 1 by default. The plan has the others in ``others``.
 
     Raises
     ------
     InvalidData
         A field is invalid; the error names field, place and value. Examples: arcs to missing points,
-        unknown kinds, neither points nor lengths, or two resources with the same name.
+        unknown kinds, neither points nor lengths, two resources with the same name, or revisits with prizes.
 
     Examples
     --------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -46,8 +47,9 @@ class Resource(Declared):
     """Resource of a :class:`~crosstrack.models.ResourceRouting`, such as an error, time or energy.
 
     On an arc the level increases by `rate` times the length, by the arc's entry in `uses`, and by the
-    gain of the head. This level must not exceed the head's limit. The head then resets the level to
-    the minimum of the level and the reset.
+    gain of the head. This level must not exceed the head's limit, nor be below its lower limit. Waiting
+    then raises it to the floor of the head, such as the opening of a time window. Finally the head resets
+    the level to the minimum of the level and the reset.
 
     Parameters
     ----------
@@ -61,11 +63,15 @@ class Resource(Declared):
         Values by kind of point. Without an entry, a point has no limit, no gain or no reset.
     unit : str
         Unit for checks and figures.
+    floors, lower_limits : mapping of str to float
+        Further values by kind of point: the level to which waiting raises a lower one, and the least level
+        on arrival. A floor must not exceed the limit of the same kind, nor a lower limit.
 
     Raises
     ------
     InvalidData
-        A number is negative or not finite, or a mapping has another form.
+        A number is negative or not finite, a mapping has another form, or a floor or lower limit exceeds
+        the limit of its kind.
     """
 
     name: str = declared(Text())
@@ -75,3 +81,16 @@ class Resource(Declared):
     gains: Any = declared(ByKind(), default=())
     resets: Any = declared(ByKind(), default=())
     unit: str = declared(Text(), default="")
+    floors: Any = declared(ByKind(), default=(), added=True)
+    lower_limits: Any = declared(ByKind(), default=(), added=True)
+
+    def check(self) -> None:
+        """Raise if a window closes before it opens."""
+        limits = dict(self.limits)
+        for name in ("floors", "lower_limits"):
+            for word, value in getattr(self, name):
+                if value > limits.get(word, math.inf):
+                    raise InvalidData(
+                        f"{name}[{word!r}] must be <= limits[{word!r}] = {limits[word]:g}, got {value:g}",
+                        field=name,
+                    )

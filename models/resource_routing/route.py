@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import InvalidData
 from ..declaration import Plan
 from ..fields import NumberTuple, declared, show
+from ..records import Several
 
 __all__ = ["Route", "route_from_data", "route_of_indices", "route_to_data"]
 
@@ -24,6 +25,9 @@ class Route(Plan):
     route : tuple of int
         Indices into the model's points, from the first to the last.
 
+    others : tuple of tuple of int
+        Further routes, if the model asks for several, in the order of their lengths.
+
     Raises
     ------
     InvalidData
@@ -31,6 +35,9 @@ class Route(Plan):
     """
 
     route: tuple[int, ...] = declared(NumberTuple(("stops",), int))
+    others: tuple[tuple[int, ...], ...] = declared(
+        Several(NumberTuple(("stops",), int)), default=(), added=True
+    )
 
     @property
     def corrections(self) -> int:
@@ -54,8 +61,10 @@ Names = tuple[int | str, ...] | None
 
 
 def route_to_data(route: Route, names: Names) -> dict[str, Any]:
-    """Return ``{"route": [indices]}``, with ``"ids"`` if `names` are given."""
+    """Return ``{"route": [indices]}``, with ``"ids"`` if `names` are given, and ``"others"`` if any."""
     data: dict[str, Any] = {"route": list(route.route)}
+    if route.others:
+        data["others"] = [list(other) for other in route.others]
     if names is not None:
         data["ids"] = [names[k] for k in route.route]
     return data
@@ -85,17 +94,23 @@ def route_from_data(data: Any, count: int, names: Names) -> Route:
     """
     if isinstance(data, Mapping):
         for key in data:
-            if key not in ("route", "ids"):
+            if key not in ("route", "ids", "others"):
                 raise InvalidData(
-                    f"unknown key {key!r} in a plan; allowed: route, ids", field=str(key)
+                    f"unknown key {key!r} in a plan; allowed: route, ids, others", field=str(key)
                 )
-        if not data:
+        if not data.keys() & {"route", "ids"}:
             raise InvalidData("a plan needs the key route or ids", field="route")
         by_index = route_of_indices(data["route"], count) if "route" in data else None
         by_id = _from_ids(data["ids"], count, names) if "ids" in data else None
         if by_index is not None and by_id is not None and by_index != by_id:
             raise InvalidData("route and ids of the plan name different points", field="ids")
-        return by_index or by_id or Route(())
+        route = by_index or by_id or Route(())
+        others = data.get("others", ())
+        if isinstance(others, str | Mapping) or not isinstance(others, Sequence):
+            raise InvalidData(
+                f"others must be a list of routes, got {show(others)}", field="others"
+            )
+        return replace(route, others=tuple(route_of_indices(one, count).route for one in others))
     return route_of_indices(data, count)
 
 

@@ -41,6 +41,8 @@ class Found:
         Numbers of labels made and of labels extended.
     rounds, critical : int
         Number of searches, and of critical points in the last one.
+    others : tuple of ndarray
+        Further routes, longer than the first one.
     """
 
     status: int
@@ -51,9 +53,15 @@ class Found:
     settled: int
     rounds: int = 1
     critical: int = 0
+    others: tuple[NDArray[np.int64], ...] = ()
 
 
-def elementary(search: Callable[[NDArray[np.int64], float], Found], *, revisits: bool) -> Found:
+def elementary(
+    search: Callable[[NDArray[np.int64], float], Found],
+    *,
+    revisits: bool,
+    learn: Callable[[NDArray[np.int64]], None] | None = None,
+) -> Found:
     """Return the shortest route, simple unless `revisits`.
 
     Parameters
@@ -63,6 +71,9 @@ def elementary(search: Callable[[NDArray[np.int64], float], Found], *, revisits:
         walk that visits none of these points twice.
     revisits : bool
         Whether to accept the first walk even if it repeats points.
+    learn : callable, optional
+        Takes a walk that repeats points and forbids it to later searches; by default, these points
+        become critical.
 
     Returns
     -------
@@ -77,8 +88,12 @@ def elementary(search: Callable[[NDArray[np.int64], float], Found], *, revisits:
         # Every round is a relaxation, so bounds of earlier rounds remain valid.
         bound = max(bound, result.bound)
         made, settled, rounds = made + result.made, settled + result.settled, rounds + result.rounds
-        points, times = np.unique(result.route, return_counts=True)
-        repeated = points[times > 1]
+        repeated = np.empty(0, np.int64)
+        for walk in (result.route, *result.others):
+            points, times = np.unique(walk, return_counts=True)
+            repeated = np.union1d(repeated, points[times > 1])
+            if learn is not None and (times > 1).any():
+                learn(walk)
         total = replace(
             result, bound=bound, made=made, settled=settled, rounds=rounds, critical=critical.size
         )
@@ -86,5 +101,6 @@ def elementary(search: Callable[[NDArray[np.int64], float], Found], *, revisits:
             return total
         if result.status in (STOPPED, FULL):
             # The walk repeats points, and the search cannot continue.
-            return replace(total, route=np.empty(0, np.int64), length=np.inf)
-        critical = np.union1d(critical, repeated)
+            return replace(total, route=np.empty(0, np.int64), length=np.inf, others=())
+        if learn is None:
+            critical = np.union1d(critical, repeated)

@@ -95,6 +95,8 @@ class Guide(NamedTuple):
         Index of a point among the critical ones, -1 for the others.
     memory : ndarray of uint64, shape (n, words)
         Critical points that a label remembers on leaving each point (ng-routes); all bits for none forgotten.
+    shut : ndarray, shape (critical, r)
+        Levels above which no route reaches a critical point.
     rounding : float
         Rounding error of the bounds.
     """
@@ -104,6 +106,7 @@ class Guide(NamedTuple):
     via: NDArray[np.float64]
     bits: NDArray[np.int64]
     memory: NDArray[np.uint64]
+    shut: NDArray[np.float64]
     rounding: float
 
 
@@ -192,7 +195,13 @@ def inserted(fronts: Fronts, labels: Labels, at: int) -> Fronts:
 
 @kernel
 def forgets(
-    labels: Labels, one: int, other: int, via: NDArray[np.float64], high: float, key: float
+    labels: Labels,
+    one: int,
+    other: int,
+    via: NDArray[np.float64],
+    shut: NDArray[np.float64],
+    high: float,
+    key: float,
 ) -> bool:
     """Return whether label `one` remembers only points that are closed for label `other`.
 
@@ -205,7 +214,11 @@ def forgets(
             if more & np.uint64(1) != np.uint64(0):
                 whole = key + via[labels.point[one], bit]
                 if whole <= high and whole < np.inf:
-                    return False
+                    closed = False
+                    for k in range(labels.level.shape[1]):
+                        closed = closed or labels.level[other, k] > shut[bit, k]
+                    if not closed:
+                        return False
             more = more >> np.uint64(1)
             bit += 1
     return True
@@ -217,6 +230,7 @@ def dominated(
     labels: Labels,
     at: int,
     via: NDArray[np.float64],
+    shut: NDArray[np.float64],
     high: float,
     key: float,
     full: NDArray[np.float64],
@@ -253,7 +267,7 @@ def dominated(
             if one > other or (one < other and one < full[k]):
                 beaten = False
                 break
-        if beaten and forgets(labels, fronts.label[entry], at, via, high, key):
+        if beaten and forgets(labels, fronts.label[entry], at, via, shut, high, key):
             rivals -= 1
             if rivals == 0:
                 return True
@@ -382,7 +396,15 @@ def best_first(
             break
         here = labels.point[label]
         if dominated(
-            fronts, labels, label, guide.via, high, key - guide.ahead[here], net.full, wanted
+            fronts,
+            labels,
+            label,
+            guide.via,
+            guide.shut,
+            high,
+            key - guide.ahead[here],
+            net.full,
+            wanted,
         ):
             continue
         if flag[0] != 0 or used > most:
@@ -419,7 +441,9 @@ def best_first(
                     if ends == wanted:
                         worst = lengths[wanted - 1]
                         high = min(high, worst - guide.rounding - _ROUNDING * abs(worst))
-            elif not dominated(fronts, labels, used, guide.via, high, length, net.full, wanted):
+            elif not dominated(
+                fronts, labels, used, guide.via, guide.shut, high, length, net.full, wanted
+            ):
                 heappush(heap, (key, used))
                 used += 1
     sizes, points = np.zeros(ends, np.int64), np.empty(ends * 0, np.int64)

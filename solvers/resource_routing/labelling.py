@@ -54,8 +54,8 @@ class ResourceLabelling(RouteSearch):
     summary = "best-first label setting with dominance on the length and all resources; ours"
 
     def measure(self, problem: ResourceRouting, plan: Route) -> float:
-        """Return the length of `plan`, its legs added exactly."""
-        return walk_route(problem, plan)[0][-1].distance
+        """Return the length of `plan` less its prizes, added exactly."""
+        return walk_route(problem, plan)[0][-1].value
 
     def find(
         self, problem: ResourceRouting, cutoff: float, request: Request
@@ -126,54 +126,69 @@ def _under(
     flag: NDArray[np.int8],
     start: Start,
 ) -> tuple[Found, int]:
-    """Return the best route through `rows` no longer than `cutoff`, and the number of arcs."""
+    """Return the best routes through `rows` no longer than `cutoff`, and the number of arcs."""
     import numpy as np
 
     from .elementary import Found, elementary
     from .label_kernels import Guide, best_first
     from .multipliers import best_bounds, cumulative, plain_bounds
-    from .network import network
+    from .network import counted, network, shut_levels
+    from .ng_routes import Memory
     from .outcomes import FULL, NOTHING, STOPPED
 
     net = network(problem, rows, flag)
     if flag[0]:
         # Arcs may be missing.
         return Found(STOPPED, np.empty(0, np.int64), math.inf, 0.0, 0, 0), 0
-    bounds = plain_bounds(net)
-    start.search(net, bounds.ahead, rows)
-    cutoff = min(cutoff, start.length * (1.0 + MARGIN))
-    light = LIGHT + 4 * len(rows) if cumulative(net).size else MOST_LABELS
+    signed = bool((net.length < 0).any())
+    if signed:
+        # Multipliers of the resources, or of the number of arcs, leave no negative cycle.
+        whole = counted(net)
+        bounds = best_bounds(whole) or plain_bounds(net._replace(length=np.abs(net.length)))
+        if bounds.weight.size > net.initial.size and bounds.weight[-1] > 0.0:
+            net = whole
+        bounds = replace(bounds, weight=bounds.weight[: net.initial.size])
+    else:
+        bounds = plain_bounds(net)
+        start.search(net, bounds.ahead, rows)
+        cutoff = min(cutoff, start.length * (1.0 + MARGIN))
+    light = MOST_LABELS if signed or not cumulative(net).size else LIGHT + 4 * len(rows)
+    memory, shut = Memory(net, signed), shut_levels(net)
 
     def search(critical: NDArray[np.int64], proven: float) -> Found:
         nonlocal bounds, light
-        bits = np.full(len(rows), -1)
-        bits[critical] = np.arange(critical.size)
-        memory = np.full((len(rows), (critical.size + 63) // 64), -1).astype(np.uint64)
+        critical, bits, words = memory.arrays(critical)
         via = bounds.via(net, critical)
         made = settled = rounds = 0
         below = proven = max(proven, float(bounds.ahead[net.start]))
-        share = FIRST if critical.size and 0 < proven < math.inf else LAST
+        share = FIRST if critical.size and 0 < abs(proven) < math.inf else LAST
         while True:
-            ceiling = min(cutoff, proven * (1 + share)) if share < LAST else cutoff
-            guide = Guide(bounds.weight, bounds.ahead, via, bits, memory, bounds.rounding)
+            ceiling = min(cutoff, proven + abs(proven) * share) if share < LAST else cutoff
+            guide = Guide(
+                bounds.weight, bounds.ahead, via, bits, words, shut[critical], bounds.rounding
+            )
             status, points, sizes, lengths, bound, *counts, pruned = best_first(
-                net, guide, ceiling, 1, light, flag
+                net, guide, ceiling, problem.routes, light, flag
             )
             made, settled, rounds = made + counts[0], settled + counts[1], rounds + 1
             if status == FULL and light < MOST_LABELS:
                 light, bounds = MOST_LABELS, best_bounds(net) or bounds
                 via = bounds.via(net, critical)
                 continue
-            if status == NOTHING and pruned and ceiling < cutoff:
-                below, share = ceiling, share * RISE
+            # A ceiling also closes critical points, which lets labels dominate more.
+            cut = pruned > 0 or (critical.size > 0 and ceiling < math.inf)
+            if status >= NOTHING and len(sizes) < problem.routes and cut and ceiling < cutoff:
+                below, share = ceiling if status == NOTHING else below, share * RISE
                 continue
-            if status == NOTHING and not pruned:
+            if status == NOTHING and not cut:
                 bound = math.inf
-            route, length = (
-                points[: sizes[0]] if sizes.size else points,
-                min(lengths, default=math.inf),
-            )
-            return Found(status, route, length, max(bound, below), made, settled, rounds)
+            ways = np.split(points, np.cumsum(sizes))[:-1] or [points]
+            length = min(lengths, default=math.inf)
+            return Found(
+                status, ways[0], length, max(bound, below), made, settled, rounds,
+                critical.size, tuple(ways[1:]),
+            )  # fmt: skip
 
-    result = elementary(search, revisits=problem.revisits)
-    return replace(result, route=rows[result.route]), len(net.head)
+    result = elementary(search, revisits=problem.revisits, learn=memory.learn if signed else None)
+    others = tuple(rows[other] for other in result.others)
+    return replace(result, route=rows[result.route], others=others), len(net.head)

@@ -129,10 +129,11 @@ def best_bounds(net: Network) -> Bounds | None:
             rows.append(np.r_[1.0, limit - start - total])
             sides.append(cost)
         program = linprog(
-            np.r_[-1.0, np.zeros(some.size)], np.array(rows), np.array(sides),
+            np.r_[-1.0, np.full(some.size, 1e-6)], np.array(rows), np.array(sides),
             bounds=[(None, upper), *[(0.0, upper)] * some.size],
         )  # fmt: skip
-        if program.x is None or -program.fun - best <= CLOSE * max(abs(best), 1e-9):
+        closed = result is not None and -program.fun - best <= CLOSE * max(abs(best), 1e-9)
+        if program.x is None or closed:
             break
         weight = program.x[1:]
         if result is not None and some.size > 1:

@@ -91,7 +91,7 @@ def narrow(
         if here == net.end:
             return route_of(labels, label), labels.length[label]
         if extended[here] >= width or dominated(
-            fronts, labels, label, via, np.inf, 0.0, net.full, 1
+            fronts, labels, label, via, via, np.inf, 0.0, net.full, 1
         ):
             continue
         extended[here] += 1

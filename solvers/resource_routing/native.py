@@ -47,7 +47,8 @@ class RouteSearch(Backend):
         cutoff = math.inf if request.cutoff is None else request.cutoff * (1 + 1e-9)
         result, details = self.find(problem, cutoff, request)
         seconds = {"solve": clock() - begin}
-        plan = Route(tuple(result.route.tolist())) if result.route.size else None
+        others = tuple(tuple(other.tolist()) for other in result.others)
+        plan = Route(tuple(result.route.tolist()), others) if result.route.size else None
         termination, limit, message = Termination.INFEASIBLE, None, ""
         # Rounding must not lift the bound above the correctly rounded length.
         primal = None if plan is None else self.measure(problem, plan)

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from ...errors import UnsupportedFormulation
 from ...models.resource_routing.model import ResourceRouting
+from ...models.verification import ROUNDING
 from .arc_kernels import all_pairs, count_pairs, remaining
 from .level_kernels import least_levels, most_levels
 
@@ -37,7 +38,7 @@ class Network(NamedTuple):
     head : ndarray of int64, shape (m,)
         Head of each arc.
     length : ndarray, shape (m,)
-        Length of each arc.
+        Length of each arc, less the prize of its head; arcs out of the start less its prize, too.
     use : ndarray, shape (m, r)
         Use of each resource, including the gain of the head.
     limit, reset, most : ndarray, shape (n, r)
@@ -91,8 +92,15 @@ def network(model: ResourceRouting, rows: Whole, flag: NDArray[np.int8]) -> Netw
         first, head, length, use = _pairs(model, rows, gain, limit, start, end, flag)
     else:
         first, head, length, use = _listed(model, gain)
-    floor, lower = np.zeros_like(limit), np.zeros_like(limit)
-    full = np.full(len(initial), -np.inf)
+    floor, lower = model.floors[codes], model.lower_limits[codes]
+    # Levels fall at resets only: elsewhere, a level above all lower limits stays above them.
+    top = lower.max(axis=0, initial=0.0)
+    full = np.where(top == 0.0, -np.inf, np.where(np.isinf(reset).all(axis=0), top, np.inf))
+    lower = lower - ROUNDING * lower
+    if model.prizes is not None:
+        prizes = model.prizes[rows]
+        length = length - prizes[head]
+        length[first[start] : first[start + 1]] -= prizes[start]
     into = arcs_into(first, head)
     slack = _SLACK * np.max(limit, axis=0, initial=0.0, where=np.isfinite(limit))
     most = most_levels(
@@ -102,6 +110,29 @@ def network(model: ResourceRouting, rows: Whole, flag: NDArray[np.int8]) -> Netw
     # After a stop these bounds are trivial, and the search stops, too.
     useful = remaining(first, head, length, use, limit, reset, floor, least, most)
     return Network(*useful, limit, reset, most, lower, floor, full, initial, start, end)
+
+
+def counted(net: Network) -> Network:
+    """Return `net` with the number of arcs as a further resource, which simple routes limit."""
+    count, arcs = len(net.first) - 1, len(net.head)
+    limit, most = np.full((count, 1), count - 1.0), np.full((count, 1), count - 1.0)
+    none, endless = np.zeros((count, 1)), np.full((count, 1), np.inf)
+    return net._replace(
+        use=np.hstack([net.use, np.ones((arcs, 1))]), limit=np.hstack([net.limit, limit]),
+        reset=np.hstack([net.reset, endless]), most=np.hstack([net.most, most]),
+        lower=np.hstack([net.lower, none]), floor=np.hstack([net.floor, none]),
+        full=np.append(net.full, -np.inf), initial=np.append(net.initial, 0.0),
+    )  # fmt: skip
+
+
+def shut_levels(net: Network) -> Floats:
+    """Return the levels above which no arc leads to each point, shape (n, r); inf if resets may lower them."""
+    least = np.full(net.limit.shape, np.inf)
+    np.minimum.at(least, net.head, net.use)
+    kept = np.isinf(net.reset).all(axis=0)
+    return np.where(
+        kept & np.isfinite(least), net.limit - np.where(np.isfinite(least), least, 0.0), np.inf
+    )
 
 
 def arcs_into(first: Whole, head: Whole) -> tuple[Whole, Whole, Whole]:

@@ -1,0 +1,188 @@
+"""Windows with waiting, lower limits, prizes, negative lengths and several routes, against enumeration."""
+
+import math
+
+import numpy as np
+import pytest
+from resource_draws import neighbours
+
+import crosstrack as ct
+from crosstrack.errors import InvalidData
+from crosstrack.models import Model, Resource, ResourceRouting, Route
+
+NAME = "resource-labelling"
+ERRAND, NETWORK = "64db977cb4b9fe40", "6101d3ed5fdcb9a5"
+
+
+def rich_model(seed, **fields):
+    """Return a model of whole numbers with windows, lower limits, prizes and negative lengths."""
+    draw = np.random.default_rng([36, seed])
+    count = int(draw.integers(4, 8))
+    kinds = [f"p{k}" for k in range(count)]  # one kind per point: windows of their own
+    arcs = [
+        [i, j] for i in range(count) for j in range(count) if i != j and draw.random() < 0.75
+    ] or [[0, 1]]
+    closes = {kind: int(draw.integers(6, 25)) for kind in kinds}
+    floors = {kind: int(draw.integers(0, most + 1)) for kind, most in closes.items()}
+    time = Resource("time", limits=closes, floors={k: floors[k] for k in kinds if draw.random() < 0.6})
+    load = Resource(
+        "load",
+        limits={kinds[1]: 12} if draw.random() < 0.5 else dict.fromkeys(kinds, 9),
+        gains={kind: int(draw.integers(0, 4)) for kind in kinds},
+        resets={kinds[2]: 1} if draw.random() < 0.2 else {},
+        lower_limits={kinds[1]: int(draw.integers(0, 7))} if draw.random() < 0.4 else {},
+    )
+    some = [time, load][: int(draw.integers(0, 3))]
+    return ResourceRouting(
+        kinds, some, 0, 1, arcs=arcs,
+        lengths=draw.integers(-3 if draw.random() < 0.3 else 0, 9, len(arcs)),
+        uses=draw.integers(0, 6, (len(arcs), len(some))),
+        prizes=draw.integers(-2, 12, count) if draw.random() < 0.7 else None, **fields,
+    )  # fmt: skip
+
+
+def simple_routes(model):
+    """Return the value of every feasible simple route, by depth-first enumeration without bounds."""
+    leads, result = neighbours(model), {}
+    prizes = np.zeros(len(model.kinds)) if model.prizes is None else model.prizes
+
+    def extend(route, levels, value):
+        if route[-1] == model.end:
+            result[route] = value
+            return
+        for there, leg, uses in leads[route[-1]]:
+            if there in route:
+                continue
+            word, after = model.kinds[there], []
+            for resource, level, use in zip(model.resources, levels, uses, strict=True):
+                level += resource.rate * leg + use + dict(resource.gains).get(word, 0)
+                least = dict(resource.lower_limits).get(word, 0)
+                if not least <= level <= dict(resource.limits).get(word, math.inf):
+                    break
+                level = max(level, dict(resource.floors).get(word, 0))
+                after.append(min(level, dict(resource.resets).get(word, math.inf)))
+            else:
+                extend((*route, there), after, value + leg - prizes[there])
+
+    extend((model.start,), [r.initial for r in model.resources], -prizes[model.start])
+    return result
+
+
+def test_500_routes_with_windows_and_prizes_are_optimal():
+    feasible = negative = 0
+    for seed in range(500):
+        model = rich_model(seed)
+        routes = simple_routes(model)
+        found = ct.solve(model, NAME)
+        assert found.termination == ("optimal" if routes else "infeasible"), seed
+        if routes:
+            least = min(routes.values())
+            assert found.primal_bound == pytest.approx(least, abs=1e-9), seed
+            assert found.dual_bound == pytest.approx(least, abs=1e-9), seed
+            assert routes[found.plan.route] == least, seed
+            feasible, negative = feasible + 1, negative + (least < 0)
+    assert 250 < feasible < 500 and negative > 100
+
+
+@pytest.mark.parametrize("count", [2, 10])
+def test_several_routes_are_the_best_ones(count):
+    for seed in range(120):
+        model = rich_model(seed, routes=count)
+        routes = simple_routes(model)
+        found = ct.solve(model, NAME)
+        if not routes:
+            assert found.termination == "infeasible"
+            continue
+        values = [routes[route] for route in (found.plan.route, *found.plan.others)]
+        assert values == sorted(routes.values())[:count], seed
+        assert model.verify(found.plan).ok
+        assert Model.from_json(model.to_json()) == model
+        assert model.plan_from_data(model.plan_to_data(found.plan)) == found.plan
+
+
+def bank(**fields):
+    """Return two ways from 0 to 3: straight, or by a shop that opens at 5 and pays 4."""
+    time = Resource(
+        "time", rate=1, limits={"shop": 6, "end": 9}, floors={"shop": 5}, lower_limits={"end": 2}
+    )
+    data = {"points": [[0], [1], [2], [3]], "prizes": [0, 4, 0, 0], **fields}
+    return ResourceRouting(["start", "shop", "street", "end"], [time], 0, 3, **data)
+
+
+def test_waiting_is_in_the_details_of_a_plan():
+    model = bank()
+    found = ct.solve(model, NAME)
+    assert found.plan.route == (0, 1, 3) and found.primal_bound == -1.0
+    rows = model.details(found.plan)
+    assert [row["time"] for row in rows] == [0, 1, 7]
+    assert rows[1]["time after"] == 5
+
+
+@pytest.mark.parametrize(
+    ("route", "others", "check"),
+    [
+        ((0, 1, 3), ((0, 1, 3),), "different routes"),
+        ((0, 3), ((0, 1, 3),), "routes in the order of their lengths"),
+        ((0, 1, 3), ((0, 2),), "other routes within all limits"),
+        ((0, 1, 3), ((0, 3), (0, 2, 3)), "at most as many routes as asked for"),
+    ],
+)
+def test_wrong_other_routes_are_violations(route, others, check):
+    found = bank(routes=2).verify(Route(route, others))
+    assert [one.name for one in found.violated] == [check]
+
+
+def test_a_lower_limit_is_checked():
+    late = Resource("time", rate=1, lower_limits={"end": 4})
+    model = ResourceRouting(["a", "b", "end"], [late], 0, 2, points=[[0], [5], [3]])
+    assert [one.name for one in model.verify(Route((0, 2))).violated] == ["least time at end"]
+    found = ct.solve(model, NAME)
+    assert found.plan.route == (0, 1, 2) and found.primal_bound == 7.0
+
+
+@pytest.mark.parametrize(
+    ("make", "field", "text"),
+    [
+        (lambda: Resource("t", limits={"x": 3}, floors={"x": 5}), "floors", "must be <= limits"),
+        (lambda: Resource("t", limits={"x": 3}, lower_limits={"x": 4}), "lower_limits", "got 4"),
+        (lambda: bank(revisits=True), "revisits", "with prizes or negative lengths"),
+        (lambda: bank(prizes=[1, 2]), "prizes", "prizes"),
+        (lambda: bank(prizes=[1, 2, math.nan, 0]), "prizes", "finite"),
+        (lambda: bank(routes=0), "routes", "must be >= 1"),
+        (lambda: Resource("t", floors={"x": -1}), "floors", "must be >= 0"),
+        (lambda: bank(arcs=[[0, 3]], lengths=[-1]), "lengths", r"lengths\[0\] must be >= 0"),
+    ],
+)
+def test_bad_windows_and_prizes_are_refused(make, field, text):
+    with pytest.raises(InvalidData, match=text) as raised:
+        make()
+    assert raised.value.field.startswith(field)
+
+
+def test_default_fields_keep_digests():
+    """The digests of two models before the fields were added."""
+    model = ct.load("resource-routing/errand")
+    assert "prizes" not in model.to_json() and "floors" not in model.to_json()
+    assert model.digest.startswith(ERRAND)
+    assert ct.load("resource-routing/network-5").digest.startswith(NETWORK)
+
+
+def test_cycles_of_negative_length_that_use_nothing():
+    """Points at one place with prizes: only the number of arcs bounds a walk."""
+    model = ResourceRouting(
+        ["x"] * 8, [], 0, 7, points=np.zeros((8, 1)), prizes=[0, 1, 2, 3, 4, 5, 6, 0]
+    )
+    found = ct.solve(model, NAME)
+    assert found.termination == "optimal" and found.primal_bound == -21.0
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_scaled_prizes(scale):
+    model = next(one for one in map(rich_model, range(99)) if one.prizes is not None)
+    scaled = ResourceRouting(
+        model.kinds, model.resources, 0, 1, arcs=model.arcs, lengths=model.lengths * scale,
+        uses=model.uses, prizes=model.prizes * scale,
+    )  # fmt: skip
+    assert ct.solve(scaled, NAME).primal_bound == pytest.approx(
+        ct.solve(model, NAME).primal_bound * scale
+    )
